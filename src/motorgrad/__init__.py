@@ -37,9 +37,11 @@ _ROOMS = (
 )
 _NAMES = {
     "Agent": "learning",
+    "Comparison": "studies",
     "Run": "training",
     "Study": "studies",
     "agent_for": "training",
+    "compare": "studies",
     "evaluate": "training",
     "load": "training",
     "make": "tasks",
@@ -49,10 +51,12 @@ _NAMES = {
 
 __all__ = [
     "Agent",
+    "Comparison",
     "Run",
     "Study",
     "agent_for",
     "bodies",
+    "compare",
     "environments",
     "evaluate",
     "experiments",
@@ -89,7 +93,7 @@ if TYPE_CHECKING:
         worlds,
     )
     from motorgrad.learning import Agent
-    from motorgrad.studies import Study
+    from motorgrad.studies import Comparison, Study, compare
     from motorgrad.tasks import make
     from motorgrad.training import Run, agent_for, evaluate, load, resume, train
 

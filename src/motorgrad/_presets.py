@@ -9,7 +9,11 @@ STEPS = 100_000
 FEATURES = {"nonlinear": 128}
 """What policy and critic see beside their inputs."""
 NETWORK = {"kind": "perceptron", "hidden": [128, 128], "activation": "tanh", "sparsity": 0.5}
-"""Hidden layers of a policy."""
+"""Hidden layers of a policy that follows the natural gradient."""
+SMALL = {"hidden": [64, 64], "activation": "tanh", "layer_norm": False, "sparsity": 0.0, "standardise": True}
+"""Hidden layers of policy and critic of batch methods."""
+DISCOUNT = 0.99
+"""Of the critics with hidden layers, and of the sum by which their rewards are scaled."""
 MOST_PRODUCTS = 40
 """Inputs up to which the critic sees the products of all pairs: they are 820 then."""
 POLICIES: dict[str, dict[str, Any]] = {
@@ -108,15 +112,157 @@ def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, ent
     )
 
 
+def behind_layers(task: Any, network: Mapping[str, Any], policy: Any = None) -> dict[str, Any]:
+    """A policy that sees the output of hidden layers in place of fixed features: `policy`, or that for the task's kind
+    of actions. One that takes no layers is refused when it is made."""
+    given = POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy
+    kept = {"kind": given} if isinstance(given, str) else {key: given[key] for key in given if key != "features"}
+    return {**kept, "network": network}
+
+
 def natural_network(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
     """The preset `"natural-network"`: the preset `"natural"` with hidden layers in place of the policy's features, and
     with conjugate gradients, which need no matrix of all their parameters."""
-    found = natural(task, steps, policy, share=1 / 5, entropy=0.1)
-    given, batch, kl = found["policy"], found["estimator"]["improve"], found["metric"]["kl"]
-    kind = {"kind": given} if isinstance(given, str) else {key: given[key] for key in given if key != "features"}
+    found = natural(task, steps, behind_layers(task, NETWORK, policy), share=1 / 5, entropy=0.1)
+    batch, kl = found["estimator"]["improve"], found["metric"]["kl"]
     metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 5, "damping": 0.1, "kl": kl}
-    return {**found, "policy": {**kind, "network": NETWORK}, "metric": metric}
+    return {**found, "metric": metric}
 
 
-PRESETS: dict[str, Callable[..., dict[str, Any]]] = {"natural": natural, "natural-network": natural_network}
-"""Presets by name: functions of a task, the decisions of a training, and the task's own policy, if it has one."""
+def stream_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"stream-ac"`: stream-AC(lambda) with the numbers of its paper, which scale with nothing."""
+    del steps
+    decay, network = 0.8, {"hidden": [128, 128], "standardise": True}
+    return {
+        "policy": behind_layers(task, network, policy),
+        "estimator": {
+            "trace": {"kind": "exponential", "decay": DISCOUNT * decay},
+            "baseline": {
+                "kind": "network-critic",
+                "discount": DISCOUNT,
+                "decay": decay,
+                "network": network,
+                "fit": {"kind": "bounded-td", "scaling": 2.0},
+            },
+            "entropy": 0.01,
+            "entropy_in": "trace",
+            "reward_scaling": {"discount": DISCOUNT},
+            "bound": {"kind": "overshooting", "scaling": 3.0},
+        },
+        "optimizer": {"kind": "sgd", "learning_rate": 1.0},
+    }
+
+
+def intentional_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"intentional-ac"`: the streaming learner with steps of a given size in the output."""
+    table = stream_actor_critic(task, steps, policy)
+    own, critic = table["estimator"], table["estimator"]["baseline"]
+    estimator = {
+        **own,
+        "baseline": {**critic, "fit": {"kind": "intentional-td", "fraction": 0.5}},
+        "normalization": {"rate": 1 / 400},  # no advantage counts as more than 20
+        "reward_scaling": None,
+        "bound": {"kind": "intentional", "change": 0.05},
+    }
+    return {**table, "estimator": estimator}
+
+
+def action_value_gradient(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"avg"`: the gradient of an action's value, learned from every decision."""
+    del steps
+    network = {"hidden": [256, 256], "layer_norm": False, "sparsity": 0.0, "standardise": True, "unit_length": True}
+    return {
+        "policy": behind_layers(task, network, policy),
+        "estimator": {
+            "kind": "action-value-gradient",
+            "values": {"discount": DISCOUNT, "learning_rate": 1e-3, "network": network},
+            "entropy": 0.05,
+            "reward_scaling": {"discount": DISCOUNT},
+        },
+        "optimizer": {"kind": "adam", "learning_rate": 3e-4, "b1": 0.0},
+    }
+
+
+def batch_actor_critic(
+    task: Any, policy: Any, *, batch: int | str, decay: float, fit: Mapping[str, Any], **estimator: Any
+) -> dict[str, Any]:
+    """A batch method as a table: networks, scaled rewards, and generalised advantages from a critic.
+
+    **Arguments:**
+
+    - `task`, `policy`: as of a preset.
+    - `batch` (decisions): from one step, or several, of the policy to the next.
+    - `decay`: the lambda of critic and advantages.
+    - `fit`: how the critic learns.
+    - `estimator`: further settings of the estimator.
+    """
+    return {
+        "policy": behind_layers(task, SMALL, policy),
+        "estimator": {
+            "trace": {"kind": "exponential", "decay": DISCOUNT * decay},
+            "baseline": {"kind": "network-critic", "discount": DISCOUNT, "decay": decay, "network": SMALL, "fit": fit},
+            "improve": batch,
+            "reward_scaling": {"discount": DISCOUNT},
+            **estimator,
+        },
+    }
+
+
+def fitted_returns(batch: int, passes: int, learning_rate: float) -> dict[str, Any]:
+    """A critic's fit to the returns of each batch, a step for each pass over it."""
+    return {"kind": "fitted-returns", "interval": batch, "passes": passes, "learning_rate": learning_rate}
+
+
+def large_batch(steps: int) -> int:
+    """The decisions of a batch of PPO and TRPO: a fiftieth of a training, from 256 to 2,048, a multiple of 64."""
+    return 64 * (min(2048, max(256, steps // 50)) // 64)
+
+
+def proximal(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"ppo"`: the clipped surrogate, ten times over each batch."""
+    batch = large_batch(steps)
+    reuse = {"clip": 0.2, "epochs": 10, "minibatches": batch // 64}
+    fit = fitted_returns(batch, passes=40, learning_rate=1e-3)
+    table = batch_actor_critic(task, policy, batch=batch, decay=0.95, fit=fit, reuse=reuse)
+    return {**table, "optimizer": {"kind": "adam", "learning_rate": 3e-4}}
+
+
+def trust_region(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"trpo"`: natural steps of a given divergence."""
+    batch = large_batch(steps)
+    fit = fitted_returns(batch, passes=40, learning_rate=1e-3)
+    scale = {"rate": 1 / batch}
+    table = batch_actor_critic(task, policy, batch=batch, decay=0.95, fit=fit, normalization=scale)
+    metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 10, "damping": 0.1, "kl": 0.01}
+    # far beyond the limit, which is therefore the length of every step
+    return {**table, "metric": metric, "optimizer": {"kind": "sgd", "learning_rate": 100.0}}
+
+
+def advantage_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"a2c"`: a step of policy and critic for each small batch."""
+    del steps
+    fit = fitted_returns(64, passes=1, learning_rate=2e-3)
+    table = batch_actor_critic(task, policy, batch=64, decay=0.95, fit=fit, entropy=0.01)
+    return {**table, "optimizer": {"kind": "adam", "learning_rate": 2e-3}}
+
+
+def reinforce(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"reinforce"`: a step for each episode, of its returns above a mean that depends on the state."""
+    del steps
+    fit = {"kind": "bounded-td", "learning_rate": 1.0, "scaling": 2.0}
+    table = batch_actor_critic(task, policy, batch="episode", decay=1.0, fit=fit)
+    return {**table, "optimizer": {"kind": "adam", "learning_rate": 2e-3}}
+
+
+PRESETS: dict[str, Callable[[Any, int, Any], dict[str, Any]]] = {
+    "a2c": advantage_actor_critic,
+    "avg": action_value_gradient,
+    "intentional-ac": intentional_actor_critic,
+    "natural": natural,
+    "natural-network": natural_network,
+    "ppo": proximal,
+    "reinforce": reinforce,
+    "stream-ac": stream_actor_critic,
+    "trpo": trust_region,
+}
+"""Presets by name: functions of a task, the decisions of a training, and the task's own policy or `None`."""

@@ -82,9 +82,12 @@ def count(default: Any, low: int = 0, high: int = 2**31 - 1) -> Any:
     return eqx.field(static=True, default=default, metadata={"whole": (low, high)})
 
 
-def static(default: Any) -> Any:
-    """Declare a field that is part of the structure: a choice by name, a flag, or a number that fixes a shape."""
-    return eqx.field(static=True, default=default)
+def static(default: Any, *, kw_only: bool = False) -> Any:
+    """Declare a field that is part of the structure: a choice by name, a flag, or a number that fixes a shape.
+    `kw_only` as in `dataclasses.field`."""
+    if kw_only:
+        return eqx.field(static=True, default=default, kw_only=True)
+    return eqx.field(static=True, default=default)  # kw_only=False would undo that of a whole class
 
 
 class Part(eqx.Module):

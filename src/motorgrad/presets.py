@@ -8,7 +8,18 @@ from motorgrad.learning import Agent
 from motorgrad.tasks import Task
 from motorgrad.training import agent_for
 
-__all__ = ["PRESETS", "natural", "natural_network"]
+__all__ = [
+    "PRESETS",
+    "a2c",
+    "avg",
+    "intentional_ac",
+    "natural",
+    "natural_network",
+    "ppo",
+    "reinforce",
+    "stream_ac",
+    "trpo",
+]
 
 
 def natural(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
@@ -69,3 +80,111 @@ def natural_network(
     ```
     """
     return agent_for(task, changes, preset="natural-network", steps=steps, **more)
+
+
+def stream_ac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""Stream-AC(λ) (Elsayed, Vasan & Mahmood, 2024): two networks that learn from every decision, once.
+
+    Policy and critic have two hidden layers of 128 units each, with layer normalisation, leaky rectifiers and sparse
+    initial weights. Both see inputs relative to their running mean and deviation. Rewards are divided by the deviation
+    of their discounted sum. Both have traces of $\gamma\lambda = 0.99 \cdot 0.8$, and steps bounded so that they do not
+    overshoot; entropy is favoured within the trace. It stores no decision. Its numbers are those of the paper for all
+    tasks: nothing scales with the `steps`. Unlike in the paper, output units start at 0, and values are bootstrapped
+    where an episode was truncated. The kind of policy is that of `natural_network`.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+
+    ```python
+    task = mg.tasks.from_gymnasium("CartPole-v1")
+    run = mg.train(task, mg.presets.stream_ac(task), steps=50_000, seeds=10)
+    ```
+    """
+    return agent_for(task, changes, preset="stream-ac", steps=steps, **more)
+
+
+def avg(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""Action value gradient (Vasan et al., 2024): climbs the learned value of an action, through the action.
+
+    For tasks with real-valued actions. Policy and action values have two hidden layers of 256 leaky rectifiers each,
+    whose last output has length 1, and see inputs relative to their running mean and deviation. Both learn from every
+    decision, once, by Adam without momentum: $\gamma$ = 0.99, rates 3e-4 and 1e-3. A nat of entropy is worth 0.05
+    scaled rewards. The paper has other rates and entropies for every few tasks; here one setting is meant to serve,
+    with rewards divided by the deviation of their discounted sum. The deviation of a unit is its own, and not a
+    function of the input.
+
+    **Arguments** and **Returns:** as `natural`.
+
+    **Raises:** as `natural`; for a task whose actions are not all real numbers.
+    """
+    return agent_for(task, changes, preset="avg", steps=steps, **more)
+
+
+def intentional_ac(
+    task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any
+) -> Agent:
+    r"""Intentional actor-critic (Sharifnassab et al., 2026): two networks whose steps have a given size in the output.
+
+    Networks, inputs, discount, traces and entropy are those of `stream_ac`. Every step of the critic takes back half of
+    its error. Advantages are divided by their running root mean square; one of usual size changes the logarithm of the
+    policy by 0.05. So rewards need no scaling. As nothing but the abstract of the paper was at hand, how traces enter
+    the size of a step was derived anew: see `motorgrad.learning.IntentionalStep`.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+
+    ```python
+    agent = mg.presets.intentional_ac("hopper", changes={"estimator.bound.change": 0.02})
+    ```
+    """
+    return agent_for(task, changes, preset="intentional-ac", steps=steps, **more)
+
+
+def reinforce(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""REINFORCE with a baseline (Williams, 1992; Sutton & Barto, 2018): a step of Adam for each episode.
+
+    Networks, scaled rewards and standardised inputs are those of `ppo`. The critic learns from every decision by TD(1)
+    with bounded steps, so the advantages of an episode add up to its discounted returns above the values.
+
+    **Arguments** and **Returns:** as `natural`.
+
+    **Raises:** as `natural`; when trained, for a task without episodes.
+    """
+    return agent_for(task, changes, preset="reinforce", steps=steps, **more)
+
+
+def a2c(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""Advantage actor-critic (Mnih et al., 2016): for every 64 decisions, Adam makes a step of policy and of critic.
+
+    Networks, scaled rewards and standardised inputs are those of `ppo`; a nat of entropy is worth 0.01 scaled rewards.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+    """
+    return agent_for(task, changes, preset="a2c", steps=steps, **more)
+
+
+def ppo(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""Proximal policy optimisation (Schulman et al., 2017): ten epochs of the clipped surrogate over each batch.
+
+    Policy and critic have two hidden layers of 64 units each. Both see inputs relative to their running mean and
+    deviation, and rewards are divided by the deviation of their discounted sum. A batch is a fiftieth of the `steps`,
+    from 256 to 2,048 decisions; minibatches have 64. Advantages are generalised ones with $\gamma = 0.99$ and
+    $\lambda = 0.95$, standardised by batch. Adam's learning rate is 3e-4 for the policy. The critic is fitted to the
+    $\lambda$-returns of each batch by 40 steps of Adam with a learning rate of 1e-3.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+
+    ```python
+    agent = mg.presets.ppo("hopper", 200_000, {"estimator.reuse.epochs": 4})
+    ```
+    """
+    return agent_for(task, changes, preset="ppo", steps=steps, **more)
+
+
+def trpo(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""Trust region policy optimisation (Schulman et al., 2015) without its line search: natural steps of 0.01 nats.
+
+    Networks, critic, batches and advantages are those of `ppo`. The natural gradient is that of ten conjugate gradients
+    with damping 0.1. Every step has the length of the limit.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+    """
+    return agent_for(task, changes, preset="trpo", steps=steps, **more)

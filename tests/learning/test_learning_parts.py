@@ -12,9 +12,14 @@ import pytest
 from motorgrad._docstrings import descriptions
 from motorgrad._tree import KINDS, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
 from motorgrad.learning import (
+    ActionValueGradient,
+    ActionValues,
     Agent,
     Annealed,
     Baseline,
+    Centring,
+    ClippedSurrogate,
+    ConjugateAscent,
     Criterion,
     CriticFit,
     Estimator,
@@ -23,11 +28,12 @@ from motorgrad.learning import (
     LinearCritic,
     Metric,
     Optimizer,
-    OvershootingBound,
     PolyakAveraging,
+    RewardScaling,
     RootMeanSquare,
     SparseAgent,
     SpatialIndex,
+    StepBound,
     Trace,
     Visited,
     number,
@@ -39,6 +45,7 @@ from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
 from motorgrad.training import NamedPolicy, agent_from_table, agent_table, clear_programs, stepper_for
 
 DECISIONS = 8
+BATCH = Estimator(improve=2)
 
 
 class Accumulating(Trace):
@@ -90,6 +97,13 @@ def made(cls):
     return cls(**{name: 0.5 for name in missing if name != "policy"})
 
 
+def narrow(values=None):
+    """An action value gradient whose network is narrow: with wide ones, seeds side by side share some rounding."""
+    values = ActionValues() if values is None else values
+    network = dataclasses.replace(values.network, hidden=(4,))
+    return ActionValueGradient(values=dataclasses.replace(values, network=network))
+
+
 def agent_with(base, name):
     """A learner that has the part in its place, and a task for it."""
     cls = KINDS[base][name]
@@ -110,19 +124,25 @@ def agent_with(base, name):
         Trace: lambda: {"estimator": Estimator(trace=made(cls))},
         Baseline: lambda: {"estimator": Estimator(baseline=made(cls))},
         CriticFit: lambda: {"estimator": Estimator(baseline=LinearCritic(fit=made(cls)))},
+        Centring: lambda: {"estimator": Estimator(baseline=LinearCritic(centring=made(cls)))},
         Features: lambda: {"estimator": Estimator(baseline=LinearCritic(made(cls)))},
-        OvershootingBound: lambda: {"estimator": Estimator(bound=made(cls))},
+        StepBound: lambda: {"estimator": Estimator(bound=made(cls))},
+        ClippedSurrogate: lambda: {"estimator": Estimator(improve=6, reuse=made(cls))},
+        RewardScaling: lambda: {"estimator": Estimator(reward_scaling=made(cls))},
         RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
         Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},
-        Estimator: lambda: {"estimator": made(cls)},
-        Optimizer: lambda: {"optimizer": made(cls)},
+        Estimator: lambda: {"estimator": narrow() if cls is ActionValueGradient else made(cls)},
+        ActionValues: lambda: {"estimator": narrow(made(cls))},
+        Optimizer: lambda: {"optimizer": made(cls), **({"estimator": BATCH} if cls is ConjugateAscent else {})},
         Metric: lambda: {"metric": made(cls)},
         PolyakAveraging: lambda: {"averaging": made(cls)},
         Agent: dict,
     }[base]()
+    if base is ActionValues or cls is ActionValueGradient:
+        return recruitment, Agent(NamedPolicy(recruitment, "graded-motoneurons"), **inner)
     task = ThreeState()
     agent = Agent(NamedPolicy(task, "softmax"), **inner)
-    if agent.estimator.needs_episodes():
+    if agent.needs_episodes():
         task = ThreeState(time_limit=5)
         agent = Agent(NamedPolicy(task, "softmax"), **inner)
     return task, agent

@@ -215,3 +215,15 @@ def test_the_initial_policy_pairs_the_actions_of_a_tasks_mirror():
 def test_tasks_without_two_sides_are_refused(task, units, message):
     with pytest.raises(ValueError, match=message):
         initial("mirrored", task, units=units)
+
+
+def test_hidden_layers_are_told_on_the_observation_and_then_on_its_mirror_image():
+    policy = policy_of("mirrored-network")
+    y = observation_of(policy)
+    layers, there = policy.hidden_activations(y), policy.hidden_activations(policy.mirrored(y))
+    assert len(layers) == len(policy.pool.hidden_activations(y)) > 0
+    for here, image in zip(layers, there, strict=True):
+        one, other = np.split(np.asarray(here), 2)
+        np.testing.assert_allclose(np.concatenate([other, one]), image, rtol=1e-6)
+        assert not np.allclose(one, other)
+    assert policy_of("mirrored").hidden_activations(observation_of(policy_of("mirrored"))) == ()

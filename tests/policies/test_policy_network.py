@@ -87,7 +87,7 @@ def by_hand(module, observation):
 def test_the_perceptron_normalises_its_potentials_before_the_nonlinearity():
     policy = moved(softmax(3, 4, network=SMALL)(jax.random.key(0)))
     np.testing.assert_allclose(policy.seen(jnp.asarray(SEEN)), by_hand(policy.module, SEEN), rtol=1e-4, atol=1e-5)
-    first, last = policy.activations(jnp.asarray(SEEN))
+    first, last = policy.hidden_activations(jnp.asarray(SEEN))
     assert (first.shape, last.shape) == ((5,), (4,))
     np.testing.assert_array_equal(last, policy.seen(jnp.asarray(SEEN)))
 

@@ -1,5 +1,6 @@
 """Presets: learners for any task that scale with the budget and can be changed part by part."""
 
+import json
 from typing import Any
 
 import jax
@@ -7,11 +8,13 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._presets import PRESETS
 from motorgrad._tree import numbers_of
 from motorgrad.cli import main
 from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
 from motorgrad.tasks import from_gymnasium
-from motorgrad.training import agent_table
+from motorgrad.training import agent_from_table, agent_table, check_training
+from motorgrad.worlds import oracle
 
 
 @pytest.mark.parametrize(("steps", "batch", "updates"), [(50, 100, 1), (20_000, 200, 100), (500_000, 1000, 500)])
@@ -158,6 +161,72 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
     capsys.readouterr()
     assert main(["train", "CartPol-v1"]) == 2
     assert "env_id = 'CartPol-v1'" in capsys.readouterr().err
+
+
+EPISODES = {"time_limit": 50}
+
+
+@pytest.mark.parametrize("preset", sorted(PRESETS))
+@pytest.mark.parametrize(
+    ("make", "policy"),
+    [
+        (lambda: mg.make("three-state", **EPISODES), "softmax"),
+        (lambda: mg.make("call-admission", **EPISODES), "hyperplanes"),
+        (lambda: from_gymnasium("Pendulum-v1"), "bounded-hyperplanes"),
+    ],
+    ids=["discrete", "binary", "graded"],
+)
+def test_every_preset_fits_its_kinds_of_action_and_is_saved(preset, make, policy):
+    task = make()
+    if preset == "avg" and policy != "bounded-hyperplanes":
+        with pytest.raises(ValueError, match="real-valued actions"):
+            mg.agent_for(task, preset=preset, steps=20_000)
+        return
+    agent = mg.agent_for(task, preset=preset, steps=20_000)
+    assert agent.policy.kind == policy
+    assert ("network" in agent.policy.settings) == (preset != "natural")
+    assert agent_from_table(task, json.loads(json.dumps(agent_table(agent)))) == agent
+    assert agent_table(agent) == agent_table(getattr(mg.presets, preset.replace("-", "_"))(task, 20_000))
+    checked = check_training(task, agent, 20_000)
+    assert checked.agent is agent
+
+
+def test_hidden_layers_stand_before_the_tasks_own_policy_or_another_that_takes_them():
+    stride = mg.make("hexapod-stride")
+    own = stride.learner_for(1_000)["policy"]
+    policy = mg.presets.ppo(stride).policy
+    assert (policy.kind, policy.settings["deviation"]) == (own["kind"], own["deviation"])
+    with pytest.raises(ValueError, match=r"policy 'tiles': 'network'|setting of policy 'tiles'"):
+        mg.presets.ppo("particle")
+    chosen = mg.presets.ppo("particle", policy={"kind": "hyperplanes", "network": {"hidden": [32]}}).policy
+    assert (chosen.kind, chosen.settings["network"].hidden) == ("hyperplanes", (32,))
+
+
+@pytest.mark.parametrize(("steps", "batch"), [(1_000, 256), (20_000, 384), (1_000_000, 2048)])
+def test_the_batches_of_ppo_and_trpo_scale_with_the_budget_and_divide_into_minibatches(steps, batch):
+    ppo, trpo = (getattr(mg.presets, name)("three-state", steps) for name in ("ppo", "trpo"))
+    assert (ppo.estimator.improve, ppo.estimator.baseline.fit.interval) == (batch, batch)
+    assert (ppo.estimator.reuse.minibatches, ppo.estimator.reuse.epochs) == (batch // 64, 10)
+    assert (trpo.estimator.improve, trpo.metric.memory, trpo.metric.kl) == (batch, batch, 0.01)
+
+
+def test_reinforce_needs_episodes_and_several_environments_are_refused_for_batches_used_again():
+    with pytest.raises(ValueError, match=r"estimator\.improve = 'episode': needs episodes, but the task 'three-state'"):
+        check_training("three-state", mg.presets.reinforce("three-state"), 1_000)
+    with pytest.raises(ValueError, match=r"envs = 4: must be 1 for batches used again by ClippedSurrogate"):
+        check_training("hopper", mg.presets.ppo("hopper", 6_400), 6_400, envs=4)
+    with pytest.raises(ValueError, match=r"envs = 4: must be 1 for EpisodicNatural"):
+        check_training("hopper", mg.agent_for("hopper", metric="episodic-nac", improve=100), 6_400, envs=4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["ppo", "trpo", "a2c"])
+def test_batch_methods_learn_three_states(preset):
+    task = mg.make("three-state")
+    agent = mg.agent_for(task, preset=preset, steps=6_000)
+    run = mg.train(task, agent, steps=6_000, seeds=2, progress=False)
+    earned = [oracle.average_reward(task.dynamics, jax.tree.map(lambda x, s=s: x[s], run.policies)) for s in (0, 1)]
+    assert min(earned) > 0.75
 
 
 @pytest.mark.slow

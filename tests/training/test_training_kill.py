@@ -25,7 +25,7 @@ LEARNERS = {
     "networks": {
         "policy": {"kind": "softmax", "network": {"hidden": [16, 16]}},
         "baseline": {"kind": "network-critic", "discount": 0.9, "network": {"hidden": [16]}},
-        "estimator.bound": {"scaling": 3.0},
+        "estimator.bound": {"kind": "overshooting", "scaling": 3.0},
         "learning_rate": 1.0,
     },
     "natural": {

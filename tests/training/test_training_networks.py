@@ -12,7 +12,7 @@ SMALL = {"hidden": [6, 5]}
 LEARNER = {
     "policy.network": SMALL,
     "baseline": {"kind": "network-critic", "discount": 0.9, "network": SMALL},
-    "estimator.bound": {"scaling": 3.0},
+    "estimator.bound": {"kind": "overshooting", "scaling": 3.0},
     "learning_rate": 1.0,
 }
 
@@ -72,6 +72,11 @@ def test_a_sweep_of_numbers_is_as_the_runs_alone():
     swept = mg.train(
         task, mg.agent_for(task, settings), steps=64, seeds=2, sweep={"estimator.bound.scaling": [3.0, 6.0]}
     )
-    alone = mg.train(task, mg.agent_for(task, {**settings, "estimator.bound": {"scaling": 6.0}}), steps=64, seeds=2)
+    alone = mg.train(
+        task,
+        mg.agent_for(task, {**settings, "estimator.bound": {"kind": "overshooting", "scaling": 6.0}}),
+        steps=64,
+        seeds=2,
+    )
     for one, other in zip(leaves(swept), leaves(alone), strict=True):
         np.testing.assert_allclose(np.asarray(one)[2:], other, rtol=1e-5, atol=1e-6)

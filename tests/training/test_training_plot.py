@@ -185,6 +185,7 @@ def test_x_is_simulated_time_by_default_where_the_task_knows_it(names, axis, tra
         ("decisions", "decision", "decisions"),
         ("simulated", "simulated_time", "simulated time (s)"),
         ("wall", "wall_time", "wall time (s)"),
+        ("cpu", "cpu_time", "processor time (s)"),
     ],
 )
 def test_x_is_what_was_asked_for(x, column, words, trained):
@@ -333,7 +334,7 @@ REFUSED = [
     (
         ["chain"],
         {"x": "simulated"},
-        "x = 'simulated': must be decisions or wall: the task chain has no simulated time",
+        "x = 'simulated': must be decisions, wall or cpu: the task chain has no simulated time",
     ),
     (["hopper", "chain"], {"x": "simulated"}, "the task chain has no simulated time"),
     (["chain"], {"x": "wal"}, "unknown x 'wal': did you mean 'wall'"),

@@ -68,6 +68,7 @@ def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     task = TASKS[name]()
     table = pa.concat_tables(pq.read_table(part) for part in sorted((made(name).path / "metrics").glob("*.parquet")))
     numbers = {"seed": pa.int32(), "decision": pa.int64(), "simulated_time": pa.float64(), "wall_time": pa.float64()}
+    numbers["cpu_time"] = pa.float64()
     assert {name: table.schema.field(name).type for name in numbers} == numbers
     readings = [column for report in task.reports for column in (report, f"{report}_count")]
     counts = ["diverged"] if isinstance(task, mg.tasks.HostTask) else []
@@ -77,7 +78,9 @@ def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     np.testing.assert_array_equal(table["seed"], np.tile([4, 1], 3))
     np.testing.assert_allclose(table["simulated_time"], np.repeat([20, 40, 60], 2) * task.period)
     assert np.isfinite(table["reward"].to_numpy()).all()
-    assert (np.diff(table["wall_time"].to_numpy()) >= 0).all()
+    for clock in ("wall_time", "cpu_time"):
+        assert (np.diff(table[clock].to_numpy(), prepend=0) >= 0).all()
+    assert table["cpu_time"][-1].as_py() > 0
 
 
 @pytest.mark.representatives("gymnasium", "hopper", "linear-recruitment")

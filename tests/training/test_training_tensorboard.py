@@ -36,7 +36,7 @@ def assert_holds(folder, run):
     """The event files hold the run's records: all, once, in order."""
     assert sorted(path.name for path in folder.iterdir()) == sorted(f"seed-{seed}" for seed in run.seeds)
     decision, wall = (run.metrics[name].to_numpy()[:: len(run.seeds)] for name in ("decision", "wall_time"))
-    skipped = {"seed", "decision", "simulated_time", "wall_time", "parameters"}
+    skipped = {"seed", "decision", "simulated_time", "wall_time", "cpu_time", "parameters"}
     for row, seed in enumerate(run.seeds):
         found = scalars(folder / f"seed-{seed}")
         for name in set(run.metrics.column_names) - skipped:

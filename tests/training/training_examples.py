@@ -59,7 +59,11 @@ def assert_differ(found, other):
 def columns(table):
     """The columns of a run's metrics that the wall clock has no part in, as arrays."""
     table = table.combine_chunks()
-    found = {name: table[name].to_numpy() for name in table.column_names if name not in ("wall_time", "parameters")}
+    found = {
+        name: table[name].to_numpy()
+        for name in table.column_names
+        if name not in ("wall_time", "cpu_time", "parameters")
+    }
     parameters = table["parameters"].combine_chunks()
     return found | {"parameters": parameters.flatten().to_numpy().reshape(len(parameters), -1)}
 

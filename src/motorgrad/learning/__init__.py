@@ -2,6 +2,7 @@
 
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad._tree import Part, count, number, static
+from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent, AgentState, Decision
 from motorgrad.learning._baselines import (
     Advantage,
@@ -17,26 +18,26 @@ from motorgrad.learning._baselines import (
     Transition,
 )
 from motorgrad.learning._branching import NEVER
+from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._conjugate import ConjugateGradient
+from motorgrad.learning._conjugate_ascent import ConjugateAscent
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Critic, CriticState, Features, LinearCritic, NetworkCritic
-from motorgrad.learning._estimator import (
-    Estimator,
-    EstimatorState,
-    NormalizationState,
-    RootMeanSquare,
-    entropy_gradient,
-    gae,
-    gpomdp,
-    olgarb,
-    olpomdp,
-)
+from motorgrad.learning._estimator import Estimator, EstimatorState, entropy_gradient
 from motorgrad.learning._fitted_values import FittedReturns
-from motorgrad.learning._natural import FisherMetric, Metric
-from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
+from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
+from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
+from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
+from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
+from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
+from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._registry import register
+from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._surrogate import Batch, ClippedSurrogate
+from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
@@ -45,16 +46,23 @@ from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
 __all__ = [
     "NEVER",
     "SGD",
+    "ActionValueGradient",
+    "ActionValues",
     "Adam",
     "Advantage",
     "Agent",
     "AgentState",
     "Annealed",
     "Baseline",
+    "Batch",
     "BinnedBaseline",
     "BoundedTemporalDifference",
+    "Centring",
     "Chain",
+    "ClippedSurrogate",
     "Clock",
+    "CompatibleWeights",
+    "ConjugateAscent",
     "ConjugateGradient",
     "Constant",
     "Criterion",
@@ -63,7 +71,9 @@ __all__ = [
     "CriticState",
     "CriticStep",
     "Decision",
+    "EligibilityBaseline",
     "Episodic",
+    "EpisodicNatural",
     "Estimator",
     "EstimatorState",
     "Exponential",
@@ -75,8 +85,12 @@ __all__ = [
     "GrowthState",
     "IndexState",
     "InputBaseline",
+    "IntentionalStep",
+    "IntentionalTemporalDifference",
     "LaggedGaussian",
     "LeastSquares",
+    "LeastSquaresNatural",
+    "LimitedMetric",
     "LinearBaseline",
     "LinearCritic",
     "LinearState",
@@ -85,23 +99,34 @@ __all__ = [
     "NetworkCritic",
     "NormalizationState",
     "Optax",
+    "OptimalBaseline",
     "Optimizer",
     "OvershootingBound",
     "Part",
     "Plateau",
     "PolyakAveraging",
+    "RegressionMetric",
+    "RewardScaling",
     "RootMeanSquare",
     "RunningMean",
     "ScalarBaseline",
+    "ScalingState",
+    "ShermanMorrison",
+    "SimpleCentring",
     "SparseAgent",
     "SpatialIndex",
+    "StepBound",
+    "SwiftTemporalDifference",
     "TemporalDifference",
     "Trace",
     "Transformation",
     "Transition",
     "TrueOnlineTemporalDifference",
+    "UnitMean",
+    "ValueBasedCentring",
     "Visited",
     "Window",
+    "actor_critic",
     "add_sample",
     "count",
     "entropy_gradient",

@@ -20,7 +20,7 @@ from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Numbers, Part
 from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import NEVER, Flag, any_of, where
+from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation, as_transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._natural import Metric
@@ -30,10 +30,11 @@ from motorgrad.policies import Policy, split, trainable
 
 
 class Decision(NamedTuple):
-    """What the units saw, and the action that they drew."""
+    """What the units saw, and the action that they drew; from which random numbers, where the estimator needs them."""
 
     observation: Float[Array, " inputs"]
     action: Array
+    uniforms: Float[Array, " uniforms"] | None = None
 
 
 class AgentState(NamedTuple):
@@ -41,8 +42,8 @@ class AgentState(NamedTuple):
 
     - `policy`: the parameters.
     - `estimator`: the state of trace, baseline and normalization.
-    - `gradient`: the running mean of the samples $g = \delta z$ since the last step. For an online learner it is the
-      sample between `reinforce` and `improve`, which uses it up.
+    - `gradient`: the running mean of the samples $g = \delta z$ since the last step; of $\delta$ alone where a batch is
+      used again. For an online learner it is the sample between `reinforce` and `improve`, which uses it up.
     - `chain`: the states of the gradient transformations.
     - `decision`: the decision that awaits its reward, where a part recalls it or the policy has hidden units or a
       memory.
@@ -126,6 +127,8 @@ class Agent(Part):
         for name in ("growth", "averaging"):
             moves = getattr(self, name) is None or self.estimator.improve != "never"
             check(moves, name, getattr(self, name), 'None where parameters never move, improve = "never"')
+        for stage in self._stages().values():
+            stage.validate_in(self)
         whole = self.averaging is None or self.growth is None
         check(whole, "averaging", self.averaging, "None where a policy grows")
 
@@ -154,8 +157,25 @@ class Agent(Part):
     @property
     def chain(self) -> Chain:
         """The gradient transformations, in their order."""
-        stages = (self.metric, self.optimizer, *self.transformations, self.averaging)
-        return Chain(tuple(stage for stage in stages if stage is not None))
+        return Chain(tuple(self._stages().values()))
+
+    def _stages(self) -> dict[str, Transformation]:
+        """The gradient transformations by path."""
+        further = {f"transformations.{index}": stage for index, stage in enumerate(self.transformations)}
+        found = {"metric": self.metric, "optimizer": self.optimizer, **further, "averaging": self.averaging}
+        return {path: stage for path, stage in found.items() if stage is not None}
+
+    @property
+    def one_stream(self) -> str | None:
+        """The part that needs successive decisions of one environment, in words; `None` where none does."""
+        found = [type(stage).__name__ for stage in self._stages().values() if stage.one_stream]
+        return self.estimator.one_stream or next(iter(found), None)
+
+    def needs_episodes(self) -> list[str]:
+        """The settings that need a task with episodes."""
+        found = {path: stage.needs_episodes for path, stage in self._stages().items()}
+        own = [f"{path}.{setting}" for path, setting in found.items() if setting]
+        return [*(f"estimator.{setting}" for setting in self.estimator.needs_episodes()), *own]
 
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
@@ -166,6 +186,8 @@ class Agent(Part):
         if self.growth is not None:
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
+        if self.estimator.reuse is not None:
+            zeros = jnp.zeros((), leaves[0].dtype)  # no gradient is made before the batch is full
         chain = self.chain
         # Of hidden units and of a memory, the decision tells what was drawn and what was seen.
         kept = policy.hides or policy.has_memory
@@ -175,7 +197,7 @@ class Agent(Part):
             estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
             gradient=None if self.estimator.online else running_mean(zeros),
             chain=chain.init(policy),
-            decision=_no_decision(policy, leaves[0].dtype) if needs_decision else None,
+            decision=_no_decision(policy, leaves[0].dtype, self.estimator) if needs_decision else None,
             steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
             growth=growth,
             memory=policy.initial_memory(),
@@ -190,7 +212,8 @@ class Agent(Part):
         action = policy.sample(seen, uniforms)
         score = policy.score(seen, action)
         if state.decision is not None:
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+            drawn = None if state.decision.uniforms is None else uniforms.astype(state.decision.uniforms.dtype)
+            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action, drawn))
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
         estimator = self.estimator.act(state.estimator, policy.judged(seen), score)
@@ -226,9 +249,12 @@ class Agent(Part):
         `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
         sample is dropped, nothing is learned from it, and the trace restarts.
         """
-        recalled = (None, None) if state.decision is None else state.decision
-        following = state.policy.judged(state.policy.perceive(state.memory, next_observation))
-        transition = Transition(*recalled, reward, following, terminated, diverged)
+        recalled: Any = (None, None, None) if state.decision is None else state.decision
+        seen = state.policy.perceive(state.memory, next_observation)
+        state = state._replace(policy=where(diverged, state.policy, state.policy.adapted(seen)))
+        observation, action, uniforms = recalled
+        after = state.policy.judged(seen)
+        transition = Transition(observation, action, reward, after, terminated, diverged, uniforms=uniforms)
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
         gradient: Any = sample
         if isinstance(state.gradient, RunningMean):
@@ -245,9 +271,10 @@ class Agent(Part):
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Where `ended`, begin a new episode: trace and memory are empty, and the discount starts again from 1."""
+        chain = self.chain.map(lambda stage, inner: stage.restart(inner, ended), state.chain)
         fresh = self.estimator.restart(state.estimator, state.policy), state.policy.initial_memory()
         estimator, memory = where(ended, fresh, (state.estimator, state.memory))
-        return state._replace(estimator=estimator, memory=memory)
+        return state._replace(estimator=estimator, memory=memory, chain=chain)
 
     def final_policy(self, state: AgentState) -> Policy:
         """The policy to keep: the averaged one where there is one, else the one that acts. States of many seeds are
@@ -315,6 +342,9 @@ class Agent(Part):
         if due is False:
             return state
         running: Any = state.gradient
+        if estimator.reuse is not None:
+            moved = where_any(due, lambda state: estimator.climb(state, self._step), state)
+            return where(due, moved._replace(gradient=running_mean(running.mean)), moved)
         size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return where(due, moved._replace(gradient=running_mean(running.mean)), state)
@@ -332,6 +362,7 @@ class Agent(Part):
         return state._replace(policy=moved, chain=chain, steps=steps)
 
 
-def _no_decision(policy: Policy, dtype: Any) -> Decision:
+def _no_decision(policy: Policy, dtype: Any, estimator: Estimator) -> Decision:
     observation = jnp.zeros(policy.inputs, dtype)
-    return Decision(observation, jnp.zeros_like(policy.mode(observation)))
+    uniforms = jnp.zeros(policy.uniforms, dtype) if estimator.needs_uniforms else None
+    return Decision(observation, jnp.zeros_like(policy.mode(observation)), uniforms)

@@ -33,10 +33,12 @@ from motorgrad.policies import Policy
 
 
 class Transition(NamedTuple):
-    """One decision and its outcome.
+    r"""One decision and its outcome.
 
     `observation` and `action` are `None` unless a part of the learner says `needs_decision`. `next_observation` is what
-    the world showed before any reset.
+    the world showed before any reset. `eligibility` is the trace $z$ that the reward meets, in the structure of the
+    parameters, for a baseline that says `needs_eligibility`; `uniforms` the random numbers from which the action was
+    drawn, for an estimator that `needs_uniforms`.
     """
 
     observation: Any
@@ -45,17 +47,19 @@ class Transition(NamedTuple):
     next_observation: Float[Array, " inputs"]
     terminated: Flag = False
     diverged: Flag = False
+    eligibility: Any = None
+    uniforms: Any = None
 
 
 class Advantage(NamedTuple):
     r"""How much better an outcome was than expected, in units of reward.
 
-    `value` is the advantage of the newest action. `trace` multiplies the eligibility trace. `newest`, where it is not
-    `None`, multiplies the newest score and is added.
+    `value` is the advantage of the newest action. `trace` multiplies the eligibility trace: one number, or one for
+    every parameter, in their structure. `newest`, where it is not `None`, multiplies the newest score and is added.
     """
 
     value: Float[Array, ""]
-    trace: Float[Array, ""]
+    trace: Any
     newest: Float[Array, ""] | None = None
 
 
@@ -64,6 +68,8 @@ class Baseline(Part):
 
     needs_decision: ClassVar[bool] = False
     """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
+    needs_eligibility: ClassVar[bool] = False
+    """Whether `update` reads the eligibility of the transition, which is `None` otherwise."""
     starts_at_random: ClassVar[bool] = False
     """Whether `start` draws random numbers."""
 

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, running_mean
@@ -49,6 +49,12 @@ class Transformation(Part):
     """Whether `observe` needs the observation and the action of the transition."""
     needs_steps: ClassVar[bool] = False
     """Whether a method needs the number of steps that the parameters have made."""
+    one_stream: ClassVar[bool] = False
+    """Whether it needs successive decisions of one environment: where the end of an episode changes what it knows of
+    earlier ones, which several environments would not share."""
+
+    def validate_in(self, agent: Any) -> None:
+        """Refuse, by name, an `Agent` whose other parts do not go with this one."""
 
     def init(self, policy: Policy) -> Any:
         """The state before the first decision."""
@@ -94,6 +100,21 @@ class Transformation(Part):
     def after_growth(self, state: Any, new: Bool[Array, " units"]) -> Any:
         """The state after units were added to a pool that grows."""
         return state
+
+    def restart(self, state: Any, ended: Flag) -> Any:
+        """The state where an episode has `ended`, after its last decision was observed."""
+        return state
+
+    @property
+    def needs_episodes(self) -> str | None:
+        """Why the transformation needs a task with episodes, as a setting; `None` where it does not."""
+        return None
+
+
+def inner(one: Any, other: Any) -> Float[Array, ""]:
+    """The inner product of two trees of the same structure."""
+    products = jax.tree.map(lambda a, b: jnp.sum(a * b), one, other)
+    return sum(jax.tree.leaves(products), start=jnp.zeros(()))
 
 
 class Optimizer(Transformation):
@@ -147,6 +168,11 @@ class SGD(Optimizer):
         return by_group("weight decay", "of all", decay, parameters, default=0.0)
 
 
+def adam_scaling(b1: Any, b2: Any) -> Any:
+    """Adam's step without its learning rate. Optax declares the decays as Python numbers; they may be arrays."""
+    return optax.scale_by_adam(b1=b1, b2=b2)
+
+
 class Adam(SGD):
     r"""Adam (Kingma & Ba, 2015), with learning rates and decoupled weight decay as in `SGD`.
 
@@ -161,7 +187,7 @@ class Adam(SGD):
 
     @property
     def _scaling(self) -> Any:
-        return optax.scale_by_adam(b1=self.b1, b2=self.b2)  # type: ignore[arg-type]
+        return adam_scaling(self.b1, self.b2)
 
 
 class Optax(Optimizer):

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float, Int
 from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
-from motorgrad.learning._chain import Updates
-from motorgrad.learning._natural import Metric
+from motorgrad.learning._chain import Updates, inner
+from motorgrad.learning._natural import LimitedMetric
 from motorgrad.learning._schedules import Annealed
 from motorgrad.policies import Policy, split, trainable
 
@@ -30,7 +30,7 @@ class Recent(NamedTuple):
     seen: Int[Array, ""]
 
 
-class ConjugateGradient(Metric):
+class ConjugateGradient(LimitedMetric):
     r"""The Fisher matrix of all parameters over the last decisions, whose inverse multiplies the gradient.
 
     Every step of the parameters takes the direction $(F + dI)^{-1} g$ in place of $g$, where $F$ is the mean over the
@@ -93,8 +93,7 @@ class ConjugateGradient(Metric):
 
     def divergence(self, state: Recent, policy: Policy, step: Any) -> Float[Array, ""]:
         product = self._product(state, policy)(step)
-        parts = jax.tree.map(lambda along, s: jnp.sum(along * s), product, step)
-        return 0.5 * sum(jax.tree.leaves(parts), start=jnp.zeros(()))
+        return 0.5 * inner(product, step)
 
     def _product(self, state: Recent, policy: Policy) -> Callable[[Any], Any]:
         r"""The function $v \mapsto Fv$."""

@@ -44,6 +44,9 @@ class CriticFit(Part):
     """Whether it is for linear critics alone, whose weights are one vector."""
     one_stream: ClassVar[bool] = False
     """Whether successive decisions must be of one environment."""
+    leaves_errors: ClassVar[bool] = True
+    """Whether the level of rewards may learn from the temporal differences of discounted values. Those of a rule that
+    solves for the weights have the mean 0 at any level."""
 
     @abc.abstractmethod
     def init(self, weights: Any) -> Any:
@@ -158,6 +161,8 @@ class LeastSquares(CriticFit):
       reward are known but for a constant; damping chooses small ones.
     - `interval` (decisions): from one solution to the next, at least 1.
     """
+
+    leaves_errors: ClassVar[bool] = False
 
     rate: float = number(1e-3, 0, 1)
     initial: float = number(1.0, 0, open_low=True, at_start=True)

@@ -16,13 +16,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._running import RunningMean, running_mean
 from motorgrad._tree import Part, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._centring import Centring, SimpleCentring
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, Weights
 from motorgrad.learning._overshooting import BoundedTemporalDifference
-from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, Policy, frozen, split, thawed
+from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, Policy, adapted, frozen, split, thawed
 
 
 class Features(FeatureMap):
@@ -53,8 +54,8 @@ class Features(FeatureMap):
 
 
 class CriticState(NamedTuple):
-    r"""The `weights`; the present decision's `features`, and the action `previous` to it; the mean of rewards,
-    `reward`; `fit`, the state of the fitting rule."""
+    r"""The `weights`; the present decision's `features`, and the action `previous` to it; the level of rewards $\rho$,
+    `reward`: their mean, or what `ValueBasedCentring` has found; `fit`, the state of the fitting rule."""
 
     weights: Any
     features: Weights
@@ -72,6 +73,7 @@ class Critic(Baseline):
     discount: eqx.AbstractVar[float | None]
     decay: eqx.AbstractVar[float]
     fit: eqx.AbstractVar[CriticFit]
+    centring: eqx.AbstractVar[Centring | None]
 
     @abc.abstractmethod
     def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Any:
@@ -88,6 +90,10 @@ class Critic(Baseline):
     def validate(self) -> None:
         made = callable(self.features) and isinstance(self.features, Part)
         check(made, "features", self.features, "a Part that can be called, such as Features()")
+        if self.centring is not None and self.discount is not None and not self.fit.leaves_errors:
+            name = type(self.fit).__name__
+            errors = f"None or SimpleCentring with the fit {name}, which leaves no temporal difference to learn from"
+            check(not self.centring.reads_errors, "centring", type(self.centring).__name__, errors)
 
     @property
     def horizon(self) -> Any:
@@ -115,7 +121,7 @@ class Critic(Baseline):
         return CriticState(weights, jnp.zeros(shape, dtype), previous, running_mean(jnp.zeros((), dtype)), fit)
 
     def level(self, state: CriticState) -> Float[Array, ""]:
-        r"""The running mean of rewards, $\rho$."""
+        r"""The level of rewards, $\rho$."""
         return state.reward.mean
 
     def value_at(
@@ -134,7 +140,8 @@ class Critic(Baseline):
         level = self._compared(state)
         fall, slope, next_features = self.fall(state.weights, state.features, following, transition.terminated)
         error = (reward - level - fall).astype(dtype)
-        mean = add_sample(state.reward, reward, self.fit.mean_rate)
+        centring = SimpleCentring() if self.centring is None else self.centring
+        mean = centring.follow(state.reward, reward, error, self.fit.mean_rate)
         mean = where(transition.diverged, state.reward, mean)
         seen = jnp.asarray(reward, dtype)
         looks = (state.features, following, transition.terminated)
@@ -154,8 +161,9 @@ class Critic(Baseline):
         return state._replace(fit=self.fit.restart(state.fit), previous=jnp.zeros_like(state.previous))
 
     def _compared(self, state: CriticState) -> Float[Array, ""]:
-        """What rewards are compared with: their mean, or 0 for discounted values."""
-        return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
+        """What rewards are compared with: their level, or 0 for discounted values without centring."""
+        centred = self.discount is None or self.centring is not None
+        return state.reward.mean if centred else jnp.zeros_like(state.reward.mean)
 
     def _features(self, state: CriticState, observation: Array, previous: Array) -> Weights:
         dtype = state.features.dtype
@@ -167,7 +175,8 @@ class LinearCritic(Critic):
 
     Without a `discount` it is for the average reward: $\gamma = 1$, $\rho$ is the running mean of rewards, and $v$ is
     the *differential* value, the sum of what is yet to be earned above the mean, known but for a constant (Tsitsiklis &
-    Van Roy, 1999). With a `discount` $\gamma$ there is no $\rho$, and $v$ is the discounted value.
+    Van Roy, 1999). With a `discount` $\gamma$ there is no $\rho$, unless rewards are centred, and $v$ is the
+    discounted value.
 
     A state in which an episode *terminated* has the value 0; one in which it was *truncated* has the critic's value. A
     temporal difference is taken before the critic learns from it.
@@ -180,6 +189,8 @@ class LinearCritic(Critic):
     - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. The longer the trace, the less it matters that $\phi$
       cannot tell all states apart, and the noisier $v$ is. 1 for the average reward needs a task with episodes.
     - `fit`: how $w$ is learned, `TemporalDifference` or `LeastSquares`.
+    - `centring`: none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or
+      `ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for discounted values.
 
     **Raises:** `ValueError` for a value out of range; from `init`, for features that are no vector.
 
@@ -193,6 +204,7 @@ class LinearCritic(Critic):
     discount: float | None = number(None, 0, 1)
     decay: float = number(0.9, 0, 1)
     fit: CriticFit = LeastSquares()
+    centring: Centring | None = None
 
     def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Weights:
         return jnp.zeros(features, dtype)
@@ -233,6 +245,8 @@ class NetworkCritic(Critic):
     - `fit`: how the parameters are learned: at every decision by `BoundedTemporalDifference` or `TemporalDifference`,
       batch by batch by `FittedReturns`.
     - `network`: the hidden layers.
+    - `centring`: none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or
+      `ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for discounted values.
 
     **Raises:** `ValueError` for a value out of range, and for a `fit` that is for linear critics.
 
@@ -249,10 +263,20 @@ class NetworkCritic(Critic):
     decay: float = number(0.8, 0, 1)
     fit: CriticFit = BoundedTemporalDifference()
     network: Architecture = MultilayerPerceptron()
+    centring: Centring | None = None
 
     def validate(self) -> None:
         super().validate()
         check(not self.fit.linear, "fit", type(self.fit).__name__, "one for any function, such as TemporalDifference")
+
+    def update(self, state: CriticState, policy: Policy, transition: Transition) -> tuple[Advantage, CriticState]:
+        weights, dtype = state.weights, state.features.dtype
+        following = self._features(state, transition.next_observation, _as_vector(policy, transition.action, dtype))
+        layers = adapted(weights.layers, following)
+        if layers is not weights.layers:
+            seen = eqx.tree_at(lambda each: each.layers, weights, layers)
+            state = state._replace(weights=where(transition.diverged, weights, seen))
+        return super().update(state, policy, transition)
 
     def first_weights(self, features: int, dtype: Any, key: jax.Array) -> ValueNetwork:
         layers = frozen(self.network.build(features, key))

@@ -1,7 +1,6 @@
 r"""Gradient estimators: how rewards and scores become gradient samples $g = \delta z$."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
@@ -9,67 +8,33 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from motorgrad._errors import check
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, MeanReward, Transition
 from motorgrad.learning._branching import where
-from motorgrad.learning._critics import Critic
-from motorgrad.learning._overshooting import OvershootingBound
+from motorgrad.learning._overshooting import StepBound
+from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, at
-from motorgrad.learning._traces import Exponential, Trace
+from motorgrad.learning._surrogate import Batch, ClippedSurrogate
+from motorgrad.learning._traces import Episodic, Exponential, Trace
 from motorgrad.policies import Policy, split, trainable
-
-
-class NormalizationState(NamedTuple):
-    """The decaying sum of squared advantages, and that of their `weight`, which tends to 1."""
-
-    squares: Float[Array, ""]
-    weight: Float[Array, ""]
-
-
-class RootMeanSquare(Part):
-    r"""Advantage normalization: divides advantages $\delta$ by $\sqrt{v}$, where $v$ is a running mean of $\delta^2$.
-
-    A learning rate then says how far an advantage of usual size moves the parameters. It means the same for rewards of
-    any unit, and steps keep their length where rewards spread less and less while a task is learned. The mean forgets
-    as $v \leftarrow v + \gamma\,(\delta^2 - v)$ and is corrected for its start as Adam's is (Kingma & Ba, 2015), so
-    that the first advantage counts as one. The mean includes the newest advantage, so none counts as more than
-    $1/\sqrt\gamma$; this couples the two, a bias of the order of $\gamma$.
-
-    **Arguments:**
-
-    - `rate`: $\gamma \in (0, 1)$, per reward.
-    """
-
-    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True)
-
-    def init(self, dtype: Any) -> NormalizationState:
-        """The state before any advantage."""
-        return NormalizationState(jnp.zeros((), dtype), jnp.zeros((), dtype))
-
-    def update(self, state: NormalizationState, advantage: Float[Array, ""]) -> NormalizationState:
-        """The state after an advantage."""
-        return NormalizationState(
-            state.squares + self.rate * (jnp.square(advantage) - state.squares),
-            state.weight + self.rate * (1 - state.weight),
-        )
-
-    def factor(self, state: NormalizationState) -> Float[Array, ""]:
-        """What an advantage is multiplied by; 0 where all of them have been 0."""
-        some = state.squares > 0
-        return jnp.where(some, jnp.sqrt(state.weight / jnp.where(some, state.squares, 1)), 0)
 
 
 class EstimatorState(NamedTuple):
     r"""What an estimator carries from decision to decision.
 
     The state of the `trace`, of the `baseline` and of the `normalization` of advantages; `weight`, the discount
-    $\gamma^t$ within the episode. A part that is absent has the state `None`.
+    $\gamma^t$ within the episode; the state of the `scaling` of rewards; the `batch` that is to be used
+    again, without which there is a trace; the state of the `bound`. A part that is absent has the state `None`.
     """
 
     trace: PyTree[Array]
     baseline: Any
     normalization: NormalizationState | None
     weight: Float[Array, ""] | None
+    scaling: ScalingState | None = None
+    batch: Batch | None = None
+    bound: Any = None
 
 
 class Estimator(Part):
@@ -87,14 +52,34 @@ class Estimator(Part):
     - `normalization`: none for advantages $\delta$ as they are, or `RootMeanSquare` to normalize them.
     - `entropy`: none, or $\kappa \ge 0$, what a nat of entropy is worth in reward, or in normalized advantages. Every
       sample has $\kappa\,\nabla H(\pi(\cdot \mid y_t))$ added (Williams & Peng, 1991). It may be `Annealed`.
-    - `bound`: none, or an `OvershootingBound` of each sample, the entropy's part included: a safeguard for networks
-      that learn online.
+    - `entropy_in`: `"sample"` as above; or `"trace"`: $\kappa\,\operatorname{sign}(\delta_t)\,\nabla H$ is added to the
+      newest score in the trace, where $\delta$ multiplies it (Elsayed, Vasan & Mahmood, 2024). The bonus then
+      grows with the size of the advantage and decays with the trace.
+    - `reward_scaling`: none, or `RewardScaling` of rewards before anything else sees them.
+    - `bound`: none, or what limits each sample, the entropy's part included: an `OvershootingBound` as a safeguard for
+      networks that learn online, or `IntentionalStep`.
+    - `reuse`: none, so that each batch makes one step of the mean of its samples; or `ClippedSurrogate`, which makes
+      several steps from the decisions of a batch.
+
+    **Raises:** `ValueError` for a value out of range, and for parts that do not fit a `reuse`, with those that do.
     """
 
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         "olgarb": {"baseline": "mean", "improve": 1},
         "olpomdp": {"baseline": "none", "improve": 1},
         "gpomdp": {"baseline": "none", "improve": "never"},
+        "actor-critic": {
+            "baseline": {
+                "kind": "critic",
+                "features": {"kind": "features", "bias": False},
+                "discount": "none",
+                "decay": 0.5,
+                "fit": {"kind": "td", "learning_rate": 0.05},
+                "centring": {"kind": "value-based", "rate": 0.005},
+            },
+            "discount": "none",
+            "improve": 1,
+        },
     }
     """Named estimators as changes of settings, for configurations and the command line."""
 
@@ -105,7 +90,34 @@ class Estimator(Part):
     batch: Literal["mean", "sum"] = static("mean")
     normalization: RootMeanSquare | None = None
     entropy: float | Annealed | None = number(None, 0)
-    bound: OvershootingBound | None = None
+    entropy_in: Literal["sample", "trace"] = static("sample")
+    reward_scaling: RewardScaling | None = None
+    bound: StepBound | None = None
+    reuse: ClippedSurrogate | None = None
+
+    def validate(self) -> None:
+        if self.reuse is None:
+            return
+        whole = isinstance(self.improve, int) and self.improve > 1
+        check(whole, "improve", self.improve, "the decisions of a batch, an integer of at least 2, for a reuse of it")
+        parts = self.reuse.minibatches
+        divides = int(self.improve) % parts == 0
+        check(divides, "reuse.minibatches", parts, f"a divisor of improve = {self.improve}")
+        summed = isinstance(self.trace, Exponential | Episodic)
+        check(summed, "trace", type(self.trace).__name__, "Exponential or Episodic for a reuse of batches")
+        weighted = self.baseline is not None and self.baseline.needs_eligibility
+        words = "a critic, or one that does not see the eligibility, such as MeanReward, for a reuse of batches"
+        check(not weighted, "baseline", type(self.baseline).__name__, words)
+        check(self.bound is None, "bound", self.bound, "None for a reuse of batches, which has a limit of its own")
+        check(self.entropy_in == "sample", "entropy_in", self.entropy_in, "'sample' for a reuse of batches")
+
+    @property
+    def one_stream(self) -> str | None:
+        """The part that needs successive decisions of one environment, in words; `None` where none does."""
+        if self.reuse is not None:
+            return f"batches used again by {type(self.reuse).__name__}"
+        fit = getattr(self.baseline, "fit", None)
+        return f"a critic fitted by {type(fit).__name__}" if getattr(fit, "one_stream", False) else None
 
     @property
     def online(self) -> bool:
@@ -115,7 +127,13 @@ class Estimator(Part):
     @property
     def needs_decision(self) -> bool:
         """Whether a decision must be remembered until its reward comes."""
-        return self.entropy is not None or (self.baseline is not None and self.baseline.needs_decision)
+        kept = self.entropy is not None or self.reuse is not None
+        return kept or (self.baseline is not None and self.baseline.needs_decision)
+
+    @property
+    def needs_uniforms(self) -> bool:
+        """Whether the random numbers of a decision must be remembered with it."""
+        return False
 
     def needs_episodes(self) -> dict[str, str]:
         """The settings that need a task with episodes, by path."""
@@ -134,61 +152,61 @@ class Estimator(Part):
         parameters = trainable(policy)
         dtype = jax.tree.leaves(parameters)[0].dtype
         return EstimatorState(
-            trace=self.trace.init(parameters),
+            trace=None if self.reuse is not None else self.trace.init(parameters),
             baseline=None if self.baseline is None else self.baseline.start(policy, dtype, key),
             normalization=None if self.normalization is None else self.normalization.init(dtype),
             weight=None if self.discount is None else jnp.ones((), dtype),
+            scaling=None if self.reward_scaling is None else self.reward_scaling.init(dtype),
+            batch=None if self.reuse is None else self._empty_batch(policy, key),
+            bound=None if self.bound is None else self.bound.init(parameters),
         )
 
     def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
         """The state after an action was chosen on `observation`; its score enters the trace."""
         if self.baseline is not None:
             state = state._replace(baseline=self.baseline.observe(state.baseline, observation))
-        return state._replace(trace=self.trace.update(state.trace, score))
+        if self.bound is not None:
+            state = state._replace(bound=self.bound.observe(state.bound, score))
+        return state if state.batch is not None else state._replace(trace=self.trace.update(state.trace, score))
 
     def sample(
         self, state: EstimatorState, policy: Policy, transition: Transition, steps: Any = None
     ) -> tuple[PyTree[Array], EstimatorState]:
-        r"""The gradient sample of a transition, $g = \delta z$, and the state after it.
+        r"""The gradient sample of a transition, $g = \delta z$, and the state after it; of a learner that uses batches
+        again, the advantage alone, as the batch keeps the rest.
 
         A transition that diverged changes nothing learned, and its sample is to be dropped.
         """
-        advantage, baseline = self._advantage(state, policy, transition)
-        factors, normalization = [], state.normalization
-        if self.normalization is not None and normalization is not None:
-            updated = self.normalization.update(normalization, advantage.value)
-            factors.append(self.normalization.factor(updated))
-            normalization = where(transition.diverged, normalization, updated)
-        if state.weight is not None:
-            factors.append(state.weight)
-
-        def credited(eligibility: PyTree[Array], worth: Float[Array, ""]) -> PyTree[Array]:
-            for factor in factors:
-                worth = factor * worth
-            return jax.tree.map(lambda z: worth * z, eligibility)
-
-        sample = credited(self.trace.value(state.trace), advantage.trace)
+        advantage, state = self._advantage(state, policy, transition)
+        if self.reuse is not None:
+            return advantage.value, self._stored(state, transition, advantage)
+        entropy, worth = None, jnp.zeros(())
+        if self.entropy is not None:
+            entropy, worth = entropy_gradient(policy, transition.observation), at(self.entropy, steps)
+        if entropy is not None and self.entropy_in == "trace":
+            signed = jax.tree.map(lambda h: (jnp.sign(advantage.value) * worth * h).astype(h.dtype), entropy)
+            state = state._replace(trace=jax.tree.map(jnp.add, state.trace, self._alone(policy, signed)))
+        eligibility = self.trace.value(state.trace)
+        sample = _credited(eligibility, advantage.trace)
         if advantage.newest is not None:
             score = policy.score(transition.observation, transition.action)
-            newest = self.trace.value(self.trace.update(self.trace.init(trainable(policy)), score))
-            sample = jax.tree.map(jnp.add, sample, credited(newest, advantage.newest))
-        if self.entropy is not None:
-            bonus, slope = at(self.entropy, steps), entropy_gradient(policy, transition.observation)
-            sample = jax.tree.map(lambda g, h: (g + bonus * h).astype(g.dtype), sample, slope)
+            newest = self.trace.value(self._alone(policy, score))
+            sample = jax.tree.map(jnp.add, sample, _credited(newest, advantage.newest))
+        if entropy is not None and self.entropy_in == "sample":
+            sample = jax.tree.map(lambda g, h: (g + worth * h).astype(g.dtype), sample, entropy)
         if self.bound is not None:
-            worth = math.prod(factors, start=advantage.value)
-            bounded = self.bound.factor(worth, self.trace.value(state.trace))
-            sample = jax.tree.map(lambda g: (bounded * g).astype(g.dtype), sample)
-        weight = None if state.weight is None or self.discount is None else state.weight * self.discount
-        return sample, EstimatorState(state.trace, baseline, normalization, weight)
+            sample = self.bound.bounded(state.bound, sample, advantage.value, eligibility)
+        return sample, state
 
     def restart(self, state: EstimatorState, policy: Policy) -> EstimatorState:
         """The state at the start of an episode: the trace is empty and the discount starts again from 1."""
-        return EstimatorState(
-            trace=self.trace.init(trainable(policy)),
+        scaling, batch, weight = state.scaling, state.batch, state.weight
+        return state._replace(
+            trace=None if self.reuse is not None else self.trace.init(trainable(policy)),
             baseline=None if self.baseline is None else self.baseline.restart(state.baseline),
-            normalization=state.normalization,
-            weight=None if state.weight is None else jnp.ones_like(state.weight),
+            weight=None if weight is None else jnp.ones_like(weight),
+            scaling=scaling if self.reward_scaling is None or scaling is None else self.reward_scaling.restart(scaling),
+            batch=batch if self.reuse is None or batch is None else self.reuse.restart(batch),
         )
 
     def level(self, state: EstimatorState) -> Float[Array, ""]:
@@ -199,13 +217,76 @@ class Estimator(Part):
         """Do the work of a critic that is due once in many decisions."""
         return state if self.baseline is None else state._replace(baseline=self.baseline.solve(state.baseline))
 
-    def _advantage(self, state: EstimatorState, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+    def climb(self, state: Any, step: Callable[[Any, PyTree[Array]], Any]) -> Any:
+        """The state of a learner after all steps that its batch is good for, of which `step(state, gradient)` makes
+        one; the batch is empty then."""
+        reuse, own = self.reuse, state.estimator
+        assert reuse is not None
+
+        def bonus(state: Any) -> Any:
+            return None if self.entropy is None else at(self.entropy, state.steps)
+
+        decay = self.trace.decay if isinstance(self.trace, Exponential) else 1.0
+        after = reuse.climb(own.batch, state.policy, decay, bonus, state, step)
+        return after._replace(estimator=after.estimator._replace(batch=reuse.emptied(own.batch)))
+
+    def _empty_batch(self, policy: Policy, key: jax.Array) -> Batch:
+        assert self.reuse is not None
+        check(not policy.has_memory, "policy", type(policy).__name__, "one without a memory for a reuse of batches")
+        return self.reuse.init(policy, int(self.improve), jax.random.fold_in(key, 1))
+
+    def _advantage(
+        self, state: EstimatorState, policy: Policy, transition: Transition
+    ) -> tuple[Advantage, EstimatorState]:
+        """The advantage of a transition, normalized and discounted, and the state after it, except for the trace."""
+        dropped, scaling, normalization = transition.diverged, state.scaling, state.normalization
+        if self.reward_scaling is not None and scaling is not None:
+            scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
+            transition = transition._replace(reward=self.reward_scaling.factor(scaling) * transition.reward)
+        advantage, baseline = self._above_baseline(state, policy, transition)
+        if self.normalization is not None and normalization is not None:
+            updated = self.normalization.update(normalization, advantage.value)
+            advantage = _times(self.normalization.factor(updated), advantage)
+            normalization = where(dropped, normalization, updated)
+        weight = state.weight
+        if weight is not None and self.discount is not None:
+            advantage, weight = _times(weight, advantage), weight * self.discount
+        found = state._replace(baseline=baseline, normalization=normalization, weight=weight, scaling=scaling)
+        return advantage, found
+
+    def _above_baseline(self, state: EstimatorState, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+        """The advantage as the baseline tells it, and the state of the baseline after it."""
         if self.baseline is None:
             return Advantage(transition.reward, transition.reward), None
+        if self.baseline.needs_eligibility:
+            transition = transition._replace(eligibility=self.trace.value(state.trace))
         found = self.baseline.update(state.baseline, policy, transition)
         if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Advantage)):
             raise TypeError(f"baseline {type(self.baseline).__name__}: update must return (Advantage, state)")
         return found
+
+    def _stored(self, state: EstimatorState, transition: Transition, advantage: Advantage) -> EstimatorState:
+        """The state with a decision in the batch that is to be used again."""
+        assert self.reuse is not None
+        assert state.batch is not None
+        newest = 0 if advantage.newest is None else advantage.newest
+        told = (transition.observation, transition.action, advantage.trace, newest)
+        return state._replace(batch=self.reuse.add(state.batch, *told, transition.diverged))
+
+    def _alone(self, policy: Policy, score: PyTree[Array]) -> Any:
+        """The trace of one score. A trace is linear, so it can be added to that of the scores before."""
+        return self.trace.update(self.trace.init(trainable(policy)), score)
+
+
+def _times(factor: Float[Array, ""], advantage: Advantage) -> Advantage:
+    return jax.tree.map(lambda each: factor * each, advantage)
+
+
+def _credited(eligibility: PyTree[Array], advantage: Any) -> PyTree[Array]:
+    """An eligibility times an advantage, which is one number, or one for every parameter."""
+    if isinstance(advantage, Policy):
+        return jax.tree.map(jnp.multiply, advantage, eligibility)
+    return jax.tree.map(lambda z: advantage * z, eligibility)
 
 
 def entropy_gradient(policy: Policy, observation: Float[Array, " inputs"]) -> PyTree[Array]:
@@ -213,28 +294,3 @@ def entropy_gradient(policy: Policy, observation: Float[Array, " inputs"]) -> Py
     of the trainable part."""
     parameters, settings = split(policy)
     return jax.grad(lambda theta: eqx.combine(theta, settings).entropy(observation))(parameters)
-
-
-def olgarb(decay: float = 0.9, baseline: Baseline | None = MeanReward()) -> Estimator:  # noqa: B008
-    """OLGARB: online, exponential trace, average reward as the baseline (Weaver & Tao, 2001)."""
-    return Estimator(Exponential(decay), baseline)
-
-
-def olpomdp(decay: float = 0.9) -> Estimator:
-    """OLPOMDP: online, exponential trace, no baseline (Baxter & Bartlett, 1999)."""
-    return Estimator(Exponential(decay), None)
-
-
-def gpomdp(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
-    r"""GPOMDP: the mean of $\delta z$ at fixed parameters, by default without a baseline (Baxter & Bartlett, 2001)."""
-    return Estimator(Exponential(decay), baseline, improve="never")
-
-
-def gae(critic: Critic, decay: float = 0.9, improve: int | Literal["episode", "never"] = 160) -> Estimator:
-    r"""Generalised advantage estimation (Schulman et al., 2016).
-
-    A critic's temporal differences, each credited to the action of $k$ decisions before by $(\gamma\lambda)^k$, with
-    the critic's $\gamma$ and `decay` $\lambda \in [0, 1]$; a step is the mean of `improve` samples. $\gamma\lambda = 1$
-    needs a task with episodes.
-    """
-    return Estimator(Exponential(critic.horizon * decay), critic, improve=improve)

@@ -52,6 +52,7 @@ class FittedReturns(CriticFit):
 
     linear: ClassVar[bool] = False
     one_stream: ClassVar[bool] = True
+    leaves_errors: ClassVar[bool] = False
 
     learning_rate: float = number(3e-3, 0)
     rate: float = number(1e-3, 0, 1)

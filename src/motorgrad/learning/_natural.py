@@ -44,6 +44,10 @@ def _blocks(state: Blocks | Gathering) -> Blocks:
 class Metric(Transformation):
     """The measure of distance between policies by which a gradient is the steepest ascent."""
 
+
+class LimitedMetric(Metric):
+    """A metric that can limit how far a step changes the policy."""
+
     kl: eqx.AbstractVar[float | Annealed | None]
 
     @abc.abstractmethod
@@ -72,7 +76,7 @@ class Metric(Transformation):
         return jax.tree.map(lambda x: (factor * x).astype(x.dtype), step)
 
 
-class FisherMetric(Metric):
+class FisherMetric(LimitedMetric):
     r"""A running Fisher matrix of each unit's own parameters, whose inverse multiplies the gradient.
 
     After every decision $F \leftarrow F + \rho\,(\mathbb E[ss' \mid y_t] - F)$, where the expectation is over the
@@ -115,7 +119,7 @@ class FisherMetric(Metric):
         widest = max(block.shape[1] for block in jax.eval_shape(self._dampings, policy))
         smaller = f"one whose blocks have at most {LARGEST:,} parameters; ConjugateGradient takes any"
         check(widest <= LARGEST, "policy", f"{type(policy).__name__} with a block of {widest:,} parameters", smaller)
-        blocks = tuple(_identities(block, self.initial) for block in self._dampings(policy))
+        blocks = tuple(identities(block, self.initial) for block in self._dampings(policy))
         if self.interval == 1:
             return blocks
         observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
@@ -180,7 +184,7 @@ class FisherMetric(Metric):
 
     def after_growth(self, state: Blocks | Gathering, new: Bool[Array, " units"]) -> Blocks | Gathering:
         blocks = tuple(
-            jnp.where(new[:, None, None], _identities(block[:, 0], self.initial), block) for block in _blocks(state)
+            jnp.where(new[:, None, None], identities(block[:, 0], self.initial), block) for block in _blocks(state)
         )
         return state._replace(blocks=blocks) if isinstance(state, Gathering) else blocks
 
@@ -199,7 +203,8 @@ class FisherMetric(Metric):
         return policy.blocks(jax.tree.map(lambda d, p: jnp.broadcast_to(d, p.shape), given, parameters))
 
 
-def _identities(block: Float[Array, "units parameters"], scale: Any) -> Float[Array, "units parameters parameters"]:
+def identities(block: Float[Array, "units parameters"], scale: Any) -> Float[Array, "units parameters parameters"]:
+    """`scale` times the identity matrix, for each unit."""
     units, size = block.shape
     return jnp.broadcast_to(scale * jnp.eye(size, dtype=block.dtype), (units, size, size))
 

@@ -9,6 +9,7 @@ a bound that needs no second derivative and no further pass through a network. T
 size; the sum of magnitudes of the step is then $1/\kappa$ at most.
 """
 
+import abc
 from typing import Any
 
 import jax
@@ -50,7 +51,26 @@ class BoundedTemporalDifference(TemporalDifference):
         return self.learning_rate / overshooting(error, trace, self.learning_rate * self.scaling)
 
 
-class OvershootingBound(Part):
+class StepBound(Part):
+    """How long the step of a gradient sample is, judged by the sample alone and by those before it."""
+
+    def init(self, parameters: PyTree[Array]) -> Any:
+        """The state before any decision, for parameters of this structure."""
+        return None
+
+    def observe(self, state: Any, score: PyTree[Array]) -> Any:
+        """The state after a decision with this score."""
+        return state
+
+    @abc.abstractmethod
+    def bounded(
+        self, state: Any, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
+    ) -> PyTree[Array]:
+        r"""What takes the place of a `sample`, which is the `advantage` $\delta$ times the `eligibility` $z$, and more
+        where there is an entropy bonus."""
+
+
+class OvershootingBound(StepBound):
     r"""Bounds the steps of a policy, as `BoundedTemporalDifference` those of a critic.
 
     A gradient sample $g = \delta z$ is divided by $M = \max(1, \kappa\max(|\delta|, 1)\,\lVert z\rVert_1)$. With
@@ -64,6 +84,8 @@ class OvershootingBound(Part):
 
     scaling: float = number(3.0, 0)
 
-    def factor(self, advantage: Float[Array, ""], eligibility: PyTree[Array]) -> Float[Array, ""]:
-        """What a sample is multiplied by."""
-        return 1 / overshooting(advantage, eligibility, self.scaling)
+    def bounded(
+        self, state: Any, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
+    ) -> PyTree[Array]:
+        factor = 1 / overshooting(advantage, eligibility, self.scaling)
+        return jax.tree.map(lambda g: (factor * g).astype(g.dtype), sample)

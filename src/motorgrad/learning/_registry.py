@@ -2,17 +2,27 @@
 
 from motorgrad._tree import KINDS
 from motorgrad._tree import register as register
+from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
+from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
 from motorgrad.learning._conjugate import ConjugateGradient
+from motorgrad.learning._conjugate_ascent import ConjugateAscent
 from motorgrad.learning._critic_fits import CriticFit, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, LinearCritic, NetworkCritic
-from motorgrad.learning._estimator import Estimator, RootMeanSquare
+from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._fitted_values import FittedReturns
+from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
+from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._natural import FisherMetric, Metric
-from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound
+from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
+from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
+from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
+from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._surrogate import ClippedSurrogate
+from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
@@ -21,6 +31,7 @@ from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 
 KINDS.update(
     {
+        ActionValues: {"action-values": ActionValues},
         Agent: {"dense": Agent, "sparse": SparseAgent},
         Architecture: {"perceptron": MultilayerPerceptron},
         Annealed: {"annealed": Annealed},
@@ -32,25 +43,39 @@ KINDS.update(
             "linear": LinearBaseline,
             "mean": MeanReward,
             "network-critic": NetworkCritic,
+            "optimal": OptimalBaseline,
+            "unit-mean": UnitMean,
         },
+        Centring: {"simple": SimpleCentring, "value-based": ValueBasedCentring},
+        ClippedSurrogate: {"clipped": ClippedSurrogate},
         Criterion: {"clock": Clock, "plateau": Plateau},
         CriticFit: {
             "bounded-td": BoundedTemporalDifference,
             "fitted-returns": FittedReturns,
+            "intentional-td": IntentionalTemporalDifference,
             "least-squares": LeastSquares,
+            "swift-td": SwiftTemporalDifference,
             "td": TemporalDifference,
             "true-online-td": TrueOnlineTemporalDifference,
         },
-        Estimator: {"estimator": Estimator},
+        Estimator: {"action-value-gradient": ActionValueGradient, "estimator": Estimator},
         FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
-        Metric: {"conjugate-gradient": ConjugateGradient, "fisher": FisherMetric},
-        Optimizer: {"adam": Adam, "sgd": SGD},
-        OvershootingBound: {"overshooting": OvershootingBound},
+        Metric: {
+            "compatible": CompatibleWeights,
+            "conjugate-gradient": ConjugateGradient,
+            "episodic-nac": EpisodicNatural,
+            "fisher": FisherMetric,
+            "lstd-nac": LeastSquaresNatural,
+            "sherman-morrison": ShermanMorrison,
+        },
+        Optimizer: {"adam": Adam, "conjugate-ascent": ConjugateAscent, "sgd": SGD},
         PolyakAveraging: {"polyak": PolyakAveraging},
+        RewardScaling: {"reward-scaling": RewardScaling},
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
         SpatialIndex: {"grid": SpatialIndex},
+        StepBound: {"intentional": IntentionalStep, "overshooting": OvershootingBound},
         Trace: {
             "episodic": Episodic,
             "exponential": Exponential,

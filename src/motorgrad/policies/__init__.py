@@ -5,7 +5,7 @@ from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, Si
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
 from motorgrad.policies._controller import FiniteStateController, finite_state_controller
-from motorgrad.policies._featured import Featured, Network, hidden_activations
+from motorgrad.policies._featured import Featured, Network
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._frozen import frozen, thawed
 from motorgrad.policies._graded import (
@@ -27,6 +27,7 @@ from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
+from motorgrad.policies._standardisation import Standardisation, adapted
 from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
@@ -70,7 +71,9 @@ __all__ = [
     "SoftBoxes",
     "SoftSpheres",
     "Softmax",
+    "Standardisation",
     "activity",
+    "adapted",
     "bounded_hyperplanes",
     "describe",
     "finite_state_controller",
@@ -83,7 +86,6 @@ __all__ = [
     "graded_tiles",
     "grow",
     "growing",
-    "hidden_activations",
     "hyperplanes",
     "initial",
     "layered",

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 
 from motorgrad._errors import check
 from motorgrad._tree import Part, static
+from motorgrad.policies._standardisation import Standardisation
 
 Activation = Literal["elu", "gelu", "leaky-relu", "relu", "silu", "tanh"]
 ACTIVATIONS: dict[str, Callable[..., Any]] = {
@@ -60,6 +61,8 @@ class MultilayerPerceptron(Architecture):
     - `activation`: the nonlinearity $f$ of every layer, as in `jax.nn`.
     - `layer_norm`: whether potentials are normalised before the nonlinearity.
     - `sparsity`: the share of each unit's weights that start at 0, in [0, 1).
+    - `unit_length`: whether the output of the last layer is scaled to length 1 (Bjorck et al., 2022).
+    - `standardise`: whether the inputs are first made relative to their running mean and deviation, `Standardisation`.
 
     **Raises:** `ValueError` for a value out of range.
 
@@ -72,6 +75,8 @@ class MultilayerPerceptron(Architecture):
     activation: Activation = static("leaky-relu")
     layer_norm: bool = static(True)
     sparsity: float = static(0.9)
+    standardise: bool = static(False)
+    unit_length: bool = static(False)
 
     def validate(self) -> None:
         whole = all(isinstance(width, int) and 0 < width <= WIDEST for width in self.hidden)
@@ -79,7 +84,7 @@ class MultilayerPerceptron(Architecture):
         check(0 <= self.sparsity < 1, "sparsity", self.sparsity, "in [0, 1)")
 
     def build(self, inputs: int, key: jax.Array) -> eqx.nn.Sequential:
-        layers: list[Any] = []
+        layers: list[Any] = [Standardisation.of(inputs)] if self.standardise else []
         for width in self.hidden:
             key, own = jax.random.split(key)
             layers.append(sparse_linear(inputs, width, self.sparsity, own))
@@ -87,7 +92,13 @@ class MultilayerPerceptron(Architecture):
                 layers.append(eqx.nn.LayerNorm(width, use_weight=False, use_bias=False))
             layers.append(eqx.nn.Lambda(ACTIVATIONS[self.activation]))
             inputs = width
+        layers += [eqx.nn.Lambda(of_unit_length)] if self.unit_length else []
         return eqx.nn.Sequential(layers)
+
+
+def of_unit_length(x: jax.Array) -> jax.Array:
+    """A vector over its Euclidean length; those shorter than some 1e-3 stay shorter than 1, and 0 stays 0."""
+    return x * jax.lax.rsqrt(jnp.sum(jnp.square(x)) + 1e-6)
 
 
 def sparse_linear(inputs: int, outputs: int, sparsity: float, key: jax.Array) -> eqx.nn.Linear:

@@ -13,7 +13,18 @@ from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._frozen import frozen, thawed
-from motorgrad.policies._policy import Composed, Policy, from_rows, in_structure, outer, rows, split, trainable
+from motorgrad.policies._policy import (
+    Composed,
+    Policy,
+    from_rows,
+    in_structure,
+    outer,
+    rows,
+    split,
+    trainable,
+    with_fields,
+)
+from motorgrad.policies._standardisation import adapted
 
 P = TypeVar("P", bound=Policy)
 
@@ -94,7 +105,6 @@ class Featured(Seeing, Composed):
 
     def __check_init__(self) -> None:
         self._check_pool()
-        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
         check(isinstance(self.features, FeatureMap), "features", self.features, "a FeatureMap")
         count = self.features.size(self.observed)
         check(self.pool.inputs == count, "pool.inputs", self.pool.inputs, f"{count}, the number of features")
@@ -105,6 +115,13 @@ class Featured(Seeing, Composed):
 
     def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
         return self.features.expanded(observation)
+
+    def adapted(self, seen: Float[Array, " inputs"]) -> Self:
+        pool = self.pool.adapted(self.seen(seen))
+        return self if pool is self.pool else with_fields(self, pool=pool)
+
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        return self.pool.hidden_activations(self.seen(observation))
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         return in_structure(self, pool=self.pool.score(self.seen(observation), action))
@@ -167,8 +184,12 @@ class Network(Seeing):
     def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
         return thawed(self.module)(observation)
 
-    def activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        """The output of each hidden layer. Of a module that is no sequence of layers, the output alone."""
+    def adapted(self, seen: Float[Array, " inputs"]) -> Self:
+        module = adapted(self.module, seen)
+        return self if module is self.module else with_fields(self, module=module)
+
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        """Of a module that is no sequence of layers, the output alone."""
         module, found = thawed(self.module), []
         if not isinstance(module, eqx.nn.Sequential):
             return (module(observation),)
@@ -203,16 +224,6 @@ class Network(Seeing):
         """The pool's matrices, and the sample $ss'$ of the layers, without cross terms between them."""
         score = self.score(observation, action)
         return (*self.pool.fisher(self.seen(observation), action), outer(rows(score.module, 1)))
-
-
-def hidden_activations(policy: Policy, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-    """The output of each hidden layer of a policy, from the inputs on; none of one without hidden layers.
-
-    **Arguments:** the `policy`; an `observation`.
-    """
-    if isinstance(policy, Network):
-        return policy.activations(observation)
-    return hidden_activations(policy.pool, policy.seen(observation)) if isinstance(policy, Featured) else ()
 
 
 def featured(

@@ -14,7 +14,7 @@ from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
 from motorgrad.policies._featured import Seeing, featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Composed, Policy, in_structure, sizes
+from motorgrad.policies._policy import Composed, Policy, in_structure, sizes, with_fields
 
 
 def _python_numbers(values: Any) -> Any:
@@ -123,6 +123,17 @@ class Mirrored(Composed, BinaryUnits):
         """The sum of the pool's matrices on both views: exact if the pool's are, else an unbiased sample."""
         parts = zip(self._both_views(observation), self._both_sides(action), strict=True)
         return _sum(*(self.pool.fisher(view, side) for view, side in parts))
+
+    def adapted(self, seen: Float[Array, " inputs"]) -> Self:
+        """The policy after both views of one more observation, so that its statistics are symmetric, too."""
+        one, other = self._both_views(seen)
+        pool = self.pool.adapted(one).adapted(other)
+        return self if pool is self.pool else with_fields(self, pool=pool)
+
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        """The output of each of the pool's hidden layers on the observation, then on its mirror image."""
+        layers = zip(*(self.pool.hidden_activations(view) for view in self._both_views(observation)), strict=True)
+        return tuple(jnp.concatenate(both) for both in layers)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         one, other = (self.pool.entropy(view) for view in self._both_views(observation))

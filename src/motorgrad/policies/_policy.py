@@ -131,6 +131,11 @@ class Policy(eqx.Module):
         """Whether the task gets only a part of an action."""
         return type(self).emit is not Policy.emit
 
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        """The output of each hidden layer, from the inputs on; by default none."""
+        del observation
+        return ()
+
     def initial_memory(self) -> Float[Array, " memory"] | None:
         """The memory at the start of an episode; by default `None`, no memory."""
         return None
@@ -151,6 +156,13 @@ class Policy(eqx.Module):
         """The memory after an action, given what the units saw."""
         del seen, action
         return None
+
+    def adapted(self, seen: Float[Array, " inputs"]) -> Self:
+        """The policy after one more observation, for one that keeps statistics of them; the policy itself, for others.
+        A learner calls it with what an action led to. By default it concerns the parts that see the same."""
+        parts = parts_of(self)
+        after = [part.adapted(seen) if part.inputs == self.inputs else part for part in parts]
+        return self if all(new is old for new, old in zip(after, parts, strict=True)) else with_parts(self, after)
 
     def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " judged"]:
         """The part of what the units see by which baselines and critics judge a situation; by default all of it."""

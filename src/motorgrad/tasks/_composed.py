@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._presets import PRESETS, STEPS
+from motorgrad._presets import STEPS, natural
 from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
@@ -182,7 +182,7 @@ class Composed(BodyTask):
         return self.learner_for(STEPS)
 
     def learner_for(self, steps: int) -> Mapping[str, Any]:
-        return PRESETS["natural"](self, steps)
+        return natural(self, steps)
 
     @functools.cached_property
     def _bound(self) -> _Bindings:

@@ -1,10 +1,19 @@
 """Training: the loop over seeds and decisions, sweeps, run directories, checkpoints and resume."""
 
 from motorgrad._errors import NotTrusted
-from motorgrad.training._agents import NamedPolicy, agent_for, agent_from_table, agent_table, policy_settings
+from motorgrad.training._agents import (
+    NamedPolicy,
+    agent_for,
+    agent_from_table,
+    agent_table,
+    changed,
+    changes_named,
+    policy_settings,
+)
 from motorgrad.training._arguments import check_training
 from motorgrad.training._evaluate import Evaluation, evaluate
 from motorgrad.training._load import given_initial, load, saved_config
+from motorgrad.training._policy_score import PolicyScore
 from motorgrad.training._run import Run, final_metrics, saved_agent
 from motorgrad.training._saving import NotSaved
 from motorgrad.training._sweep import sweepable
@@ -38,6 +47,7 @@ __all__ = [
     "NamedPolicy",
     "NotSaved",
     "NotTrusted",
+    "PolicyScore",
     "Run",
     "RunDirectoryError",
     "RunWarning",
@@ -47,6 +57,8 @@ __all__ = [
     "agent_for",
     "agent_from_table",
     "agent_table",
+    "changed",
+    "changes_named",
     "check_imports",
     "check_tensorboard",
     "check_training",

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._presets import PRESETS, STEPS
-from motorgrad._settings import as_hinted, build, table
+from motorgrad._settings import as_hinted, build, full_path, table
 from motorgrad._tree import KINDS, Part, check_rounded, parts_by_path
-from motorgrad.learning import Agent, Optax
+from motorgrad.learning import Agent, Estimator, Optax
 from motorgrad.tasks import Task, make
 
 LARGEST = 100_000_000  # weights of a policy
@@ -126,7 +126,7 @@ def agent_for(
     - `changes`: settings by path, such as `{"estimator.trace.decay": 0.98}`, or by the short names of
       `Agent.aliases`. A part is given itself, by the name of its kind, as a table with a `kind`, or as `None`.
     - `preset`: the name of a preset in place of the task's own learner, such as `"natural"`, with the task's own
-      policy.
+      policy, before which it may put hidden layers. It may stand among the changes.
     - `steps` (decisions): of the training, to which learners scale that have schedules; by default 100,000.
     - `more`: the same for names without dots, as keywords.
 
@@ -145,17 +145,39 @@ def agent_for(
     known = changes is None or isinstance(changes, Mapping)
     check(known, "agent", changes, "a table of changes, such as {'estimator.trace.decay': 0.98}")
     steps = STEPS if steps is None else int(steps)
-    own = dict(task.learner_for(steps))
+    own, given = dict(task.learner_for(steps)), {**(changes or {}), **more}
+    preset = given.pop("preset", preset)
     if preset is not None:
         choice("preset", preset, PRESETS)
         own = PRESETS[preset](task, steps, own.get("policy"))
-    return _built(task, own, {**(changes or {}), **more})
+    return _built(task, own, given)
+
+
+def changes_named(name: str, where: str = "agent") -> dict[str, Any]:
+    """The changes that a word stands for: a named estimator, or a preset.
+
+    **Arguments:** the `name`; `where` it is given.
+
+    **Raises** `ValueError` for an unknown name, with the nearest known one.
+    """
+    if name not in (known := [*Estimator.presets, *PRESETS]):
+        raise unknown(where, name, known)
+    return {"preset": name} if name in PRESETS else {"estimator": name}
+
+
+def changed(changes: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes to a learner with `more` in their place, whether settings are named by path or by short name."""
+    paths = {full_path(Agent, name) for name in more}
+    return {name: value for name, value in changes.items() if full_path(Agent, name) not in paths} | dict(more)
 
 
 def _built(task: Task, own: dict[str, Any], given: Mapping[str, Any]) -> Agent:
     changed = given.get("policy", given.get("policy.kind"))
     kind = changed.get("kind") if isinstance(changed, Mapping) else changed
     own_policy = own.pop("policy", "hyperplanes")
+    own_kind = own_policy if isinstance(own_policy, str) else own_policy["kind"]
+    if isinstance(kind, str) and kind in policies.INITIAL and kind != own_kind:
+        own_policy = kind  # the settings of a policy do not pass to another kind
     named = NamedPolicy(task, "hyperplanes").with_setting(own_policy)
     wanted = kind if isinstance(kind, str) else named.kind
     implied = policies.IMPLIED.get(wanted, {})  # such as growth, for a policy that grows

@@ -108,8 +108,7 @@ def _check_envs(envs: Any, workers: Any, task: Task, agent: Agent, decisions: Ma
     on_host = isinstance(task, HostTask)
     check(on_host, "envs", envs, f"1 for the task {task.name!r}, whose world is compiled; it learns from more seeds")
     check(agent.growth is None, "envs", envs, "1 for a learner that grows")
-    fit = getattr(agent.estimator.baseline, "fit", None)
-    check(not getattr(fit, "one_stream", False), "envs", envs, f"1 for a critic fitted by {type(fit).__name__}")
+    check(agent.one_stream is None, "envs", envs, f"1 for {agent.one_stream}")
     for name, number in decisions.items():
         more = -(-number // envs) * envs
         check(more == number, name, number, f"a multiple of envs = {envs}, all of which it counts, such as {more}")

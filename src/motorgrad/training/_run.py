@@ -190,7 +190,7 @@ class Run:
         **Arguments:**
 
         - `quantity`: the column.
-        - `x`: what time is: `"decisions"`, `"simulated"` or `"wall"` seconds.
+        - `x`: what time is: `"decisions"`, `"simulated"`, `"wall"` or `"cpu"` seconds.
         - `smooth`: if given, each value is the mean over the last `smooth` units of `x`, of all that occurred there,
           and over two records at least.
 
@@ -201,7 +201,7 @@ class Run:
         """
         if x != "decisions" or smooth is not None:
             axis, window = axis_for([self], x), self.config["run"]["window"]
-            record = {"decisions": window, "simulated": window * self.task.period, "wall": 0.0}[axis]
+            record = {"decisions": window, "simulated": window * self.task.period, "wall": 0.0, "cpu": 0.0}[axis]
             found = curve_of(self, quantity, axis, None if smooth is None else max(smooth, 2 * record), "")
             return found.x, found.values
         if not self.metrics.num_rows:
@@ -333,7 +333,7 @@ class Records:
         self._setting = np.repeat(np.arange(settings), len(seeds) // settings) if settings else None
         self._tables: list[pa.Table] = []
 
-    def add(self, record: Record, decision: int, since: int, wall: float) -> float:
+    def add(self, record: Record, decision: int, since: int, wall: float, cpu: float = 0.0) -> float:
         """Add the record of the window from `since` to `decision`. Returns its mean reward over the lanes."""
         count = len(self.seeds)
         lost = record.get("diverged", 0)
@@ -344,6 +344,7 @@ class Records:
             "decision": np.full(count, decision, np.int64),
             "simulated_time": np.full(count, decision * self.period),
             "wall_time": np.full(count, wall),
+            "cpu_time": np.full(count, cpu),
             "reward": reward.astype(np.float32),
             **{name: values for name, values in record.items() if name not in ("reward", "parameters")},
         }
@@ -360,7 +361,8 @@ class Records:
         return table
 
 
-NOT_FINAL = frozenset({"setting", "seed", "decision", "simulated_time", "wall_time", "parameters", "baseline"})
+CLOCKS = ("simulated_time", "wall_time", "cpu_time")
+NOT_FINAL = frozenset({"setting", "seed", "decision", *CLOCKS, "parameters", "baseline"})
 """Columns of the metrics that say nothing about what learning has led to."""
 
 

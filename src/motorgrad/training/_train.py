@@ -204,7 +204,7 @@ class _Training:
         self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
         self.records = Records(self.stepper.seeds, task.period, len(settings))
         self.initial = self.stepper.policies()
-        self.wall, self.recorded = 0.0, 0
+        self.wall, self.cpu, self.recorded = 0.0, 0.0, 0
         self.continues = self.finished = False
         self._ending: tuple[Any, ...] | None = None
 
@@ -229,7 +229,7 @@ class _Training:
                 state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
             check_pickles(self.task, by_name(state), str(path), trust or about["ours"])
             self.stepper.restore(state)
-            self.recorded, self.wall = about["recorded"], about["wall"]
+            self.recorded, self.wall, self.cpu = about["recorded"], about["wall"], about.get("cpu", 0.0)
             self.config["run"]["steps"] = max(steps, about["decision"])
         directory.write_config(self.config)
         directory.roll_back(about, self.finished)
@@ -311,7 +311,9 @@ class _Training:
             while stepper.decision < steps and not stopped() and not (saving and saving.given_up):
                 due = min((stepper.decision // window + 1) * window, steps)
                 made, start = min(-(-count // self.envs) * self.envs, due - stepper.decision), time.perf_counter()
+                worked = time.process_time()
                 stepper.advance(made)
+                self.cpu += time.process_time() - worked
                 took = max(time.perf_counter() - start, 1e-6)
                 self.wall += took
                 # slices grow up to the time wanted; the time of the first includes compiling
@@ -351,7 +353,7 @@ class _Training:
     def _record(self) -> dict[str, float]:
         """Add a record. Returns the means over the seeds of the reward and of the task's first reading."""
         record = self.stepper.harvest()
-        latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall)}
+        latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall, self.cpu)}
         for name in self.task.reports[:1]:
             seen = record[name][np.isfinite(record[name])]
             latest |= {name: float(seen.mean())} if len(seen) else {}
@@ -371,7 +373,7 @@ class _Training:
         if self._ending is not None:  # to make the last record has changed the state
             return self.saving.save(*self._ending)
         about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
-        about |= {"config": self.config, "begins": self.begins}
+        about |= {"cpu": self.cpu, "config": self.config, "begins": self.begins}
         state = {**self.stepper.state, "kept": self.stepper.policies()}
         records, last = self.records.take(), None
         if short:

@@ -33,8 +33,8 @@ from scipy.optimize import minimize
 from scipy.sparse.csgraph import connected_components
 from scipy.special import softmax
 
-from motorgrad._errors import check
-from motorgrad.policies import FiniteStateController, Policy, split
+from motorgrad._errors import check, choice
+from motorgrad.policies import FiniteStateController, Policy, split, trainable
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
@@ -129,17 +129,49 @@ def critic_gradient(
     return _contract(mdp, policy, pi, quality)
 
 
+def optimal_baseline(
+    mdp: FiniteMDP, policy: Policy, decay: float, each: str = "policy"
+) -> Float[np.ndarray, " baselines"]:
+    r"""$b^* = \mathbb E[z^2 r]\,/\,\mathbb E[z^2]$: the constants by which $(r - b)\,z$ has the least mean square, for
+    a trace of `decay` $\beta$ (Greensmith, Bartlett & Baxter, 2004).
+
+    `each` says what has one of its own: the `"policy"`, with squared lengths for $z^2$; every `"unit"`, in the order of
+    `Policy.blocks`; or every `"parameter"`, in the order of `flat`.
+    """
+    check(0 <= decay < 1, "decay", decay, "in [0, 1)")
+    choice("each", each, ("policy", "unit", "parameter"))
+    chance, score = action_probabilities(mdp, policy), _scores(mdp, policy)
+    pi = stationary_distribution(mdp, policy)
+    matrix, taken = transition_matrix(mdp, policy), chance[:, :, None] * score
+    later = np.einsum("s,sai,ast->ti", pi, taken, mdp.transitions)
+    # z just before a state, and its square, times the probability of the state
+    first = np.linalg.solve(np.eye(mdp.states) - decay * matrix.T, later)
+    joint = 2 * decay * first[:, None] * score + pi[:, None, None] * np.square(score)
+    again = np.einsum("sa,sai,ast->ti", chance, joint, mdp.transitions)
+    second = np.linalg.solve(np.eye(mdp.states) - decay**2 * matrix.T, again)
+    squares = chance[:, :, None] * (decay**2 * second[:, None] + joint)
+    weights = squares.sum((0, 1))
+    pay = np.einsum("sai,as->i", squares, mdp.expected_rewards)
+    if each == "parameter":
+        return pay / weights
+    if each == "policy":
+        return np.atleast_1d(pay.sum() / weights.sum())
+    with jax.enable_x64(True):
+        build = ravel_pytree(trainable(to_float64(policy)))[1]
+        pays, all_weights = (
+            np.concatenate([np.asarray(block).sum(1) for block in policy.blocks(build(jnp.asarray(vector)))])
+            for vector in (pay, weights)
+        )
+    return pays / all_weights
+
+
 def fisher(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "parameters parameters"]:
     r"""The Fisher matrix $\sum_s \pi_s \sum_a \pi(a \mid s)\,\nabla\log\pi\,(\nabla\log\pi)'$, in the order of `flat`.
 
     Blocks between the parameters of independent units are zero.
     """
-    with jax.enable_x64(True):
-        parameters, settings = split(to_float64(policy))
-        vector, build = ravel_pytree(parameters)
-        score = jax.jacfwd(lambda v: jnp.log(_probabilities(mdp, eqx.combine(build(v), settings))))(vector)
-        weight = stationary_distribution(mdp, policy)[:, None] * action_probabilities(mdp, policy)
-        return np.einsum("sa,sai,saj->ij", weight, *[np.where(weight[..., None] > 0, score, 0)] * 2)
+    weight = stationary_distribution(mdp, policy)[:, None] * action_probabilities(mdp, policy)
+    return np.einsum("sa,sai,saj->ij", weight, *[_scores(mdp, policy)] * 2)
 
 
 def natural_gradient(mdp: FiniteMDP, policy: P) -> P:
@@ -352,6 +384,15 @@ def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actio
     each = jnp.exp(log_prob(jnp.asarray(mdp.observations), actions))
     # Of a policy with hidden units, several actions look alike to the world.
     return jax.ops.segment_sum(each.T, index, mdp.actions).T
+
+
+def _scores(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions parameters"]:
+    r"""$\nabla\log\pi$ of every action in every state, 0 for those that are impossible."""
+    with jax.enable_x64(True):
+        parameters, settings = split(to_float64(policy))
+        vector, build = ravel_pytree(parameters)
+        score = jax.jacfwd(lambda v: jnp.log(_probabilities(mdp, eqx.combine(build(v), settings))))(vector)
+        return np.where(action_probabilities(mdp, policy)[..., None] > 0, score, 0)
 
 
 def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"]:

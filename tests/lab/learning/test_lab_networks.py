@@ -32,7 +32,7 @@ def test_a_network_acts_and_shows_its_hidden_units_as_the_policy():
         )
         for tick in range(TICKS):
             seen = jnp.asarray(record["seen.y"][seed, tick], jnp.float32)
-            hidden = np.concatenate(policies.hidden_activations(policy, seen))
+            hidden = np.concatenate(policy.hidden_activations(seen))
             np.testing.assert_allclose(record["network.hidden"][seed, tick], hidden, rtol=1e-4, atol=1e-5)
             np.testing.assert_allclose(record["network.probability"][seed, tick], policy.prob(seen), rtol=1e-4)
     one, other = record["network.parameters"][:, 0]

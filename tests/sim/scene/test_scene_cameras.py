@@ -127,7 +127,6 @@ class Looker:
 
 @needs_browser
 @pytest.mark.slow
-@pytest.mark.ci
 def test_each_camera_moves_as_it_should(walker, browser):
     looker, cameras = Looker(browser, walker), walker.view.cameras
     camera, pose = looker.camera, walker.pose

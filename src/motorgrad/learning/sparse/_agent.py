@@ -89,11 +89,17 @@ class SparseAgent(Agent):
         check(traced, "estimator.trace", estimator.trace, "Exponential or Episodic with a spatial index")
         scalar = baseline is None or not baseline.needs_decision
         check(scalar, "estimator.baseline", baseline, "one that does not see the observation with a spatial index")
+        weighted = baseline is not None and baseline.needs_eligibility
+        words = "one that does not see the eligibility, such as MeanReward, with a spatial index"
+        check(not weighted, "estimator.baseline", baseline, words)
         check(estimator.online, "estimator.improve", estimator.improve, "1, at every decision, with a spatial index")
         plain = type(self.optimizer) is SGD and self.optimizer.weight_decay is None
         check(plain, "optimizer", self.optimizer, "SGD without weight decay with a spatial index")
         for name in ("metric", "growth", "averaging"):
             check(getattr(self, name) is None, name, getattr(self, name), "None with a spatial index")
+        for name in ("bound", "reward_scaling", "reuse"):
+            part = getattr(estimator, name)
+            check(part is None, f"estimator.{name}", part, "None with a spatial index")
         check(not self.transformations, "transformations", self.transformations, "() with a spatial index")
         check(estimator.entropy is None, "estimator.entropy", estimator.entropy, "None with a spatial index")
 

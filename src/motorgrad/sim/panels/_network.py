@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.policies import Policy, hidden_activations
+from motorgrad.policies import Policy
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._panel import Numbers, Panel, brief
 from motorgrad.sim.panels._policy_diagrams import Field, draw_layers, draw_portrait, limits_of
@@ -29,7 +29,7 @@ class NetworkPanel(Panel):
     def fill(self, gui: Any) -> None:
         session = self.session
         sizes = [len(layer) for layer in _layers(session, session.snapshot())]
-        self._field = Field(lambda policy, seen: jnp.concatenate(hidden_activations(policy, seen)))
+        self._field = Field(lambda policy, seen: jnp.concatenate(policy.hidden_activations(seen)))
         self._starts = np.cumsum([0, *sizes])
         with gui.add_folder("Hidden units"):
             self._units = gui.add_html("")
@@ -76,7 +76,7 @@ class NetworkPanel(Panel):
 
 @jax.jit
 def _activations(policy: Policy, seen: jax.Array) -> tuple[jax.Array, ...]:
-    return hidden_activations(policy, seen)
+    return policy.hidden_activations(seen)
 
 
 def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer, unknown
-from motorgrad._presets import PRESETS, STEPS
+from motorgrad._presets import STEPS, natural
 from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 SUCCESS = ("solved", "success", "is_success")
 """Keys of `info` by which environments report success: MyoSuite's, Meta-World's and Gymnasium-Robotics'."""
 TAKEN = ("return", "length", "reward", "episodes", "diverged", "baseline", "parameters", "seed", "decision")
-TAKEN += ("simulated_time", "wall_time", "setting", "units", "adding")  # other columns of the metrics
+TAKEN += ("simulated_time", "wall_time", "cpu_time", "setting", "units", "adding")  # other columns of the metrics
 
 
 class EnvironmentMemory(NamedTuple):
@@ -184,7 +184,7 @@ class Gymnasium(HostTask):
         return self.learner_for(STEPS)
 
     def learner_for(self, steps: int) -> Mapping[str, Any]:
-        return PRESETS["natural"](self, steps)
+        return natural(self, steps)
 
     @property
     def observation_size(self) -> int:

@@ -195,11 +195,9 @@ def _told(actions: str | tuple[str, ...]) -> str:
 
 
 def validate_episodes(task: Task, agent: Agent) -> None:
-    """Refuse an estimator that needs episodes on a task that has none."""
-    for setting in [] if task.has_episodes else agent.estimator.needs_episodes():
-        raise ValueError(
-            f"estimator.{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit"
-        )
+    """Refuse a learner that needs episodes on a task that has none."""
+    for setting in [] if task.has_episodes else agent.needs_episodes():
+        raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
 
 
 def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:

@@ -37,8 +37,8 @@ def learning_curves(
     - `quantity`: a column of their metrics, or several: a panel each, above one x axis.
     - `path`: where to save the figure, if anywhere: `.svg` (its text stays text), `.png` (300 dots per inch) or `.pdf`;
       or a folder, in which it is named after the quantities. The same numbers give the same bytes.
-    - `x`: `"decisions"`; `"simulated"` or `"wall"` seconds. By default simulated seconds where all runs are of one task
-      that knows them, else decisions.
+    - `x`: `"decisions"`; `"simulated"`, `"wall"` or `"cpu"` seconds. By default simulated seconds where all runs are of
+      one task that knows them, else decisions.
     - `smooth`: each point is the mean over the last `smooth` units of x, of all that occurred there: the mean of a
       record longer than the run's own. By default no more than the records' own means. The figure states it.
     - `labels`: what to call the runs. By default the settings in which they differ, or else their folders.

@@ -12,9 +12,14 @@ from jaxtyping import Float, Int
 
 from motorgrad._errors import check, choice
 
-Axis = Literal["decisions", "simulated", "wall"]
-AXES: tuple[Axis, ...] = ("decisions", "simulated", "wall")
-UNITS = {"decisions": "decisions", "simulated": "s of simulated time", "wall": "s of wall time"}
+Axis = Literal["decisions", "simulated", "wall", "cpu"]
+AXES: tuple[Axis, ...] = ("decisions", "simulated", "wall", "cpu")
+UNITS = {
+    "decisions": "decisions",
+    "simulated": "s of simulated time",
+    "wall": "s of wall time",
+    "cpu": "s of processor time",
+}
 
 
 class Plotted(Protocol):
@@ -123,7 +128,7 @@ def axis_for(runs: Sequence[Plotted], x: Axis | None) -> Axis:
         tasks = {run.config["task"]["name"] for run in runs}
         return "simulated" if len(tasks) == 1 and not timeless else "decisions"
     choice("x", x, AXES)
-    allowed = "decisions or wall: the task " + f"{timeless[0] if timeless else ''} has no simulated time"
+    allowed = "decisions, wall or cpu: the task " + f"{timeless[0] if timeless else ''} has no simulated time"
     check(x != "simulated" or not timeless, "x", x, allowed)
     return x
 
@@ -138,7 +143,7 @@ def check_smooth(smooth: float | None, axis: Axis, curves: Sequence[Curve]) -> N
 
 
 def _positions(run: Plotted, axis: Axis, lanes: int) -> Float[np.ndarray, " records"]:
-    column = {"decisions": "decision", "simulated": "simulated_time", "wall": "wall_time"}[axis]
+    column = {"decisions": "decision", "simulated": "simulated_time", "wall": "wall_time", "cpu": "cpu_time"}[axis]
     return run.metrics[column].to_numpy()[::lanes].astype(float)
 
 

@@ -34,7 +34,12 @@ LOOK: Any = {
 }
 DATELESS: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
 
-X_LABELS = {"decisions": "decisions", "simulated": "simulated time (s)", "wall": "wall time (s)"}
+X_LABELS = {
+    "decisions": "decisions",
+    "simulated": "simulated time (s)",
+    "wall": "wall time (s)",
+    "cpu": "processor time (s)",
+}
 Y_LABELS = {
     "reward": "mean reward\nper decision",
     "apex": "height of the foot\nat a hop's apex (m)",
@@ -45,6 +50,7 @@ Y_LABELS = {
     "episodes": "episodes ended\nper record",
     "simulated_time": "simulated time (s)",
     "wall_time": "wall time (s)",
+    "cpu_time": "processor time (s)",
 }
 
 
@@ -52,7 +58,7 @@ class LearningCurves(Figure):
     """A matplotlib figure that knows its numbers, and displays itself in a notebook.
 
     - `curves`: what is drawn, a `Curve` for each quantity and run.
-    - `axis`: what x is: `"decisions"`, `"simulated"` or `"wall"` (seconds).
+    - `axis`: what x is: `"decisions"`, `"simulated"`, `"wall"` or `"cpu"` (seconds).
     - `saved`: the file, if there is one.
     """
 

@@ -21,7 +21,7 @@ from motorgrad.training.plots._plot_curves import Plotted
 
 FILE = "events.out.tfevents.motorgrad"  # TensorBoard looks for "tfevents" in the name
 # TensorBoard has its own axes for the first ones; parameters are not scalars
-SKIPPED = ("seed", "decision", "simulated_time", "wall_time", "parameters")
+SKIPPED = ("seed", "decision", "simulated_time", "wall_time", "cpu_time", "parameters")
 
 
 def write_tensorboard(run: Plotted, folder: Path | str) -> Path:

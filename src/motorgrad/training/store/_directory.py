@@ -292,7 +292,7 @@ class RunDirectory:
             _warn(self._said(each, before))
         for each in more:
             _warn(f"{self._metrics.folder / each.name} {each.what}; training makes it again")
-        return pa.concat_tables(tables) if tables else None
+        return pa.concat_tables(tables, promote_options="default") if tables else None
 
     def check_rest(self, about: dict[str, Any]) -> None:
         """Warn of a damaged `provenance.json` or older checkpoint; refuse initial policies of another run."""

@@ -14,6 +14,7 @@ from motorgrad.lab.blocks.learning._parts import (
     VALID,
     BlockField,
     PartBlock,
+    Vector,
     check_count,
     is_paid,
     where,
@@ -214,8 +215,48 @@ class ObservingBaselineBlock(BaselineBlock):
         return Recalled(self.bound_part.observe(after, observation), observation, inputs["action"])
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EligibilityBaselineBlock(BaselineBlock):
+    """The block compares a reward with the baseline, and then learns from it and from the trace that it met. The
+    parameters of its trace are one unit: give every unit a block of its own. `gradient` is the sample, with each
+    parameter's own baseline."""
+
+    size: Annotated[int, Setting("number of parameters of the trace")] = 1
+
+    def validate(self) -> None:
+        check_count("size", self.size, MOST_PARAMETERS)
+        super().validate()
+
+    @property
+    def inputs(self) -> Ports:
+        return {"reward": Port(), "trace": Port((self.size,)), "valid": VALID}
+
+    @property
+    def outputs(self) -> Ports:
+        return {
+            "gradient": Port((self.size,), help="reward above the baseline, times the trace"),
+            "baseline": Port(help="present level of rewards"),
+        }
+
+    @property
+    def _policy(self) -> Any:
+        return Vector(jnp.zeros(self.size))
+
+    def _transition(self, state: Any, inputs: Signals) -> learning.Transition:
+        return super()._transition(state, inputs)._replace(eligibility=Vector(inputs["trace"]))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        baseline: Any = self.bound_part
+        error = self._update(baseline, state, inputs)[0].trace
+        sample = (error.parameters if isinstance(error, Vector) else error) * inputs["trace"]
+        return {"gradient": jnp.where(is_paid(inputs, now), sample, 0), "baseline": baseline.level(state)}
+
+
 def baseline_block(part: type[learning.Baseline]) -> type[BaselineBlock]:
-    """The base class of a baseline's block: with ports for the observation where the baseline looks at it."""
+    """The base class of a baseline's block: with ports for the observation where the baseline looks at it, and for the
+    trace where it looks at that."""
+    if part.needs_eligibility:
+        return EligibilityBaselineBlock
     observes = part.needs_decision or part.observe is not learning.Baseline.observe
     return ObservingBaselineBlock if observes else BaselineBlock
 

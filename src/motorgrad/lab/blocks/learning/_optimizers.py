@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from typing import Annotated, Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -12,14 +11,16 @@ from jaxtyping import Array, Float, Int
 from motorgrad import learning
 from motorgrad._errors import check
 from motorgrad._tree import Numbers
-from motorgrad.lab.blocks.learning._parts import MOST_PARAMETERS, BlockField, PartBlock, check_count, is_paid, where
+from motorgrad.lab.blocks.learning._parts import (
+    MOST_PARAMETERS,
+    BlockField,
+    PartBlock,
+    Vector,
+    check_count,
+    is_paid,
+    where,
+)
 from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
-
-
-class Vector(eqx.Module):
-    """All parameters of a policy as one array, in the place of the policy: what an optimizer is told of it."""
-
-    parameters: Float[Array, " size"]
 
 
 class OptimizerState(NamedTuple):

@@ -13,9 +13,11 @@ import typing
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from motorgrad._docstrings import field_texts, summary_of
 from motorgrad._errors import check
@@ -39,6 +41,19 @@ T = TypeVar("T")
 VALID = Port((), "bool", default=1.0, help="whether the reward of this tick counts")
 MOST_UNITS = 10_000
 MOST_PARAMETERS = 1_000_000
+
+
+class Vector(eqx.Module):
+    """All parameters of a policy as one array, in the place of the policy: what an optimizer and a baseline of the
+    eligibility are told of it. They are one unit."""
+
+    parameters: Float[Array, " size"]
+
+    def blocks(self, gradient: "Vector") -> tuple[Float[Array, "1 size"]]:
+        return (gradient.parameters[None],)
+
+    def from_blocks(self, blocks: tuple[Float[Array, "1 size"]]) -> "Vector":
+        return Vector(blocks[0][0])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -119,6 +119,8 @@ class Units(Block, abc.ABC):
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         after = self.moved(state, inputs, now)
+        if isinstance(after, Policy):
+            return where(jnp.all(self.frozen), after, after.adapted(inputs["observation"]))
         if not isinstance(after, Remembering):
             return after
         policy, seen, action = self._acted(state, inputs, now)
@@ -369,7 +371,7 @@ class Network(NamedPolicy):
         return {**super().outputs, "hidden": Port((sum(self.hidden),), help="activations of the hidden units")}
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        layers = policies.hidden_activations(self.acting(self.moved(state, inputs, now)), inputs["observation"])
+        layers = self.acting(self.moved(state, inputs, now)).hidden_activations(inputs["observation"])
         return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}
 
 

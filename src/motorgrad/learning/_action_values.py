@@ -1,0 +1,237 @@
+r"""The gradient of an action's value, through the action (Vasan et al., 2024).
+
+Every other estimator follows scores: it asks how a change of parameters changes the *probability* of the action that
+was drawn. With real-valued actions one can ask how it changes the *action*. A policy draws it as a function of random
+numbers, $a_\theta(y, u)$. Where the value $Q(y, a)$ of an action is known,
+
+$$\nabla_\theta\,\mathbb E\,Q(y, a) = \mathbb E\,\nabla_\theta\,Q(y, a_\theta(y, u)),$$
+
+the pathwise gradient, or that of reparameterisation (Kingma & Welling, 2014). It has no reward in it and needs no
+baseline, and it is only as good as the slope of $Q$.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree, UInt32
+
+from motorgrad._errors import check
+from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
+from motorgrad._tree import Part, number
+from motorgrad.learning._baselines import Baseline, Transition
+from motorgrad.learning._branching import where
+from motorgrad.learning._chain import adam_scaling
+from motorgrad.learning._critics import ValueNetwork
+from motorgrad.learning._estimator import Estimator, EstimatorState
+from motorgrad.learning._schedules import at
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, frozen, split, thawed, trainable
+
+LEAST_VARIANCE = 1e-4
+
+
+class ErrorScale(NamedTuple):
+    """Mean and variance of rewards and of discounts, which are 0 where an episode terminates; the mean of squared
+    returns of episodes; what the present one has `earned`."""
+
+    rewards: tuple[RunningMean, RunningMean]
+    discounts: tuple[RunningMean, RunningMean]
+    squares: RunningMean
+    earned: Float[Array, ""]
+
+
+class ActionValueState(NamedTuple):
+    """The network, the state of Adam, the scale of errors, and the key of what the next actions are drawn from."""
+
+    weights: ValueNetwork
+    rule: Any
+    scale: ErrorScale
+    key: UInt32[Array, " words"]
+
+
+class ActionValues(Part):
+    r"""The value $Q(y, a)$ of an action by a network, learned from every decision by expected SARSA with entropy.
+
+    $$\delta = \big[r + \gamma\,\big(Q(y', a') + \alpha H(\pi(\cdot \mid y'))\big) - Q(y, a)\big]/\sigma,
+    \qquad a' \sim \pi(\cdot \mid y'),$$
+
+    and a step of Adam without momentum along $\delta\,\nabla Q(y, a)$. Errors have the scale
+
+    $$\sigma^2 = \operatorname{Var} r + \operatorname{Var}\gamma_t \cdot \mathbb E\,G^2$$
+
+    (Schaul et al., 2021), with $\gamma_t = 0$ where an episode terminated and $G$ the undiscounted return of an
+    episode; rewards are those with the entropy added.
+
+    **Arguments:**
+
+    - `discount`: $\gamma \in [0, 1)$.
+    - `learning_rate`: of Adam, at least 0.
+    - `b2`: the decay of Adam's mean of squared gradients, in [0, 1).
+    - `network`: the hidden layers. They see the observation and the action, in one vector. With wide layers the last
+      digits of a seed depend on how many seeds learn side by side.
+    """
+
+    discount: float = number(0.99, 0, 1, open_high=True)
+    learning_rate: float = number(1e-3, 0)
+    b2: float = number(0.999, 0, 1, open_high=True)
+    network: Architecture = MultilayerPerceptron(sparsity=0.0, layer_norm=False, standardise=True, unit_length=True)
+
+    @property
+    def _rule(self) -> Any:
+        return adam_scaling(0.0, self.b2)
+
+    def init(self, policy: Policy, dtype: Any, key: jax.Array) -> ActionValueState:
+        """The state before any decision; `key` draws the network, and then the next actions."""
+        drawn, later = jax.random.split(key)
+        inputs = policy.inputs + policy.mode(jnp.zeros(policy.inputs, dtype)).size
+        layers = frozen(self.network.build(inputs, drawn))
+        layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
+        size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(inputs, dtype)).shape
+        weights = ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
+        none = jnp.zeros((), dtype)
+        pair = (running_mean(none), running_mean(none))
+        scale = ErrorScale(pair, pair, running_mean(none), none)
+        learned: Any = split(weights)[0]
+        return ActionValueState(weights, self._rule.init(learned), scale, jax.random.key_data(later))
+
+    def value(
+        self, weights: ValueNetwork, observation: Float[Array, " inputs"], action: Float[Array, " actions"]
+    ) -> Float[Array, ""]:
+        """$Q(y, a)$."""
+        return weights(_joined(weights, observation, action))
+
+    def gradient(
+        self, state: ActionValueState, policy: Policy, transition: Transition, worth: Any = 0.0
+    ) -> PyTree[Array]:
+        r"""$\nabla_\theta\,[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))]$, with $\alpha$ as the `worth`, for the
+        random numbers $u$ from which the action of the transition was drawn."""
+        learned, settings = split(policy)
+
+        def gain(parameters: Any) -> Float[Array, ""]:
+            present = eqx.combine(parameters, settings)
+            action = present.sample(transition.observation, transition.uniforms)
+            value = self.value(state.weights, transition.observation, action)
+            return value + worth * present.entropy(transition.observation)
+
+        return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
+
+    def update(
+        self, state: ActionValueState, policy: Policy, transition: Transition, worth: Any = 0.0
+    ) -> ActionValueState:
+        """The state after a transition."""
+        look, action = transition.observation, transition.action
+        weights, following = state.weights, transition.next_observation
+        layers = adapted(weights.layers, _joined(weights, look, action))
+        weights = eqx.tree_at(lambda each: each.layers, weights, layers)
+        key = jax.random.wrap_key_data(state.key)
+        numbers = jax.random.uniform(jax.random.fold_in(key, 0), (policy.uniforms,), look.dtype)
+        going = 1 - jnp.asarray(transition.terminated, look.dtype)
+        later = self.value(weights, following, policy.sample(following, numbers)) + worth * policy.entropy(following)
+        learned, settings = split(weights)
+
+        def valued(learned: Any) -> Float[Array, ""]:
+            return self.value(eqx.combine(learned, settings), look, action)
+
+        value, slope = jax.value_and_grad(valued)(learned)
+        bonus = transition.reward + worth * policy.entropy(look)
+        scale = self._scaled(state.scale, bonus.astype(value.dtype), going)
+        variance = scale.rewards[1].mean + scale.discounts[1].mean * scale.squares.mean
+        sigma = jnp.where(variance > 0, jnp.sqrt(jnp.maximum(variance, LEAST_VARIANCE)), 1)
+        error = (transition.reward + self.discount * going * later - value) / sigma
+        down = jax.tree.map(lambda g: -error * g, slope)
+        moves, rule = self._rule.update(down, state.rule)
+        learned = eqx.apply_updates(learned, jax.tree.map(lambda move: -self.learning_rate * move, moves))
+        after = ActionValueState(
+            eqx.combine(learned, settings), rule, scale, jax.random.key_data(jax.random.fold_in(key, 1))
+        )
+        return where(transition.diverged, state, after)
+
+    def restart(self, state: ActionValueState) -> ActionValueState:
+        """The state at the start of an episode."""
+        return state._replace(scale=state.scale._replace(earned=jnp.zeros_like(state.scale.earned)))
+
+    def _scaled(self, scale: ErrorScale, reward: Float[Array, ""], going: Float[Array, ""]) -> ErrorScale:
+        earned = scale.earned + reward
+        squares = where(going == 0, add_sample(scale.squares, jnp.square(earned)), scale.squares)
+        discounts = add_observation(*scale.discounts, (self.discount * going).astype(reward.dtype))
+        return ErrorScale(add_observation(*scale.rewards, reward), discounts, squares, earned * going)
+
+
+def _joined(weights: ValueNetwork, observation: Array, action: Array) -> Float[Array, " inputs"]:
+    return jnp.concatenate([observation, action]).astype(weights.weights.dtype)
+
+
+class ActionValueGradient(Estimator):
+    r"""The action value gradient, AVG (Vasan et al., 2024): samples follow the value of the action, not its reward.
+
+    $$g = \nabla_\theta\,\big[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))\big]$$
+
+    with $Q$ learned beside it, for policies with real-valued actions. The entropy and its gradient are exact, where the
+    paper takes $-\log\pi(a \mid y)$ of the drawn action, which has the same mean and more noise. There is no trace: a
+    sample is that of the newest action alone, and what comes later is in $Q$.
+
+    **Arguments:** those of `Estimator`, of which `improve`, `batch`, `entropy` ($\alpha$) and `reward_scaling` have an
+    effect; `trace` has none, and the others are refused.
+
+    - `values`: the value $Q$ of an action, and how it is learned.
+
+    **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
+    real numbers.
+
+    ```python
+    estimator = mg.learning.ActionValueGradient(entropy=0.05)
+    agent = mg.Agent(mg.policies.bounded_hyperplanes(task), estimator, mg.learning.Adam(3e-4, b1=0.0))
+    ```
+    """
+
+    baseline: Baseline | None = None
+    values: ActionValues = ActionValues()
+
+    def validate(self) -> None:
+        super().validate()
+        for name in ("baseline", "discount", "normalization", "bound", "reuse"):
+            found = getattr(self, name)
+            check(found is None, name, found, "None with ActionValueGradient, which has no advantages")
+        check(self.entropy_in == "sample", "entropy_in", self.entropy_in, "'sample' with ActionValueGradient")
+
+    @property
+    def needs_decision(self) -> bool:
+        return True
+
+    @property
+    def needs_uniforms(self) -> bool:
+        return True
+
+    def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
+        plain = policy.actions == "graded" and not policy.has_memory and not policy.hides
+        wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory, for ActionValueGradient"
+        check(plain, "policy", type(policy).__name__, wanted)
+        key = jax.random.key(0) if key is None else key
+        dtype = jax.tree.leaves(trainable(policy))[0].dtype
+        values = self.values.init(policy, dtype, jax.random.fold_in(key, 2))
+        look, numbers = jnp.zeros(policy.inputs, dtype), jnp.zeros(policy.uniforms, dtype)
+        try:
+            told = Transition(look, policy.mode(look), look[0], look, uniforms=numbers)
+            jax.eval_shape(lambda values: self.values.gradient(values, policy, told), values)
+        except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
+            wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
+            raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
+        return super().init(policy, key)._replace(trace=None, baseline=values)
+
+    def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
+        return state
+
+    def sample(
+        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Any = None
+    ) -> tuple[PyTree[Array], EstimatorState]:
+        values = state.baseline
+        scaled, state = self._advantage(state, policy, transition)  # the reward, as nothing is subtracted
+        transition = transition._replace(reward=scaled.value)
+        worth = 0.0 if self.entropy is None else at(self.entropy, steps)
+        gradient = self.values.gradient(values, policy, transition, worth)
+        return gradient, state._replace(baseline=self.values.update(values, policy, transition, worth))
+
+    def restart(self, state: EstimatorState, policy: Policy) -> EstimatorState:
+        fresh = super().restart(state, policy)
+        return fresh._replace(trace=None, baseline=self.values.restart(state.baseline))

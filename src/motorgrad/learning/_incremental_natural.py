@@ -1,0 +1,146 @@
+r"""Natural gradients without systems to solve (Bhatnagar, Sutton, Ghavamzadeh & Lee, 2009).
+
+Both algorithms take a gradient sample $g$: $\delta\psi$ with the score $\psi$ in the paper, the sample of any estimator
+here. At every decision they compute a few products, where `FisherMetric` solves a system.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from motorgrad._errors import check
+from motorgrad._tree import number
+from motorgrad.learning._baselines import Transition
+from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._chain import Updates, inner
+from motorgrad.learning._natural import LARGEST, Blocks, Metric, identities
+from motorgrad.policies import Policy, trainable
+
+
+class CompatibleWeights(Metric):
+    r"""The weights $w$ of the compatible features, which are the natural gradient (Bhatnagar et al., 2009).
+
+    The advantage of an action is approximated by $w \cdot \psi$, linear in its own score. The weights of least square
+    error are $w = F^{-1}\nabla\eta$ (Sutton et al., 2000; Kakade, 2001). They are learned at every decision,
+
+    $$w \leftarrow w + \alpha\,(g - \psi\psi'w),$$
+
+    and are the direction of the step in place of $g$. A decision costs one more score, and no matrix is kept, yet the
+    correlations of all parameters count. $w$ is a mean over some $1/\alpha|\psi|^2$ decisions, like a momentum: the
+    policy must change more slowly.
+
+    **Arguments:**
+
+    - `rate`: $\alpha \ge 0$. Stable where $\alpha|\psi|^2$ is well below 1.
+
+    **Raises:** `ValueError` in an `Agent` that does not improve at every decision.
+    """
+
+    needs_decision: ClassVar[bool] = True
+
+    rate: float = number(0.02, 0)
+
+    def validate_in(self, agent: Any) -> None:
+        wanted = "1, at every decision, with CompatibleWeights; FisherMetric takes batches"
+        check(agent.estimator.online, "estimator.improve", agent.estimator.improve, wanted)
+
+    def init(self, policy: Policy) -> PyTree[Array]:
+        return jax.tree.map(jnp.zeros_like, trainable(policy))
+
+    def observe(self, state: PyTree[Array], policy: Policy, transition: Transition) -> PyTree[Array]:
+        score = policy.score(transition.observation, transition.action)
+        along = self.rate * inner(score, state)
+        moved = jax.tree.map(lambda w, s: (w - along * s).astype(w.dtype), state, score)
+        return where(transition.diverged, state, moved)
+
+    def update(
+        self, updates: Updates, state: PyTree[Array], policy: Policy, steps: Any, due: Flag
+    ) -> tuple[Updates, PyTree[Array]]:
+        # Updates descend: they are minus the gradient.
+        weights = jax.tree.map(lambda w, u: (w - self.rate * u).astype(w.dtype), state, updates)
+        return jax.tree.map(jnp.negative, weights), weights
+
+    def reset(self, state: PyTree[Array], policy: Policy) -> PyTree[Array]:
+        return jax.tree.map(jnp.zeros_like, state)
+
+
+class InverseState(NamedTuple):
+    """The inverse of each block, and the coordinate whose damping is due, counted from 0."""
+
+    blocks: Blocks
+    turn: Int[Array, ""]
+
+
+class ShermanMorrison(Metric):
+    r"""The inverse Fisher matrix of each unit, kept by rank-one updates (Bhatnagar et al., 2009).
+
+    After every decision $F \leftarrow (1 - \alpha)\,F + \alpha\,\psi\psi'$ with the score of the action that was drawn,
+    and by the formula of Sherman and Morrison (1950)
+
+    $$F^{-1} \leftarrow \frac{1}{1 - \alpha}\Big[F^{-1} -
+    \frac{\alpha\,F^{-1}\psi\,(F^{-1}\psi)'}{1 - \alpha + \alpha\,\psi'F^{-1}\psi}\Big].$$
+
+    Along directions that scores do not have, as of softmax, the original inverse grows without bounds. So each decision
+    takes in the damping of one of the $n$ coordinates too, in turn, by a second update of rank one, $F \leftarrow F +
+    \alpha n d\,e_ie_i'$; after all turns it is that of $F + dI$, but for a ripple of the order of $\alpha n$.
+
+    **Arguments:**
+
+    - `rate`: $\alpha \in (0, 1)$; the matrix is a mean over some $1/\alpha$ decisions.
+    - `damping`: $d > 0$, in the units of $F$.
+    - `initial`: above 0, in the same units: $F$ starts as so much times the identity.
+
+    **Raises:** `ValueError` for a value out of range; from `init`, for a policy with more than 4,096 parameters in a
+    block.
+    """
+
+    needs_decision: ClassVar[bool] = True
+
+    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True)
+    damping: float = number(0.01, 0, open_low=True)
+    initial: float = number(1.0, 0, open_low=True, at_start=True)
+
+    def init(self, policy: Policy) -> InverseState:
+        rows = policy.blocks(jax.tree.map(jnp.zeros_like, trainable(policy)))
+        widest = max(row.shape[1] for row in rows)
+        smaller = f"one whose blocks have at most {LARGEST:,} parameters; CompatibleWeights takes any"
+        check(widest <= LARGEST, "policy", f"{type(policy).__name__} with a block of {widest:,} parameters", smaller)
+        blocks = tuple(identities(row, 1 / self.initial) for row in rows)
+        return InverseState(blocks, jnp.zeros((), jnp.int32))
+
+    def observe(self, state: InverseState, policy: Policy, transition: Transition) -> InverseState:
+        rows = policy.blocks(policy.score(transition.observation, transition.action))
+
+        def after(inverse: Array, score: Array) -> Array:
+            size = score.shape[1]
+            inverse = _rank_one(inverse / (1 - self.rate), jnp.sqrt(self.rate) * score)
+            weight = jnp.sqrt(self.rate * self.damping * size)
+            one = weight * (jnp.arange(size) == state.turn % size).astype(score.dtype)
+            return _rank_one(inverse, jnp.broadcast_to(one, score.shape))
+
+        blocks = tuple(after(*pair) for pair in zip(state.blocks, rows, strict=True))
+        turn = (state.turn + 1) % LARGEST
+        return where(transition.diverged, state, InverseState(blocks, turn))
+
+    def update(
+        self, updates: Updates, state: InverseState, policy: Policy, steps: Any, due: Flag
+    ) -> tuple[Updates, InverseState]:
+        pairs = zip(state.blocks, policy.blocks(updates), strict=True)
+        return policy.from_blocks(tuple((inverse * row[:, None, :]).sum(-1) for inverse, row in pairs)), state
+
+    def after_growth(self, state: InverseState, new: Bool[Array, " units"]) -> InverseState:
+        fresh = (identities(block[:, 0], 1 / self.initial) for block in state.blocks)
+        pairs = zip(state.blocks, fresh, strict=True)
+        return state._replace(blocks=tuple(jnp.where(new[:, None, None], start, block) for block, start in pairs))
+
+
+def _rank_one(
+    inverse: Float[Array, "units parameters parameters"], vector: Float[Array, "units parameters"]
+) -> Float[Array, "units parameters parameters"]:
+    """The inverse after the matrix had the vector times its transpose added."""
+    along = (inverse * vector[:, None, :]).sum(-1)
+    # Rounded alike on both sides of the diagonal: nothing would make the matrix symmetric again.
+    half = jax.lax.rsqrt(1 + jnp.sum(vector * along, axis=1))[:, None] * along
+    return inverse - half[:, :, None] * half[:, None, :]

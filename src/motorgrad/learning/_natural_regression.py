@@ -1,0 +1,233 @@
+r"""Natural gradients by regression (Peters & Schaal, 2008): no gradient is estimated, and no Fisher matrix.
+
+The advantage of an action is approximated by $w \cdot \psi$, linear in its score $\psi = \nabla\log\pi$. The weights of
+least square error are the natural gradient, $w = F^{-1}\nabla\eta$ (Sutton et al., 2000; Kakade, 2001). Both rules here
+find them together with the values that advantages are relative to, and step along them in place of the estimator's
+gradient, which they do not read.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float
+
+from motorgrad._errors import check
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._tree import number
+from motorgrad.learning._baselines import Transition
+from motorgrad.learning._branching import Flag, where, where_any
+from motorgrad.learning._chain import Updates
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
+from motorgrad.learning._critics import Features
+from motorgrad.learning._natural import LARGEST, Metric
+from motorgrad.policies import Policy, trainable
+
+
+class RegressionMetric(Metric):
+    """A metric that finds the direction of a step by regression on scores."""
+
+    needs_decision: ClassVar[bool] = True
+
+    def validate_in(self, agent: Any) -> None:
+        reuse = agent.estimator.reuse
+        wanted = f"None with {type(self).__name__}, which reads no gradient; FisherMetric takes one"
+        check(reuse is None, "estimator.reuse", reuse, wanted)
+
+    def zeros(self, policy: Policy) -> Float[Array, " parameters"]:
+        """A zero for each parameter. **Raises** `ValueError` for more than 4,096."""
+        zeros = jnp.zeros_like(ravel_pytree(trainable(policy))[0])
+        few = f"one of at most {LARGEST:,} parameters; CompatibleWeights takes any"
+        check(zeros.size <= LARGEST, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few)
+        return zeros
+
+    def score(self, policy: Policy, transition: Transition) -> Float[Array, " parameters"]:
+        """The score of a decision, as one vector."""
+        return ravel_pytree(policy.score(transition.observation, transition.action))[0]
+
+    def along(self, policy: Policy, direction: Float[Array, " parameters"]) -> Updates:
+        """The updates, which descend, of a direction that ascends."""
+        return ravel_pytree(trainable(policy))[1](-direction)
+
+
+class CompatibleState(NamedTuple):
+    r"""The weights of the features $\phi$ and, last, $w$ of the scores; the mean of rewards; the state of the fit."""
+
+    weights: Float[Array, " features"]
+    reward: RunningMean
+    fit: Any
+
+
+class LeastSquaresNatural(RegressionMetric):
+    r"""LSTD natural actor-critic (Peters & Schaal, 2008): least squares for values and advantages at once.
+
+    By LSTD(λ), the weights $(v, w)$ solve
+
+    $$r_{t+1} - \rho + \gamma\,v \cdot \phi(y_{t+1}) = v \cdot \phi(y_t) + w \cdot \psi_t + \text{noise},$$
+
+    with $(\phi_t, \psi_t)$ as features of a decision and $(\phi_{t+1}, 0)$ as those of the next. The step is along $w$,
+    the natural gradient. Give the learner an estimator without baseline: its gradient is not read.
+
+    **Arguments:**
+
+    - `features`: $\phi$, without the previous action.
+    - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
+    - `decay`: $\lambda \in [0, 1]$, of the trace of the features.
+    - `fit`: `LeastSquares`: their memory, damping and interval. The interval is best that of the learner's steps,
+      and the memory a few of them.
+
+    **Raises:** `ValueError` for a value out of range, and for features that see the previous action; from `init`, for a
+    policy with more than 4,096 parameters.
+    """
+
+    features: Features = Features()
+    discount: float | None = number(None, 0, 1)
+    decay: float = number(0.9, 0, 1)
+    fit: CriticFit = LeastSquares()
+
+    def validate(self) -> None:
+        check(not self.features.actions, "features.actions", True, "False")
+        check(isinstance(self.fit, LeastSquares), "fit", type(self.fit).__name__, "LeastSquares")
+
+    @property
+    def needs_episodes(self) -> str | None:
+        if isinstance(self.discount, float) and self.discount == 1:
+            return "discount = 1"
+        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+
+    def init(self, policy: Policy) -> CompatibleState:
+        zeros = self.zeros(policy)
+        seen = self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
+        weights = jnp.zeros(seen.size + zeros.size, zeros.dtype)
+        return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights))
+
+    def observe(self, state: CompatibleState, policy: Policy, transition: Transition) -> CompatibleState:
+        dtype, horizon = state.weights.dtype, 1.0 if self.discount is None else self.discount
+        score = self.score(policy, transition)
+        present = self._seen(policy.judged(transition.observation))
+        following = self._seen(transition.next_observation)
+        following = jnp.where(transition.terminated, 0, following)
+        slope = jnp.concatenate([present, score]).astype(dtype)
+        later = jnp.concatenate([following, jnp.zeros_like(score)]).astype(dtype)
+        reward, level = jnp.asarray(transition.reward, dtype), self._level(state)
+        error = reward - level - state.weights @ (slope - horizon * later)
+        step = CriticStep(slope, later, reward, level, error, horizon, self.decay)
+        weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
+        mean = add_sample(state.reward, reward, self.fit.mean_rate)
+        return CompatibleState(weights, where(transition.diverged, state.reward, mean), fit)
+
+    def solve(self, state: CompatibleState, policy: Policy, due: Flag) -> CompatibleState:
+        weights, fit = self.fit.solve(state.weights, state.fit, self._level(state))
+        return state._replace(weights=weights, fit=fit)
+
+    def rest(self, state: CompatibleState) -> Any:
+        return self.fit.rest(state.fit)
+
+    def update(
+        self, updates: Updates, state: CompatibleState, policy: Policy, steps: Any, due: Flag
+    ) -> tuple[Updates, CompatibleState]:
+        size = ravel_pytree(trainable(policy))[0].size
+        return self.along(policy, state.weights[-size:]), state
+
+    def restart(self, state: CompatibleState, ended: Flag) -> CompatibleState:
+        return state._replace(fit=where(ended, self.fit.restart(state.fit), state.fit))
+
+    def _seen(self, observation: Array) -> Float[Array, " features"]:
+        return self.features(observation, jnp.zeros(0, observation.dtype))
+
+    def _level(self, state: CompatibleState) -> Float[Array, ""]:
+        return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
+
+
+class EpisodicState(NamedTuple):
+    r"""Of the present episode the sum of scores, with a last entry of 1, the `earned` return, the `weight` $\gamma^t$
+    and whether it `broke`; of all episodes the means of $xx'$ and $xR$, with the `direction` that solves them."""
+
+    scores: Float[Array, " parameters+1"]
+    earned: Float[Array, ""]
+    weight: Float[Array, ""]
+    broke: Bool[Array, ""]
+    means: RunningMean
+    direction: Float[Array, " parameters"]
+
+
+class EpisodicNatural(RegressionMetric):
+    r"""Episodic natural actor-critic (Peters & Schaal, 2008): returns of episodes, regressed on their scores.
+
+    $$\sum_t \gamma^t r_{t+1} = w \cdot \sum_t \gamma^t\psi_t + J + \text{noise} .$$
+
+    The intercept $J$ is the mean return, and the step is along $w$, the natural gradient of it. No critic is needed,
+    and no values of states. It takes more episodes than there are parameters to know all of $w$; damping makes up for
+    what is missing. Give the learner an estimator without baseline: its gradient is not read.
+
+    **Arguments:**
+
+    - `discount`: $\gamma \in (0, 1]$ within an episode.
+    - `rate`: in [0, 1], per episode; the n-th episode moves the means by $\max(1/n, \text{rate})$ of its distance.
+    - `damping`: $d > 0$, in the units of the squared sum of scores of an episode.
+
+    **Raises:** `ValueError` for a value out of range, for a task without episodes and for several `envs`; from
+    `init`, for a policy with more than 4,096 parameters.
+    """
+
+    one_stream: ClassVar[bool] = True  # its means change with the end of an episode
+
+    discount: float = number(1.0, 0, 1, open_low=True)
+    rate: float = number(0.01, 0, 1)
+    damping: float = number(0.1, 0, open_low=True)
+
+    @property
+    def needs_episodes(self) -> str | None:
+        return "kind = 'episodic-nac'"
+
+    def init(self, policy: Policy) -> EpisodicState:
+        zeros = self.zeros(policy)
+        scores = jnp.zeros(zeros.size + 1, zeros.dtype)
+        means = running_mean((jnp.zeros((scores.size, scores.size), zeros.dtype), scores))
+        zero, one = jnp.zeros((), zeros.dtype), jnp.ones((), zeros.dtype)
+        return EpisodicState(scores, zero, one, jnp.zeros((), bool), means, zeros)
+
+    def observe(self, state: EpisodicState, policy: Policy, transition: Transition) -> EpisodicState:
+        score = jnp.append(self.score(policy, transition), 0)
+        after = state._replace(
+            scores=(state.scores + state.weight * score).at[-1].set(1),
+            earned=state.earned + (state.weight * transition.reward).astype(state.earned.dtype),
+            weight=state.weight * self.discount,
+        )
+        return where(transition.diverged, state._replace(broke=jnp.ones((), bool)), after)
+
+    def restart(self, state: EpisodicState, ended: Flag) -> EpisodicState:
+        episode = state.scores, state.earned
+
+        def take_in(means: RunningMean) -> RunningMean:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            scores, earned = jax.lax.optimization_barrier(episode)
+            return add_sample(means, (scores[:, None] * scores, earned * scores), self.rate)
+
+        whole = jnp.asarray(ended) & ~state.broke & (state.scores[-1] > 0)
+        means = where_any(whole, take_in, state.means)
+        fresh = EpisodicState(
+            scores=jnp.zeros_like(state.scores),
+            earned=jnp.zeros_like(state.earned),
+            weight=jnp.ones_like(state.weight),
+            broke=jnp.zeros_like(state.broke),
+            means=means,
+            direction=state.direction,
+        )
+        return where(ended, fresh, state._replace(means=means))
+
+    def update(
+        self, updates: Updates, state: EpisodicState, policy: Policy, steps: Any, due: Flag
+    ) -> tuple[Updates, EpisodicState]:
+        def solve(old: Array) -> Array:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            squares, products = jax.lax.optimization_barrier(state.means.mean)
+            share = jnp.maximum(squares[-1, -1], jnp.finfo(squares.dtype).tiny)
+            mean = squares[-1, :-1] / share  # the intercept, taken out by hand, has no damping
+            matrix = squares[:-1, :-1] - share * mean[:, None] * mean
+            right = products[:-1] - products[-1] * mean
+            return jnp.linalg.solve(matrix + self.damping * jnp.eye(mean.size, dtype=mean.dtype), right)
+
+        direction = where_any(due, solve, state.direction)
+        return self.along(policy, direction), state._replace(direction=direction)

@@ -1,0 +1,253 @@
+"""The gradient of an action's value: exact on bandits, its critic by the formulas, and policies that it leads up."""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.learning import (
+    ActionValueGradient,
+    ActionValues,
+    Adam,
+    Agent,
+    IntentionalStep,
+    MeanReward,
+    RewardScaling,
+    RootMeanSquare,
+    Transition,
+)
+from motorgrad.policies import (
+    Architecture,
+    BoundedHyperplanes,
+    GradedHyperplanes,
+    MultilayerPerceptron,
+    Softmax,
+    split,
+)
+
+CENTRE = 0.7
+
+
+def unit() -> Any:
+    return GradedHyperplanes(slope=jnp.array([[0.2]]), level=jnp.array([-0.1]), log_deviation=jnp.array([-1.0]))
+
+
+class Bowl(eqx.Module):
+    """A single feature, −(a − 0.7 y)²."""
+
+    def __call__(self, x):
+        return -jnp.square(x[1:] - CENTRE * x[:1])
+
+
+class Bowls(Architecture):
+    """Layers whose output is that of `Bowl`."""
+
+    def build(self, inputs, key):
+        return Bowl()
+
+
+def values_known(policy):
+    """Action values and their state, where $Q = -(a - 0.7 y)^2$."""
+    values: Any = ActionValues(network=Bowls())
+    state = values.init(policy, jnp.float64, jax.random.key(0))
+    return values, state._replace(weights=eqx.tree_at(lambda w: w.weights, state.weights, jnp.ones(1)))
+
+
+def grid(count):
+    return (np.arange(count) + 0.5) / count
+
+
+def test_of_normal_units_it_is_the_exact_gradient_of_a_quadratic_bandit():
+    """E Q = −((m − c)² + s²), and a nat of entropy log s is worth 0.3."""
+    with jax.enable_x64(True):
+        policy = unit()
+        values, state = values_known(policy)
+        look = jnp.array([1.5])
+
+        def sample(u):
+            transition = Transition(look, None, jnp.zeros(()), look, uniforms=jnp.array([u]))
+            return values.gradient(state, policy, transition, 0.3)
+
+        found = jax.tree.map(lambda g: g.mean(0), jax.vmap(sample)(jnp.asarray(grid(20_000))))
+        m, s = 0.2 * 1.5 - 0.1, 0.02 + math.exp(-1.0)
+        of_m, of_s = -2 * (m - CENTRE * 1.5), (-2 * s + 0.3 / s) * math.exp(-1.0)
+        np.testing.assert_allclose(found.level[0], of_m, rtol=1e-4)
+        np.testing.assert_allclose(found.slope[0, 0], 1.5 * of_m, rtol=1e-4)
+        np.testing.assert_allclose(found.log_deviation[0], of_s, atol=1e-4)  # near 0
+
+
+@pytest.mark.parametrize("density", ["squashed", "clipped", "truncated"])
+def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
+    """Against finite differences of the mean over the random numbers."""
+    with jax.enable_x64(True):
+        look, uniforms = jnp.array([1.0]), jnp.asarray(grid(4_000))
+
+        def units(theta):
+            level, noise = theta
+            noise, zero = jnp.array([noise]), jnp.array([[0.0]])
+            low, high = jnp.array(-1.0), jnp.array(2.0)
+            return BoundedHyperplanes(
+                slope=zero,
+                level=jnp.array([level]),
+                log_deviation=noise,
+                low=low,
+                high=high,
+                density=density,
+            )
+
+        def mean(theta):
+            policy = units(theta)
+            actions = jax.vmap(lambda u: policy.sample(look, u[None]))(uniforms)
+            return float(jnp.mean(-jnp.square(actions - CENTRE)) + 0.2 * policy.entropy(look))
+
+        policy = units((0.3, -0.8))
+        values, state = values_known(policy)
+
+        def sample(u):
+            transition = Transition(look, None, jnp.zeros(()), look, uniforms=u[None])
+            return values.gradient(state, policy, transition, 0.2)
+
+        found = jax.tree.map(lambda g: float(g.mean()), jax.vmap(sample)(uniforms))
+        step = 1e-4
+        slopes = [
+            (mean((0.3 + step, -0.8)) - mean((0.3 - step, -0.8))) / (2 * step),
+            (mean((0.3, -0.8 + step)) - mean((0.3, -0.8 - step))) / (2 * step),
+        ]
+        np.testing.assert_allclose([found.level, found.log_deviation], slopes, rtol=0.02, atol=1e-3)
+
+
+def test_a_decision_of_the_critic_is_that_of_the_formulas():
+    policy: Any = unit()
+    values = ActionValues(0.9, 0.01, network=MultilayerPerceptron((4,), layer_norm=False, unit_length=True))
+    state = values.init(policy, jnp.float32, jax.random.key(0))
+    state = state._replace(weights=eqx.tree_at(lambda w: w.weights, state.weights, jnp.arange(4.0)))
+    squares: Any = 0.0
+    looks, worth, bonuses = [jnp.array([0.5]), jnp.array([-1.0]), jnp.array([0.3])], 0.1, []
+    entropy = float(policy.entropy(looks[0]))
+    for t, (reward, ends) in enumerate([(1.0, False), (-0.5, True)]):
+        action = jnp.array([0.3 - t])
+        key = jax.random.wrap_key_data(state.key)
+        following = policy.sample(looks[t + 1], jax.random.uniform(jax.random.fold_in(key, 0), (1,), jnp.float32))
+        learned, settings = split(state.weights)
+
+        def value(weights, t=t, action=action, settings=settings):
+            return values.value(eqx.combine(weights, settings), looks[t], action)
+
+        later = float(values.value(state.weights, looks[t + 1], following)) + worth * entropy
+        bonuses.append(reward + worth * entropy)
+        gammas = [0.9, 0.0][: t + 1]
+        variance = np.var(bonuses) + np.var(gammas) * (np.sum(bonuses) ** 2 if ends else 0)
+        sigma = np.sqrt(variance) if variance > 0 else 1.0
+        error = (reward + 0.9 * (not ends) * later - float(value(learned))) / sigma
+        slope = flat(jax.grad(value)(learned))
+        transition = Transition(looks[t], action, jnp.float32(reward), looks[t + 1], jnp.asarray(ends))
+        after = values.update(state, policy, transition, worth)
+        squares = 0.999 * squares + 0.001 * (error * slope) ** 2
+        wanted = 0.01 * error * slope / (np.sqrt(squares / (1 - 0.999 ** (t + 1))) + 1e-8)
+        moved = flat(split(after.weights)[0]) - flat(learned)
+        np.testing.assert_allclose(moved, wanted, rtol=2e-3, atol=1e-6)
+        state = after
+
+
+def flat(tree):
+    return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(tree)])
+
+
+def test_the_last_layer_may_have_unit_length():
+    layers = MultilayerPerceptron((8, 5), unit_length=True).build(3, jax.random.key(0))
+    assert float(jnp.linalg.norm(layers(jnp.array([0.5, -2.0, 1.0])))) == pytest.approx(1, rel=1e-5)
+    np.testing.assert_array_equal(
+        MultilayerPerceptron((8,), "relu", layer_norm=False, unit_length=True).build(3, jax.random.key(0))(
+            jnp.zeros(3)
+        ),
+        0,
+    )
+
+
+def bandit(seeds, steps):
+    """The mean error of the mean action of learners on the bandit −(a − 0.7 y)² with noise, before and after."""
+    network = MultilayerPerceptron((32,), "tanh", layer_norm=False, sparsity=0.0)
+    estimator = ActionValueGradient(entropy=0.01, values=ActionValues(0.0, 3e-3, network=network))
+    policy = BoundedHyperplanes(slope=jnp.zeros((1, 1)), level=jnp.zeros(1), log_deviation=-jnp.ones(1))
+    agent = Agent(policy, estimator, Adam(3e-3, b1=0.0))
+
+    def live(key):
+        def decide(carry, key):
+            state, look = carry
+            draw, noise, following = jax.random.split(key, 3)
+            state, action = agent.act(state, look, jax.random.uniform(draw, (1,)))
+            reward = -jnp.square(action[0] - CENTRE * look[0]) + 0.3 * jax.random.normal(noise)
+            after = jax.random.uniform(following, (1,), minval=-1, maxval=1)
+            state = agent.improve(agent.reinforce(state, reward, after))
+            return (state, after), None
+
+        first = agent.init(key)
+        (state, _), _ = jax.lax.scan(decide, (first, jnp.zeros(1)), jax.random.split(key, steps))
+        looks = jnp.linspace(-1, 1, 21)[:, None]
+        return [jnp.abs(jax.vmap(each.policy.mode)(looks) - CENTRE * looks).mean() for each in (first, state)]
+
+    return np.array(jax.jit(jax.vmap(live))(jax.random.split(jax.random.key(1), seeds)))
+
+
+@pytest.mark.ci
+def test_it_learns_a_bandit():
+    before, after = bandit(8, 4_000)
+    assert before.min() > 0.3
+    assert after.max() < 0.15
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"baseline": MeanReward()}, "baseline = .*must be None with ActionValueGradient, which has no advantages"),
+        ({"normalization": RootMeanSquare()}, "normalization"),
+        ({"bound": IntentionalStep()}, "bound"),
+        ({"discount": 0.9}, "discount"),
+        ({"entropy": 0.1, "entropy_in": "trace"}, "entropy_in = 'trace': must be 'sample'"),
+    ],
+)
+def test_what_has_no_place_in_it_is_refused_by_name(changes, said):
+    with pytest.raises(ValueError, match=said):
+        ActionValueGradient(**changes)
+
+
+def test_densities_that_have_no_slope_in_jax_are_refused():
+    policy = BoundedHyperplanes(slope=jnp.zeros((1, 1)), level=jnp.zeros(1), log_deviation=jnp.zeros(1), density="beta")
+    with pytest.raises(ValueError, match="must be one whose actions JAX can differentiate, such as of the densities"):
+        Agent(policy, ActionValueGradient()).init(jax.random.key(0))
+
+
+def test_policies_that_draw_no_real_numbers_are_refused():
+    with pytest.raises(ValueError, match="policy = 'Softmax': must be one with real-valued actions"):
+        Agent(Softmax(np.zeros((2, 2))), ActionValueGradient()).init(jax.random.key(0))
+
+
+def test_what_diverged_and_the_scale_of_rewards():
+    estimator = ActionValueGradient(
+        reward_scaling=RewardScaling(0.9), values=ActionValues(network=MultilayerPerceptron((4,)))
+    )
+    agent = Agent(unit(), estimator, Adam(1e-3, b1=0.0))
+    state: Any = agent.act(agent.init(jax.random.key(0)), jnp.ones(1), jnp.array([0.3]))[0]
+    broken: Any = agent.reinforce(state, jnp.float32(np.nan), jnp.full(1, np.nan), diverged=jnp.array(True))
+    kept, was = broken.estimator.baseline, state.estimator.baseline
+    jax.tree.map(np.testing.assert_array_equal, split(kept.weights)[0], split(was.weights)[0])
+    assert float(broken.gradient.level[0]) == 0
+    paid: Any = agent.reinforce(state, jnp.float32(1.0), jnp.ones(1), terminated=jnp.array(True))
+    assert float(paid.estimator.baseline.scale.earned) == 0
+    assert int(paid.estimator.baseline.scale.squares.count) == 1
+
+
+@pytest.mark.slow
+def test_the_preset_is_for_real_valued_actions():
+    task = mg.tasks.from_gymnasium("Pendulum-v1")
+    agent: Any = mg.presets.avg(task, changes={"policy.network.hidden": [8], "estimator.values.network.hidden": [8]})
+    assert (agent.optimizer.b1, agent.estimator.values.network.unit_length) == (0.0, True)
+    run = mg.train(task, agent, steps=20, progress=False)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(split(run.policies)[0]))
+    with pytest.raises(ValueError, match="must be one with real-valued actions"):
+        mg.train("chain", mg.presets.avg("chain"), steps=5, progress=False)

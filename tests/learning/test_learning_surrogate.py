@@ -1,0 +1,131 @@
+"""Batches that are used several times: the clipped surrogate, its advantages and its steps."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from motorgrad.learning import (
+    SGD,
+    Agent,
+    ClippedSurrogate,
+    ConjugateAscent,
+    Episodic,
+    EpisodicNatural,
+    Estimator,
+    Exponential,
+    LeastSquaresNatural,
+    LinearBaseline,
+    MeanReward,
+    OptimalBaseline,
+    OvershootingBound,
+    Window,
+)
+from motorgrad.policies import GradedHyperplanes, Softmax, recurrent, trainable
+
+WEIGHTS = np.array([[0.3, -0.2], [0.1, 0.4], [0.0, 0.2]])
+LOOKS = np.random.default_rng(0).normal(size=(9, 2)).astype(np.float32)
+REWARDS = np.random.default_rng(1).normal(size=8).astype(np.float32)
+
+
+def stepped(agent, ends=(2,), diverged=()):
+    """The policy after eight decisions."""
+    state = agent.init(jax.random.key(0))
+    improve = jax.jit(lambda state, ended, broken: agent.improve(state, ended, broken))
+    for t in range(8):
+        state, _ = agent.act(state, jnp.asarray(LOOKS[t]), jnp.array([0.1 * t]))
+        flags = {"truncated": jnp.array(t in ends), "diverged": jnp.array(t in diverged)}
+        state = agent.reinforce(state, jnp.asarray(REWARDS[t]), jnp.asarray(LOOKS[t + 1]), **flags)
+        state = improve(state, flags["truncated"] | flags["diverged"], flags["diverged"])
+    return state
+
+
+@pytest.mark.parametrize("trace", [Exponential(0.8), Episodic()])
+@pytest.mark.parametrize("baseline", [MeanReward(), LinearBaseline(0.1)])
+def test_one_pass_over_a_batch_is_the_step_of_its_samples(trace, baseline):
+    """Advantages summed backwards, times scores, are errors times the trace, ends of episodes included."""
+    policy = Softmax(WEIGHTS)
+    once = ClippedSurrogate(epochs=1, standardise=False)
+    plain = Estimator(trace, baseline, improve=8, entropy=0.1)
+    reused = Estimator(trace, baseline, improve=8, entropy=0.1, reuse=once)
+    found, wanted = (stepped(Agent(policy, each, SGD(0.5))) for each in (reused, plain))
+    assert not np.allclose(wanted.policy.weights, WEIGHTS)
+    np.testing.assert_allclose(found.policy.weights, wanted.policy.weights, rtol=1e-4, atol=1e-6)
+    assert int(found.estimator.batch.waiting) == int(found.gradient.count) == 0
+
+
+def test_what_diverged_is_no_part_of_a_batch():
+    policy = Softmax(WEIGHTS)
+    parts = {"trace": Exponential(0.8), "baseline": MeanReward(), "improve": 7}
+    once = ClippedSurrogate(epochs=1, standardise=False)
+    found = stepped(Agent(policy, Estimator(**parts, reuse=once), SGD(0.5)), (), (3,))
+    wanted = stepped(Agent(policy, Estimator(**parts), SGD(0.5)), (), (3,))
+    np.testing.assert_allclose(found.policy.weights, wanted.policy.weights, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("policy", [Softmax(WEIGHTS), GradedHyperplanes([[0.5, -1.0]], [0.2], [-0.5])])
+def test_the_gradient_is_that_of_what_is_not_clipped(policy):
+    """It is the mean of ratio × advantage × score over the decisions that may still gain."""
+    surrogate, rng = ClippedSurrogate(clip=0.2), np.random.default_rng(2)
+    seen = jnp.asarray(rng.normal(size=(40, 2)).astype(np.float32))
+    uniforms = jnp.asarray(rng.uniform(size=(40, policy.uniforms)).astype(np.float32))
+    actions = jax.vmap(policy.sample)(seen, uniforms)
+    now = jax.vmap(policy.log_prob)(seen, actions)
+    old = now + jnp.asarray(rng.normal(0, 0.3, 40).astype(np.float32))
+    advantages = jnp.asarray(rng.normal(size=40).astype(np.float32))
+    ratio = np.exp(now - old)
+    gone = ((advantages > 0) & (ratio > 1.2)) | ((advantages < 0) & (ratio < 0.8))
+    assert 5 < gone.sum() < 35
+    scores = jax.vmap(policy.score)(seen, actions)
+    weight = np.where(gone, 0, ratio * advantages) / 40
+    wanted = jax.tree.map(lambda s: np.tensordot(weight, s, 1), scores)
+    found = surrogate.gradient(policy, (seen, actions, old, advantages))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5), found, wanted)
+    bonus = surrogate.gradient(policy, (seen, actions, old, advantages), 0.5)
+    slope = jax.grad(lambda p: 0.5 * jnp.mean(jax.vmap(p.entropy)(seen)))(policy)
+    wanted = jax.tree.map(lambda a, b: a + b, found, trainable(slope))
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5), bonus, wanted)
+
+
+def test_every_decision_is_used_once_an_epoch_in_an_order_of_its_own():
+    surrogate = ClippedSurrogate(epochs=3, minibatches=4)
+    batch = surrogate.init(Softmax(WEIGHTS), 8, jax.random.key(1))
+    order = np.asarray(surrogate.order(batch))
+    assert order.shape == (12, 2)
+    epochs = order.reshape(3, 8)
+    np.testing.assert_array_equal(np.sort(epochs), [np.arange(8)] * 3)
+    assert not np.array_equal(epochs[0], epochs[1])
+    assert not np.array_equal(order, surrogate.order(surrogate.emptied(batch)))
+    other = surrogate.init(Softmax(WEIGHTS), 8, jax.random.key(2))
+    assert not np.array_equal(order, surrogate.order(other))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"improve": 1}, r"improve = 1: must be the decisions of a batch, an integer of at least 2"),
+        ({"improve": "episode"}, r"improve = 'episode': must be the decisions of a batch"),
+        ({"improve": 9}, r"reuse.minibatches = 2: must be a divisor of improve = 9"),
+        ({"trace": Window(3)}, r"trace = 'Window': must be Exponential or Episodic"),
+        ({"baseline": OptimalBaseline()}, r"baseline = 'OptimalBaseline': must be a critic, or one that does not see"),
+        ({"bound": OvershootingBound()}, r"bound = .*: must be None for a reuse of batches"),
+        ({"entropy_in": "trace"}, r"entropy_in = 'trace': must be 'sample'"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused_by_name(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Estimator(**{"improve": 8, "reuse": ClippedSurrogate(minibatches=2), **settings})
+
+
+@pytest.mark.parametrize(
+    "settings", [{"metric": EpisodicNatural()}, {"metric": LeastSquaresNatural()}, {"optimizer": ConjugateAscent()}]
+)
+def test_steps_that_read_no_gradient_or_compare_whole_batches_take_no_reuse(settings):
+    with pytest.raises(ValueError, match=r"estimator\.reuse = .*: must be None with .*; .* takes? one"):
+        Agent(Softmax(WEIGHTS), Estimator(improve=8, reuse=ClippedSurrogate(minibatches=2)), **settings)
+
+
+def test_a_policy_with_a_memory_is_refused():
+    agent = Agent(recurrent(2, 1), Estimator(improve=8, reuse=ClippedSurrogate()))
+    with pytest.raises(ValueError, match=r"policy = .*: must be one without a memory for a reuse of batches"):
+        agent.init(jax.random.key(0))
