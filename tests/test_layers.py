@@ -24,7 +24,7 @@ BELOW = {
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
-    "training": {"tasks", "statistics"} | DYNAMICS | LEARNING,
+    "training": {"search", "tasks", "statistics"} | DYNAMICS | LEARNING,
     "studies": {"training", "tasks", "statistics"},
     "presets": {"training", "tasks", "learning"},
     "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn

@@ -2,6 +2,7 @@
 
     python -m tools.myosuite learn elbow                 # our preset, ten seeds
     python -m tools.myosuite learn elbow --learner sac   # a peer with its published settings, one seed
+    python -m tools.myosuite learn hand --learner natural-network --run runs/hand   # hours: to be continued if stopped
     python -m tools.myosuite table                       # put the table of all that is stored into docs/myosuite.md
 
 Each run is evaluated over 100 episodes with fresh targets, deterministic and drawn, and stored as one JSON file in
@@ -22,13 +23,19 @@ import numpy as np
 
 import motorgrad as mg
 from motorgrad._myosuite import register
-from motorgrad.training import provenance
+from motorgrad.training import agent_for, provenance
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
 PAGE = ROOT / "docs" / "myosuite.md"
-TASKS = {"elbow": ("myoElbowPose1D6MRandom-v0", 20_000), "finger": ("myoFingerPoseRandom-v0", 500_000)}
+TASKS = {
+    "elbow": ("myoElbowPose1D6MRandom-v0", 20_000),
+    "finger": ("myoFingerPoseRandom-v0", 500_000),
+    "hand": ("myoHandReachRandom-v0", 500_000),
+}
 """Tasks by short name, with their budgets of decisions."""
+OURS: dict[str, Literal["binary", "graded"]] = {"natural": "binary", "natural-network": "graded"}
+"""Our presets, with how muscles are driven."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
@@ -60,11 +67,6 @@ PEERS: dict[str, tuple[str, dict[str, Any], str]] = {
     ),
 }
 """Peers: class of Stable-Baselines3, published settings, and where they are published."""
-PUBLISHED = {
-    "elbow": ("NPG: ≥ 90 % at 58,000–67,000 steps; PPO: 100 % at ≤ 20 million",),
-    "finger": ("NPG: ≥ 90 % at 1.0–1.5 million steps; PPO: 98.4 % at ≤ 32 million",),
-}
-"""What MyoSuite publishes of success: its baselines of 2022, and the checkpoints of version 3."""
 
 
 class Clock:
@@ -81,13 +83,16 @@ class Clock:
         return {name: now - then for name, now, then in zip(("wall", "cpu"), self._now(), self._start, strict=True)}
 
 
-def learn(name: str, steps: int, seeds: list[int], threads: int) -> dict[str, Any]:
-    """Our preset on a rebuilt task."""
-    task, clock = mg.tasks.myosuite(TASKS[name][0], actions="binary"), Clock()
-    run = mg.train(task, None, steps, seeds, window=max(1, steps // 40), threads=threads, progress=False)
+def learn(name: str, learner: str, steps: int, seeds: list[int], threads: int, out: Path | None) -> dict[str, Any]:
+    """A preset of ours on a rebuilt task; kept in the directory `out`, from which it continues if it was stopped."""
+    task = mg.tasks.myosuite(TASKS[name][0], actions=OURS[learner])
+    agent = agent_for(task, preset=learner, steps=steps)
+    run = mg.train(task, agent, steps, seeds, out, window=max(1, steps // 40), threads=threads, progress=False)
     if not run.complete:
         raise SystemExit(f"stopped after {run.decision:,} of {steps:,} decisions: nothing is stored")
-    took, curves = clock.read(), {}
+    # of all sessions in which the run learned
+    took = {clock: float(run.metrics[f"{clock}_time"][-1].as_py()) for clock in ("wall", "cpu")}
+    curves: dict[str, Any] = {}
     for reading in ("success", "solved"):
         x, curves[reading] = run.curve(reading)
         curves["steps"] = x
@@ -155,7 +160,7 @@ def stored() -> Iterator[dict[str, Any]]:
     """All stored runs, by task, ours first."""
     found = [json.loads(path.read_text(encoding="utf-8")) for path in DATA.glob("myosuite-*.json")]
     names = [*TASKS]
-    yield from sorted(found, key=lambda run: (names.index(run["task"]), run["learner"] != "natural", run["learner"]))
+    yield from sorted(found, key=lambda run: (names.index(run["task"]), run["learner"] not in OURS, run["learner"]))
 
 
 def table() -> str:
@@ -190,21 +195,22 @@ def main(arguments: list[str] | None = None) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     learning = commands.add_parser("learn", help="train, evaluate and store")
     learning.add_argument("task", choices=TASKS)
-    learning.add_argument("--learner", choices=["natural", *PEERS], default="natural")
+    learning.add_argument("--learner", choices=[*OURS, *PEERS], default="natural")
     learning.add_argument("--seeds", type=int, default=None, help="how many, from --first; 10, or 1 of a peer")
     learning.add_argument("--first", type=int, default=0, help="the first seed; settings were chosen on 100 and above")
     learning.add_argument("--steps", type=int, default=None, help="per seed; by default the task's budget")
     learning.add_argument("--threads", type=int, default=0, help="0 for one per processor")
+    learning.add_argument("--run", type=Path, default=None, help="directory of our run, which continues there")
     learning.add_argument("--out", type=Path, default=DATA)
     commands.add_parser("table", help="put the table into docs/myosuite.md")
     given = parser.parse_args(arguments)
     if given.command == "table":
         PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
         return
-    steps, ours = given.steps or TASKS[given.task][1], given.learner == "natural"
+    steps, ours = given.steps or TASKS[given.task][1], given.learner in OURS
     seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 1))))
     work: Callable[[], dict[str, Any]] = (
-        (lambda: learn(given.task, steps, seeds, given.threads))
+        (lambda: learn(given.task, given.learner, steps, seeds, given.threads, given.run))
         if ours
         else (lambda: learn_peer(given.task, given.learner, steps, seeds[0], given.threads))
     )

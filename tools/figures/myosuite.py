@@ -14,7 +14,7 @@ def learning() -> Figure:
     runs = list(stored())
     tasks = [name for name in TASKS if any(run["task"] == name for run in runs)]
     learners = list(dict.fromkeys(run["learner"] for run in runs))
-    figure, axes = panels(len(WORDS), 2.8 * len(tasks), len(tasks), squeeze=False, sharey=True)
+    figure, axes = panels(len(WORDS), 2.5 * len(tasks), len(tasks), squeeze=False, sharey=True)
     for row, task in zip(axes, tasks, strict=True):
         for panel, (reading, words) in zip(row, WORDS.items(), strict=True):
             for run in (run for run in runs if run["task"] == task):

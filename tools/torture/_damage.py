@@ -98,7 +98,7 @@ def _outcome(task: str, path: Path, whole: Path, file: str) -> str | None:
 def _is_part(run: mg.Run, whole: mg.Run) -> bool:
     """Whether every record of a run is one of the undisturbed run."""
     rows = [
-        {tuple(map(str, row.values())) for row in each.metrics.drop_columns("wall_time").to_pylist()}
+        {tuple(map(str, row.values())) for row in each.metrics.drop_columns(["wall_time", "cpu_time"]).to_pylist()}
         for each in (run, whole)
     ]
     return rows[0] <= rows[1]

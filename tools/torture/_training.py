@@ -188,7 +188,9 @@ def differences(path: Path, other: Path) -> Iterator[str]:
 
 def _columns(metrics: pa.Table) -> dict[str, np.ndarray]:
     """The columns that the wall clock has no part in."""
-    found = {name: metrics[name].combine_chunks() for name in metrics.column_names if name != "wall_time"}
+    found = {
+        name: metrics[name].combine_chunks() for name in metrics.column_names if name not in ("wall_time", "cpu_time")
+    }
     return {name: (array.flatten() if name == "parameters" else array).to_numpy() for name, array in found.items()}
 
 
