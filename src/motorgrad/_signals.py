@@ -1,6 +1,7 @@
 """Requests to stop: Ctrl-C (SIGINT) and SIGTERM."""
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -51,9 +52,20 @@ def _handled(act: Callable[[], None], interrupt: bool = False) -> Iterator[None]
         if interrupt:
             raise KeyboardInterrupt
 
+    def raise_again(swallowed: Any) -> None:
+        if isinstance(swallowed.exc_value, KeyboardInterrupt):
+            again = threading.Timer(0.01, signal.pthread_kill, [threading.main_thread().ident, signal.SIGINT])
+            again.daemon = True
+            again.start()
+        else:
+            hook(swallowed)
+
     previous = {number: signal.signal(number, handle) for number in STOPS}
+    # Python swallows what is raised while it collects garbage, where jax has a callback, and in finalizers
+    hook, sys.unraisablehook = sys.unraisablehook, raise_again
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for number, handler in previous.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -1,6 +1,7 @@
 """Being stopped, and being read by half: what a shell may do to a command."""
 
 import contextlib
+import gc
 import signal
 import subprocess
 import sys
@@ -45,6 +46,22 @@ def test_an_interrupt_that_a_library_swallowed_is_remembered():
             pass
     with _signals.interrupt_when_asked(), _signals.stop_when_asked() as stopped:
         assert not stopped()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_while_garbage_is_collected_is_not_lost(number, capfd):
+    def interrupt(phase, info):
+        gc.callbacks.remove(interrupt)
+        signal.raise_signal(number)
+
+    def collect():
+        gc.callbacks.append(interrupt)
+        gc.collect()
+        time.sleep(60)
+
+    with pytest.raises(KeyboardInterrupt), _signals.interrupt_when_asked():
+        collect()
+    assert not capfd.readouterr().err
 
 
 @pytest.mark.representatives("arguments0")
