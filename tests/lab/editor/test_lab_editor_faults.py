@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import os
 import signal
 import subprocess
 import sys
@@ -119,7 +118,7 @@ class Slow(lab.Block):
 
     def init(self, uniforms):
         if isinstance(uniforms, jax.core.Tracer) and threading.current_thread().name == "motorgrad-lab-compiler":
-            RELEASED.wait(float(os.environ.get("SLOW", "60")))
+            RELEASED.wait(60)
         return jnp.zeros(())
 
     def output(self, state, inputs, now):
@@ -211,13 +210,14 @@ def test_closing_a_session_does_not_wait_for_the_compiler(tmp_path):
 
 
 STOPPED = """
-import sys, time
+import sys, threading
 sys.path[:0] = {path!r}
-from test_lab_editor_faults import Client, Session, Slow, chain, lab, start
+from test_lab_editor_faults import RELEASED, Client, Session, Slow, chain, lab, start
 client = Client(Session(chain(Slow(), lab.Scope())))
 start(client)
 client.do("pause")
 print("stopped", flush=True)
+threading.Thread(target=lambda: sys.stdin.readline() and RELEASED.set(), daemon=True).start()
 client.session.close()
 sys.exit(7)
 """
@@ -230,16 +230,21 @@ def test_a_process_waits_for_the_compiler_at_its_end_unless_interrupted(interrup
     process = subprocess.Popen(
         [sys.executable, "-c", code],
         cwd=tmp_path,
-        env=process_environment | {"SLOW": "600" if interrupted else "3"},
+        env=process_environment,
         text=True,
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
+    assert process.stdin is not None
     assert process.stdout is not None
     assert process.stderr is not None
     assert process.stdout.readline() == "stopped\n"
     assert process.stderr.readline() == "waiting for the compiler to end; Ctrl-C ends at once\n"
     if interrupted:
         process.send_signal(signal.SIGINT)
+    else:
+        process.stdin.write("release\n")
+        process.stdin.flush()
     assert process.wait(60) == (130 if interrupted else 7)
     process.communicate()
