@@ -93,7 +93,7 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
         node = found
         for name in outer:
             inner = node.setdefault(name, _Changes())
-            if not isinstance(inner, dict):  # a part by its kind, or given whole
+            if not isinstance(inner, _Changes | _PartTable):  # a part by its kind, or given whole: the caller's own
                 if isinstance(inner, Part):
                     inner = _PartTable(table(inner))
                 else:

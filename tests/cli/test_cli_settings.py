@@ -1,5 +1,6 @@
 """Settings as tables: what is built is what was meant, and whatever is refused is refused by name."""
 
+import copy
 import dataclasses
 import math
 import tomllib
@@ -162,6 +163,13 @@ def test_a_part_is_given_itself_by_its_kind_or_as_a_table():
         {"trace": Window(3), "trace.length": 7},
     ):
         assert agent_for("hopper", changes) == wanted
+
+
+def test_a_table_that_others_change_stays_as_it_was_given():
+    given = {"estimator": {"kind": "actor-critic", "trace": {"kind": "exponential"}}, "decay": 0.5}
+    before = copy.deepcopy(given)
+    assert agent_for("chain", given).estimator.trace.decay == 0.5
+    assert given == before
 
 
 def test_a_part_of_another_kind_starts_from_its_own_defaults():
