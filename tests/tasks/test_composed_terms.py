@@ -382,6 +382,7 @@ def test_every_term_has_a_page_of_arguments():
         ({"groups": [("lift", "bend")]}, r"the same for all actuators of one unit"),
         ({"action_period": 0.003}, "action_period"),
         ({"body": "arn6"}, "unknown body 'arn6': did you mean 'arm6'"),
+        ({"body": ""}, "unknown body ''"),
         ({"body": "hoper"}, "unknown body 'hoper': did you mean 'hopper'"),
         ({"observe": ["positions"]}, "observe: positions: parts = .*: must be the name of a site, body or geom"),
         ({"observe": ["contacts"]}, "observe: contacts: parts = .*: must be the name of a site, body or geom"),

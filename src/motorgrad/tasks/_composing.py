@@ -81,7 +81,7 @@ def body_of(value: Any) -> Any:
     """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
     if isinstance(value, str) and value in BODIES:
         return BODIES[value]()
-    if isinstance(value, str) and re.fullmatch(r"[\w-]+", value) and value not in BUNDLED:
+    if isinstance(value, str) and re.fullmatch(r"[\w-]*", value) and value not in BUNDLED:
         raise unknown("body", value, [*BODIES, *BUNDLED, "or the path of an MJCF file"])
     if isinstance(value, str | Path | mujoco.MjSpec):
         return Mjcf(value)  # type: ignore[arg-type]
