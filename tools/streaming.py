@@ -1,0 +1,296 @@
+"""Streaming learners and peers on the same tasks, to the same budgets: `python -m tools.streaming`.
+
+    python -m tools.streaming learn hopper --learner stream-ac     # a learner of ours, ten seeds
+    python -m tools.streaming learn hopper --learner mushroom      # a peer, three seeds
+    python -m tools.streaming table                                # put the tables into docs/streaming-table.md
+
+Run it from the root of a checkout. Each run is stored as one JSON file in `docs/data`. Settings were chosen on seeds
+from 100 on. What is reported learns from seed 0 on.
+"""
+
+import argparse
+import dataclasses
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import motorgrad as mg
+from motorgrad.training import agent_for, provenance
+from tools.myosuite import DATA, ROOT, Clock
+
+PAGE = ROOT / "docs" / "streaming-table.md"
+POINTS = 20
+"""Of a learning curve: each is the mean over that part of the decisions."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """A task of the table: for us, for peers, and how it is scored.
+
+    - `env_id`: of Gymnasium; `kwargs` of its `make`.
+    - `name`: of our task; `None` for the environment itself.
+    - `steps`: the budget, in decisions per seed.
+    - `reading`: what is scored when it occurs.
+    - `goal`: of the mean over 25 s of simulated time; how long a learner takes to it is reported.
+    - `ours`: the settings of our learners that are not the presets' own, by learner.
+    """
+
+    env_id: str
+    steps: int
+    name: str | None = None
+    reading: str = "return"
+    kwargs: dict[str, Any] = dataclasses.field(default_factory=dict)
+    goal: float | None = None
+    ours: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+
+    def make(self) -> Any:
+        """Our task."""
+        return mg.tasks.from_gymnasium(self.env_id) if self.name is None else mg.tasks.make(self.name, **self.kwargs)
+
+    @property
+    def period(self) -> float:
+        """Simulated seconds of a decision."""
+        return self.make().period
+
+
+TASKS = {
+    "hopper": Task(
+        "motorgrad/Hopper-v0",
+        25_000,
+        "hopper",
+        "apex",
+        {"reward_type": "apex"},
+        0.3,
+        {
+            "olgarb": {"decay": 0.98, "learning_rate": 0.002},
+            "olgarb-normalized": {"decay": 0.98, "learning_rate": 0.01},
+            "olgarb-natural": {"decay": 0.98, "learning_rate": 0.0003},
+        },
+    ),
+    "inverted-pendulum": Task("InvertedPendulum-v5", 50_000),
+    "inverted-double-pendulum": Task("InvertedDoublePendulum-v5", 100_000),
+    "swimmer": Task("Swimmer-v5", 100_000),
+    "hopper-v5": Task("Hopper-v5", 100_000),
+    "half-cheetah": Task("HalfCheetah-v5", 100_000),
+}
+"""Tasks by short name."""
+OURS = {
+    "olgarb": {"preset": None, "estimator": "olgarb"},
+    "olgarb-normalized": {"preset": None, "estimator": "olgarb", "normalization": "root-mean-square"},
+    "olgarb-natural": {"preset": None, "estimator": "olgarb", "metric": "fisher"},
+    "natural": {"preset": "natural"},
+    "stream-ac": {"preset": "stream-ac"},
+    "intentional-ac": {"preset": "intentional-ac"},
+    "avg": {"preset": "avg"},
+}
+"""Our learners: changes to the task's own."""
+PEERS = {
+    "ppo": "Stable-Baselines3, its defaults",
+    "a2c": "Stable-Baselines3, its defaults",
+    "sac": "Stable-Baselines3, its defaults",
+    "mushroom": "MushroomRL's average-reward actor-critic, with a Bernoulli policy",
+}
+"""Peers, and whose settings they have."""
+MUSHROOM = {"alpha_theta": 1e-2, "alpha_v": 1e-3, "alpha_r": 1e-3, "lambda_par": 0.98}
+
+
+def learn(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
+    """A learner of ours."""
+    made = task.make()
+    agent = agent_for(made, {**OURS[learner], **task.ours.get(learner, {})}, steps=task.steps)
+    run = mg.train(made, agent, task.steps, seeds, window=task.steps // POINTS, threads=1, progress=False)
+    _, curve = run.curve(task.reading)
+    cpu = float(run.metrics["cpu_time"][-1].as_py())
+    return {"cpu": cpu / len(seeds), "settings": run.config["agent"], "curve": curve}
+
+
+class Recorded(gymnasium.Wrapper):
+    """Keeps what is scored: the return of every episode, or a reading of `info` when it occurs."""
+
+    def __init__(self, environment: gymnasium.Env, reading: str):
+        super().__init__(environment)
+        self.reading, self.steps, self.seen = reading, 0, [(0, 0.0)][:0]
+        self._return = 0.0
+
+    def reset(self, **kwargs: Any) -> Any:
+        self._return = 0.0
+        return super().reset(**kwargs)
+
+    def step(self, action: Any) -> Any:
+        result = super().step(action)
+        self.steps += 1
+        self._return += float(result[1])
+        if self.reading in result[4]:
+            self.seen.append((self.steps, float(result[4][self.reading])))
+        elif self.reading == "return" and (result[2] or result[3]):
+            self.seen.append((self.steps, self._return))
+        return result
+
+    def curve(self, steps: int) -> np.ndarray:
+        """The mean of what was seen in each part of the decisions, `(POINTS,)`."""
+        at, values = np.array(self.seen).reshape(-1, 2).T
+        parts = [values[np.ceil(at * POINTS / steps) == part + 1] for part in range(POINTS)]
+        return np.array([part.mean() if len(part) else np.nan for part in parts])
+
+
+class Thresholded(gymnasium.ActionWrapper):
+    """Numbers from -1 to 1 in place of units that are on or off, for learners that take no others."""
+
+    def __init__(self, environment: gymnasium.Env):
+        super().__init__(environment)
+        self.action_space = gymnasium.spaces.Box(-1, 1, environment.action_space.shape)
+
+    def action(self, action: np.ndarray) -> np.ndarray:
+        return (action > 0).astype(np.int8)
+
+
+def learn_peer(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
+    """A peer, on the same environment."""
+    took, curves = 0.0, []
+    for seed in seeds:
+        environment = gymnasium.make(task.env_id, **task.kwargs)
+        binary = isinstance(environment.action_space, gymnasium.spaces.MultiBinary)
+        recorded = Recorded(Thresholded(environment) if binary and learner == "sac" else environment, task.reading)
+        clock = Clock()
+        (mushroom if learner == "mushroom" else stable_baselines)(recorded, learner, task.steps, seed)
+        took += clock.read()["cpu"]
+        curves.append(recorded.curve(task.steps))
+    settings = MUSHROOM if learner == "mushroom" else {}
+    return {"cpu": took / len(seeds), "settings": settings, "curve": np.array(curves)}
+
+
+def stable_baselines(environment: gymnasium.Env, learner: str, steps: int, seed: int) -> None:
+    """Learn with Stable-Baselines3, on one core."""
+    import stable_baselines3
+    import torch
+
+    torch.set_num_threads(1)
+    getattr(stable_baselines3, learner.upper())("MlpPolicy", environment, seed=seed, device="cpu").learn(steps)
+
+
+def mushroom(environment: gymnasium.Env, learner: str, steps: int, seed: int) -> None:
+    """Learn with MushroomRL's average-reward actor-critic (Degris et al., 2012), linear in the observation."""
+    from mushroom_rl.algorithms.actor_critic import StochasticAC_AVG
+    from mushroom_rl.core import MDPInfo
+    from mushroom_rl.policy import ParametricPolicy
+    from mushroom_rl.utils import spaces
+
+    class Bernoulli(ParametricPolicy):
+        """A unit for each action, on with the logistic function of its weighted inputs."""
+
+        def __init__(self, units: int, inputs: int):
+            self._weights = np.zeros((units, inputs))
+
+        def _probability(self, state: np.ndarray) -> np.ndarray:
+            return 1 / (1 + np.exp(-self._weights @ state))
+
+        def draw_action(self, state: np.ndarray) -> np.ndarray:
+            return (draws.random(len(self._weights)) < self._probability(state)).astype(np.int8)
+
+        def diff_log(self, state: np.ndarray, action: np.ndarray) -> np.ndarray:
+            return np.outer(action - self._probability(state), state).ravel()
+
+        def set_weights(self, weights: np.ndarray) -> None:
+            self._weights = weights.reshape(self._weights.shape)
+
+        def get_weights(self) -> np.ndarray:
+            return self._weights.ravel()
+
+        @property
+        def weights_size(self) -> int:
+            return self._weights.size
+
+    draws = np.random.default_rng(seed)
+    inputs, units = environment.observation_space.shape[0], environment.action_space.shape[0]
+    box = spaces.Box(np.full(inputs, -np.inf), np.full(inputs, np.inf))
+    info = MDPInfo(box, spaces.Discrete(2**units), 1.0, np.inf)
+    agent = StochasticAC_AVG(info, Bernoulli(units, inputs), **MUSHROOM)
+    observation, _ = environment.reset(seed=seed)
+    agent.episode_start()
+    for _ in range(steps):
+        action = agent.draw_action(observation)
+        after, reward, terminated, truncated, _ = environment.step(action)
+        agent.fit([(observation, action, reward, after, terminated, terminated or truncated)])
+        observation = after
+        if terminated or truncated:
+            observation, _ = environment.reset()
+            agent.episode_start()
+
+
+def reached(run: dict[str, Any]) -> np.ndarray | None:
+    """Simulated seconds until each seed's curve is above the task's goal; infinite where it never is."""
+    task = TASKS[run["task"]]
+    if task.goal is None:
+        return None
+    each = np.array(run["curve"], float)
+    # parts of at least 25 s
+    width = max(1, round(25 / (task.steps / POINTS * task.period)))
+    means = np.stack([np.nanmean(part, axis=1) for part in np.split(each, each.shape[1] // width, axis=1)], axis=1)
+    first = np.where((means > task.goal).any(1), (means > task.goal).argmax(1) + 1, np.inf)
+    return first * width * task.steps / POINTS * task.period
+
+
+def tables() -> str:
+    """A table for each task, in Markdown."""
+    text = []
+    for name, task in TASKS.items():
+        found = [json.loads(path.read_text(encoding="utf-8")) for path in DATA.glob(f"streaming-{name}--*.json")]
+        if not found:
+            continue
+        found.sort(key=lambda run: [*OURS, *PEERS].index(run["learner"]))
+        scored = "apex, m" if task.reading == "apex" else "return"
+        titles = ["learner", "seeds", f"{scored}, last tenth", "CPU s per seed"]
+        titles += [] if task.goal is None else [f"simulated s until {task.goal} m"]
+        text += [f"**`{task.env_id}`**, {task.steps:,} decisions", ""]
+        text += [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
+        for run in found:
+            last = np.nanmean(np.array(run["curve"], float)[:, -POINTS // 10 :], axis=1)
+            cells = [f"`{run['learner']}`", str(len(run["seeds"])), _range(last), f"{run['cpu']:.3g}"]
+            times = reached(run)
+            cells += [] if times is None else [_range(times)]
+            text.append(f"| {' | '.join(cells)} |")
+        text.append("")
+    return "\n".join(text).rstrip()
+
+
+def _range(values: np.ndarray) -> str:
+    """The median of the seeds, and the least and the greatest."""
+    low, middle, high = ("never" if np.isinf(v) else f"{v:.3g}" for v in np.quantile(values, [0, 0.5, 1], method="lower"))
+    return middle if len(values) == 1 else f"{middle} [{low} … {high}]"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Learn and store, or put the tables into their page."""
+    parser = argparse.ArgumentParser(prog="python -m tools.streaming", description=(__doc__ or "").partition("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    learning = commands.add_parser("learn", help="train and store")
+    learning.add_argument("task", choices=TASKS)
+    learning.add_argument("--learner", choices=[*OURS, *PEERS], required=True)
+    learning.add_argument("--seeds", type=int, default=None, help="how many, from --first; 10, or 3 of a peer")
+    learning.add_argument("--first", type=int, default=0, help="the first seed; settings were chosen on 100 and above")
+    learning.add_argument("--out", type=Path, default=DATA)
+    commands.add_parser("table", help="put the tables into docs/streaming-table.md")
+    given = parser.parse_args(arguments)
+    if given.command == "table":
+        page = PAGE.read_text(encoding="utf-8")
+        between = r"(<!-- tables -->\n).*?(\n<!-- end -->)"
+        PAGE.write_text(re.sub(between, lambda at: at[1] + tables() + at[2], page, flags=re.DOTALL), encoding="utf-8")
+        return
+    task, ours = TASKS[given.task], given.learner in OURS
+    seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 3))))
+    work: Callable[[Task, str, list[int]], dict[str, Any]] = learn if ours else learn_peer
+    machine = {key: value for key, value in provenance().items() if key != "command"}
+    made = {"task": given.task, "learner": given.learner, "steps": task.steps, "seeds": seeds, "machine": machine}
+    made |= work(task, given.learner, seeds)
+    path = given.out / f"streaming-{given.task}--{given.learner}.json"
+    path.write_text(json.dumps(made, default=lambda v: np.round(np.asarray(v, float), 5).tolist(), indent=1) + "\n")
+    print(path, made["cpu"], made["curve"][:, -1], reached(made))
+
+
+if __name__ == "__main__":
+    main()
