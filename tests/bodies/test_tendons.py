@@ -15,8 +15,15 @@ from motorgrad.bodies import Anatomy, Attachment, BodyBatch, Hill, HillMuscle, M
 from motorgrad.bodies.muscles._hill_dynamics import activation_rate, next_activation, rigid_tension
 
 SOLEUS = Hill(1000.0, optimal_fiber_length=0.1, tendon_slack_length=0.2, pennation_angle=0.3)
+MUSCLES = {name: dataclasses.replace(SOLEUS, curves=name) for name in bodies.CURVES}
 HELD = 0.2 * 1.01 + 0.1 * np.cos(0.3)  # m
 RELEASE = {"activation": 1.0, "release": 0.02, "load": 500.0, "mass": 20.0}
+
+
+@pytest.fixture(params=MUSCLES)
+def muscle(request):
+    """The same muscle with either set of curves."""
+    return MUSCLES[request.param]
 
 
 @pytest.fixture(scope="module")
@@ -110,14 +117,16 @@ def test_activation_follows_its_equation():
     assert next_activation(0.5, 3.0, 1e9, 0.015, 0.06) == 1.0  # clamped, and it never passes the excitation
 
 
-def test_isometric_contraction_is_the_reference_integration(reference):
-    errors = []
-    for timestep in (0.002, 0.001, 0.0002, 0.0001):
-        run = contract(SOLEUS, HELD, 0.1, timestep=timestep)
-        errors.append(np.abs(run.force - reference(SOLEUS, HELD, run.seconds)[1]).max() / 1000)
-    assert errors[0] < 4e-3  # of the greatest force
-    assert errors[1] < 1e-3
-    assert np.log2(errors[2] / errors[3]) > 1.8  # second order
+def test_isometric_contraction_is_the_reference_integration(muscle, reference):
+    errors = {}
+    # Millard's toe is so soft that the first milliseconds are stiff, which hides the order on fine steps
+    coarse, fine = pair = (0.001, 0.0005) if muscle.curves == "millard" else (0.0002, 0.0001)
+    for timestep in sorted({0.002, 0.001, *pair}, reverse=True):
+        run = contract(muscle, HELD, 0.1, timestep=timestep)
+        errors[timestep] = np.abs(run.force - reference(muscle, HELD, run.seconds)[1]).max() / 1000
+    assert errors[0.002] < 4e-3  # of the greatest force
+    assert errors[0.001] < 1e-3
+    assert np.log2(errors[coarse] / errors[fine]) > 1.8  # second order
     # the muscle is held: what the fiber loses the tendon gains
     np.testing.assert_allclose(run.length, HELD)
     along = np.sqrt(run.fiber_length**2 - (0.1 * np.sin(0.3)) ** 2)
@@ -125,11 +134,11 @@ def test_isometric_contraction_is_the_reference_integration(reference):
     assert run.fiber_length[-1] < run.fiber_length[0] - 0.005
 
 
-def test_quick_release_is_the_reference_integration(reference):
+def test_quick_release_is_the_reference_integration(muscle, reference):
     errors = []
     for timestep in (0.002, 0.001, 0.0005):
-        run = contract(SOLEUS, HELD, 0.1, timestep=timestep, **RELEASE)
-        length, force = reference(SOLEUS, HELD, run.seconds, **RELEASE)
+        run = contract(muscle, HELD, 0.1, timestep=timestep, **RELEASE)
+        length, force = reference(muscle, HELD, run.seconds, **RELEASE)
         errors.append((np.abs(run.length - length).max() * 1e3, np.abs(run.force - force).max() / 1000))
     assert errors[1][0] < 0.2  # mm, at 1 ms, of 30 mm
     assert errors[1][1] < 0.02  # of the greatest force
@@ -138,20 +147,20 @@ def test_quick_release_is_the_reference_integration(reference):
     assert run.length[-1] < HELD - 0.005
 
 
-def test_a_rigid_tendon_has_the_force_of_the_formula():
-    hill = dataclasses.replace(SOLEUS, tendon="rigid")
+def test_a_rigid_tendon_has_the_force_of_the_formula(muscle):
+    hill, curves = dataclasses.replace(muscle, tendon="rigid"), bodies.hill_curves(muscle.curves)
     run = contract(hill, HELD, 0.05)
     np.testing.assert_allclose(run.tendon_length, 0.2)
     along = HELD - 0.2
     fiber = np.hypot(along, 0.1 * np.sin(0.3))
     np.testing.assert_allclose(run.fiber_length, fiber)
-    inner = run.activation * bodies.active_force_length(fiber / 0.1) + bodies.passive_force_length(fiber / 0.1)
+    inner = run.activation * curves.active_force_length(fiber / 0.1) + curves.passive_force_length(fiber / 0.1)
     np.testing.assert_allclose(run.force, 1000 * inner * along / fiber, rtol=1e-12)
     assert rigid_tension(1.0, 0.15, 0.0, 1000.0, 0.1, 0.2, 0.3, 10.0, 0.1) == 0.0  # a path shorter than the tendon
 
 
-def test_a_stiff_tendon_is_nearly_rigid():
-    stiff, rigid = (dataclasses.replace(SOLEUS, tendon=kind) for kind in ("compliant", "rigid"))
+def test_a_stiff_tendon_is_nearly_rigid(muscle):
+    stiff, rigid = (dataclasses.replace(muscle, tendon=kind) for kind in ("compliant", "rigid"))
     stiff = dataclasses.replace(stiff, tendon_slack_length=0.2, tendon_strain=0.0005)
     one, other = contract(stiff, HELD, 0.2), contract(rigid, HELD, 0.2)
     np.testing.assert_allclose(one.force, other.force, atol=25)
@@ -160,20 +169,21 @@ def test_a_stiff_tendon_is_nearly_rigid():
 @pytest.mark.parametrize("activation", [0.0, 0.02, 0.5, 1.0])
 @pytest.mark.parametrize("timestep", [1e-4, 0.002, 0.02])
 @pytest.mark.parametrize("length", [0.05, 0.25, 0.3, 0.36])
-def test_a_muscle_at_rest_stays_at_rest(activation, timestep, length):
-    run = contract(SOLEUS, length, 50 * timestep, activation, activation, timestep=timestep)
+def test_a_muscle_at_rest_stays_at_rest(muscle, activation, timestep, length):
+    run = contract(muscle, length, 50 * timestep, activation, activation, timestep=timestep)
     np.testing.assert_allclose(run.force, run.force[0], rtol=1e-6, atol=1e-6)
     assert np.isfinite(run.fiber_length).all()
 
 
-def test_a_slack_tendon_pulls_on_nothing():
-    run = contract(SOLEUS, 0.15, 0.3)
+def test_a_slack_tendon_pulls_on_nothing(muscle):
+    run = contract(muscle, 0.15, 0.3)
     assert (run.force == 0).all()
     assert (run.tendon_length < 0.2).all()
     assert (run.fiber_length >= 0.1 * 0.2).all()
 
 
-def test_any_numbers_stay_finite():
+@pytest.mark.parametrize("curves", bodies.CURVES)
+def test_any_numbers_stay_finite(curves):
     numbers = np.random.default_rng(0)
     for _ in range(60):
         hill = Hill(
@@ -184,6 +194,7 @@ def test_any_numbers_stay_finite():
             numbers.uniform(1, 20),
             fiber_damping=numbers.choice([0.0, 0.01, 0.1]),
             tendon_strain=numbers.uniform(0.01, 0.1),
+            curves=curves,
         )
         path = hill.tendon_slack_length + optimal
         run = contract(hill, path * numbers.uniform(0.8, 1.2), 0.1, numbers.choice([0.0, 0.3, 1.0]), timestep=0.005)
@@ -203,8 +214,9 @@ def test_states_are_those_of_fiber_and_activation():
     assert BodyBatch(arm(tendon="rigid"), 1).model.na == 6
 
 
-def test_a_reset_puts_fibers_in_balance():
-    batch = BodyBatch(arm(), seeds=3)
+@pytest.mark.parametrize("curves", bodies.CURVES)
+def test_a_reset_puts_fibers_in_balance(curves):
+    batch = BodyBatch(arm(curves=curves), seeds=3)
     model, data = batch.model, mujoco.MjData(batch.model)
     positions = np.array([[0.2, 0.5], [1.0, 2.0], [0.6, 1.2]])
     activation = np.zeros((3, 12))
@@ -240,9 +252,11 @@ def test_plain_mujoco_begins_in_balance():
     assert read_hill(body.model, data, 0).fiber_length > 0
 
 
-@pytest.mark.parametrize("tendon", ["compliant", "rigid"])
-def test_results_depend_on_neither_threads_nor_restores(tendon):
-    body, actions = arm(tendon=tendon), np.random.default_rng(0).uniform(size=(30, 4, 6))
+@pytest.mark.parametrize(
+    ("tendon", "curves"), [("compliant", "de-groote"), ("rigid", "de-groote"), ("compliant", "millard")]
+)
+def test_results_depend_on_neither_threads_nor_restores(tendon, curves):
+    body, actions = arm(tendon=tendon, curves=curves), np.random.default_rng(0).uniform(size=(30, 4, 6))
     packed = []
     for threads in (1, 3):
         batch = BodyBatch(body, 4, threads=threads)
@@ -281,7 +295,8 @@ def test_a_row_that_diverges_begins_again_and_disturbs_no_other():
 
 
 def test_export_simulates_identically():
-    body = arm(hill=(("biarticular*", Hill(500.0, 0.2, 0.2, 0.2, tendon="rigid")),))
+    other = Hill(500.0, 0.2, 0.2, 0.2, tendon="rigid")  # curves may differ within a body
+    body = arm(hill=(("biarticular*", other), ("elbow*", Hill(300.0, 0.1, 0.15, curves="millard"))))
     again = Mjcf(bodies.to_mjcf(body))
     one, other = BodyBatch(body, 1), BodyBatch(again, 1)
     for action in np.random.default_rng(1).uniform(size=(20, 1, 6)):
@@ -336,6 +351,7 @@ def test_keyframes_keep_the_states_of_other_actuators():
         (lambda: Hill(1.0, 0.1, 0.0), r"tendon_slack_length = 0.0: must be at least 0.0001 m, or the tendon 'rigid'"),
         (lambda: Hill(1.0, 0.1, 0.1, 1.6), "pennation_angle = 1.6: must be from 0 to less than π/2"),
         (lambda: Hill(1.0, 0.1, 0.1, tendon="elastic"), "unknown tendon 'elastic'"),  # type: ignore[arg-type]
+        (lambda: Hill(1.0, 0.1, 0.1, curves="thelen"), "unknown curves 'thelen'"),  # type: ignore[arg-type]
         (lambda: Hill(1.0, 0.1, 0.1, fiber_damping=-1), "fiber_damping = -1"),
         (lambda: arm(hill=(("wrist", SOLEUS),)), "unknown actuator in hill 'wrist'"),
         (lambda: Mjcf("arm6", hill=(("elbow*", SOLEUS),)), "muscle_model be 'hill'"),
@@ -353,7 +369,13 @@ def test_bad_numbers_are_refused(make, message):
 
 
 @pytest.mark.parametrize(
-    "kind", ['biastype="user"', 'dyntype="user"', 'dyntype="user" biastype="user" actdim="3" biasprm="1 1 1 0 1"']
+    "kind",
+    [
+        'biastype="user"',
+        'dyntype="user"',
+        'dyntype="user" biastype="user" actdim="3" biasprm="1 1 1 0 1"',
+        'dyntype="user" biastype="user" actdim="2" biasprm="1 1 1 0 1 0 36 2"',
+    ],
 )
 def test_user_actuators_that_are_no_hill_muscles_are_refused(kind):
     text = f"""<mujoco><worldbody><body><joint name="j" type="slide"/><geom size=".1"/></body></worldbody>

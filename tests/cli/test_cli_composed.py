@@ -82,9 +82,11 @@ def test_hill_muscles_are_options_of_bodies(folder, capsys):
     body = mg.tasks.load("tasks/hill.toml").body
     assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["muscle_model"] == "hill"
     assert (len(body.hill), body.model.na) == (1, 8)  # the elbow's two have compliant tendons
-    assert status("train", "hopper", "--task.body.muscle-model", "hill", "--task.body.tendon", "rigid", "--check") == 0
-    found = tomllib.loads(capsys.readouterr().out)
-    assert (found["task"]["body"]["muscle_model"], found["task"]["body"]["tendon"]) == ("hill", "rigid")
+    options = {"muscle-model": "hill", "tendon": "rigid", "curves": "millard"}
+    flags = [word for name, value in options.items() for word in (f"--task.body.{name}", value)]
+    assert status("train", "hopper", *flags, "--check") == 0
+    found = tomllib.loads(capsys.readouterr().out)["task"]["body"]
+    assert [found[name.replace("-", "_")] for name in options] == [*options.values()]
 
 
 def test_the_page_of_a_task_has_the_name_of_its_file(folder):

@@ -11,22 +11,9 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 from scipy.optimize import root_scalar
 
-from motorgrad.bodies import (
-    Hill,
-    active_force_length,
-    contract,
-    force_velocity,
-    passive_force_length,
-    tendon_force_length,
-)
+from motorgrad.bodies import CURVES, Hill, contract
+from tools.figures._muscle_curves import PUBLISHED
 from tools.figures._style import BLUE, FAINT, GREEN, RED, panels
-
-BELLS = (
-    (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
-    (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
-    (0.1, 1.0, 0.353553390593274, 0.0),
-)
-"""As OpenSim has them."""
 
 
 def rates(state: Any, hill: Hill, length: float, velocity: float, excitation: float) -> tuple[float, float, float]:
@@ -40,15 +27,13 @@ def rates(state: Any, hill: Hill, length: float, velocity: float, excitation: fl
     pace = 1 / (hill.activation_time_constant * ease) if up else ease / hill.deactivation_time_constant
     height = math.sin(hill.pennation_angle)
     cosine = math.sqrt(1 - (height / fiber) ** 2)
-    active = sum(b1 * math.exp(-0.5 * ((fiber - b2) / (b3 + b4 * fiber)) ** 2) for b1, b2, b3, b4 in BELLS)
-    offset = math.exp(4 * (0.2 - 1) / 0.6)
-    passive = (math.exp(4 * (fiber - 1) / 0.6) - offset) / (math.exp(4) - offset)
+    curves = PUBLISHED[hill.curves]
+    active, passive = curves.active(fiber), curves.passive(fiber)
     tendon = (length - hill.optimal_fiber_length * fiber * cosine) / hill.tendon_slack_length
-    pull = max(0.2 * math.exp(math.log(6) / hill.tendon_strain * (tendon - 1)) - 0.2, 0)
+    pull = max(curves.tendon(tendon, hill.tendon_strain), 0)
 
     def excess(speed: float) -> float:
-        factor = -0.3211346127989808 * math.asinh(-8.149 * speed - 0.374) + 0.8825327733249912
-        return cosine * (activation * active * factor + passive + hill.fiber_damping * speed) - pull
+        return cosine * (activation * active * curves.velocity(speed) + passive + hill.fiber_damping * speed) - pull
 
     speed = _root(excess, -1e3, 1e3)
     return pace * (excitation - activation), hill.max_contraction_velocity * speed, hill.max_isometric_force * pull
@@ -105,22 +90,28 @@ STEP = 0.001  # s
 
 
 def curves() -> Figure:
-    """The four curves of a Hill-type muscle."""
-    figure, (fiber, speed, tendon) = panels(3, height=2.5)
-    length, velocity, stretch = np.linspace(0.2, 1.8, 200), np.linspace(-1.2, 1.2, 200), np.linspace(0.98, 1.06, 200)
-    fiber.plot(length, active_force_length(length), color=RED, label="active, $f_L$")
-    fiber.plot(length, passive_force_length(length), color=BLUE, label="passive, $f_P$")
-    fiber.set(title="fiber", xlabel="length / optimal length", ylabel="force / $F_0$", ylim=(0, 1.6))
-    speed.plot(velocity, force_velocity(velocity), color=RED)
-    speed.set(title="fiber, $f_V$", xlabel="velocity / greatest velocity", ylabel="factor")
-    for strain, colour in ((0.033, FAINT), (0.049, GREEN), (0.1, BLUE)):
-        pull = np.maximum(tendon_force_length(stretch, strain), 0)
-        tendon.plot(stretch, pull, color=colour, label=f"$e_T$ = {strain:g}")
-    tendon.set(title="tendon, $f_T$", xlabel="length / slack length", ylim=(0, 1.6))
-    fiber.legend()
-    tendon.legend()
-    for axes, at in ((fiber, (1.0, 1.0)), (speed, (0.0, 1.0)), (speed, (-1.0, 0.0))):
-        axes.plot(*at, "o", color="0.2", markersize=3)
+    """The curves of a Hill-type muscle: both sets, a row each."""
+    figure, axes = panels(3, height=4.6, rows=2, sharex="col", sharey="col")
+    length, velocity, stretch = np.linspace(0.2, 1.9, 300), np.linspace(-1.2, 1.2, 300), np.linspace(0.98, 1.06, 300)
+    for row, (words, curves) in enumerate(zip(("De Groote et al.", "Millard et al."), CURVES.values(), strict=True)):
+        fiber, speed, tendon = axes[row]
+        fiber.plot(length, curves.active_force_length(length), color=RED, label="active, $f_L$")
+        fiber.plot(length, curves.passive_force_length(length), color=BLUE, label="passive, $f_P$")
+        fiber.set(ylabel=f"{words}\nforce / $F_0$", ylim=(0, 1.6))
+        speed.plot(velocity, curves.force_velocity(velocity), color=RED)
+        speed.set(ylabel="factor")
+        for strain, colour in ((0.033, FAINT), (0.049, GREEN), (0.1, BLUE)):
+            pull = np.maximum(curves.tendon_force_length(stretch, strain), 0)
+            tendon.plot(stretch, pull, color=colour, label=f"$e_T$ = {strain:g}")
+        tendon.set(ylim=(0, 1.6))
+        for each, at in ((fiber, (1.0, 1.0)), (speed, (0.0, 1.0)), (speed, (-1.0, 0.0))):
+            each.plot(*at, "o", color="0.2", markersize=3)
+    for each, title in zip(axes[0], ("fiber, $f_L$ and $f_P$", "fiber, $f_V$", "tendon, $f_T$"), strict=True):
+        each.set(title=title)
+    for each, words in zip(axes[1], ("length / optimal", "velocity / greatest", "length / slack"), strict=True):
+        each.set(xlabel=words)
+    axes[0, 0].legend(loc="upper left")
+    axes[0, 2].legend()
     return figure
 
 

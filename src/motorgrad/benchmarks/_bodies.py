@@ -119,20 +119,26 @@ def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str 
 
 def tendon_rows(seeds: int, decisions: int, pairs: int) -> Iterator[Row]:
     """Physics steps per second of Hill-type muscles on tendons that stretch, against rigid ones and against muscles of
-    other kinds on the same body, at random activations."""
+    other kinds on the same body, at random activations; with the curves of Millard et al. too."""
     bodies: tuple[tuple[str, Any, Any], ...] = (
         ("arm6", Mjcf("arm6"), Mjcf("arm6", muscle_model="hill")),
         ("hopper", HopperBody(), HopperBody(muscle_model="hill")),
     )
     for name, plain, compliant in bodies:
-        rigid = dataclasses.replace(compliant, tendon="rigid")
+        rigid, millard = (dataclasses.replace(compliant, **c) for c in ({"tendon": "rigid"}, {"curves": "millard"}))
+        both = dataclasses.replace(rigid, curves="millard")
         actions = np.random.default_rng(0).uniform(size=(decisions, seeds, len(plain.groups)))
-        works = [functools.partial(_stepped, BodyBatch(body, seeds), actions) for body in (compliant, rigid, plain)]
-        steps = decisions * seeds * 10
         other = "MuJoCo's own" if name == "arm6" else "the thesis's"
-        for against, work, wanted in (("on rigid ones", works[1], "≥ 0.77"), (f"{other}", works[2], "")):
-            what = f"{name}, muscles on compliant tendons ÷ {against}, {seeds} seed{'s' * (seeds > 1)}"
-            yield in_turn(what, "physics steps/s", steps, works[0], work, pairs=pairs, wanted=wanted)
+        for muscles, against, one, two, wanted in (
+            ("muscles", "on rigid ones", compliant, rigid, "≥ 0.77"),
+            ("muscles", other, compliant, plain, ""),
+            ("muscles with Millard's curves", "on rigid ones", millard, both, "≥ 0.77"),
+            ("muscles with Millard's curves", "with De Groote's", millard, compliant, ""),
+        ):
+            first, second = (functools.partial(_stepped, BodyBatch(body, seeds), actions) for body in (one, two))
+            what = f"{name}, {muscles} on compliant tendons ÷ {against}, {seeds} seed{'s' * (seeds > 1)}"
+            steps = decisions * seeds * 10
+            yield in_turn(what, "physics steps/s", steps, first, second, pairs=pairs, wanted=wanted)
 
 
 def _stepped(batch: BodyBatch, actions: np.ndarray) -> None:

@@ -30,6 +30,7 @@ from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
 from motorgrad.bodies.mjcf._to_hill import hill_of
 from motorgrad.bodies.models._read import read_model
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
+from motorgrad.bodies.muscles._curve_sets import CURVES, HillCurves, hill_curves
 from motorgrad.bodies.muscles._hill import Hill, HillMuscle, HillState, hill_actuators, hill_force, read_hill, set_hill
 from motorgrad.bodies.muscles._hill_curves import (
     active_force_length,
@@ -52,6 +53,7 @@ BODIES: dict[str, type[Body]] = {
 __all__ = [
     "BODIES",
     "BUNDLED",
+    "CURVES",
     "LEGS",
     "TOUCH",
     "TRIPODS",
@@ -67,6 +69,7 @@ __all__ = [
     "Hexapod",
     "HexapodReading",
     "Hill",
+    "HillCurves",
     "HillMuscle",
     "HillState",
     "Hinge",
@@ -107,6 +110,7 @@ __all__ = [
     "group_places",
     "groups_of",
     "hill_actuators",
+    "hill_curves",
     "hill_force",
     "hill_in_jax",
     "hill_of",

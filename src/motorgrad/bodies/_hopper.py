@@ -64,6 +64,7 @@ class Hopper:
       "hill": Hill-type muscles of the same strengths, with fibers that suit their paths (`Hill.spanning`); the rest
       lengths, `muscle_damping` and `muscle_shape` then have no meaning.
     - `tendon`: of Hill-type muscles, "compliant" or "rigid".
+    - `curves`: of Hill-type muscles, "de-groote" or "millard".
     - `extra_muscles`: further muscles; a new group name adds a component to the action.
 
     **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, with each
@@ -98,6 +99,7 @@ class Hopper:
     timestep: float = 0.001
     muscle_model: Literal["thesis", "native", "hill"] = "thesis"
     tendon: Literal["compliant", "rigid"] = "compliant"
+    curves: Literal["de-groote", "millard"] = "de-groote"
     extra_muscles: tuple[Muscle, ...] = ()
 
     def __post_init__(self) -> None:
@@ -154,7 +156,7 @@ class Hopper:
         if self.muscle_model == "hill":
             angles = away_angle(np.radians(self.knee_range), behind=not flexor)
             lengths = sorted(wrapped_length(angles, reach, reach, self.capsule_radius).tolist())
-            hill = Hill.spanning(lengths, strength, tendon=self.tendon)
+            hill = Hill.spanning(lengths, strength, tendon=self.tendon, curves=self.curves)
             return HillMuscle(f"{group}_{side}", group, origin, insertion, hill, wrap)
         return Muscle(
             name=f"{group}_{side}",

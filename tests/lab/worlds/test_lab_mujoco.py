@@ -111,12 +111,15 @@ def test_it_is_put_back_where_it_breaks_and_where_it_is_asked():
     np.testing.assert_array_equal(angle[6:], 0.0)
 
 
-@pytest.mark.parametrize("tendon", ["compliant", "rigid"])
-def test_hill_muscles_move_as_in_the_library(tendon):
+KINDS = [("compliant", "de-groote"), ("rigid", "de-groote"), ("compliant", "millard")]
+
+
+@pytest.mark.parametrize(("tendon", "curves"), KINDS)
+def test_hill_muscles_move_as_in_the_library(tendon, curves):
     text = bodies.to_mjcf(bodies.Mjcf("arm6"))
-    block = lab.MujocoModel(text, keyframe="start", muscle_model="hill", tendon=tendon)
+    block = lab.MujocoModel(text, keyframe="start", muscle_model="hill", tendon=tendon, curves=curves)
     record = driven(block, 12, 0.02, ["qpos"], **{"elbow flexor": 0.8})
-    batch = bodies.BodyBatch(bodies.Mjcf(text, muscle_model="hill", tendon=tendon), 1)
+    batch = bodies.BodyBatch(bodies.Mjcf(text, muscle_model="hill", tendon=tendon, curves=curves), 1)
     for tick in range(12):
         np.testing.assert_allclose(record["model.qpos"][1, tick], batch.packed[0, :2], rtol=1e-4, atol=1e-5)
         batch.step([[0, 0, 0.8, 0, 0, 0]])
@@ -137,21 +140,23 @@ def test_the_muscle_law_is_the_bodies():
     np.testing.assert_allclose(tension, bodies.tension(activation, length, velocity, 900.0, 0.21, 0.4, 8.0), rtol=1e-5)
 
 
-@pytest.mark.parametrize("tendon", ["compliant", "rigid"])
-def test_the_hill_muscle_is_the_bodies(tendon):
+@pytest.mark.parametrize(("tendon", "curves"), KINDS)
+def test_the_hill_muscle_is_the_bodies(tendon, curves):
     lengths = (0.29, 0.3, 0.31)
     diagram = lab.Diagram(tick=0.001)
-    diagram.add("muscle", lab.HillMuscle(pennation_angle=0.3, tendon=tendon, shape=(3,)))
+    diagram.add("muscle", lab.HillMuscle(pennation_angle=0.3, tendon=tendon, curves=curves, shape=(3,)))
     diagram.add("length", lab.Constant(lengths, (3,)))
     diagram.add("excitation", lab.Constant(0.8, (3,)))
     for name in ("length", "excitation"):
         diagram.connect(name, f"muscle.{name}")
     record = lab.Run(diagram, 1, watch=["muscle.tension", "muscle.fiber", "muscle.activation"]).advance(60)
+    # single precision finds the start of Millard's soft toe, where a slack muscle begins, to 1e-4 of the length
+    force, fiber = (0.6, 2e-4) if curves == "millard" else (0.3, 1e-4)
     for place, length in enumerate(lengths):
-        hill = bodies.Hill(1000.0, 0.1, 0.2, 0.3, tendon=tendon)
+        hill = bodies.Hill(1000.0, 0.1, 0.2, 0.3, tendon=tendon, curves=curves)
         run = bodies.contract(hill, length, 0.059, excitation=0.8)
-        np.testing.assert_allclose(record["muscle.tension"][0, :, place], run.force, rtol=2e-3, atol=0.3)
-        np.testing.assert_allclose(record["muscle.fiber"][0, :, place], run.fiber_length / 0.1, rtol=1e-4)
+        np.testing.assert_allclose(record["muscle.tension"][0, :, place], run.force, rtol=2e-3, atol=force)
+        np.testing.assert_allclose(record["muscle.fiber"][0, :, place], run.fiber_length / 0.1, rtol=fiber)
         np.testing.assert_allclose(record["muscle.activation"][0, :, place], run.activation, atol=1e-5)
 
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from motorgrad.bodies import Hexapod, Hopper, Mjcf, compile_model
+from motorgrad.bodies import CURVES, Hexapod, Hopper, Mjcf, compile_model
 from motorgrad.sim.panels._muscle_law import Law
 from motorgrad.sim.panels._muscles import LEAST, Range, draw_operating
 
@@ -25,6 +25,7 @@ MODELS = {
     "hexapod": lambda: compile_model(Hexapod()),
     "leg": lambda: mujoco.MjModel.from_xml_path(str(Path(__file__).parents[1] / "leg.xml")),
     "hill, rigid": lambda: compile_model(Mjcf("arm6", muscle_model="hill", tendon="rigid")),
+    "hill, rigid, Millard": lambda: compile_model(Mjcf("arm6", muscle_model="hill", tendon="rigid", curves="millard")),
     "motors": lambda: mujoco.MjModel.from_xml_string(MOTORS),
     "muscle": lambda: mujoco.MjModel.from_xml_string(STRONG),
 }
@@ -118,8 +119,9 @@ def test_the_point_is_on_the_curve_and_the_range_holds_it(model):
         assert "nan" not in made
 
 
-def test_a_stretched_tendon_has_the_force_of_its_steady_length():
-    model = compile_model(Mjcf("arm6", muscle_model="hill"))
+@pytest.mark.parametrize("curves", CURVES)
+def test_a_stretched_tendon_has_the_force_of_its_steady_length(curves):
+    model = compile_model(Mjcf("arm6", muscle_model="hill", curves=curves))
     data = mujoco.MjData(model)
     for state in np.random.default_rng(1).uniform(size=(5, 6)):
         mujoco.mj_resetDataKeyframe(model, data, 0)

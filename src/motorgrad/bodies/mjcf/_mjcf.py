@@ -60,6 +60,7 @@ class Mjcf:
     - `muscle_model`: `"native"` for MuJoCo's own muscles; `"hill"` to put a Hill-type muscle in place of each that is
       on a tendon (see the page on muscles).
     - `tendon`: of those, `"compliant"` or `"rigid"`.
+    - `curves`: of those, `"de-groote"` or `"millard"`.
     - `hill`: the numbers of some of them: pairs of an actuator's name, or a pattern such as `"flexor*"`, and a `Hill`.
       All others resemble MuJoCo's, as `hill_of` says.
 
@@ -81,6 +82,7 @@ class Mjcf:
     checksum: str | None = None
     muscle_model: Literal["native", "hill"] = "native"
     tendon: Literal["compliant", "rigid"] = "compliant"
+    curves: Literal["de-groote", "millard"] = "de-groote"
     hill: tuple[tuple[str, Hill], ...] = ()
 
     def __post_init__(self) -> None:
@@ -168,7 +170,7 @@ class Mjcf:
             for number, each in enumerate(getattr(spec, f"{kind}s"), 1):
                 each.name = each.name or f"{kind} {number}"
         if self.muscle_model == "hill":
-            to_hill(spec, compile_bare(spec, documents.folders), self.tendon, self.hill)
+            to_hill(spec, compile_bare(spec, documents.folders), self.hill, self.tendon, self.curves)
         return spec, documents
 
     @property

@@ -16,7 +16,7 @@ from motorgrad.bodies.muscles._hill import SPAN, Hill, set_hill
 _LEAST_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
 
 
-def hill_of(model: Any, actuator: int, tendon: Any = "compliant") -> Hill:
+def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = "de-groote") -> Hill:
     """The Hill-type muscle that resembles a `muscle` of MuJoCo.
 
     MuJoCo's muscle has a fiber on a rigid tendon, whose lengths follow from the range of the path: where that is
@@ -24,7 +24,7 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant") -> Hill:
     tendon would be shorter than a tenth of the optimal length, 0.4 and 1.5 are taken in place of both. Greatest force,
     greatest velocity in m/s and time constants are MuJoCo's.
 
-    **Arguments:** a compiled model; the number of the actuator; the Hill-type muscle's tendon.
+    **Arguments:** a compiled model; the number of the actuator; `tendon` and `curves` of the Hill-type muscle.
 
     **Raises:** `ValueError` for an actuator that is no `muscle`, and for one whose path changes its length too much.
     """
@@ -47,15 +47,16 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant") -> Hill:
                 activation_time_constant=rise,
                 deactivation_time_constant=fall,
                 tendon=tendon,
+                curves=curves,
             )
     wanted = "less variable, so that there is room for a tendon; give its numbers by `hill`"
     raise ValueError(f"path of the muscle {name!r} = {low:.4g} to {high:.4g} m: must be {wanted}")
 
 
-def to_hill(spec: mujoco.MjSpec, model: Any, tendon: Any, numbers: Sequence[tuple[str, Hill]]) -> None:
+def to_hill(spec: mujoco.MjSpec, model: Any, numbers: Sequence[tuple[str, Hill]], tendon: Any, curves: Any) -> None:
     """Replace muscles of a description by Hill-type ones, in place.
 
-    **Arguments:** the description, and the model compiled from it; what `Mjcf` says about `tendon` and `hill`.
+    **Arguments:** the description, and the model compiled from it; `hill`, `tendon` and `curves` of `Mjcf`.
     """
     names = [each.name for each in spec.actuators]
     chosen: dict[str, Hill] = {}
@@ -69,7 +70,7 @@ def to_hill(spec: mujoco.MjSpec, model: Any, tendon: Any, numbers: Sequence[tupl
         if name in chosen:
             check(on_path, f"actuator {name!r} in hill", model.actuator(i).name, "a muscle on a tendon")
         elif on_path and model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_MUSCLE:
-            chosen[name] = hill_of(model, i, tendon)
+            chosen[name] = hill_of(model, i, tendon, curves)
     check(chosen, "muscle_model", "hill", "'native' for a model without muscles on tendons, or see `hill`")
     keys = np.array(model.key_act)
     for each in spec.actuators:

@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from motorgrad.bodies.muscles._hill_dynamics import compliant_tension, next_activation, next_fiber, rigid_tension
+from motorgrad.bodies.muscles._curve_sets import CURVES, with_curves
 from motorgrad.bodies.muscles._machine_code import machine_code, probe
 from motorgrad.bodies.muscles._muscle import tension
 
@@ -120,25 +120,27 @@ def _verify_thesis() -> None:
 
 
 def _verify_hill() -> None:
-    """Compare the forces and the states after a step with the formulas, for tendons of both kinds."""
-    model, data = probe("mjcb_act_bias", 3, "tendon")
-    data.ctrl[:], data.act[:], data.qvel[:] = (0.5, 1.0, 0.0), (0.9, 0.4, 0.3, 1.1, 0.8), (0.1, -0.2, 0.05)
+    """Compare the forces and the states after a step with the formulas, for tendons and curves of all kinds."""
+    model, data = probe("mjcb_act_bias", 4, "tendon")
+    data.ctrl[:], data.qvel[:] = (0.5, 1.0, 0.0, 0.7), (0.1, -0.2, 0.05, 0.1)
+    data.act[:] = (0.9, 0.4, 0.3, 1.1, 0.8, 0.6)
     mujoco.mj_forward(model, data)
     lengths, speeds = np.array(data.actuator_length), np.array(data.actuator_velocity)
-    forces, states, step = np.zeros(3), np.array(data.act), model.opt.timestep
+    forces, states, step = np.zeros(4), np.array(data.act), model.opt.timestep
     for i, first in enumerate(model.actuator_actadr):
-        force, optimal, slack, pennation, fastest, damping, stiffness = (
-            float(x) for x in model.actuator_biasprm[i, :7]
+        force, optimal, slack, pennation, fastest, damping, stiffness, curves = (
+            float(x) for x in model.actuator_biasprm[i, :8]
         )
+        law = with_curves([*CURVES][int(curves)])
         last = first + model.actuator_actnum[i] - 1
         active, whole = float(data.act[last]), (optimal, slack, pennation, fastest, damping)
-        states[last] = next_activation(active, data.ctrl[i], step, *model.actuator_dynprm[i, :2])
+        states[last] = law.next_activation(active, data.ctrl[i], step, *model.actuator_dynprm[i, :2])
         if last == first:
-            forces[i] = rigid_tension(active, lengths[i], speeds[i], force, *whole)
+            forces[i] = law.rigid_tension(active, lengths[i], speeds[i], force, *whole)
             continue
         fiber = float(data.act[first])
-        forces[i] = compliant_tension(fiber, lengths[i], force, optimal, slack, pennation, stiffness)
-        states[first] = next_fiber(fiber, active, states[last], lengths[i], speeds[i], step, *whole, stiffness)
+        forces[i] = law.compliant_tension(fiber, lengths[i], force, optimal, slack, pennation, stiffness)
+        states[first] = law.next_fiber(fiber, active, states[last], lengths[i], speeds[i], step, *whole, stiffness)
     _same("mjcb_act_bias", "forces", data.actuator_force, -forces)
     _same("mjcb_act_dyn", "states", data.act + step * data.act_dot, states)
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad._settings import check_fields
-from motorgrad.bodies.muscles._hill_curves import STRAIN, tendon_stiffness
-from motorgrad.bodies.muscles._hill_dynamics import compliant_tension, rigid_tension, tendon_length
+from motorgrad.bodies.muscles._curve_sets import CURVES, with_curves
+from motorgrad.bodies.muscles._hill_curves import STRAIN
+from motorgrad.bodies.muscles._hill_dynamics import tendon_length
 from motorgrad.bodies.muscles._machine_code import compiled_hill
 from motorgrad.bodies.muscles._muscle import Attachment, Wrap
 
@@ -30,8 +31,7 @@ class Hill:
 
     $$\left(a f_L(\tilde l) f_V(\tilde v) + f_P(\tilde l) + \beta \tilde v\right) \cos\alpha = f_T(\tilde l_T)$$
 
-    The page on muscles explains it. The curves are `active_force_length`, `force_velocity`, `passive_force_length` and
-    `tendon_force_length`.
+    The page on muscles explains it, and `hill_curves` has the curves.
 
     **Arguments:**
 
@@ -46,6 +46,7 @@ class Hill:
     - `tendon`: `"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one that always
       has its slack length, or pulls on nothing.
     - `tendon_strain`: of a compliant tendon at the greatest isometric force.
+    - `curves`: `"de-groote"` for those of De Groote et al. (2016), `"millard"` for those of Millard et al. (2013).
 
     **Raises:** `ValueError` naming the field and what it may be.
 
@@ -62,6 +63,7 @@ class Hill:
     fiber_damping: float = 0.1
     tendon: Literal["compliant", "rigid"] = "compliant"
     tendon_strain: float = STRAIN
+    curves: Literal["de-groote", "millard"] = "de-groote"
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -150,10 +152,11 @@ def set_hill(actuator: Any, hill: Hill) -> None:
     """Make a `MjsActuator` on a tendon a Hill-type muscle.
 
     MuJoCo stores it as an actuator with user dynamics and a user bias: `biasprm` holds the greatest isometric force,
-    optimal fiber length, tendon slack length, pennation angle, greatest velocity, fiber damping and the exponent of the
-    tendon's curve; `dynprm` the two time constants. Its states are the fiber's length as a multiple of the optimal
-    length, if the tendon is compliant, and then the activation. A fiber of length 0, as MuJoCo sets all states at the
-    start, is one in balance with its tendon at rest.
+    optimal fiber length, tendon slack length, pennation angle, greatest velocity, fiber damping, the stiffness of the
+    tendon's curve (De Groote's exponent, or the inverse of Millard's strain) and the number of the curves, 0 for De
+    Groote's and 1 for Millard's; `dynprm` the two time constants. Its states are the fiber's length as a multiple of
+    the optimal length, if the tendon is compliant, and then the activation. A fiber of length 0, as MuJoCo sets all
+    states at the start, is one in balance with its tendon at rest.
     """
     check(actuator.gear[0] == 1.0, f"gear of the muscle {actuator.name!r}", float(actuator.gear[0]), "1")
     actuator.dyntype, actuator.biastype = mujoco.mjtDyn.mjDYN_USER, mujoco.mjtBias.mjBIAS_USER
@@ -169,7 +172,8 @@ def set_hill(actuator: Any, hill: Hill) -> None:
         hill.pennation_angle,
         hill.max_contraction_velocity,
         hill.fiber_damping,
-        tendon_stiffness(hill.tendon_strain),
+        CURVES[hill.curves].tendon_stiffness(hill.tendon_strain),
+        [*CURVES].index(hill.curves),
         size=mujoco.mjNBIAS,
     )
 
@@ -194,10 +198,16 @@ def check_hill(model: Any) -> None:
         force, optimal, slack, _, fastest = model.actuator_biasprm[i, :5]
         states, right = int(model.actuator_actnum[i]), min(force, optimal, fastest) > 0 and slack >= 0
         right = right and hill_actuators(model)[i] and states in (1, 2) and (slack > 0 or states == 1)
+        right = right and model.actuator_biasprm[i, 7] in range(len(CURVES))
         wanted = (
             "a Hill-type muscle, as `set_hill` makes it: other dynamics or biases of type 'user' are not known here"
         )
         check(right, "actuator", model.actuator(i).name, wanted)
+
+
+def _curves_of(model: Any, actuator: int) -> str:
+    """The name of a muscle's curves."""
+    return [*CURVES][int(model.actuator_biasprm[actuator, 7])]
 
 
 def fibers(model: Any) -> np.ndarray:
@@ -244,12 +254,13 @@ def read_hill(model: Any, data: Any, actuator: int) -> HillState:
 def hill_force(model: Any, actuator: int, activation: float, length: Any, velocity: Any) -> np.ndarray:
     """The force in N of a Hill-type muscle whose tendon is at rest, at lengths of the path in m and rates in m/s."""
     force, optimal, slack, pennation, fastest, damping, stiffness = model.actuator_biasprm[actuator, :7]
-    numbers = (force, optimal, slack, pennation, fastest, damping)
+    numbers, curves = (force, optimal, slack, pennation, fastest, damping), _curves_of(model, actuator)
+    law = with_curves(curves)
     if model.actuator_actnum[actuator] == 1:
-        return rigid_tension(activation, length, velocity, *numbers)
-    steady = np.vectorize(compiled_hill().steady_fiber, [float])
+        return law.rigid_tension(activation, length, velocity, *numbers)
+    steady = np.vectorize(compiled_hill(curves).steady_fiber, [float])
     fiber = steady(activation, length, velocity, *numbers[1:], stiffness)
-    return compliant_tension(fiber, length, force, optimal, slack, pennation, stiffness)
+    return law.compliant_tension(fiber, length, force, optimal, slack, pennation, stiffness)
 
 
 def settle(model: Any, activation: np.ndarray, length: np.ndarray) -> None:
@@ -257,8 +268,8 @@ def settle(model: Any, activation: np.ndarray, length: np.ndarray) -> None:
 
     **Arguments:** a model; states `(rows, na)`, changed in place; lengths of the paths `(rows, nu)`, in m.
     """
-    steady = compiled_hill().steady_fiber
     for actuator in fibers(model):
+        steady = compiled_hill(_curves_of(model, actuator)).steady_fiber
         numbers, first = model.actuator_biasprm[actuator, 1:7], model.actuator_actadr[actuator]
         for row in np.flatnonzero(activation[:, first] <= 0.0):
             activation[row, first] = steady(activation[row, first + 1], length[row, actuator], 0.0, *numbers)

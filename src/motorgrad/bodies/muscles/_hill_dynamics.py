@@ -1,7 +1,7 @@
 """The dynamics of a Hill-type muscle: activation, and a fiber in balance with its tendon.
 
 Lengths of fibers are multiples of the optimal length. Numba compiles these functions for the physics; see
-`_hill_curves`.
+`_hill_curves`. Here they have the curves of De Groote et al.; `with_curves` gives them others.
 """
 
 import math
@@ -124,7 +124,7 @@ def next_fiber(
     **Arguments:** the fiber's length; its activation now and after the step; length of the path in m and its rate in
     m/s; the step in s; then numbers of a `Hill`.
 
-    Source: the damped equilibrium of Millard et al. (2013), with the curves of De Groote et al. (2016).
+    Source: the damped equilibrium of Millard et al. (2013).
     """
     height, grip = np.sin(pennation), optimal / slack
     path, drift, reach = length / optimal, velocity * seconds / optimal, seconds * fastest
@@ -136,7 +136,7 @@ def next_fiber(
     stiff = np.maximum(reach * by_length, 1e-12)
     theta = (by_speed + stiff) / (2.0 * by_speed + stiff)
     pace = 1.0 / (theta * reach)
-    guess = at - (excess + by_path * theta * drift) / (by_length + by_speed * pace)
+    guess = at - (excess + by_path * theta * drift) / _not_zero(by_length + by_speed * pace)
     level = activation + theta * (later - activation)
     within = balanced(guess, at, pace, level, path + theta * drift, muscle, curves)
     return np.maximum(at + (within - at) / theta, shortest_fiber(height))
@@ -166,8 +166,8 @@ def steady_fiber(
         curves = (fiber, *active_tangent(fiber), *passive_tangent(fiber))
         # the velocity, (fiber − base) · pace, is given: it hardly depends on the length at so slow a pace
         speed = velocity * np.sqrt(1.0 - (height / fiber) ** 2) / (optimal * fastest)
-        new, low, high = newton(fiber, low, high, fiber - speed / _SLOW, _SLOW, now, path, muscle, curves)
-        if number % 8 == 7:  # Newton's method is slow where a tendon is stretched far
+        new, low, high, flat = newton(fiber, low, high, fiber - speed / _SLOW, _SLOW, now, path, muscle, curves)
+        if number % 8 == 7 or flat:  # Newton's method is slow where a tendon is stretched far
             new = 0.5 * (low + high)
         moved, fiber = abs(new - fiber), new
         if moved < _STILL:
@@ -180,7 +180,7 @@ def balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscl
     low, high = bracket(path, muscle[1])
     fiber = min(max(guess, low), high)
     for number in range(_TRIES):
-        new, low, high = newton(fiber, low, high, base, pace, activation, path, muscle, curves)
+        new, low, high, _ = newton(fiber, low, high, base, pace, activation, path, muscle, curves)
         if number % 8 == 7:  # Newton's method is slow where a tendon is stretched far
             new = 0.5 * (low + high)
         moved, fiber = abs(new - fiber), new
@@ -198,9 +198,10 @@ def bracket(path: Any, height: Any) -> tuple[Any, Any]:
 
 def newton(
     fiber: Any, low: Any, high: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any
-) -> tuple[Any, Any, Any]:
+) -> tuple[Any, Any, Any, Any]:
     """One step of Newton's method towards balance, or of bisection where that leaves the bracket. Returns the new
-    length and bracket.
+    length and bracket, and whether the length is in balance with all lengths about it: where neither fiber nor tendon
+    has a force.
 
     **Arguments:**
 
@@ -212,9 +213,15 @@ def newton(
     # choices by factors of 0 and 1, which are exact
     long = 1.0 * (excess > 0.0)
     high, low = long * fiber + (1.0 - long) * high, long * low + (1.0 - long) * fiber
-    new = fiber - excess / (by_length + by_speed * pace)
+    new = fiber - excess / _not_zero(by_length + by_speed * pace)
     inside = 1.0 * ((new >= low) & (new <= high))
-    return inside * new + (1.0 - inside) * 0.5 * (low + high), low, high
+    flat = (excess == 0.0) & (by_length == 0.0)
+    return inside * new + (1.0 - inside) * 0.5 * (low + high), low, high, flat
+
+
+def _not_zero(slope: Any) -> Any:
+    """A slope to divide by. It is 0 for a fiber without force and damping; any length will do then."""
+    return slope + 1.0 * (slope == 0.0)
 
 
 def balance(fiber: Any, speed: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> tuple[Any, Any, Any, Any]:
@@ -247,10 +254,6 @@ def balance(fiber: Any, speed: Any, activation: Any, path: Any, muscle: Any, cur
 
 
 FUNCTIONS = (
-    active_tangent,
-    passive_tangent,
-    velocity_tangent,
-    tendon_tangent,
     activation_rate,
     next_activation,
     shortest_fiber,
@@ -258,10 +261,11 @@ FUNCTIONS = (
     tendon_length,
     compliant_tension,
     bracket,
+    _not_zero,
     balance,
     newton,
     balanced,
     next_fiber,
     steady_fiber,
 )
-"""All of them, each after those that it calls."""
+"""All of them, each after those that it calls; the curves come before."""

@@ -7,27 +7,25 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from motorgrad.bodies.muscles._hill_curves import tendon_stiffness
-from motorgrad.bodies.muscles._hill_dynamics import FUNCTIONS
+from motorgrad.bodies.muscles._curve_sets import with_curves
 
 _CLOSE, _STILL = 1e-3, 1e-6  # as in `_hill_dynamics`, in single precision
 _REFINEMENTS, _SEARCHES = 14, 60  # of a fiber within a step, from a good guess, and of one at rest, from none
 
 
 @functools.cache
-def hill_in_jax() -> types.SimpleNamespace:
+def hill_in_jax(curves: str = "de-groote") -> types.SimpleNamespace:
     """The functions of Hill-type muscles as JAX functions of arrays: those that the physics runs, with JAX's NumPy in
     place of NumPy. Only the loops differ: theirs end when the fiber is found, which JAX cannot.
 
+    **Arguments:** `curves`: as of `Hill`.
+
     **Returns:** an object with `next_activation`, `next_fiber`, `steady_fiber`, `rigid_tension`,
     `compliant_tension` and `tendon_stiffness`, whose arguments the source tells.
+
+    **Raises:** `ValueError` for other curves.
     """
-    scope: dict[str, Any] = {"np": jnp}
-    for function in FUNCTIONS:
-        own = {"balanced": _balanced, "steady_fiber": _steady_fiber}.get(function.__name__, function)
-        bound = types.FunctionType(own.__code__, {**own.__globals__, **scope}, own.__name__, own.__defaults__)
-        scope[function.__name__] = bound
-    return types.SimpleNamespace(**scope, tendon_stiffness=tendon_stiffness)
+    return with_curves(curves, instead={"balanced": _balanced, "steady_fiber": _steady_fiber}, np=jnp)
 
 
 # `bracket`, `newton` and the tangents are put in place by `hill_in_jax`
@@ -41,7 +39,7 @@ def _balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, musc
     low, high = bracket(path, muscle[1])
 
     def refine(number: Any, found: Any) -> Any:
-        new, low, high = newton(*found, base, pace, activation, path, muscle, curves)
+        new, low, high, _ = newton(*found, base, pace, activation, path, muscle, curves)
         far = jnp.abs(new - found[0]) * pace > _CLOSE
         return jnp.where(far & (number % 8 == 7), 0.5 * (low + high), new), low, high
 
@@ -67,9 +65,9 @@ def _steady_fiber(
         fiber = found[0]
         curves = (fiber, *active_tangent(fiber), *passive_tangent(fiber))
         speed = velocity * jnp.sqrt(1.0 - (height / fiber) ** 2) / (optimal * fastest)
-        new, low, high = newton(*found, fiber - speed / pace, pace, now, path, muscle, curves)
+        new, low, high, flat = newton(*found, fiber - speed / pace, pace, now, path, muscle, curves)
         far = jnp.abs(new - fiber) > _STILL
-        return jnp.where(far & (number % 8 == 7), 0.5 * (low + high), new), low, high
+        return jnp.where((far & (number % 8 == 7)) | flat, 0.5 * (low + high), new), low, high
 
     low, high = bracket(path + 0.0 * now, height)
     return jax.lax.fori_loop(0, _SEARCHES, refine, tuple(jnp.broadcast_arrays(high, low, high)))[0]

@@ -16,7 +16,7 @@ from typing import Any
 
 import mujoco
 
-from motorgrad.bodies.muscles._hill_dynamics import FUNCTIONS
+from motorgrad.bodies.muscles._curve_sets import CURVES, hill_curves, with_curves
 from motorgrad.bodies.muscles._muscle import tension
 
 _POINTER = ctypes.sizeof(ctypes.c_void_p)
@@ -32,22 +32,33 @@ _PROBE_TENDON = '<fixed name="t{i}"><joint joint="j{i}" coef="1"/></fixed>'
 _PROBE_ACTUATOR = {
     "mjcb_act_gain": '<general {of}="{of[0]}{i}" gaintype="user" gainprm="{force} {rest} {shape}"/>',
     "mjcb_act_bias": '<general {of}="{of[0]}{i}" dyntype="user" actdim="{states}" biastype="user" gainprm="0" '
-    'dynprm="{rise} .06" biasprm="{force} {rest} .1 .3 10 .1 36"/>',
+    'dynprm="{rise} .06" biasprm="{force} {rest} .1 .3 10 .1 36 {curves}"/>',
 }
 
 
 @functools.cache
-def compiled_hill() -> types.SimpleNamespace:
-    """The functions of Hill-type muscles, compiled, by name."""
-    numba, scope = _numba(), {}
-    for function in FUNCTIONS:
-        # a copy that calls the compiled functions in place of those that Python runs
-        bound = types.FunctionType(function.__code__, {**function.__globals__, **scope}, function.__name__)
-        bound.__defaults__ = function.__defaults__
+def compiled_hill(curves: str) -> types.SimpleNamespace:
+    """The functions of Hill-type muscles that have some curves, compiled, by name."""
+    numba, helpers = _numba(), {each.__name__ for each in hill_curves(curves).helpers}
+
+    def compiled(function: Any) -> Any:
+        name = function.__name__
         # without a way in from Python, which only one of them needs, they compile faster
-        inner = {"no_cpython_wrapper": function.__name__ != "steady_fiber", "no_cfunc_wrapper": True}
-        scope[function.__name__] = numba.njit(bound, error_model="numpy", forceinline=True, **inner)
-    return types.SimpleNamespace(**scope)
+        inner = {"no_cpython_wrapper": name != "steady_fiber", "no_cfunc_wrapper": True}
+        # a helper is called at many places, and faster if it is not written out at each
+        return numba.njit(function, error_model="numpy", forceinline=name not in helpers, **inner)
+
+    return with_curves(curves, compiled)
+
+
+def _with_any_curves(name: str) -> Any:
+    """A compiled function of Hill-type muscles; the number of the curves comes before its other arguments."""
+    first, second = (getattr(compiled_hill(curves), name) for curves in CURVES)
+
+    def law(curves, *arguments):  # pragma: no cover - runs as machine code
+        return first(*arguments) if curves == 0.0 else second(*arguments)
+
+    return _numba().njit(law, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 @functools.cache  # also keeps the compiled functions alive as long as the process
@@ -86,8 +97,8 @@ def _gain() -> Any:
 
 def _bias() -> Any:
     """The force of a Hill-type muscle, which is negative where it pulls."""
-    hill, whole = compiled_hill(), _cast("int32")
-    steady, rigid, compliant = hill.steady_fiber, hill.rigid_tension, hill.compliant_tension
+    whole = _cast("int32")
+    steady, rigid, compliant = map(_with_any_curves, ("steady_fiber", "rigid_tension", "compliant_tension"))
     parameters, address, count, lengths, velocities, states = _places(
         "mjcb_act_bias",
         ("actuator_biasprm", "actuator_actadr", "actuator_actnum"),
@@ -99,14 +110,14 @@ def _bias() -> Any:
         prm, at = model[parameters], actuator * size
         first, length = whole(model[address])[actuator], data[lengths][actuator]
         force, optimal, slack, pennation, fastest = prm[at], prm[at + 1], prm[at + 2], prm[at + 3], prm[at + 4]
-        damping, stiffness = prm[at + 5], prm[at + 6]
+        damping, stiffness, curves = prm[at + 5], prm[at + 6], prm[at + 7]
         if whole(model[count])[actuator] == 1:
             velocity, active = data[velocities][actuator], data[states][first]
-            return -rigid(active, length, velocity, force, optimal, slack, pennation, fastest, damping)
+            return -rigid(curves, active, length, velocity, force, optimal, slack, pennation, fastest, damping)
         fiber, active = data[states][first], data[states][first + 1]
         if fiber <= 0.0:
-            fiber = steady(active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
-        return -compliant(fiber, length, force, optimal, slack, pennation, stiffness)
+            fiber = steady(curves, active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
+        return -compliant(curves, fiber, length, force, optimal, slack, pennation, stiffness)
 
     return bias
 
@@ -117,8 +128,9 @@ def _dynamics() -> Any:
     MuJoCo adds each, times its time step, to the state. A rate here is the difference to the state after the step,
     divided by the step: so a state after MuJoCo's step is what `next_activation` and `next_fiber` compute.
     """
-    hill, whole, real, step = compiled_hill(), _cast("int32"), _cast("float64"), _timestep()
-    advance, shift, steady = hill.next_activation, hill.next_fiber, hill.steady_fiber
+    whole, real, step = _cast("int32"), _cast("float64"), _timestep()
+    shift, steady = map(_with_any_curves, ("next_fiber", "steady_fiber"))
+    advance = compiled_hill("de-groote").next_activation  # the same with all curves
     dynamics, parameters, address, count, controls, lengths, velocities, states, rates, control = _places(
         "mjcb_act_bias",
         ("actuator_dynprm", "actuator_biasprm", "actuator_actadr", "actuator_actnum", "actuator_ctrladr"),
@@ -132,18 +144,18 @@ def _dynamics() -> Any:
         rise, fall = own[actuator * many], own[actuator * many + 1]
         last = first + whole(model[count])[actuator] - 1
         active = data[states][last]
+        prm, at, length = model[parameters], actuator * size, data[lengths][actuator]
+        curves = prm[at + 7]
         later = advance(active, excitation, seconds, rise, fall)
         if last == first:
             return (later - active) / seconds
-        prm, at, length = model[parameters], actuator * size, data[lengths][actuator]
         optimal, slack, pennation, fastest = prm[at + 1], prm[at + 2], prm[at + 3], prm[at + 4]
         damping, stiffness, velocity = prm[at + 5], prm[at + 6], data[velocities][actuator]
         now = fiber = data[states][first]
         if fiber <= 0.0:
-            fiber = steady(active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
-        new = shift(
-            fiber, active, later, length, velocity, seconds, optimal, slack, pennation, fastest, damping, stiffness
-        )
+            fiber = steady(curves, active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
+        held = (optimal, slack, pennation, fastest, damping, stiffness)
+        new = shift(curves, fiber, active, later, length, velocity, seconds, *held)
         # with several states MuJoCo expects their rates here, and ignores what is returned
         data[rates][first], data[rates][last] = (new - now) / seconds, (later - active) / seconds
         return 0.0
@@ -220,7 +232,7 @@ def _fitting(struct: Any, attribute: str) -> set[int]:
 def probe(callback: str, actuators: int, of: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """A model with muscles that a callback serves, of various lengths and numbers, each on its own joint or tendon.
 
-    For Hill-type muscles, every second tendon is rigid.
+    Of Hill-type muscles, every second has a rigid tendon, and every second pair other curves.
     """
     numbers = range(actuators)
     model = mujoco.MjModel.from_xml_string(
@@ -237,6 +249,7 @@ def probe(callback: str, actuators: int, of: str) -> tuple[mujoco.MjModel, mujoc
                     shape=0.5 + 0.1 * i,
                     states=2 - i % 2,
                     rise=0.02 + 0.003 * i,
+                    curves=i // 2 % 2,
                 )
                 for i in numbers
             ),

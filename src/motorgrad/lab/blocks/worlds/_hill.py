@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.bodies import hill_in_jax
+from motorgrad.bodies import CURVES, hill_in_jax
 from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 
 _NUMBERS = (
@@ -37,6 +37,7 @@ class HillMuscle(Block):
     fiber_damping: Annotated[Any, Parameter(r"$\beta$", low=0.0)] = 0.1
     tendon_strain: Annotated[Any, Parameter("at the greatest isometric force", low=1e-6)] = 0.049
     tendon: Annotated[str, Setting("whether it stretches", ("compliant", "rigid"))] = "compliant"
+    curves: Annotated[str, Setting("whose force–length and force–velocity curves", tuple(CURVES))] = "de-groote"
     shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
 
     def validate(self) -> None:
@@ -66,7 +67,7 @@ class HillMuscle(Block):
         return jnp.zeros(self.shape), jnp.zeros(self.shape)  # of the fiber, which then is at rest, and the activation
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        hill, activation, length = hill_in_jax(), state[1], inputs["length"]
+        hill, activation, length = hill_in_jax(self.curves), state[1], inputs["length"]
         force, optimal, slack, pennation, *others = (getattr(self, name) for name in _NUMBERS)
         if self.tendon == "rigid":
             numbers = (force, optimal, slack, pennation, *others)
@@ -80,7 +81,7 @@ class HillMuscle(Block):
         return {name: jnp.broadcast_to(value, self.shape) for name, value in shaped.items()}
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
-        hill, activation = hill_in_jax(), state[1]
+        hill, activation = hill_in_jax(self.curves), state[1]
         rise, fall = self.activation_time_constant, self.deactivation_time_constant
         later = hill.next_activation(activation, inputs["excitation"], now.step, rise, fall)
         if self.tendon == "rigid":
@@ -92,10 +93,10 @@ class HillMuscle(Block):
 
     @property
     def _stiffness(self) -> Any:
-        return hill_in_jax().tendon_stiffness(self.tendon_strain)
+        return hill_in_jax(self.curves).tendon_stiffness(self.tendon_strain)
 
     def _fiber(self, state: Any, length: Any) -> Any:
         """The fiber's length; where none is set, that of one at rest."""
         numbers = (getattr(self, name) for name in _NUMBERS[1:])
-        rest = hill_in_jax().steady_fiber(state[1], length, 0.0, *numbers, self._stiffness)
+        rest = hill_in_jax(self.curves).steady_fiber(state[1], length, 0.0, *numbers, self._stiffness)
         return jnp.where(state[0] > 0.0, state[0], rest)

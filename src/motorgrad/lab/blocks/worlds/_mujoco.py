@@ -16,7 +16,7 @@ from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check
-from motorgrad.bodies import Mjcf, tension
+from motorgrad.bodies import CURVES, Mjcf, tension
 from motorgrad.lab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
 
 LONGEST = 1_000_000  # characters of MJCF in a diagram
@@ -143,6 +143,7 @@ class MujocoModel(HostBlock):
         str, Setting("native for MuJoCo's own muscles, hill for Hill-type muscles in their place", ("native", "hill"))
     ] = "native"
     tendon: Annotated[str, Setting("of Hill-type muscles", ("compliant", "rigid"))] = "compliant"
+    curves: Annotated[str, Setting("of Hill-type muscles", tuple(CURVES))] = "de-groote"
 
     def validate(self) -> None:
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
@@ -157,7 +158,7 @@ class MujocoModel(HostBlock):
     @functools.cached_property
     def body(self) -> Mjcf:
         """The model as a body, in which every part that has a port has a name."""
-        muscles: Any = {"muscle_model": self.muscle_model, "tendon": self.tendon}
+        muscles: Any = {"muscle_model": self.muscle_model, "tendon": self.tendon, "curves": self.curves}
         if self.file:
             return Mjcf(Path(self.file), self.keyframe or None, **muscles)
         check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
