@@ -57,22 +57,22 @@ def earned(score: PolicyScore, found: Found, every: int) -> np.ndarray:
 
 def bayesian(work: Work) -> Figure:
     """Bayesian optimisation with and without gradients, on a world with four parameters and on one with twelve."""
-    seeds, evaluations = (10, 32) if work.most > 10_000 else (1, 12)
+    seeds = 8 if work.most > 10_000 else 1
     figure, axes = panels(2, sharey=True)
-    for place, name, words in zip(axes, ("three-state", "chain"), ("four parameters", "twelve"), strict=True):
+    worlds = ("three-state", "four parameters", 24), ("chain", "twelve parameters", 16)
+    for place, (name, words, evaluations) in zip(axes, worlds, strict=True):
+        evaluations = evaluations if work.most > 10_000 else 8
         task: Any = mg.make(name)
         for label, (method, gradients, colour) in EXPENSIVE.items():
-            rows = []
+            rows, every = [], method.batch(1)  # whatever the number of parameters
             for seed in range(seeds):
                 gradient = gpomdp(0.9, MeanReward()) if gradients else None
                 score = PolicyScore(task, softmax(task), STEPS, 8, seed=seed * 1000, gradient=gradient)
-                space = score.space()
-                every = method.batch(space.size)
-                found = search(score, space, method, evaluations=evaluations, seed=seed, progress=False)
+                found = search(score, score.space(), method, evaluations=evaluations, seed=seed, progress=False)
                 rows.append(earned(score, found, every))
             band(place, every * np.arange(1, len(rows[0]) + 1), np.array(rows), colour, label)
         level(place, 1, "best policy")
-        place.set(xlabel="candidates", title=f"{name}, {words}")
+        place.set(xlabel="candidates", title=f"{name}, {words}", xticks=range(4, evaluations + 1, 4))
     axes[0].set_ylabel("share of the best average reward")
     axes[0].legend(loc="lower right")
     return figure

@@ -73,7 +73,8 @@ def most_worth(
     tried = np.concatenate([random.random((UNIFORM, size)), reflected(np.concatenate(local))])
     with jax.enable_x64(True):
         best = jnp.asarray(means.max())
-        found = np.asarray(_worth(*map(jnp.asarray, posterior(tried)), best, exploration))
+        mean, deviation = map(jnp.asarray, posterior(tried))
+        found = np.asarray(_worth(mean, deviation, best, exploration))
         starts = tried[np.argsort(-found, kind="stable")[:REFINED]]
 
         def descent(flat: np.ndarray) -> tuple[float, np.ndarray]:

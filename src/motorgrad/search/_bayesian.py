@@ -12,26 +12,26 @@ from motorgrad._errors import check, check_integer, check_not_negative, choice
 from motorgrad.search._methods import Method, Places, State
 
 if TYPE_CHECKING:
-    from motorgrad.search._gaussian_process import Data, Posterior
+    from motorgrad.search._gaussian_process import Data
 
 KERNELS = ("matern", "squared-exponential")
 ACQUISITIONS = ("expected-improvement", "upper-confidence-bound")
-LEAST = 32  # candidates for which the arrays of the process have room; the room is doubled when it is used up
+LEAST = 16  # candidates for which the arrays of the process have room; the room is doubled when it is used up
 
 
 @dataclasses.dataclass(frozen=True)
 class BayesianOptimisation(Method):
     r"""Bayesian optimisation with a Gaussian process (thesis, section 7.3; Jones et al., 1998), by the package tinygp.
 
-    The process is the posterior over score functions given all scores so far, and their gradients where the score
-    function returns `WithGradients`: the derivative of a Gaussian process is a Gaussian process, so a gradient sample is
-    an observation with its sampling variance as noise. Scores are standardised. Length scales, one for each number, the
-    process's standard deviation and the noise of the scores maximise the marginal likelihood, anew in each round.
+    The process is conditioned on all scores so far, and on their gradients where the score function returns
+    `WithGradients`: the derivative of a Gaussian process is a Gaussian process, so a gradient sample is an observation
+    with its sampling variance as noise. Scores are standardised. Length scales, one for each number, the process's
+    standard deviation and the noise of the scores maximise the marginal likelihood, anew in each round.
 
-    The first candidates are a Latin hypercube about the start. Then a candidate is where the expected improvement on the
+    The first candidates are the start and a Latin hypercube. A later one is where the expected improvement on the
     greatest posterior mean of all tried places is greatest, or the upper confidence bound. The other candidates of a
-    round are found in the same way, after the posterior mean has been taken for the score of each before (Kriging
-    believer: Ginsbourger et al., 2010). A failed candidate counts as the lowest score.
+    round are found in the same way, with the posterior mean taken for the score of each before (Kriging believer:
+    Ginsbourger et al., 2010). A failed candidate counts as the lowest score.
 
     Time grows with the third power of the number of observations: of the candidates $n$, or of $n(1 + d)$ with the
     gradients of $d$ numbers. Some hundred candidates of up to about twenty numbers are practical.
@@ -39,7 +39,8 @@ class BayesianOptimisation(Method):
     - `candidates`: per round, at least 1. With fewer, each is chosen with more known.
     - `initial`: candidates, at least 2, that must have a score before the process is used; they come in whole rounds.
     - `kernel`: `"matern"`, with $\nu = 5/2$, twice differentiable; or `"squared-exponential"`, infinitely smooth.
-    - `acquisition`: `"expected-improvement"` or `"upper-confidence-bound"`, $\mu + \kappa\sigma$ (Srinivas et al., 2010).
+    - `acquisition`: `"expected-improvement"`, or `"upper-confidence-bound"` for $\mu + \kappa\sigma$ (Srinivas et al.,
+      2010).
     - `exploration`: $\kappa$, at least 0, of the upper confidence bound.
     - `lengths`: bounds of the length scales, above 0, as fractions of every number's range.
     - `noise`: bounds of the standard deviation of a score's noise, above 0, in standard deviations of all scores. Two
@@ -119,7 +120,7 @@ class BayesianOptimisation(Method):
         check(known > 1, "scores of the state", known, "at least two")
         places = np.asarray(places, float)
         level, scale = _standard(state["scores"])
-        found: Posterior = Posterior(self.kernel, self._fitted(state), self._data(state))
+        found = Posterior(self.kernel, self._fitted(state), self._data(state))
         mean, deviation = found(places.reshape(-1, places.shape[-1]))
         return (level + scale * mean).reshape(places.shape[:-1]), (scale * deviation).reshape(places.shape[:-1])
 

@@ -100,7 +100,9 @@ class DerivativeKernel(tinygp.kernels.Kernel):
 
     With $\Delta = (x - x')/l$, $u = v/l$ and $u' = v'/l$, differentiation gives
 
-    $$ w w'\phi + 2\phi'\,(w'\,u\cdot\Delta - w\,u'\cdot\Delta - u\cdot u') - 4\phi''\,(u\cdot\Delta)(u'\cdot\Delta). $$
+    $$ w w'\phi + 2\phi'\,(w'\,u\cdot\Delta - w\,u'\cdot\Delta - u\cdot u') - 4\phi''\,(u\cdot\Delta)(u'\cdot\Delta) $$
+
+    times $\sigma^2$.
 
     It is written out because automatic differentiation of tinygp's Matérn kernel gives 0 for the variance of a
     derivative: its distance has a kink at 0.
@@ -112,7 +114,7 @@ class DerivativeKernel(tinygp.kernels.Kernel):
     lengths: Any
     signal: Any
 
-    def evaluate(self, X1: Functional, X2: Functional) -> Array:
+    def evaluate(self, X1: Any, X2: Any) -> Array:
         difference = (X1.place - X2.place) / self.lengths
         one, two = X1.direction / self.lengths, X2.direction / self.lengths
         value, slope, bend = PROFILES[self.profile](jnp.sum(difference**2))
@@ -130,7 +132,8 @@ def process_of(profile: str, settings: Float[Array, " settings"], data: Data) ->
     *_, signal, noise = settings = jnp.exp(jnp.asarray(settings))
     kernel = DerivativeKernel(profile, settings[:-2], signal)
     variances = data.variances + data.seen.weight * noise**2 + JITTER
-    return tinygp.GaussianProcess(kernel, data.seen, diag=variances)
+    seen: Any = data.seen  # tinygp takes any tree for a place
+    return tinygp.GaussianProcess(kernel, seen, diag=variances)
 
 
 @eqx.filter_jit
@@ -149,7 +152,7 @@ def posterior_at(
     prior: tinygp.GaussianProcess, values: Array, places: Float[Array, "places size"]
 ) -> tuple[Float[Array, " places"], Float[Array, " places"]]:
     """The mean and the variance of the function itself, without noise, at some places."""
-    seen = Functional(places, jnp.ones(len(places)), jnp.zeros_like(places))
+    seen: Any = Functional(places, jnp.ones(len(places)), jnp.zeros_like(places))
     # tinygp's `condition` also makes and factorises the covariance of the places, which takes as long again to compile
     across = prior.solver.solve_triangular(prior.kernel(prior.X, seen))
     mean = prior.solver.solve_triangular(values) @ across
@@ -165,7 +168,7 @@ def fitted(
     starts: Float[np.ndarray, "starts settings"],
     bounds: Float[np.ndarray, "settings 2"],
 ) -> Float[np.ndarray, " settings"]:
-    """The settings with the greatest marginal likelihood within `bounds` that L-BFGS finds from the best of `starts`."""
+    """The settings within `bounds` of the greatest marginal likelihood that L-BFGS finds from the best of `starts`."""
 
     def misfit(settings: np.ndarray) -> tuple[float, np.ndarray]:
         with jax.enable_x64(True):

@@ -119,7 +119,8 @@ def search(
 
     **Returns:** everything that was tried.
 
-    **Raises:** `ValueError` for a bad argument, for a wrong number of scores or gradients, or if `out` belongs to another search.
+    **Raises:** `ValueError` for a bad argument, for a wrong number of scores or gradients, or if `out` belongs to
+    another search.
 
     ```python
     space = Space({"x": Range(-1.0, 1.0)})
