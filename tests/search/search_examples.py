@@ -5,10 +5,12 @@ import importlib.util
 import numpy as np
 import pytest
 
-from motorgrad.search import Boltzmann, CmaEs, EvolutionStrategy, Pulled, Range, Space, Uniform
+from motorgrad.search import BayesianOptimisation, Boltzmann, CmaEs, EvolutionStrategy, Pulled, Range, Space, Uniform
 
-INSTALLED = importlib.util.find_spec("evosax") is not None
-needs_evosax = pytest.mark.skipif(not INSTALLED, reason="needs the extra motorgrad[search]")
+needs_evosax, needs_tinygp = (
+    pytest.mark.skipif(importlib.util.find_spec(name) is None, reason="needs the extra motorgrad[search]")
+    for name in ("evosax", "tinygp")
+)
 SIZE = 5
 SPACE = Space({name: Range(-5.0, 5.0, start=3.0) for name in "abcde"})
 TURN = np.linalg.qr(np.random.default_rng(7).standard_normal((SIZE, SIZE)))[0]
@@ -20,6 +22,7 @@ METHODS = [
     pytest.param(Pulled, id="pulled"),
     pytest.param(CmaEs, id="cma-es", marks=needs_evosax),
     pytest.param(lambda: EvolutionStrategy(population=12), id="evolution-strategy", marks=needs_evosax),
+    pytest.param(lambda: BayesianOptimisation(candidates=12), id="bayesian-optimisation", marks=needs_tinygp),
 ]
 
 

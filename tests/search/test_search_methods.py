@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from search_examples import METHODS, SPACE, ellipsoid, needs_evosax, noisy_sphere, sphere
 
-from motorgrad.search import Boltzmann, CmaEs, EvolutionStrategy, Pulled, Range, Space, Uniform, search
+from motorgrad.search import (
+    BayesianOptimisation,
+    Boltzmann,
+    CmaEs,
+    EvolutionStrategy,
+    Pulled,
+    Range,
+    Space,
+    Uniform,
+    search,
+)
 
 ONES = dict.fromkeys(SPACE.names, 1.0)
 
@@ -188,6 +198,16 @@ def test_ask_and_tell_change_nothing_that_they_are_given(kind):
         (lambda: Pulled(pull=-0.1), r"Pulled.pull = -0.1: must be in \[0, 1\]"),
         (lambda: EvolutionStrategy(population=5), r"EvolutionStrategy.population = 5: must be an even number"),
         (lambda: EvolutionStrategy(learning_rate=0.0), r"EvolutionStrategy.learning_rate = 0.0: must be a finite"),
+        (lambda: BayesianOptimisation(candidates=0), r"BayesianOptimisation.candidates = 0: must be an integer >= 1"),
+        (lambda: BayesianOptimisation(initial=1), r"BayesianOptimisation.initial = 1: must be an integer >= 2"),
+        (lambda: BayesianOptimisation(kernel="matern-32"), r"unknown BayesianOptimisation.kernel 'matern-32': did you"),
+        (lambda: BayesianOptimisation(acquisition="ei"), r"unknown BayesianOptimisation.acquisition 'ei': known are"),
+        (lambda: BayesianOptimisation(exploration=-1.0), r"BayesianOptimisation.exploration = -1.0: must be a finite"),
+        (lambda: BayesianOptimisation(lengths=(0.0, 1.0)), r"BayesianOptimisation.lengths = \(0.0, 1.0\): must be two"),
+        (
+            lambda: BayesianOptimisation(noise=(0.2, 0.1)),
+            r"BayesianOptimisation.noise = \(0.2, 0.1\): must be two finite",
+        ),
         pytest.param(lambda: CmaEs(population=3), r"CmaEs.population = 3: must be an integer >= 4"),
         pytest.param(lambda: CmaEs(width=0.0), r"CmaEs.width = 0.0: must be a finite number above 0"),
     ],
@@ -197,7 +217,14 @@ def test_impossible_settings_are_refused_by_name(make, message):
         make()
 
 
-def test_where_evosax_is_missing_the_extra_is_named(monkeypatch):
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (CmaEs, "CMA-ES needs the package evosax"),
+        (BayesianOptimisation, "Bayesian optimisation needs the package tinygp"),
+    ],
+)
+def test_where_a_package_is_missing_the_extra_is_named(monkeypatch, make, message):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(RuntimeError, match=r"CMA-ES needs the package evosax: pip install 'motorgrad\[search\]'"):
-        CmaEs()
+    with pytest.raises(RuntimeError, match=rf"{message}: pip install 'motorgrad\[search\]'"):
+        make()

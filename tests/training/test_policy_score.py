@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad.learning import MeanReward, gpomdp, olgarb
 from motorgrad.policies import Softmax, softmax
 from motorgrad.search import Pulled, search
 from motorgrad.training import PolicyScore
@@ -54,6 +55,21 @@ def test_candidates_of_a_round_meet_the_same_random_numbers():
         assert len(set(score(same, RNG(5)))) == 1
 
 
+def test_gradients_come_from_the_decisions_that_are_scored():
+    """The scores are the same; the gradients lie within their errors, by name in whatever order."""
+    long = dataclasses.replace(SCORE, steps=400, streams=8)
+    told = dataclasses.replace(long, gradient=gpomdp(0.9, MeanReward()))
+    several = candidates(2)
+    found = told(several, RNG(0))
+    np.testing.assert_array_equal(found.scores, long(several, RNG(0)))
+    exact = [oracle.flat(oracle.gradient(TASK.dynamics, long.policy_of(each))) for each in several]
+    assert (np.abs(found.gradients - exact) < 4 * np.sqrt(found.variances) + 0.01).all()
+    assert (np.sqrt(found.variances) < 0.5 * np.abs(exact)).mean() > 0.5  # so that this says something
+    turned = told([dict(reversed(each.items())) for each in several], RNG(0))
+    np.testing.assert_array_equal(turned.gradients, found.gradients[:, ::-1])
+    np.testing.assert_array_equal(turned.variances, found.variances[:, ::-1])
+
+
 @pytest.mark.slow
 @pytest.mark.ci
 def test_long_streams_earn_the_average_reward():
@@ -78,6 +94,8 @@ def test_a_search_finds_a_good_policy():
         ({"steps": 0}, "steps = 0"),
         ({"streams": 0}, "streams = 0"),
         ({"of": "retrun"}, "unknown of 'retrun'"),
+        ({"gradient": olgarb()}, 'gradient.improve = 1: must be "never"'),
+        ({"gradient": gpomdp(), "streams": 1}, "streams = 1: must be at least 2 where a gradient is estimated"),
         ({"policy": 3}, "policy = 3: must be a policy, or a function from a key to one"),
         ({"policy": softmax(3, 2)}, "inputs = 3, but the task 'three-state' has 2"),
     ],

@@ -88,6 +88,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "critics": critics.critics,
     "true-online": critics.true_online,
     "policy-search": searches.policies,
+    "bayesian-search": searches.bayesian,
     "actor-critic": family.actor_critics,
     "reward-centring": family.centring,
     "optimal-baselines": family.optimal_baselines,

@@ -1,17 +1,19 @@
 """Search for numbers with high scores, by functions that are expensive, noisy, or fail occasionally.
 
-`Space` describes the numbers. `Uniform`, `Boltzmann`, `Pulled`, `CmaEs` and `EvolutionStrategy` are methods. `search`
-asks a method for candidates, has them scored, and tells it the scores. The meaning of the numbers does not matter to
-it.
+`Space` describes the numbers. `Uniform`, `Boltzmann`, `Pulled`, `CmaEs`, `EvolutionStrategy` and `BayesianOptimisation`
+are methods. `search` asks a method for candidates, has them scored, and tells it the scores, and their gradients where
+the score function returns `WithGradients`. The meaning of the numbers does not matter to it.
 """
 
+from motorgrad.search._bayesian import BayesianOptimisation
 from motorgrad.search._evosax import CmaEs, EvolutionStrategy
 from motorgrad.search._methods import Boltzmann, Method, State, Uniform
 from motorgrad.search._pulled import Pulled
-from motorgrad.search._search import Found, Score, search
+from motorgrad.search._search import Found, Score, WithGradients, search
 from motorgrad.search._space import Range, Space, reflected
 
 __all__ = [
+    "BayesianOptimisation",
     "Boltzmann",
     "CmaEs",
     "EvolutionStrategy",
@@ -23,6 +25,7 @@ __all__ = [
     "Space",
     "State",
     "Uniform",
+    "WithGradients",
     "reflected",
     "search",
 ]

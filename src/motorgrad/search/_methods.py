@@ -45,6 +45,12 @@ class Method(abc.ABC):
     def tell(self, state: State, candidates: Places, scores: Float[np.ndarray, " batch"]) -> State:
         """The state after a round, given the scores of its candidates; NaN marks a failed one."""
 
+    def tell_gradients(self, state: State, candidates: Places, gradients: Places, variances: Places) -> State:
+        """The state after `tell`, given also the derivatives of the scores by the places and their sampling variances,
+        (batch, size), NaN where unknown. It is called where the score function returns `WithGradients`; by default they
+        are ignored."""
+        return state
+
 
 @dataclasses.dataclass(frozen=True)
 class Uniform(Method):

@@ -17,9 +17,35 @@ from motorgrad.search._evosax import CmaEs
 from motorgrad.search._methods import Method, State
 from motorgrad.search._space import Space
 
-Score = Callable[[list[dict[str, float]], np.random.Generator], Sequence[float] | Float[np.ndarray, " batch"]]
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class WithGradients:
+    """The scores of a batch and estimates of their gradients, for a score function to return in place of plain scores.
+
+    A method that has no use for gradients ignores them.
+
+    - `scores` (batch,): greater is better, NaN marks a failure.
+    - `gradients` (batch, size): the derivative of each score by each number, in the numbers' own units and in the order
+      in which the candidates name them; NaN where it is unknown.
+    - `variances` (batch, size): the sampling variances of these estimates, at least 0; 0 for exact ones.
+
+    ```python
+    def score(candidates, random):
+        x = np.array([each["x"] for each in candidates])
+        return WithGradients(-(x**2), -2 * x[:, None], np.zeros((len(x), 1)))
+    ```
+    """
+
+    scores: Sequence[float] | Float[np.ndarray, " batch"]
+    gradients: Float[np.ndarray, "batch size"]
+    variances: Float[np.ndarray, "batch size"]
+
+
+Score = Callable[
+    [list[dict[str, float]], np.random.Generator], Sequence[float] | Float[np.ndarray, " batch"] | WithGradients
+]
 """The scores of a batch of candidates, given by name: greater is better, NaN marks a failure. Noisy scores must draw
-their noise from the generator, so that the search is reproducible."""
+their noise from the generator, so that the search is reproducible. `WithGradients` adds gradients."""
 _ASKS, _SCORES = 0, 1  # purposes of a round's random numbers
 
 
@@ -93,7 +119,8 @@ def search(
 
     **Returns:** everything that was tried.
 
-    **Raises:** `ValueError` for a bad argument, for a wrong number of scores, or if `out` belongs to another search.
+    **Raises:** `ValueError` for a bad argument, for a wrong number of scores or gradients, or if `out` belongs to
+    another search.
 
     ```python
     space = Space({"x": Range(-1.0, 1.0)})
@@ -115,10 +142,13 @@ def search(
         for number in range(first, rounds):
             places, state = method.ask(state, np.random.default_rng([seed, number, _ASKS]))
             named = [space.named(each) for each in places]
-            given = np.asarray(score(named, np.random.default_rng([seed, number, _SCORES])), float)
+            told = score(named, np.random.default_rng([seed, number, _SCORES]))
+            given = np.asarray(told.scores if isinstance(told, WithGradients) else told, float)
             check(given.shape == (batch,), "scores.shape", given.shape, f"({batch},), one for each candidate")
             given = np.where(np.isfinite(given), given, np.nan)
             state = method.tell(state, places, given)
+            if isinstance(told, WithGradients):
+                state = method.tell_gradients(state, places, *_by_place(told, space.slopes(places), np.isfinite(given)))
             candidates, scores = np.concatenate([candidates, space.numbers(places)]), np.concatenate([scores, given])
             if file is not None:
                 kept = {f"state.{name}": value for name, value in state.items()}
@@ -129,6 +159,17 @@ def search(
 
 def _begin(space: Space, method: Method) -> tuple[State, np.ndarray, np.ndarray]:
     return method.begin(space.start), np.zeros((0, space.size)), np.zeros(0)
+
+
+def _by_place(told: WithGradients, slopes: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives by the places, with their variances, NaN for candidates that failed."""
+    gradients, variances = np.asarray(told.gradients, float), np.asarray(told.variances, float)
+    for name, values in (("gradients", gradients), ("variances", variances)):
+        check(values.shape == slopes.shape, f"{name}.shape", values.shape, f"{slopes.shape}, a row for each candidate")
+    known = np.isfinite(gradients) & known[:, None]
+    right = np.isfinite(variances) & (variances >= 0.0)
+    check(right[known].all(), "variances", variances[known & ~right], "finite and at least 0 where a gradient is known")
+    return np.where(known, gradients * slopes, np.nan), np.where(known, variances * slopes**2, np.nan)
 
 
 def _read(file: Path, mark: str, space: Space) -> tuple[State, np.ndarray, np.ndarray]:

@@ -43,6 +43,12 @@ class Range:
             return self.low + place * (self.high - self.low)
         return np.exp(math.log(self.low) + place * (math.log(self.high) - math.log(self.low)))
 
+    def slope(self, place: Any) -> Any:
+        """The derivative of `number` at places."""
+        if not self.log:
+            return np.full(np.shape(place), self.high - self.low)
+        return self.number(place) * (math.log(self.high) - math.log(self.low))
+
     def place(self, number: Any) -> Any:
         """The inverse of `number`."""
         if not self.log:
@@ -95,6 +101,11 @@ class Space:
         """The inverse of `numbers`."""
         numbers = self._of_its_size("numbers", numbers)
         return np.stack([each.place(numbers[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
+
+    def slopes(self, places: Any) -> Float[np.ndarray, "*batch size"]:
+        """The derivative of each number by its place, at places (…, size)."""
+        places = self._of_its_size("places", places)
+        return np.stack([each.slope(places[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
 
     def named(self, places: Any) -> dict[str, float]:
         """The numbers at one candidate's places (size,), by name."""

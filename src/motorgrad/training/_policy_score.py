@@ -14,11 +14,11 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._tree import path_of
-from motorgrad.learning import Agent
+from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
-from motorgrad.search import Range, Space
+from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task, make
-from motorgrad.training.engines import stepper_for, validate
+from motorgrad.training.engines import stepper_for, validate, validate_episodes
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -44,6 +44,10 @@ class PolicyScore:
     - `seed`: of the first stream, at least 0, where they are fixed; the others follow it.
     - `of`: `"reward"`, the mean reward per decision, or the name of a reading of the task, such as `"return"`: its mean
       where it occurred.
+    - `gradient`: none, or an estimator of the gradient at fixed parameters, such as `gpomdp(0.9)`. The score then comes
+      `WithGradients` of the mean reward from the same decisions: the mean of the streams' estimates, and the variance
+      of that mean as the streams' differences show it. It needs at least two streams. The estimates have the
+      estimator's bias, which the variances do not contain.
 
     **Raises:** `ValueError` for a policy that does not fit the task, and for values out of range.
 
@@ -61,6 +65,7 @@ class PolicyScore:
     fixed: bool = True
     seed: int = 0
     of: str = "reward"
+    gradient: Estimator | None = None
 
     def __post_init__(self) -> None:
         task = make(self.task) if isinstance(self.task, str) else self.task
@@ -76,6 +81,11 @@ class PolicyScore:
         check_integer("streams", self.streams, 1)
         check_integer("seed", self.seed, 0, 2**31 - 1 - self.streams)
         choice("of", self.of, ("reward", *task.reports))
+        if self.gradient is not None:
+            check(self.gradient.improve == "never", "gradient.improve", self.gradient.improve, '"never"')
+            check(self.of == "reward", "of", self.of, '"reward" where a gradient is estimated')
+            check(self.streams > 1, "streams", self.streams, "at least 2 where a gradient is estimated")
+            validate_episodes(task, Agent(made, self.gradient))
 
     def space(self, reach: float = 3.0) -> Space:
         """One number for each trainable parameter, by its path: at most `reach` > 0 from the policy's own, from which
@@ -92,20 +102,31 @@ class PolicyScore:
         """The policy with the parameters of a candidate, within their limits."""
         return self._policy(jnp.asarray(self._numbers(candidate)))
 
-    def __call__(self, candidates: Sequence[dict[str, float]], random: np.random.Generator) -> np.ndarray:
+    def __call__(
+        self, candidates: Sequence[dict[str, float]], random: np.random.Generator
+    ) -> np.ndarray | WithGradients:
         fixed = np.arange(self.seed, self.seed + self.streams)
         streams = fixed if self.fixed else random.integers(2**31 - 1, size=self.streams)
         rows = np.array([self._numbers(each) for each in candidates])
         policies = jax.vmap(self._policy)(jnp.asarray(np.repeat(rows, self.streams, axis=0)))
         seeds = np.tile(streams, len(rows)).tolist()
-        stepper = stepper_for(self.task, Agent(self.policy), seeds, "sample", initial=policies)
+        agent = Agent(self.policy) if self.gradient is None else Agent(self.policy, self.gradient)
+        mode = "sample" if self.gradient is None else "learn"
+        stepper = stepper_for(self.task, agent, seeds, mode, initial=policies)
         stepper.advance(self.steps)
         found = stepper.harvest()
         earned = found["reward"] / self.steps if self.of == "reward" else found[self.of]
         earned = np.asarray(earned, float).reshape(len(rows), self.streams)
         known = np.isfinite(earned)
         some = known.any(axis=1) if self.of != "reward" else known.all(axis=1)
-        return np.where(some, np.where(known, earned, 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1), np.nan)
+        scores = np.where(some, np.where(known, earned, 0).sum(axis=1) / np.maximum(known.sum(axis=1), 1), np.nan)
+        if self.gradient is None:
+            return scores
+        mean = stepper.state["cycle"].agent.gradient.mean
+        leaves = [np.asarray(leaf, float).reshape(*earned.shape, -1) for leaf in jax.tree.leaves(mean)]
+        order = [self._names.index(name) for name in candidates[0]]
+        samples = np.concatenate(leaves, axis=-1)[..., order]
+        return WithGradients(scores, samples.mean(axis=1), samples.var(axis=1, ddof=1) / self.streams)
 
     @functools.cached_property
     def _names(self) -> tuple[str, ...]:

@@ -1,0 +1,154 @@
+"""Bayesian optimisation: a Gaussian process over the scores so far says what to try next."""
+
+import dataclasses
+import importlib.util
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import qmc
+
+from motorgrad._errors import check, check_integer, check_not_negative, choice
+from motorgrad.search._methods import Method, Places, State
+
+if TYPE_CHECKING:
+    from motorgrad.search._gaussian_process import Data
+
+KERNELS = ("matern", "squared-exponential")
+ACQUISITIONS = ("expected-improvement", "upper-confidence-bound")
+LEAST = 16  # candidates for which the arrays of the process have room; the room is doubled when it is used up
+
+
+@dataclasses.dataclass(frozen=True)
+class BayesianOptimisation(Method):
+    r"""Bayesian optimisation with a Gaussian process (thesis, section 7.3; Jones et al., 1998), by the package tinygp.
+
+    The process is conditioned on all scores so far, and on their gradients where the score function returns
+    `WithGradients`: the derivative of a Gaussian process is a Gaussian process, so a gradient sample is an observation
+    with its sampling variance as noise. Scores are standardised. Length scales, one for each number, the process's
+    standard deviation and the noise of the scores maximise the marginal likelihood, anew in each round.
+
+    The first candidates are the start and a Latin hypercube. A later one is where the expected improvement on the
+    greatest posterior mean of all tried places is greatest, or the upper confidence bound. The other candidates of a
+    round are found in the same way, with the posterior mean taken for the score of each before (Kriging believer:
+    Ginsbourger et al., 2010). A failed candidate counts as the lowest score.
+
+    Time grows with the third power of the number of observations: of the candidates $n$, or of $n(1 + d)$ with the
+    gradients of $d$ numbers. Some hundred candidates of up to about twenty numbers are practical.
+
+    - `candidates`: per round, at least 1. With fewer, each is chosen with more known.
+    - `initial`: candidates, at least 2, that must have a score before the process is used; they come in whole rounds.
+    - `kernel`: `"matern"`, with $\nu = 5/2$, twice differentiable; or `"squared-exponential"`, infinitely smooth.
+    - `acquisition`: `"expected-improvement"`, or `"upper-confidence-bound"` for $\mu + \kappa\sigma$ (Srinivas et al.,
+      2010).
+    - `exploration`: $\kappa$, at least 0, of the upper confidence bound.
+    - `lengths`: bounds of the length scales, above 0, as fractions of every number's range.
+    - `noise`: bounds of the standard deviation of a score's noise, above 0, in standard deviations of all scores. Two
+      equal bounds fix it.
+
+    **Raises:** `RuntimeError` if tinygp is missing (`motorgrad[search]`).
+    """
+
+    candidates: int = 4
+    initial: int = 8
+    kernel: str = "matern"
+    acquisition: str = "expected-improvement"
+    exploration: float = 2.0
+    lengths: tuple[float, float] = (0.05, 5.0)
+    noise: tuple[float, float] = (1e-3, 1.0)
+
+    def __post_init__(self) -> None:
+        check_integer("BayesianOptimisation.candidates", self.candidates, 1)
+        check_integer("BayesianOptimisation.initial", self.initial, 2)
+        choice("BayesianOptimisation.kernel", self.kernel, KERNELS)
+        choice("BayesianOptimisation.acquisition", self.acquisition, ACQUISITIONS)
+        check_not_negative("BayesianOptimisation.exploration", self.exploration)
+        for name in ("lengths", "noise"):
+            pair = getattr(self, name)
+            right = isinstance(pair, tuple) and len(pair) == 2 and 0.0 < pair[0] <= pair[1] < np.inf
+            check(right, f"BayesianOptimisation.{name}", pair, "two finite numbers above 0, the lower first")
+        if importlib.util.find_spec("tinygp") is None:
+            raise RuntimeError("Bayesian optimisation needs the package tinygp: pip install 'motorgrad[search]'")
+
+    def batch(self, size: int) -> int:
+        return self.candidates
+
+    def begin(self, start: Float[np.ndarray, " size"]) -> State:
+        none = np.zeros((0, len(start)))
+        start = np.array(start, float)
+        settings = {"settings": self._bounds(len(start)).mean(axis=1)}
+        return {"start": start, "places": none, "scores": none[:, 0], "gradients": none, "variances": none, **settings}
+
+    def ask(self, state: State, random: np.random.Generator) -> tuple[Places, State]:
+        from motorgrad.search._acquisition import most_worth
+        from motorgrad.search._gaussian_process import Posterior
+
+        size = len(state["start"])
+        if np.isfinite(state["scores"]).sum() < self.initial:
+            places = qmc.LatinHypercube(size, rng=random).random(self.candidates)
+            if not len(state["scores"]):
+                places[0] = state["start"]
+            return places, state
+        data, settings = self._data(state), self._fitted(state)
+        exploration = float(self.exploration) if self.acquisition == "upper-confidence-bound" else None
+        places = np.zeros((self.candidates, size))
+        for number in range(self.candidates):
+            posterior = Posterior(self.kernel, settings, data)
+            places[number] = most_worth(posterior, exploration, random)
+            data = data.believed(len(state["scores"]) + number, places[number], posterior(places[number, None])[0][0])
+        return places, {**state, "settings": settings}
+
+    def tell(self, state: State, candidates: Places, scores: Float[np.ndarray, " batch"]) -> State:
+        unknown = np.full(candidates.shape, np.nan)
+        more = {"places": candidates, "scores": scores, "gradients": unknown, "variances": unknown}
+        return {**state, **{name: np.concatenate([state[name], values]) for name, values in more.items()}}
+
+    def tell_gradients(self, state: State, candidates: Places, gradients: Places, variances: Places) -> State:
+        found = dict(state)
+        for name, values in (("gradients", gradients), ("variances", variances)):
+            found[name] = np.concatenate([state[name][: -len(candidates)], values])
+        return found
+
+    def posterior(self, state: State, places: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the score function, without noise, at places (…, size), given a state.
+
+        **Raises:** `ValueError` if the state has fewer than two scores.
+        """
+        from motorgrad.search._gaussian_process import Posterior
+
+        known = int(np.isfinite(state["scores"]).sum())
+        check(known > 1, "scores of the state", known, "at least two")
+        places = np.asarray(places, float)
+        level, scale = _standard(state["scores"])
+        found = Posterior(self.kernel, self._fitted(state), self._data(state))
+        mean, deviation = found(places.reshape(-1, places.shape[-1]))
+        return (level + scale * mean).reshape(places.shape[:-1]), (scale * deviation).reshape(places.shape[:-1])
+
+    def _data(self, state: State) -> "Data":
+        """The observations in units of standardised scores, with room for the candidates of a round."""
+        from motorgrad.search._gaussian_process import Data
+
+        level, scale = _standard(state["scores"])
+        known = np.isfinite(state["scores"])
+        scores = (np.where(known, state["scores"], state["scores"][known].min()) - level) / scale
+        room = LEAST
+        while room < len(scores) + self.candidates:
+            room *= 2
+        return Data.of(state["places"], scores, state["gradients"] / scale, state["variances"] / scale**2, room)
+
+    def _fitted(self, state: State) -> Float[np.ndarray, " settings"]:
+        """The logarithms of the settings that maximise the marginal likelihood."""
+        from motorgrad.search._gaussian_process import fitted
+
+        bounds = self._bounds(len(state["start"]))
+        return fitted(self.kernel, self._data(state), np.stack([bounds.mean(axis=1), state["settings"]]), bounds)
+
+    def _bounds(self, size: int) -> Float[np.ndarray, "settings 2"]:
+        from motorgrad.search._gaussian_process import SIGNAL
+
+        return np.log([*[self.lengths] * size, SIGNAL, self.noise])
+
+
+def _standard(scores: Float[np.ndarray, " candidates"]) -> tuple[float, float]:
+    """The mean of the scores that are known, and their standard deviation, or 1 where all are equal."""
+    return float(np.nanmean(scores)), float(np.nanstd(scores)) or 1.0
