@@ -192,7 +192,7 @@ def mushroom(environment: gymnasium.Env, learner: str, steps: int, seed: int) ->
         def draw_action(self, state: np.ndarray) -> np.ndarray:
             return (draws.random(len(self._weights)) < self._probability(state)).astype(np.int8)
 
-        def diff_log(self, state: np.ndarray, action: np.ndarray) -> np.ndarray:
+        def diff_log(self, state: Any, action: Any) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
             return np.outer(action - self._probability(state), state).ravel()
 
         def set_weights(self, weights: np.ndarray) -> None:
@@ -206,11 +206,11 @@ def mushroom(environment: gymnasium.Env, learner: str, steps: int, seed: int) ->
             return self._weights.size
 
     draws = np.random.default_rng(seed)
-    inputs, units = environment.observation_space.shape[0], environment.action_space.shape[0]
+    observation, _ = environment.reset(seed=seed)
+    inputs, units = len(observation), len(environment.action_space.sample())
     box = spaces.Box(np.full(inputs, -np.inf), np.full(inputs, np.inf))
     info = MDPInfo(box, spaces.Discrete(2**units), 1.0, np.inf)
     agent = StochasticAC_AVG(info, Bernoulli(units, inputs), **MUSHROOM)
-    observation, _ = environment.reset(seed=seed)
     agent.episode_start()
     for _ in range(steps):
         action = agent.draw_action(observation)
@@ -260,7 +260,9 @@ def tables() -> str:
 
 def _range(values: np.ndarray) -> str:
     """The median of the seeds, and the least and the greatest."""
-    low, middle, high = ("never" if np.isinf(v) else f"{v:.3g}" for v in np.quantile(values, [0, 0.5, 1], method="lower"))
+    low, middle, high = (
+        "never" if np.isinf(v) else f"{v:.3g}" for v in np.quantile(values, [0, 0.5, 1], method="lower")
+    )
     return middle if len(values) == 1 else f"{middle} [{low} … {high}]"
 
 
