@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from tools.figures import (
     bodies,
     composed,
+    credit,
     critics,
     estimators,
     family,
@@ -75,6 +76,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "task-particle-navigation": particle.navigation,
     "myosuite": myosuite.learning,
     "action-values": further.action_values,
+    "discounting": credit.discounting,
 }
 """Figures of formulas and numbers."""
 

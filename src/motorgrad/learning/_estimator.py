@@ -44,8 +44,10 @@ class Estimator(Part):
 
     - `trace`: the eligibility trace.
     - `baseline`: what rewards are compared with, a baseline or a critic; none for the rewards themselves.
-    - `discount`: none for the average reward; $\gamma \in (0, 1]$ for the discounted return of an episode,
-      $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are $\gamma^t \delta z$.
+    - `discount`: none where all decisions count alike, as for the average reward; $\gamma \in (0, 1]$ for the
+      discounted return of an episode, $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are
+      $\gamma^t \delta z$. These weights discount later rewards already, so the decay of the trace is $\lambda$ then,
+      and not $\gamma\lambda$; 1, or `Episodic`, leaves no bias.
     - `improve`: after how many samples the parameters move; `"episode"` for once at the end of each episode, `"never"`
       for an estimate at fixed parameters.
     - `batch`: whether a step of several samples uses their `"mean"` or their `"sum"`.
@@ -61,7 +63,8 @@ class Estimator(Part):
     - `reuse`: none, so that each batch makes one step of the mean of its samples; or `ClippedSurrogate`, which makes
       several steps from the decisions of a batch.
 
-    **Raises:** `ValueError` for a value out of range, and for parts that do not fit a `reuse`, with those that do.
+    **Raises:** `ValueError` for a value out of range, for a `discount` with a critic of differential values, and for
+    parts that do not fit a `reuse`, with those that do.
     """
 
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
@@ -96,6 +99,9 @@ class Estimator(Part):
     reuse: ClippedSurrogate | None = None
 
     def validate(self) -> None:
+        differential = getattr(self.baseline, "discount", self) is None
+        wanted = "a number where estimator.discount is one, best the same"
+        check(self.discount is None or not differential, "baseline.discount", None, wanted)
         if self.reuse is None:
             return
         whole = isinstance(self.improve, int) and self.improve > 1

@@ -191,12 +191,17 @@ def discounted_return(mdp: FiniteMDP, policy: Policy, discount: float) -> float:
     return float(_discounted(mdp, policy, discount)[mdp.start])
 
 
-def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float) -> P:
-    r"""The gradient of `discounted_return`: $\sum_t \gamma^t \Pr(s_t)'\,\nabla P\,(I - \gamma P)^{-1} r$."""
+def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float, decay: float = 1.0) -> P:
+    r"""The gradient of `discounted_return`: $\sum_t \gamma^t \Pr(s_t)'\,\nabla P\,(I - \gamma P)^{-1} r$.
+
+    With a `decay` $\lambda$ below 1, what samples $\gamma^t r_{t+1} z_t$ with a trace of that decay estimate:
+    $\gamma\lambda$ in the place of the last $\gamma$.
+    """
     check(0 <= discount < 1, "discount", discount, "in [0, 1)")
+    check(0 <= decay <= 1, "decay", decay, "in [0, 1]")
     resolvent = np.eye(mdp.states) - discount * transition_matrix(mdp, policy)
     visits = np.linalg.solve(resolvent.T, np.eye(mdp.states)[mdp.start])
-    return _contract(mdp, policy, visits, _quality(mdp, policy, discount))
+    return _contract(mdp, policy, visits, _quality(mdp, policy, discount * decay))
 
 
 def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
