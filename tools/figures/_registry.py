@@ -96,6 +96,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "swift-td": family.swift,
     "intentional": further.intentional,
     "conjugate-ascent": family.ascent,
+    "action-transitions": credit.action_transitions,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,

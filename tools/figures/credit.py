@@ -3,9 +3,23 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from motorgrad.learning import (
+    ActionTransitions,
+    Agent,
+    Estimator,
+    Exponential,
+    Features,
+    LeastSquares,
+    LinearCritic,
+    MeanReward,
+    gae,
+    gpomdp,
+)
+from motorgrad.policies import Softmax
 from motorgrad.worlds import oracle
-from tools.figures._style import BLUE, GREEN, ORANGE, RED, panels
-from tools.figures.critics import POLICY, TASK
+from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, panels
+from tools.figures._work import Work, errors
+from tools.figures.critics import LENGTHS, POLICY, SEEDS, TASK
 
 
 def angle(one: np.ndarray, other: np.ndarray) -> float:
@@ -35,4 +49,33 @@ def discounting() -> Figure:
         traces.plot(decays, errors, color=colour, label=f"decay of the trace, {label}")
     traces.set(xlabel=r"$\lambda$", ylabel="bias, relative", title=rf"from the start, $\gamma$ = {discount}, no critic")
     traces.legend(fontsize=7)
+    return figure
+
+
+def action_transitions(work: Work) -> Figure:
+    """Errors of gradient estimates by values of actions and of states, for a policy that wavers and one that does
+    not."""
+    figure, axes = panels(2, height=3.0)
+    lengths, fit = work.lengths(*LENGTHS), LeastSquares(rate=0.0, damping=1e-4, interval=10)
+    features = Features(bias=False)
+
+    def transitions(relative_to: str) -> Estimator:
+        baseline = ActionTransitions(features, fit=fit, relative_to=relative_to)  # pyright: ignore[reportArgumentType]
+        return Estimator(Exponential(0.0), baseline, improve="never")
+
+    rules = {
+        r"GPOMDP, $\beta$ = 0.9": (gpomdp(0.9, MeanReward()), FAINT),
+        r"critic $v$, $\lambda$ = 0": (gae(LinearCritic(features, None, 0.0, fit), 0.0, "never"), GREEN),
+        "$Q$ above the mean": (transitions("mean"), ORANGE),
+        "$Q$ above the previous action's": (transitions("previous"), BLUE),
+    }
+    cases = ((1.0, "a wavering policy"), (8.0, "a nearly certain one"))
+    for panel, (gain, title) in zip(axes, cases, strict=True):
+        policy = Softmax(gain * np.asarray(POLICY.weights, float))
+        for label, (estimator, colour) in rules.items():
+            found = errors(Agent(policy, estimator), TASK, TASK.dynamics, lengths, SEEDS)
+            band(panel, np.array(lengths), found.T, colour, label)
+        panel.set(xscale="log", yscale="log", title=title, xlabel="decisions")
+    axes[0].set_ylabel("relative error of the estimate")
+    axes[0].legend(fontsize=7)
     return figure

@@ -2,6 +2,7 @@
 
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad._tree import Part, count, number, static
+from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent, AgentState, Decision
 from motorgrad.learning._baselines import (
@@ -46,6 +47,7 @@ from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
 __all__ = [
     "NEVER",
     "SGD",
+    "ActionTransitions",
     "ActionValueGradient",
     "ActionValues",
     "Adam",

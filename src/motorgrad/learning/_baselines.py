@@ -70,6 +70,8 @@ class Baseline(Part):
     """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
     needs_eligibility: ClassVar[bool] = False
     """Whether `update` reads the eligibility of the transition, which is `None` otherwise."""
+    needs_policy: ClassVar[bool] = False
+    """Whether `update` asks the policy for probabilities, which no block of TimLab is told."""
     starts_at_random: ClassVar[bool] = False
     """Whether `start` draws random numbers."""
 

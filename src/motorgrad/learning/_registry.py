@@ -2,6 +2,7 @@
 
 from motorgrad._tree import KINDS
 from motorgrad._tree import register as register
+from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
@@ -36,6 +37,7 @@ KINDS.update(
         Architecture: {"perceptron": MultilayerPerceptron},
         Annealed: {"annealed": Annealed},
         Baseline: {
+            "action-transitions": ActionTransitions,
             "binned": BinnedBaseline,
             "constant": Constant,
             "critic": LinearCritic,
