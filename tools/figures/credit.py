@@ -1,5 +1,6 @@
 """Figures of credit: which actions a reward, or a value, is credited to."""
 
+import jax
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -9,6 +10,7 @@ from motorgrad.learning import (
     Estimator,
     Exponential,
     Features,
+    LearnedTrace,
     LeastSquares,
     LinearCritic,
     MeanReward,
@@ -16,6 +18,7 @@ from motorgrad.learning import (
     gpomdp,
 )
 from motorgrad.policies import Softmax
+from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
 from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, panels
 from tools.figures._work import Work, errors
@@ -78,4 +81,41 @@ def action_transitions(work: Work) -> Figure:
         panel.set(xscale="log", yscale="log", title=title, xlabel="decisions")
     axes[0].set_ylabel("relative error of the estimate")
     axes[0].legend(fontsize=7)
+    return figure
+
+
+def learned_trace(work: Work) -> Figure:
+    """The weights that a filter learns, beside those of least error; and the errors that filters leave."""
+    figure, (left, right) = panels(2, height=3.0)
+    trace, lengths, seeds = LearnedTrace(12, 0.0), work.lengths(100, 300, 1_000, 3_000, 10_000), 100
+    lags, mdp = np.arange(trace.length), TASK.dynamics
+    exact = np.array([oracle.flat(oracle.lagged_gradient(mdp, POLICY, int(lag))) for lag in lags])
+    whole = oracle.flat(oracle.gradient(mdp, POLICY))
+    stepper = stepper_for(TASK, Agent(POLICY, Estimator(trace, MeanReward(), improve="never")), range(seeds))
+    fixed = {
+        "window": (np.ones(len(lags)), FAINT),
+        r"exponential, $\beta$ = 0.8": (0.8**lags, ORANGE),
+        r"exponential, $\beta$ = 0.5": (0.5**lags, RED),
+    }
+    errors: dict[str, list[np.ndarray]] = {name: [] for name in ("learned", *fixed)}
+    colours = dict(zip((300, 3_000), (GREEN, BLUE), strict=True))
+    for length in lengths:
+        stepper.advance(length - stepper.decision)
+        state = stepper.state["cycle"].agent.estimator.trace
+        found = np.asarray(state.means.mean[0].weights, float).reshape(seeds, len(lags), -1)
+        learned = np.asarray(jax.vmap(trace.weights)(state), float)
+        every = {"learned": learned, **{name: np.tile(weights, (seeds, 1)) for name, (weights, _) in fixed.items()}}
+        for name, weights in every.items():
+            apart = np.sum(weights[:, :, None] * found, axis=1) - whole
+            errors[name].append(np.linalg.norm(apart, axis=1) / np.linalg.norm(whole))
+        if length in colours:
+            band(left, lags, learned, colours[length], f"learned, {length:,} decisions")
+            noise, signal = found.var(0).sum(1), np.square(exact).sum(1)
+            left.plot(lags, signal / (signal + noise), ":", color=colours[length], label="of least error")
+    left.set(xlabel="age of the action (decisions)", ylabel="weight", ylim=(0, 1.05))
+    left.legend(fontsize=7)
+    for name, values in errors.items():
+        band(right, np.array(lengths), np.array(values).T, BLUE if name == "learned" else fixed[name][1], name)
+    right.set(xscale="log", yscale="log", xlabel="decisions", ylabel="relative error of the estimate")
+    right.legend(fontsize=7)
     return figure

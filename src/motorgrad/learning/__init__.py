@@ -29,6 +29,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState, entropy_gra
 from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
 from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
@@ -90,6 +91,7 @@ __all__ = [
     "IntentionalStep",
     "IntentionalTemporalDifference",
     "LaggedGaussian",
+    "LearnedTrace",
     "LeastSquares",
     "LeastSquaresNatural",
     "LimitedMetric",

@@ -74,6 +74,7 @@ class ActionTransitions(Baseline):
 
     needs_decision: ClassVar[bool] = True
     needs_policy: ClassVar[bool] = True
+    newest_apart: ClassVar[bool] = True
 
     features: Features = Features(bias=False)
     discount: float | None = number(None, 0, 1)

@@ -16,6 +16,7 @@ from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
@@ -82,6 +83,7 @@ KINDS.update(
             "episodic": Episodic,
             "exponential": Exponential,
             "lagged-gaussian": LaggedGaussian,
+            "learned": LearnedTrace,
             "window": Window,
         },
         Visited: {"visited": Visited},
