@@ -98,6 +98,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "conjugate-ascent": family.ascent,
     "action-transitions": credit.action_transitions,
     "learned-trace": credit.learned_trace,
+    "stationary-metric": credit.stationary_metric,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,

@@ -1,10 +1,13 @@
-"""Figures of credit: which actions a reward, or a value, is credited to."""
+"""Figures of credit: which actions a reward, or a value, is credited to, and what a step does to the states."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
+import motorgrad as mg
 from motorgrad.learning import (
+    SGD,
     ActionTransitions,
     Agent,
     Estimator,
@@ -14,6 +17,7 @@ from motorgrad.learning import (
     LeastSquares,
     LinearCritic,
     MeanReward,
+    StationaryMetric,
     gae,
     gpomdp,
 )
@@ -23,6 +27,7 @@ from motorgrad.worlds import oracle
 from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, panels
 from tools.figures._work import Work, errors
 from tools.figures.critics import LENGTHS, POLICY, SEEDS, TASK
+from tools.figures.family import LATE, sensitivity
 
 
 def angle(one: np.ndarray, other: np.ndarray) -> float:
@@ -117,5 +122,33 @@ def learned_trace(work: Work) -> Figure:
     for name, values in errors.items():
         band(right, np.array(lengths), np.array(values).T, BLUE if name == "learned" else fixed[name][1], name)
     right.set(xscale="log", yscale="log", xlabel="decisions", ylabel="relative error of the estimate")
+    right.legend(fontsize=7)
+    return figure
+
+
+def stationary_metric(work: Work) -> Figure:
+    """Errors of the scores of states over decisions; and what is earned with and without them in the metric."""
+    figure, (left, right) = panels(2, height=3.0)
+    lengths, exact = work.lengths(*LENGTHS), oracle.stationary_score(TASK.dynamics, POLICY)
+    looks, estimator = jnp.asarray(TASK.dynamics.observations, jnp.float32), Estimator(improve="never")
+    for decay, colour in ((0.0, RED), (0.7, ORANGE), (0.95, BLUE)):
+        metric = StationaryMetric(Features(bias=False), decay=decay, rate=0.0, ridge=1e-4)
+        stepper, found = stepper_for(TASK, Agent(POLICY, estimator, metric=metric), range(SEEDS)), []
+        for length in lengths:
+            stepper.advance(length - stepper.decision)
+            weights = np.asarray(jax.vmap(metric.solution)(stepper.state["cycle"].agent.chain[0]), float)
+            apart = np.asarray(looks, float) @ weights - exact
+            found.append(np.linalg.norm(apart, axis=(1, 2)) / np.linalg.norm(exact))
+        band(left, np.array(lengths), np.array(found).T, colour, rf"$\lambda$ = {decay:g}")
+    left.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"relative error of $\xi$")
+    left.legend(fontsize=7)
+    policy, batch = mg.policies.softmax(LATE), Estimator(Exponential(0.9), improve=100)
+    metrics = {
+        "plain": (None, RED),
+        r"actions, $\iota$ = 0": (StationaryMetric(weight=0.0), ORANGE),
+        r"and states, $\iota$ = 1": (StationaryMetric(weight=1.0), BLUE),
+    }
+    agents = {label: (Agent(policy, batch, SGD(1.0), metric), colour) for label, (metric, colour) in metrics.items()}
+    sensitivity(right, work, LATE, agents, [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0], 10_000)
     right.legend(fontsize=7)
     return figure

@@ -38,6 +38,7 @@ from motorgrad.learning._overshooting import BoundedTemporalDifference, Overshoo
 from motorgrad.learning._registry import register
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -119,6 +120,7 @@ __all__ = [
     "SimpleCentring",
     "SparseAgent",
     "SpatialIndex",
+    "StationaryMetric",
     "StepBound",
     "SwiftTemporalDifference",
     "TemporalDifference",

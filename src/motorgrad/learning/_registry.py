@@ -23,6 +23,7 @@ from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -72,6 +73,7 @@ KINDS.update(
             "fisher": FisherMetric,
             "lstd-nac": LeastSquaresNatural,
             "sherman-morrison": ShermanMorrison,
+            "stationary": StationaryMetric,
         },
         Optimizer: {"adam": Adam, "conjugate-ascent": ConjugateAscent, "sgd": SGD},
         PolyakAveraging: {"polyak": PolyakAveraging},
