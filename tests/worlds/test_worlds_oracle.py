@@ -13,6 +13,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import Factored, Hyperplanes, LocalGaussians, Softmax, split
 from motorgrad.worlds import AdmissionThresholds, FiniteMDP, call_admission, chain, oracle, three_state
+from motorgrad.worlds._chains import evaluate, stationary
 from motorgrad.worlds.oracle import to_float64
 
 few = settings(max_examples=10, deadline=None, derandomize=True)
@@ -119,7 +120,7 @@ def test_policy_iteration_finds_what_trying_every_policy_finds(seed):
     mdp = random_mdp(seed, states=4, actions=3)
     every, best = np.arange(mdp.states), -np.inf
     for choice in itertools.product(range(mdp.actions), repeat=mdp.states):
-        pi = oracle._stationary(mdp.transitions[choice, every])
+        pi = stationary(mdp.transitions[choice, every])
         best = max(best, pi @ mdp.expected_rewards[choice, every])
     choice, eta = oracle.optimal_policy(mdp)
     assert eta == oracle.average_reward(mdp, choice)
@@ -299,7 +300,7 @@ def test_the_best_admission_is_no_worse_than_accepting_always_and_turns_the_chea
     choice, eta = oracle.optimal_policy(admission)
     assert eta > oracle.average_reward(admission, AdmissionThresholds(np.full(3, 1e3)))
     assert eta == pytest.approx(0.804657286255908, abs=2e-15)
-    gain, value = oracle._evaluate(
+    gain, value = evaluate(
         admission.transitions[choice, every := np.arange(admission.states)], admission.expected_rewards[choice, every]
     )
     worth = admission.expected_rewards + admission.transitions @ value  # by Bellman, no action is better

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from tools.figures import (
     bodies,
     composed,
+    credit,
     critics,
     estimators,
     family,
@@ -75,6 +76,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "task-particle-navigation": particle.navigation,
     "myosuite": myosuite.learning,
     "action-values": further.action_values,
+    "discounting": credit.discounting,
 }
 """Figures of formulas and numbers."""
 
@@ -95,6 +97,9 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "swift-td": family.swift,
     "intentional": further.intentional,
     "conjugate-ascent": family.ascent,
+    "action-transitions": credit.action_transitions,
+    "learned-trace": credit.learned_trace,
+    "stationary-metric": credit.stationary_metric,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,

@@ -2,6 +2,7 @@
 
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad._tree import Part, count, number, static
+from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent, AgentState, Decision
 from motorgrad.learning._baselines import (
@@ -28,6 +29,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState, entropy_gra
 from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
 from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
@@ -36,6 +38,7 @@ from motorgrad.learning._overshooting import BoundedTemporalDifference, Overshoo
 from motorgrad.learning._registry import register
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -46,6 +49,7 @@ from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
 __all__ = [
     "NEVER",
     "SGD",
+    "ActionTransitions",
     "ActionValueGradient",
     "ActionValues",
     "Adam",
@@ -88,6 +92,7 @@ __all__ = [
     "IntentionalStep",
     "IntentionalTemporalDifference",
     "LaggedGaussian",
+    "LearnedTrace",
     "LeastSquares",
     "LeastSquaresNatural",
     "LimitedMetric",
@@ -115,6 +120,7 @@ __all__ = [
     "SimpleCentring",
     "SparseAgent",
     "SpatialIndex",
+    "StationaryMetric",
     "StepBound",
     "SwiftTemporalDifference",
     "TemporalDifference",

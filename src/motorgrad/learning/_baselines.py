@@ -70,6 +70,10 @@ class Baseline(Part):
     """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
     needs_eligibility: ClassVar[bool] = False
     """Whether `update` reads the eligibility of the transition, which is `None` otherwise."""
+    newest_apart: ClassVar[bool] = False
+    """Whether the newest action may have an advantage of its own, `Advantage.newest`."""
+    needs_policy: ClassVar[bool] = False
+    """Whether `update` asks the policy for probabilities, which no block of TimLab is told."""
     starts_at_random: ClassVar[bool] = False
     """Whether `start` draws random numbers."""
 
@@ -181,6 +185,7 @@ class InputBaseline(Baseline):
     """A baseline that depends on the observation on which the newest action was taken."""
 
     needs_decision: ClassVar[bool] = True
+    newest_apart: ClassVar[bool] = True
 
     @abc.abstractmethod
     def value_at(self, state: Any, observation: Float[Array, " inputs"]) -> Float[Array, ""]:

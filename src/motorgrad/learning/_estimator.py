@@ -16,7 +16,7 @@ from motorgrad.learning._overshooting import StepBound
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
-from motorgrad.learning._traces import Episodic, Exponential, Trace
+from motorgrad.learning._traces import Episodic, Exponential, Trace, credited
 from motorgrad.policies import Policy, split, trainable
 
 
@@ -44,8 +44,10 @@ class Estimator(Part):
 
     - `trace`: the eligibility trace.
     - `baseline`: what rewards are compared with, a baseline or a critic; none for the rewards themselves.
-    - `discount`: none for the average reward; $\gamma \in (0, 1]$ for the discounted return of an episode,
-      $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are $\gamma^t \delta z$.
+    - `discount`: none where all decisions count alike, as for the average reward; $\gamma \in (0, 1]$ for the
+      discounted return of an episode, $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are
+      $\gamma^t \delta z$. These weights discount later rewards already, so the decay of the trace is $\lambda$ then,
+      and not $\gamma\lambda$; 1, or `Episodic`, leaves no bias.
     - `improve`: after how many samples the parameters move; `"episode"` for once at the end of each episode, `"never"`
       for an estimate at fixed parameters.
     - `batch`: whether a step of several samples uses their `"mean"` or their `"sum"`.
@@ -61,7 +63,8 @@ class Estimator(Part):
     - `reuse`: none, so that each batch makes one step of the mean of its samples; or `ClippedSurrogate`, which makes
       several steps from the decisions of a batch.
 
-    **Raises:** `ValueError` for a value out of range, and for parts that do not fit a `reuse`, with those that do.
+    **Raises:** `ValueError` for a value out of range, for a `discount` with a critic of differential values, and for
+    parts that do not fit a `reuse` or a trace that learns, with those that do.
     """
 
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
@@ -96,6 +99,14 @@ class Estimator(Part):
     reuse: ClippedSurrogate | None = None
 
     def validate(self) -> None:
+        differential = getattr(self.baseline, "discount", self) is None
+        wanted = "a number where estimator.discount is one, best the same"
+        check(self.discount is None or not differential, "baseline.discount", None, wanted)
+        if self.trace.learns:
+            apart, name = self.baseline is not None and self.baseline.newest_apart, type(self.trace).__name__
+            words = f"one that credits all actions alike, such as MeanReward, with {name}"
+            check(not apart, "baseline", type(self.baseline).__name__, words)
+            check(self.entropy_in == "sample", "entropy_in", self.entropy_in, f"'sample' with {name}")
         if self.reuse is None:
             return
         whole = isinstance(self.improve, int) and self.improve > 1
@@ -187,13 +198,16 @@ class Estimator(Part):
             signed = jax.tree.map(lambda h: (jnp.sign(advantage.value) * worth * h).astype(h.dtype), entropy)
             state = state._replace(trace=jax.tree.map(jnp.add, state.trace, self._alone(policy, signed)))
         eligibility = self.trace.value(state.trace)
-        sample = _credited(eligibility, advantage.trace)
+        sample = credited(eligibility, advantage.trace)
         if advantage.newest is not None:
             score = policy.score(transition.observation, transition.action)
             newest = self.trace.value(self._alone(policy, score))
-            sample = jax.tree.map(jnp.add, sample, _credited(newest, advantage.newest))
+            sample = jax.tree.map(jnp.add, sample, credited(newest, advantage.newest))
         if entropy is not None and self.entropy_in == "sample":
             sample = jax.tree.map(lambda g, h: (g + worth * h).astype(g.dtype), sample, entropy)
+        if self.trace.learns:
+            learned = self.trace.learn(state.trace, advantage.trace)
+            state = state._replace(trace=where(transition.diverged, state.trace, learned))
         if self.bound is not None:
             sample = self.bound.bounded(state.bound, sample, advantage.value, eligibility)
         return sample, state
@@ -202,7 +216,7 @@ class Estimator(Part):
         """The state at the start of an episode: the trace is empty and the discount starts again from 1."""
         scaling, batch, weight = state.scaling, state.batch, state.weight
         return state._replace(
-            trace=None if self.reuse is not None else self.trace.init(trainable(policy)),
+            trace=None if self.reuse is not None else self.trace.restart(state.trace, trainable(policy)),
             baseline=None if self.baseline is None else self.baseline.restart(state.baseline),
             weight=None if weight is None else jnp.ones_like(weight),
             scaling=scaling if self.reward_scaling is None or scaling is None else self.reward_scaling.restart(scaling),
@@ -280,13 +294,6 @@ class Estimator(Part):
 
 def _times(factor: Float[Array, ""], advantage: Advantage) -> Advantage:
     return jax.tree.map(lambda each: factor * each, advantage)
-
-
-def _credited(eligibility: PyTree[Array], advantage: Any) -> PyTree[Array]:
-    """An eligibility times an advantage, which is one number, or one for every parameter."""
-    if isinstance(advantage, Policy):
-        return jax.tree.map(jnp.multiply, advantage, eligibility)
-    return jax.tree.map(lambda z: advantage * z, eligibility)
 
 
 def entropy_gradient(policy: Policy, observation: Float[Array, " inputs"]) -> PyTree[Array]:

@@ -1,7 +1,9 @@
 """Estimators by the names of the literature."""
 
+import dataclasses
 from typing import Literal
 
+from motorgrad._errors import check
 from motorgrad._settings import as_hinted
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._critics import Critic
@@ -24,19 +26,39 @@ def gpomdp(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
     return Estimator(Exponential(decay), baseline, improve="never")
 
 
-def actor_critic(critic: Critic | None = None, decay: float = 0.9) -> Estimator:
-    r"""AC(λ), the online actor-critic with differential values (Sutton & Barto, 2018).
+def actor_critic(
+    critic: Critic | None = None, decay: float = 0.9, discount: float | None = None, from_start: bool = False
+) -> Estimator:
+    r"""AC(λ), the online actor-critic (Sutton & Barto, 2018), with differential values or discounted ones.
 
-    Temporal differences $\delta = r - \rho + v(y') - v(y)$ teach all three: the level,
+    Temporal differences $\delta = r - \rho + \gamma v(y') - v(y)$ teach all three: the level,
     $\rho \leftarrow \rho + \kappa\delta$, the critic, $w \leftarrow w + \alpha\,\delta e$, and the actor, whose samples
-    are $\delta z$ with a trace of `decay` $\lambda$. By default the critic is linear in the inputs, with a trace of
-    0.5, $\alpha$ = 0.05 and $\kappa$ = 0.005.
+    are $\delta z$. By default the critic is linear in the inputs, with a trace of 0.5, $\alpha$ = 0.05 and $\kappa$ =
+    0.005.
+
+    **Arguments:**
+
+    - `critic`: none for the default.
+    - `decay`: $\lambda \in [0, 1]$ of the actor.
+    - `discount`: none for that of the critic, by default none: differential values and the gradient of the average
+      reward. $\gamma \in [0, 1]$ gives the critic discounted values.
+    - `from_start`: what is climbed with discounted values. `False`: every decision by its discounted consequences, all
+      decisions alike. The trace has the decay $\gamma\lambda$. `True`: the discounted return from the start of an
+      episode, whose gradient weights the decision at time $t$ by $\gamma^t$. The estimator has the `discount` then, and
+      the trace has the decay $\lambda$.
+
+    **Raises:** `ValueError` for a value out of range, and for `from_start` without a discount.
     """
     if critic is None:
         given = as_hinted(Baseline, Estimator.presets["actor-critic"]["baseline"], "critic")
         assert isinstance(given, Critic)
         critic = given
-    return gae(critic, decay, improve=1)
+    if discount is not None:
+        critic = dataclasses.replace(critic, discount=discount)
+    if not from_start:
+        return gae(critic, decay, improve=1)
+    check(critic.discount is not None, "discount", None, "in (0, 1] with from_start")
+    return Estimator(Exponential(decay), critic, discount=critic.discount)
 
 
 def gae(critic: Critic, decay: float = 0.9, improve: int | Literal["episode", "never"] = 160) -> Estimator:

@@ -2,6 +2,7 @@
 
 from motorgrad._tree import KINDS
 from motorgrad._tree import register as register
+from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
@@ -15,12 +16,14 @@ from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
+from motorgrad.learning._learned_trace import LearnedTrace
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
@@ -36,6 +39,7 @@ KINDS.update(
         Architecture: {"perceptron": MultilayerPerceptron},
         Annealed: {"annealed": Annealed},
         Baseline: {
+            "action-transitions": ActionTransitions,
             "binned": BinnedBaseline,
             "constant": Constant,
             "critic": LinearCritic,
@@ -69,6 +73,7 @@ KINDS.update(
             "fisher": FisherMetric,
             "lstd-nac": LeastSquaresNatural,
             "sherman-morrison": ShermanMorrison,
+            "stationary": StationaryMetric,
         },
         Optimizer: {"adam": Adam, "conjugate-ascent": ConjugateAscent, "sgd": SGD},
         PolyakAveraging: {"polyak": PolyakAveraging},
@@ -80,6 +85,7 @@ KINDS.update(
             "episodic": Episodic,
             "exponential": Exponential,
             "lagged-gaussian": LaggedGaussian,
+            "learned": LearnedTrace,
             "window": Window,
         },
         Visited: {"visited": Visited},

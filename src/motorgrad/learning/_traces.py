@@ -7,7 +7,7 @@ A trace filters scores. It is three functions over a state of the parameters' st
 
 import abc
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -15,12 +15,16 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._tree import Part, count, number, static
+from motorgrad.policies import Policy
 
 LONGEST = 100_000  # decisions of a finite filter, which keeps as many copies of the parameters
 
 
 class Trace(Part):
     """An eligibility trace."""
+
+    learns: ClassVar[bool] = False
+    """Whether it learns from what follows: then `learn` is called, and episodes begin by `restart`."""
 
     @abc.abstractmethod
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
@@ -34,10 +38,30 @@ class Trace(Part):
     def value(self, state: PyTree[Array]) -> PyTree[Array]:
         """The eligibility $z_t$, in the structure of the parameters."""
 
+    def learn(self, state: PyTree[Array], advantage: Any) -> PyTree[Array]:
+        """The state after it was multiplied by an advantage, one number or one for every parameter."""
+        return state
+
+    def restart(self, state: PyTree[Array], parameters: PyTree[Array]) -> PyTree[Array]:
+        """The state at the start of the next episode; by default that before the first."""
+        return self.init(parameters)
+
     @property
     def needs_episodes(self) -> str | None:
         """Why the trace needs a task with episodes, as a setting; `None` where it does not."""
         return None
+
+
+def credited(eligibility: PyTree[Array], advantage: Any) -> PyTree[Array]:
+    """An eligibility times an advantage, which is one number, or one for every parameter."""
+    if isinstance(advantage, Policy):
+        return jax.tree.map(jnp.multiply, advantage, eligibility)
+    return jax.tree.map(lambda z: advantage * z, eligibility)
+
+
+def latest(scores: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
+    """The last scores, the newest first, after one more."""
+    return jax.tree.map(lambda buffer, s: jnp.concatenate([s[None], buffer[:-1]]), scores, score)
 
 
 class Exponential(Trace):
@@ -99,7 +123,7 @@ class _Kernel(Trace):
         return jax.tree.map(lambda p: jnp.zeros((length, *p.shape), p.dtype), parameters)
 
     def update(self, state: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
-        return jax.tree.map(lambda buffer, s: jnp.concatenate([s[None], buffer[:-1]]), state, score)
+        return latest(state, score)
 
     def value(self, state: PyTree[Array]) -> PyTree[Array]:
         weights = jnp.asarray(self.weights())

@@ -28,17 +28,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
-from scipy.linalg import lu_factor, lu_solve
 from scipy.optimize import minimize
-from scipy.sparse.csgraph import connected_components
 from scipy.special import softmax
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import FiniteStateController, Policy, split, trainable
+from motorgrad.worlds._chains import ROUNDING, evaluate, expected_change, lead, stationary
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
-_ROUNDING = 16 * np.finfo(float).eps
 
 
 def to_float64(policy: P) -> P:
@@ -59,7 +57,7 @@ def transition_matrix(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "stat
 
 def stationary_distribution(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"]:
     r"""$\pi$ with $\pi' P = \pi'$ and $\sum\pi = 1$. A chain without a unique one is refused."""
-    return _stationary(transition_matrix(mdp, policy))
+    return stationary(transition_matrix(mdp, policy))
 
 
 def average_reward(mdp: FiniteMDP, policy: Policy | Sequence[int] | Int[np.ndarray, " states"]) -> float:
@@ -75,13 +73,13 @@ def average_reward(mdp: FiniteMDP, policy: Policy | Sequence[int] | Int[np.ndarr
     check(right, "policy", policy, f"a policy, or a table of {mdp.states} integers, the action of every state")
     known = (table >= 0) & (table < mdp.actions)
     check(known.all(), "policy", table[~known].tolist(), f"a table of actions from 0 to {mdp.actions - 1}")
-    return float(_evaluate(mdp.transitions[table, every], mdp.expected_rewards[table, every])[0][mdp.start])
+    return float(evaluate(mdp.transitions[table, every], mdp.expected_rewards[table, every])[0][mdp.start])
 
 
 def gradient(mdp: FiniteMDP, policy: P) -> P:
     r"""$\nabla\eta = \pi'\,\nabla P\,[I - P + e\pi']^{-1} r$, exactly."""
     matrix = transition_matrix(mdp, policy)
-    pi = _stationary(matrix)
+    pi = stationary(matrix)
     value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], _mean_rewards(mdp, policy))
     return _contract(mdp, policy, pi, mdp.expected_rewards + mdp.transitions @ value)
 
@@ -102,8 +100,31 @@ def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Flo
         check(0 <= discount < 1, "discount", discount, "in [0, 1)")
         return _discounted(mdp, policy, discount)
     matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
-    pi = _stationary(matrix)
+    pi = stationary(matrix)
     return np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards - pi @ rewards)
+
+
+def lagged_gradient(mdp: FiniteMDP, policy: P, lag: int) -> P:
+    r"""$\pi'\,\nabla P\,P^k r = \mathbb E[r_{t+1}\nabla\log\pi(a_{t-k} \mid y_{t-k})]$: what a reward says of the
+    action taken $k$ decisions before, the `lag`. Over all lags these add up to the `gradient`."""
+    check_integer("lag", lag, 0, unit="decisions")
+    quality = mdp.expected_rewards
+    if lag > 0:
+        later = np.linalg.matrix_power(transition_matrix(mdp, policy), lag - 1) @ _mean_rewards(mdp, policy)
+        quality = mdp.transitions @ later
+    return _contract(mdp, policy, stationary_distribution(mdp, policy), quality)
+
+
+def stationary_score(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states parameters"]:
+    r"""$\nabla\log\pi_s$ of every state's stationary probability, in the order of `flat`; 0 for states never visited.
+
+    From $\nabla\pi' = \pi'\,\nabla P\,[I - P + e\pi']^{-1}$.
+    """
+    matrix, chance = transition_matrix(mdp, policy), action_probabilities(mdp, policy)
+    pi = stationary(matrix)
+    flow = np.einsum("s,sa,sai,ast->it", pi, chance, _scores(mdp, policy), mdp.transitions)
+    slope = np.linalg.solve((np.eye(mdp.states) - matrix + pi[None, :]).T, flow.T)
+    return np.where(pi[:, None] > 0, slope / np.where(pi > 0, pi, 1)[:, None], 0)
 
 
 def critic_gradient(
@@ -121,7 +142,7 @@ def critic_gradient(
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
     check(discount is None or 0 <= discount <= 1, "discount", discount, "None or in [0, 1]")
     matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
-    pi, ahead = _stationary(matrix), 1.0 if discount is None else discount
+    pi, ahead = stationary(matrix), 1.0 if discount is None else discount
     level = pi @ rewards if discount is None else 0.0
     error = rewards - level + ahead * matrix @ critic - critic
     later = np.linalg.solve(np.eye(mdp.states) - decay * matrix, error)
@@ -191,12 +212,17 @@ def discounted_return(mdp: FiniteMDP, policy: Policy, discount: float) -> float:
     return float(_discounted(mdp, policy, discount)[mdp.start])
 
 
-def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float) -> P:
-    r"""The gradient of `discounted_return`: $\sum_t \gamma^t \Pr(s_t)'\,\nabla P\,(I - \gamma P)^{-1} r$."""
+def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float, decay: float = 1.0) -> P:
+    r"""The gradient of `discounted_return`: $\sum_t \gamma^t \Pr(s_t)'\,\nabla P\,(I - \gamma P)^{-1} r$.
+
+    With a `decay` $\lambda$ below 1, what samples $\gamma^t r_{t+1} z_t$ with a trace of that decay estimate:
+    $\gamma\lambda$ in the place of the last $\gamma$.
+    """
     check(0 <= discount < 1, "discount", discount, "in [0, 1)")
+    check(0 <= decay <= 1, "decay", decay, "in [0, 1]")
     resolvent = np.eye(mdp.states) - discount * transition_matrix(mdp, policy)
     visits = np.linalg.solve(resolvent.T, np.eye(mdp.states)[mdp.start])
-    return _contract(mdp, policy, visits, _quality(mdp, policy, discount))
+    return _contract(mdp, policy, visits, _quality(mdp, policy, discount * decay))
 
 
 def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
@@ -210,13 +236,13 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
     choice, seen = np.zeros(mdp.states, int), set()
     while choice.tobytes() not in seen:  # rounding could lead back to a table
         seen.add(choice.tobytes())
-        gain, value = _evaluate(moves[choice, every], rewards[choice, every])
-        ahead, unsure = _ahead(choice, *_expected_change(moves, gain))
+        gain, value = evaluate(moves[choice, every], rewards[choice, every])
+        ahead, unsure = lead(choice, *expected_change(moves, gain))
         better = ahead > unsure
         if not better.any():  # then of the actions that keep the average, those of greater value
             equal = ahead >= -unsure
-            change, doubt = _expected_change(moves, value)
-            ahead, unsure = _ahead(choice, rewards + change, doubt + _ROUNDING * np.abs(rewards))
+            change, doubt = expected_change(moves, value)
+            ahead, unsure = lead(choice, rewards + change, doubt + ROUNDING * np.abs(rewards))
             better = equal & (ahead > unsure)
         choice = np.where(better.any(0), np.where(better, ahead, -np.inf).argmax(0), choice)
     return choice, average_reward(mdp, choice)
@@ -270,7 +296,7 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
         table = softmax(logits.reshape(shape), axis=1)
         chance = member @ table
         matrix, rewards = np.einsum("sa,ast->st", chance, mdp.transitions), np.sum(chance.T * mdp.expected_rewards, 0)
-        pi = _stationary(matrix)
+        pi = stationary(matrix)
         value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards)
         quality = mdp.expected_rewards + mdp.transitions @ value
         slope = member.T @ (pi[:, None] * quality.T)  # by the probabilities
@@ -287,86 +313,6 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
 def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
     """The numbers of a gradient as one vector, in the order of the policy's fields."""
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(gradient)])
-
-
-def _ahead(choice: np.ndarray, worth: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By how much each action is better than the chosen one in every state, and how much of that may be rounding."""
-    every = np.arange(len(choice))
-    return worth - worth[choice, every], doubt + doubt[choice, every]
-
-
-def _expected_change(moves: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The expected change of `values` by each action in each state, and its rounding error. Staying has no part in
-    either, however probable it is."""
-    others = np.where(np.eye(len(values), dtype=bool), 0.0, moves)
-    change = np.sum(others * (values[None, :] - values[:, None]), -1)
-    size = np.abs(values)
-    return change, _ROUNDING * (others @ size + others.sum(-1) * size)
-
-
-def _evaluate(matrix: np.ndarray, rewards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The average reward from every state of a chain, which may have several recurrent classes, and the differential
-    value of every state."""
-    leaving = _leaving(matrix)
-    gain, value = np.zeros(len(matrix)), np.zeros(len(matrix))
-    passing = np.ones(len(matrix), bool)
-    for members in _recurrent(matrix):
-        inside = np.ix_(members, members)
-        pi = _balance(matrix[inside])
-        gain[members] = pi @ rewards[members]
-        short = rewards[members] - gain[members]
-        worth = np.append(0.0, _solve(leaving[inside][1:, 1:], short[1:]))  # relative to the first state
-        value[members] = worth - pi @ worth
-        passing[members] = False
-    if passing.any():
-        within, onwards = leaving[np.ix_(passing, passing)], matrix[np.ix_(passing, ~passing)]
-        gain[passing] = _solve(within, onwards @ gain[~passing])
-        value[passing] = _solve(within, rewards[passing] - gain[passing] + onwards @ value[~passing])
-    return gain, value
-
-
-def _leaving(matrix: np.ndarray) -> np.ndarray:
-    """$I - P$ of a stochastic matrix. Its diagonal is the sum of what leaves a state, which is exact to rounding where
-    a state is hardly ever left."""
-    others = np.where(np.eye(len(matrix), dtype=bool), 0.0, matrix)
-    return np.diag(others.sum(1)) - others
-
-
-def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """A linear system, refined by its residual in extended precision."""
-    factors, exact = lu_factor(matrix), matrix.astype(np.longdouble)
-    found = lu_solve(factors, right)
-    for _ in range(2):
-        found = found + lu_solve(factors, (right - exact @ found).astype(float))
-    return found
-
-
-def _recurrent(matrix: np.ndarray) -> list[np.ndarray]:
-    """The states of each closed recurrent class."""
-    count, of = connected_components(matrix > 0, connection="strong")
-    leaving = {of[i] for i, j in zip(*np.nonzero(matrix), strict=True) if of[i] != of[j]}
-    return [np.flatnonzero(of == each) for each in range(count) if each not in leaving]
-
-
-def _stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
-    """The stationary distribution of a chain with exactly one recurrent class."""
-    closed = _recurrent(matrix)
-    told = f"{len(closed)} recurrent classes"
-    check(len(closed) == 1, "policy", told, "one whose chain has a unique stationary distribution")
-    pi = np.zeros(len(matrix))
-    pi[closed[0]] = _balance(matrix[np.ix_(closed[0], closed[0])])
-    return pi
-
-
-def _balance(matrix: np.ndarray) -> np.ndarray:
-    """The stationary distribution of an irreducible chain, from the flows between its states."""
-    leaving, pi = _leaving(matrix), np.ones(len(matrix))
-    for _ in range(2):  # relative to any state, then to the most probable, where rounding is least
-        one = pi.argmax()
-        others = np.arange(len(matrix)) != one
-        pi = np.ones(len(matrix))
-        pi[others] = _solve(leaving[np.ix_(others, others)].T, matrix[one, others])
-    return pi / pi.sum()
 
 
 def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:

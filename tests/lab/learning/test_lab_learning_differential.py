@@ -70,6 +70,21 @@ def test_a_critic_is_the_librarys(fit):
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
 
+def test_a_trace_that_learns_is_the_librarys():
+    task = mg.make("chain", time_limit=9)
+    settings = {
+        "trace": {"kind": "learned", "length": 4, "rate": 0.01},
+        "baseline": {"kind": "fixed-step", "rate": 0.05},
+    }
+    theirs = stepper(task, mg.agent_for(task, policy="softmax", learning_rate=0.1, **settings))
+    theirs.advance(300)
+    parts = {"baseline": lab.FixedStepBaseline(0.05), "trace": lab.LearnedTrace(length=4, rate=0.01, size=12)}
+    world = lab.World("chain", {"time_limit": 9})
+    ours = learned(diagram_of(lab.Softmax(2, task.observation_size), world, 0.0, learning_rate=0.1, **parts), 300)
+    assert np.abs(ours).max() > 0.02
+    np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
+
+
 QUICK_RULE = "adam, a fixed step of the baseline"
 RULES = {
     QUICK_RULE: (

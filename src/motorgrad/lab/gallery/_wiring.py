@@ -21,6 +21,7 @@ def learner(
     decay: float,
     baseline: Block | None = None,
     optimizer: Block | None = None,
+    trace: Block | None = None,
     **settings: Any,
 ) -> None:
     """Add units to a diagram with what lets them learn: trace, baseline, gradient sample and optimizer.
@@ -36,6 +37,7 @@ def learner(
     - `decay`: of the trace.
     - `baseline`: a baseline or critic, by default the mean reward.
     - `optimizer`: by default SGD with these `settings`.
+    - `trace`: by default an eligibility trace of this `decay`.
     """
     size = units.outputs["parameters"].shape[0]
     compared: Block = MeanBaseline() if baseline is None else baseline
@@ -43,7 +45,8 @@ def learner(
     if world is not None:
         diagram.add("world", world)
     diagram.add("policy", units)
-    diagram.add("trace", EligibilityTrace(decay, size=size, newest=splits))
+    filters = EligibilityTrace(decay, size=size, newest=splits) if trace is None else trace
+    diagram.add("trace", filters)
     diagram.add("baseline", compared)
     diagram.add("gradient", GradientSample(size))
     diagram.add("optimizer", optimizer or SGD(size=size, **settings))
@@ -57,7 +60,11 @@ def learner(
     )
     if splits:
         connect(diagram, ("baseline.newest", "gradient.newest_error"), ("trace.newest", "gradient.newest_score"))
+    if "error" in filters.inputs:
+        connect(diagram, ("baseline.error", "trace.error"))
     if world is not None:
+        if "valid" in filters.inputs:
+            connect(diagram, ("world.valid", "trace.valid"))
         connect(
             diagram,
             ("world.observation", "policy.observation"),

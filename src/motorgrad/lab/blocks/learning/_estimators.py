@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad import learning, policies
+from motorgrad._errors import check
 from motorgrad.lab.blocks.learning._parts import (
     MOST_PARAMETERS,
     VALID,
@@ -38,13 +39,24 @@ class TraceBlock(PartBlock):
     def validate(self) -> None:
         check_count("size", self.size, MOST_PARAMETERS)
         super().validate()
+        if self._learns:
+            wanted = f"False for a {self.name}, which learns what the newest score counts"
+            check(not self.newest, "newest", True, wanted)
 
     def number_shape(self, field: BlockField) -> tuple[int, ...]:
-        return (self.size,)
+        return () if self._learns else (self.size,)
+
+    @property
+    def _learns(self) -> bool:
+        return self.part.learns  # type: ignore[attr-defined]
 
     @property
     def inputs(self) -> Ports:
-        return {"score": Port((self.size,), feedthrough=False), "ended": ENDED}
+        score = {"score": Port((self.size,), feedthrough=False), "ended": ENDED}
+        if not self._learns:
+            return score
+        error = Port((), feedthrough=False, help="what the trace is multiplied by")
+        return score | {"error": error, "valid": dataclasses.replace(VALID, feedthrough=False)}
 
     @property
     def outputs(self) -> Ports:
@@ -65,7 +77,13 @@ class TraceBlock(PartBlock):
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         trace: learning.Trace = self.bound_part
-        empty, score = trace.init(jnp.zeros(self.size)), inputs["score"]
+        score = inputs["score"]
+        if self._learns:
+            learned = trace.learn(state, inputs["error"])
+            state = where(is_paid(inputs, now), learned, state)
+            empty = trace.restart(state, jnp.zeros(self.size))
+        else:
+            empty = trace.init(jnp.zeros(self.size))
         after = trace.update(where(inputs["ended"], empty, state[0] if self.newest else state), score)
         return (after, score) if self.newest else after
 

@@ -134,6 +134,8 @@ def block_of(base: type[PartBlock], part: type[Part], name: str, title: str) -> 
 class PartBlocks(Mapping[str, type[Block]]):
     """The types of blocks of all registered parts, by name; a part that is registered later appears by itself.
 
+    Baselines that ask a policy for probabilities have none: a whole learner may have them.
+
     **Arguments:** for each kind of part the pattern of its blocks' names and a function from a part's class to the base
     class of its block.
     """
@@ -162,6 +164,8 @@ class PartBlocks(Mapping[str, type[Block]]):
         found = {}
         for kind, (pattern, _) in self._bases.items():
             for name, part in KINDS[kind].items():
+                if getattr(part, "needs_policy", False):
+                    continue
                 derived = pattern.format(name)
                 found[ESTABLISHED.get(derived, derived)] = (kind, part)
         return found

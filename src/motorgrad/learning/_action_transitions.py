@@ -1,0 +1,158 @@
+r"""Credit only where the action changes: differences of action values at action transitions.
+
+The policy gradient is $\mathbb E[\nabla\log\pi(a \mid y)\,(Q(y, a) - c)]$ for any $c$ that does not depend on $a$
+(Sutton, McAllester, Singh & Mansour, 2000). The value of the action $b$ of the decision *before* is such a $c$. With it
+a sample is 0 wherever the action stays, and elsewhere what changing it was worth:
+
+$$g = (Q(y, a) - Q(y, b))\,\nabla\log\pi(a \mid y).$$
+
+Limiting the estimate to action transitions is the idea of Grudic & Ungar (2000). Their algorithm, Action Transition
+Policy Gradient, is known here by that description alone: the estimator and its values are derived from the policy
+gradient theorem.
+"""
+
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from motorgrad._errors import check
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._tree import number, static
+from motorgrad.learning._baselines import Advantage, Baseline, Transition
+from motorgrad.learning._branching import where
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
+from motorgrad.learning._critics import Features
+from motorgrad.policies import Policy
+
+MOST_ACTIONS = 64
+
+
+class TransitionState(NamedTuple):
+    """The weights of every action's features, one action after the other; the mean of rewards; the state of the fit;
+    the index of the `previous` action, -1 at the start of an episode."""
+
+    weights: Float[Array, " actions*features"]
+    reward: RunningMean
+    fit: Any
+    previous: Int[Array, ""]
+
+
+class ActionTransitions(Baseline):
+    r"""How much better an action is than the one before it, $Q(y_t, a_t) - Q(y_t, a_{t-1})$, by learned action values.
+
+    Only the newest action is credited, whatever the trace: what comes later is in $Q$. Give the learner a trace of
+    decay 0, which costs least. Values are linear in features of the observation, $Q(y, a) = w_a \cdot \phi(y)$, with
+    weights for each action, and learned by expected SARSA (Van Seijen, Van Hasselt, Whiteson & Wiering, 2009):
+
+    $$\delta = r - \rho + \gamma \sum_{a'} \pi(a' \mid y')\,Q(y', a') - Q(y, a).$$
+
+    With exact values the mean of samples is the exact gradient: of the average reward without a `discount`. With
+    errors of the values it is $\mathbb E \sum_a \nabla\pi(a \mid y)\,Q(y, a)$ of the values there are. The first action
+    of an episode has none before it, and is compared with the mean over actions.
+
+    **Arguments:**
+
+    - `features`: $\phi$, without the previous action. Features of a constant sum leave the values of the average reward
+      undetermined by a constant, which does not matter here.
+    - `discount`: none for the average reward, with $\gamma = 1$ and $\rho$ the mean of rewards; or $\gamma \in [0, 1]$,
+      with $\rho = 0$; 1 needs a task with episodes.
+    - `decay`: $\lambda \in [0, 1]$ of the trace of the features. 1 for the average reward needs a task with episodes.
+    - `fit`: how $w$ is learned, `LeastSquares` or `TemporalDifference`.
+    - `relative_to`: what $Q(y, a)$ is compared with, the `"previous"` action or the `"mean"` over actions, which
+      makes it the advantage.
+
+    **Raises:** `ValueError` for a value out of range, for features that see the previous action and for another fit;
+    from `init`, for a policy with more than 64 actions, with real-valued ones, with hidden units or a memory.
+
+    ```python
+    estimator = mg.learning.Estimator(mg.learning.Exponential(0.0), mg.learning.ActionTransitions())
+    agent = mg.Agent(mg.policies.softmax(task), estimator, mg.learning.SGD(0.1))
+    ```
+    """
+
+    needs_decision: ClassVar[bool] = True
+    needs_policy: ClassVar[bool] = True
+    newest_apart: ClassVar[bool] = True
+
+    features: Features = Features(bias=False)
+    discount: float | None = number(None, 0, 1)
+    decay: float = number(0.0, 0, 1)
+    fit: CriticFit = LeastSquares()
+    relative_to: Literal["previous", "mean"] = static("previous")
+
+    def validate(self) -> None:
+        check(not self.features.actions, "features.actions", True, "False")
+        known = isinstance(self.fit, LeastSquares | TemporalDifference)
+        check(known, "fit", type(self.fit).__name__, "LeastSquares or TemporalDifference")
+
+    @property
+    def needs_episodes(self) -> str | None:
+        if isinstance(self.discount, float) and self.discount == 1:
+            return "discount = 1"
+        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+
+    def init(self, policy: Policy, dtype: Any) -> TransitionState:
+        kind, name = policy.actions, type(policy).__name__
+        plain = kind in ("binary", "discrete") and not policy.hides and not policy.has_memory
+        wanted = "one with binary or discrete actions, no hidden units and no memory, for ActionTransitions"
+        check(plain, "policy", name, wanted)
+        few = policy.outputs <= MOST_ACTIONS if kind == "discrete" else 2**policy.outputs <= MOST_ACTIONS
+        check(few, "policy", f"{name} of {policy.outputs} {kind} outputs", f"one of at most {MOST_ACTIONS} actions")
+        size = self._seen(jnp.zeros(policy.inputs, dtype)).size * len(policy.enumerate())
+        weights = jnp.zeros(size, dtype)
+        fit = self.fit.start(weights, size)
+        return TransitionState(weights, running_mean(jnp.zeros((), dtype)), fit, jnp.full((), -1, jnp.int32))
+
+    def level(self, state: TransitionState) -> Float[Array, ""]:
+        return state.reward.mean
+
+    def values(self, state: TransitionState, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
+        """$Q(y, a)$ of every action, in the order of `Policy.enumerate`."""
+        phi = self._seen(observation.astype(state.weights.dtype))
+        return jnp.sum(state.weights.reshape(-1, phi.size) * phi, axis=1)
+
+    def update(
+        self, state: TransitionState, policy: Policy, transition: Transition
+    ) -> tuple[Advantage, TransitionState]:
+        dtype, actions = state.weights.dtype, policy.enumerate()
+        look, later = transition.observation.astype(dtype), transition.next_observation.astype(dtype)
+        rows = actions.reshape(len(actions), -1)
+        taken = jnp.all(rows == jnp.ravel(transition.action), axis=1).argmax().astype(jnp.int32)
+
+        def chances(y: Array) -> Float[Array, " actions"]:
+            return jnp.exp(jax.vmap(lambda action: policy.log_prob(y, action))(actions)).astype(dtype)
+
+        values = self.values(state, look)
+        compared = jnp.sum(chances(look) * values)
+        if self.relative_to == "previous":
+            compared = jnp.where(state.previous >= 0, values[state.previous], compared)
+        worth = values[taken] - compared
+
+        slope = jnp.outer(jnp.arange(len(actions)) == taken, self._seen(look)).ravel().astype(dtype)
+        following = jnp.outer(chances(later), self._seen(later)).ravel().astype(dtype)
+        following = jnp.where(transition.terminated, 0, following)
+        horizon, level = 1.0 if self.discount is None else self.discount, self._compared(state)
+        reward = jnp.asarray(transition.reward, dtype)
+        error = reward - level - jnp.sum(state.weights * (slope - horizon * following))
+        step = CriticStep(slope, following, reward, level, error, horizon, self.decay)
+        weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
+        mean = where(transition.diverged, state.reward, add_sample(state.reward, reward, self.fit.mean_rate))
+        return Advantage(worth, jnp.zeros_like(worth), worth), TransitionState(weights, mean, fit, taken)
+
+    def solve(self, state: TransitionState) -> TransitionState:
+        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state))
+        return state._replace(weights=weights, fit=fit)
+
+    def rest(self, state: TransitionState) -> Int[Array, ""]:
+        return self.fit.rest(state.fit)
+
+    def restart(self, state: TransitionState) -> TransitionState:
+        return state._replace(fit=self.fit.restart(state.fit), previous=jnp.full_like(state.previous, -1))
+
+    def _compared(self, state: TransitionState) -> Float[Array, ""]:
+        return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
+
+    def _seen(self, observation: Array) -> Float[Array, " features"]:
+        return self.features(observation, jnp.zeros(0, observation.dtype))

@@ -1,0 +1,154 @@
+"""Figures of credit: which actions a reward, or a value, is credited to, and what a step does to the states."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+import motorgrad as mg
+from motorgrad.learning import (
+    SGD,
+    ActionTransitions,
+    Agent,
+    Estimator,
+    Exponential,
+    Features,
+    LearnedTrace,
+    LeastSquares,
+    LinearCritic,
+    MeanReward,
+    StationaryMetric,
+    gae,
+    gpomdp,
+)
+from motorgrad.policies import Softmax
+from motorgrad.training import stepper_for
+from motorgrad.worlds import oracle
+from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, panels
+from tools.figures._work import Work, errors
+from tools.figures.critics import LENGTHS, POLICY, SEEDS, TASK
+from tools.figures.family import LATE, sensitivity
+
+
+def angle(one: np.ndarray, other: np.ndarray) -> float:
+    """The angle between two vectors, in degrees."""
+    cosine = one @ other / (np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def discounting() -> Figure:
+    """Exact gradients: how discounted ones lie to that of the average reward, and what the trace's decay does."""
+    figure, (turned, traces) = panels(2, height=3.0)
+    mdp = TASK.dynamics
+    average = oracle.flat(oracle.gradient(mdp, POLICY))
+    horizons = np.geomspace(1.25, 300, 40)
+    alike = [oracle.flat(oracle.biased_gradient(mdp, POLICY, 1 - 1 / float(h))) for h in horizons]
+    start = [oracle.flat(oracle.discounted_gradient(mdp, POLICY, 1 - 1 / float(h))) for h in horizons]
+    turned.plot(horizons, [angle(each, average) for each in alike], color=BLUE, label="all decisions alike")
+    turned.plot(horizons, [angle(each, average) for each in start], color=RED, label="from the start")
+    turned.set(xscale="log", xlabel=r"horizon $1/(1 - \gamma)$", ylabel=r"angle to $\nabla\eta$ (°)")
+    turned.legend(fontsize=7)
+    decays, discount = np.linspace(0, 1, 41), 0.9
+    exact = oracle.flat(oracle.discounted_gradient(mdp, POLICY, discount))
+    rules = {r"right: $\lambda$": (1.0, GREEN), r"wrong: $\gamma\lambda$": (discount, ORANGE)}
+    for label, (factor, colour) in rules.items():
+        found = [oracle.flat(oracle.discounted_gradient(mdp, POLICY, discount, factor * float(d))) for d in decays]
+        errors = [np.linalg.norm(each - exact) / np.linalg.norm(exact) for each in found]
+        traces.plot(decays, errors, color=colour, label=f"decay of the trace, {label}")
+    traces.set(xlabel=r"$\lambda$", ylabel="bias, relative", title=rf"from the start, $\gamma$ = {discount}, no critic")
+    traces.legend(fontsize=7)
+    return figure
+
+
+def action_transitions(work: Work) -> Figure:
+    """Errors of gradient estimates by values of actions and of states, for a policy that wavers and one that does
+    not."""
+    figure, axes = panels(2, height=3.0)
+    lengths, fit = work.lengths(*LENGTHS), LeastSquares(rate=0.0, damping=1e-4, interval=10)
+    features = Features(bias=False)
+
+    def transitions(relative_to: str) -> Estimator:
+        baseline = ActionTransitions(features, fit=fit, relative_to=relative_to)  # pyright: ignore[reportArgumentType]
+        return Estimator(Exponential(0.0), baseline, improve="never")
+
+    rules = {
+        r"GPOMDP, $\beta$ = 0.9": (gpomdp(0.9, MeanReward()), FAINT),
+        r"critic $v$, $\lambda$ = 0": (gae(LinearCritic(features, None, 0.0, fit), 0.0, "never"), GREEN),
+        "$Q$ above the mean": (transitions("mean"), ORANGE),
+        "$Q$ above the previous action's": (transitions("previous"), BLUE),
+    }
+    cases = ((1.0, "a wavering policy"), (8.0, "a nearly certain one"))
+    for panel, (gain, title) in zip(axes, cases, strict=True):
+        policy = Softmax(gain * np.asarray(POLICY.weights, float))
+        for label, (estimator, colour) in rules.items():
+            found = errors(Agent(policy, estimator), TASK, TASK.dynamics, lengths, SEEDS)
+            band(panel, np.array(lengths), found.T, colour, label)
+        panel.set(xscale="log", yscale="log", title=title, xlabel="decisions")
+    axes[0].set_ylabel("relative error of the estimate")
+    axes[0].legend(fontsize=7)
+    return figure
+
+
+def learned_trace(work: Work) -> Figure:
+    """The weights that a filter learns, beside those of least error; and the errors that filters leave."""
+    figure, (left, right) = panels(2, height=3.0)
+    trace, lengths, seeds = LearnedTrace(12, 0.0), work.lengths(100, 300, 1_000, 3_000, 10_000), 100
+    lags, mdp = np.arange(trace.length), TASK.dynamics
+    exact = np.array([oracle.flat(oracle.lagged_gradient(mdp, POLICY, int(lag))) for lag in lags])
+    whole = oracle.flat(oracle.gradient(mdp, POLICY))
+    stepper = stepper_for(TASK, Agent(POLICY, Estimator(trace, MeanReward(), improve="never")), range(seeds))
+    fixed = {
+        "window": (np.ones(len(lags)), FAINT),
+        r"exponential, $\beta$ = 0.8": (0.8**lags, ORANGE),
+        r"exponential, $\beta$ = 0.5": (0.5**lags, RED),
+    }
+    errors: dict[str, list[np.ndarray]] = {name: [] for name in ("learned", *fixed)}
+    colours = dict(zip((300, 3_000), (GREEN, BLUE), strict=True))
+    for length in lengths:
+        stepper.advance(length - stepper.decision)
+        state = stepper.state["cycle"].agent.estimator.trace
+        found = np.asarray(state.means.mean[0].weights, float).reshape(seeds, len(lags), -1)
+        learned = np.asarray(jax.vmap(trace.weights)(state), float)
+        every = {"learned": learned, **{name: np.tile(weights, (seeds, 1)) for name, (weights, _) in fixed.items()}}
+        for name, weights in every.items():
+            apart = np.sum(weights[:, :, None] * found, axis=1) - whole
+            errors[name].append(np.linalg.norm(apart, axis=1) / np.linalg.norm(whole))
+        if length in colours:
+            band(left, lags, learned, colours[length], f"learned, {length:,} decisions")
+            noise, signal = found.var(0).sum(1), np.square(exact).sum(1)
+            left.plot(lags, signal / (signal + noise), ":", color=colours[length], label="of least error")
+    left.set(xlabel="age of the action (decisions)", ylabel="weight", ylim=(0, 1.05))
+    left.legend(fontsize=7)
+    for name, values in errors.items():
+        band(right, np.array(lengths), np.array(values).T, BLUE if name == "learned" else fixed[name][1], name)
+    right.set(xscale="log", yscale="log", xlabel="decisions", ylabel="relative error of the estimate")
+    right.legend(fontsize=7)
+    return figure
+
+
+def stationary_metric(work: Work) -> Figure:
+    """Errors of the scores of states over decisions; and what is earned with and without them in the metric."""
+    figure, (left, right) = panels(2, height=3.0)
+    lengths, exact = work.lengths(*LENGTHS), oracle.stationary_score(TASK.dynamics, POLICY)
+    looks, estimator = jnp.asarray(TASK.dynamics.observations, jnp.float32), Estimator(improve="never")
+    for decay, colour in ((0.0, RED), (0.7, ORANGE), (0.95, BLUE)):
+        metric = StationaryMetric(Features(bias=False), decay=decay, rate=0.0, ridge=1e-4)
+        stepper, found = stepper_for(TASK, Agent(POLICY, estimator, metric=metric), range(SEEDS)), []
+        for length in lengths:
+            stepper.advance(length - stepper.decision)
+            weights = np.asarray(jax.vmap(metric.solution)(stepper.state["cycle"].agent.chain[0]), float)
+            apart = np.asarray(looks, float) @ weights - exact
+            found.append(np.linalg.norm(apart, axis=(1, 2)) / np.linalg.norm(exact))
+        band(left, np.array(lengths), np.array(found).T, colour, rf"$\lambda$ = {decay:g}")
+    left.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"relative error of $\xi$")
+    left.legend(fontsize=7)
+    policy, batch = mg.policies.softmax(LATE), Estimator(Exponential(0.9), improve=100)
+    metrics = {
+        "plain": (None, RED),
+        r"actions, $\iota$ = 0": (StationaryMetric(weight=0.0), ORANGE),
+        r"and states, $\iota$ = 1": (StationaryMetric(weight=1.0), BLUE),
+    }
+    agents = {label: (Agent(policy, batch, SGD(1.0), metric), colour) for label, (metric, colour) in metrics.items()}
+    sensitivity(right, work, LATE, agents, [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0], 10_000)
+    right.legend(fontsize=7)
+    return figure
