@@ -34,8 +34,14 @@ TASKS = {
     "hand": ("myoHandReachRandom-v0", 500_000),
 }
 """Tasks by short name, with their budgets of decisions."""
-OURS: dict[str, Literal["binary", "graded"]] = {"natural": "binary", "natural-network": "graded"}
-"""Our presets, with how muscles are driven."""
+STORED = {"estimator.reuse": {"clip": 0.2, "epochs": 1, "minibatches": 1}}
+"""One pass over every stored batch, with advantages computed backwards in it: a fifth less time than as they come."""
+OURS: dict[str, tuple[str, Literal["binary", "graded"], dict[str, Any]]] = {
+    "natural": ("natural", "binary", {}),
+    "natural-network": ("natural-network", "graded", {}),
+    "natural-network-stored": ("natural-network", "graded", STORED),
+}
+"""Our learners: a preset, how muscles are driven, and changes to the preset."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
@@ -84,9 +90,10 @@ class Clock:
 
 
 def learn(name: str, learner: str, steps: int, seeds: list[int], threads: int, out: Path | None) -> dict[str, Any]:
-    """A preset of ours on a rebuilt task; kept in the directory `out`, from which it continues if it was stopped."""
-    task = mg.tasks.myosuite(TASKS[name][0], actions=OURS[learner])
-    agent = agent_for(task, preset=learner, steps=steps)
+    """A learner of ours on a rebuilt task; kept in the directory `out`, from which it continues if it was stopped."""
+    preset, actions, changes = OURS[learner]
+    task = mg.tasks.myosuite(TASKS[name][0], actions=actions)
+    agent = agent_for(task, changes, preset=preset, steps=steps)
     run = mg.train(task, agent, steps, seeds, out, window=max(1, steps // 40), threads=threads, progress=False)
     if not run.complete:
         raise SystemExit(f"stopped after {run.decision:,} of {steps:,} decisions: nothing is stored")

@@ -68,6 +68,11 @@ TASKS = {
         0.3,
         {
             "olgarb": {"decay": 0.98, "learning_rate": 0.002},
+            "actor-critic": {
+                "decay": 0.98,
+                "learning_rate": 0.005,
+                "baseline": {"decay": 0.98, "fit": {"learning_rate": 0.001}, "centring": {"rate": 0.001}},
+            },
             "olgarb-normalized": {"decay": 0.98, "learning_rate": 0.01},
             "olgarb-natural": {"decay": 0.98, "learning_rate": 0.0003},
         },
@@ -83,6 +88,7 @@ OURS = {
     "olgarb": {"preset": None, "estimator": "olgarb"},
     "olgarb-normalized": {"preset": None, "estimator": "olgarb", "normalization": "root-mean-square"},
     "olgarb-natural": {"preset": None, "estimator": "olgarb", "metric": "fisher"},
+    "actor-critic": {"preset": None, "estimator": "actor-critic"},
     "natural": {"preset": "natural"},
     "stream-ac": {"preset": "stream-ac"},
     "intentional-ac": {"preset": "intentional-ac"},
@@ -230,7 +236,8 @@ def reached(run: dict[str, Any]) -> np.ndarray | None:
     each = np.array(run["curve"], float)
     # parts of at least 25 s
     width = max(1, round(25 / (task.steps / POINTS * task.period)))
-    means = np.stack([np.nanmean(part, axis=1) for part in np.split(each, each.shape[1] // width, axis=1)], axis=1)
+    parts = np.split(np.nan_to_num(each), each.shape[1] // width, axis=1)
+    means = np.stack([part.mean(axis=1) for part in parts], axis=1)
     first = np.where((means > task.goal).any(1), (means > task.goal).argmax(1) + 1, np.inf)
     return first * width * task.steps / POINTS * task.period
 
@@ -244,15 +251,17 @@ def tables() -> str:
             continue
         found.sort(key=lambda run: [*OURS, *PEERS].index(run["learner"]))
         scored = "apex, m" if task.reading == "apex" else "return"
-        titles = ["learner", "seeds", f"{scored}, last tenth", "CPU s per seed"]
-        titles += [] if task.goal is None else [f"simulated s until {task.goal} m"]
+        titles = ["learner", "runs", f"{scored}, last tenth", "CPU s per seed"]
+        titles += [] if task.goal is None else [f"simulated s until {task.goal} m", "CPU s until then", "seeds"]
         text += [f"**`{task.env_id}`**, {task.steps:,} decisions", ""]
         text += [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
         for run in found:
-            last = np.nanmean(np.array(run["curve"], float)[:, -POINTS // 10 :], axis=1)
+            # no apex is no hop, of 0 m
+            last = np.nan_to_num(np.array(run["curve"], float)[:, -POINTS // 10 :]).mean(axis=1)
             cells = [f"`{run['learner']}`", str(len(run["seeds"])), _range(last), f"{run['cpu']:.3g}"]
-            times = reached(run)
-            cells += [] if times is None else [_range(times)]
+            if (times := reached(run)) is not None:
+                share = times / (task.steps * task.period)
+                cells += [_range(times), _range(run["cpu"] * share), f"{np.isfinite(times).sum()} of {len(times)}"]
             text.append(f"| {' | '.join(cells)} |")
         text.append("")
     return "\n".join(text).rstrip()

@@ -29,5 +29,9 @@ def learning() -> Figure:
                 panel.plot(x, values[0], color=colour, linewidth=1.6, label=run["learner"])
             level(panel, 0.9, "")
             panel.set(title=f"{task}: {words}", xlabel="thousand decisions", ylim=(0, 1))
-    axes[0, 0].legend(loc="lower right")
+            lengths = [run["steps"] for run in runs if run["task"] == task]
+            if max(lengths) > 4 * min(lengths):
+                panel.set(xscale="log", xlim=(min(lengths) / 1e5, None))
+    named = {label: line for panel in axes.flat for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=len(named))
     return figure
