@@ -21,13 +21,15 @@ from tools.figures._style import COLOURS, FAINT, STYLE, panels
 
 LOOKS = [(colour, mark) for mark in "os^D" for colour in COLOURS]
 """Colours and marks of methods in a figure."""
+LINES = {"o": "-", "s": "--", "^": ":", "D": "-."}
+"""Lines in place of marks."""
 FLOOR = -0.25
 """Scores below are drawn here: a policy that has got much worse than at its start."""
 
 
 def ranking(results: ComparisonResults) -> Figure:
     """Every method over all tasks: tuned for each, and with one setting for all."""
-    rows = {(row["method"], row["chosen"]): row for row in _summary(results, "interquartile_mean")}
+    rows = {(row["method"], row["chosen"]): row for row in _summary(results, "interquartile mean")}
     order = sorted(results.methods, key=lambda method: rows[method, "tuned"]["value"])
     figure, axes = panels(1, height=0.6 + 0.2 * len(order))
     for shift, chosen, colour in ((0.12, "tuned", COLOURS[0]), (-0.12, "shared", COLOURS[1])):
@@ -40,7 +42,7 @@ def ranking(results: ComparisonResults) -> Figure:
         )
     axes.set(yticks=range(len(order)), yticklabels=order, xlabel="score, interquartile mean over all tasks and seeds")
     axes.grid(axis="x", color="0.9")
-    axes.legend(loc="lower right")
+    figure.legend(loc="outside upper right", ncols=2)
     return figure
 
 
@@ -58,7 +60,7 @@ def tasks(results: ComparisonResults) -> Figure:
         if np.isfinite(value):
             axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7.5, color="w" if value < 0.6 else "k")
     axes.set_yticks(range(len(score)), results.comparison.methods)
-    axes.set_xticks(range(len(names)), names)
+    axes.set_xticks(range(len(names)), names, rotation=20)
     axes.spines[:].set_visible(False)
     figure.colorbar(image, ax=axes, label="score", shrink=0.6)
     return figure
@@ -87,13 +89,13 @@ def traces(results: ComparisonResults) -> Figure:
     """What a decay earns on each task, at the best learning rate for it."""
     figure, axes = panels(3, height=2.8, sharey=True)
     for each, method in zip(axes, ("OLGARB", "OLGARB, natural", "AC(λ)"), strict=True):
-        for (colour, _), task in zip(LOOKS, results.comparison.tasks, strict=False):
+        for (colour, mark), task in zip(LOOKS, results.comparison.tasks, strict=False):
             decay, score = _by("decay", results, (method, task))
             best = [score[decay == value].max() for value in np.unique(decay)]
-            each.plot(np.unique(decay), np.maximum(best, FLOOR), color=colour, marker=".", label=task)
+            each.plot(np.unique(decay), np.maximum(best, FLOOR), LINES[mark], color=colour, marker=".", label=task)
         each.set(xlabel="decay of the trace", title=method)
     axes[0].set_ylabel("score, best learning rate")
-    axes[0].legend(fontsize=7)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=7, fontsize=7)
     return figure
 
 
@@ -105,7 +107,7 @@ def versus(*methods: str) -> Callable[[ComparisonResults], Figure]:
         figure, axes = panels(1, height=2.9)
         for number, ((colour, mark), method) in enumerate(zip(LOOKS, methods, strict=False)):
             shift = (number - (len(methods) - 1) / 2) * 0.7 / len(methods)
-            for task in results.tasks_of(method):
+            for task in results.tasks_of(method) if method in results.comparison.methods else ():
                 earned = results.normalized(task, results.earned((method, task)))[None]
                 middle, low, high = map(float, stratified_bootstrap(interquartile_mean, earned))
                 place = names.index(task) + shift
@@ -126,8 +128,7 @@ def tuning(results: ComparisonResults) -> Figure:
     rows = results.tables["tuning"].to_pylist()
     for (colour, mark), method in zip(LOOKS, results.methods, strict=False):
         own = [(row["settings"], row["score"]) for row in rows if row["method"] == method]
-        line = {"o": "-", "s": "--", "^": ":", "D": "-."}[mark]
-        axes.plot(*np.maximum(np.transpose(own), FLOOR), line, color=colour, label=method)
+        axes.plot(*np.maximum(np.transpose(own), FLOOR), LINES[mark], color=colour, label=method)
     axes.set(xscale="log", xlabel="settings tried", ylabel="score of the best")
     axes.legend(ncols=2, fontsize=6.5, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
@@ -136,7 +137,7 @@ def tuning(results: ComparisonResults) -> Figure:
 def cost(results: ComparisonResults) -> Figure:
     """The score of every method beside the processor time of a decision."""
     figure, axes = panels(1, height=3.4)
-    rows = {row["method"]: row for row in _summary(results, "interquartile_mean") if row["chosen"] == "tuned"}
+    rows = {row["method"]: row for row in _summary(results, "interquartile mean") if row["chosen"] == "tuned"}
     for (colour, mark), method in zip(LOOKS, results.methods, strict=False):
         points = [results.judged_point((method, task)) for task in results.tasks_of(method)]
         each = [1e6 * results.cost("judging", point) for point in points]
@@ -179,7 +180,7 @@ def _by(name: str, results: ComparisonResults, pair: tuple[str, str]) -> tuple[n
 def main(folder: str, out: str = "docs/images") -> None:
     """Draw every figure into a folder, and print the numbers that the page quotes."""
     results = ComparisonResults.load(folder)
-    for row in _summary(results, "interquartile_mean"):
+    for row in _summary(results, "interquartile mean"):
         print(f"{row['method']:28} {row['chosen']:8} {row['value']:.3f} [{row['low']:.3f} … {row['high']:.3f}]")
     with matplotlib.rc_context(STYLE):
         for name, draw in FIGURES.items():

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import tomli_w
 
 from motorgrad.studies import Study
 
@@ -105,11 +106,30 @@ def test_a_study_is_its_file(tmp_path):
         seeds=(3, 4),
         design={"kind": "sobol", "count": 4},
     )
-    import tomli_w
-
     file = tmp_path / "study.toml"
     file.write_text(tomli_w.dumps(study.as_table()))
     assert Study.read(file) == study
     file.write_text(file.read_text().replace("steps", "step"))
     with pytest.raises(ValueError, match=r"study\.toml: unknown setting of study 'step': did you mean 'steps'"):
         Study.read(file)
+
+
+@pytest.mark.parametrize(
+    "agent",
+    [
+        {"metric": {"kind": "fisher", "rate": [0.1, 0.2]}, "learning_rate": [0.01, 0.02]},
+        {
+            "metric": [{"kind": "fisher", "rate": [0.1, 0.2]}, {"kind": "fisher"}],
+            "baseline": {"kind": "fixed-step", "rate": [0.5]},
+            "decay": [0.1],
+        },
+        {"metric": {"kind": "fisher", "rate": {"low": 0.1, "high": 1.0}}, "learning_rate": {"low": 0.1, "high": 1.0}},
+    ],
+)
+def test_the_points_of_a_study_that_is_read_again_have_the_same_order(agent, tmp_path):
+    # TOML writes tables after what stands beside them
+    design = {"kind": "sobol", "count": 4} if "low" in str(agent) else None
+    study = Study(task="three-state", agent=agent, design=design)
+    file = tmp_path / "study.toml"
+    file.write_text(tomli_w.dumps(study.as_table()))
+    assert Study.read(file).points == study.points

@@ -33,7 +33,9 @@ class RangeOfNumbers(NamedTuple):
 def expand(table: Mapping[str, Any], ranges: bool = False) -> list[Point]:
     """All combinations of the lists in a table, the last list changing fastest.
 
-    A list of tables is a grid over tables, which may hold lists themselves. A list within a list is a value.
+    Below the outermost table, tables come after other settings, as in TOML files, so that a study that was written to a
+    file and read again has the same order. A list of tables is a grid over tables, which may hold lists themselves. A
+    list within a list is a value.
 
     **Arguments:** `ranges`: whether a table of `low`, `high` and `scale` is a range, which `draw` replaces.
 
@@ -110,6 +112,7 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
     if isinstance(value, Mapping):
         if ranges and is_range(value):
             return [range_in(value, path)]
+        value = dict(sorted(value.items(), key=_tables_last)) if path else value
         inner = [_expand(item, f"{path}.{name}" if path else str(name), ranges) for name, item in value.items()]
         size = math.prod(map(len, inner))
         check(size <= MAX_POINTS, path or "the grid", f"{size:,} combinations", f"at most {MAX_POINTS:,}")
@@ -123,6 +126,15 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
     distinct = len({repr(item) for item in found}) == len(found)
     check(distinct, path, items, "without a value that occurs twice; a setting that takes a list stands in a list")
     return found
+
+
+def _tables_last(item: tuple[Any, Any]) -> tuple[int, str]:
+    """The place of a setting in a table: lists of tables, which TOML writes before or among the tables, by name."""
+    name, value = item
+    if isinstance(value, Mapping):
+        return 2, ""
+    tables = isinstance(value, list | tuple) and any(isinstance(each, Mapping) for each in value)
+    return (1, str(name)) if tables else (0, "")
 
 
 def is_range(value: Any) -> bool:
