@@ -8,6 +8,9 @@ Run it from the root of a checkout. Each run is stored as one JSON file in `docs
 from 100 on. What is reported learns from seed 0 on.
 """
 
+# pyright: reportMissingImports=false
+# (MushroomRL is no dependency of any extra: it is installed for this table alone)
+
 import argparse
 import dataclasses
 import json
