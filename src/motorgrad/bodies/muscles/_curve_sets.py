@@ -55,11 +55,11 @@ def _of(module: Any, *helpers: Callable[..., Any]) -> HillCurves:
     return HillCurves(**{name: getattr(module, name) for name in named}, helpers=helpers)
 
 
-# a model stores the number of a set in this order, so new ones go to the end
 CURVES: Mapping[str, HillCurves] = {
     "de-groote": _of(_hill_curves),
     "millard": _of(_millard_curves, _millard_curves.tabulated),
 }
+"""The sets of curves by name. A model stores the number of a set in this order, so new ones go to the end."""
 
 
 def hill_curves(name: str = "de-groote") -> HillCurves:
