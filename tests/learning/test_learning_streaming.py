@@ -1,6 +1,7 @@
 """What streaming learners add: scaled rewards, entropy within the trace, and standardised inputs."""
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -167,7 +168,9 @@ def test_the_preset_resumes_bit_for_bit_and_its_seeds_do_not_touch():
     again.advance(7)
     jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)
     first = jax.tree.map(lambda leaf: leaf[:2], more.policies())
-    jax.tree.map(np.testing.assert_array_equal, first, whole.policies())
+    # on some processors the compiled program rounds networks differently beside another number of seeds
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-8)
+    jax.tree.map(close, first, whole.policies())
 
 
 @pytest.mark.slow
