@@ -1,5 +1,6 @@
 """Options of the commands that run jobs: where, and how many at a time."""
 
+import abc
 import dataclasses
 from functools import cached_property
 from pathlib import Path
@@ -64,7 +65,7 @@ def _parameter(word: str) -> tuple[str, Any]:
 
 
 @dataclasses.dataclass(frozen=True)
-class StudyFile(Places):
+class StudyFile(Places, abc.ABC):
     """Options of a command that runs in a folder what a TOML file says."""
 
     study: tyro.conf.Positional[Path | None] = None
@@ -90,10 +91,15 @@ class StudyFile(Places):
         except ValueError as error:
             raise ValueError(f"{self.file}: {error}") from None
 
+    @property
+    @abc.abstractmethod
+    def kind(self) -> Any:
+        """The class that the file describes."""
+
     @cached_property
     def made(self) -> Any:
         """What the file says."""
-        raise NotImplementedError
+        return self.kind.read(self.file, trust=self.trust)
 
     @property
     def file(self) -> Path:

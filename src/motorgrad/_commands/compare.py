@@ -2,7 +2,6 @@
 
 import dataclasses
 import sys
-from functools import cached_property
 from typing import Any, ClassVar
 
 from motorgrad._commands._configuration import parse
@@ -18,10 +17,9 @@ class Compare(StudyFile):
 
     file_in_folder: ClassVar[str] = "comparison.toml"
 
-    @cached_property
-    def made(self) -> Comparison:
-        """The comparison."""
-        return Comparison.read(self.file, trust=self.trust)
+    @property
+    def kind(self) -> type[Comparison]:
+        return Comparison
 
     def effective(self) -> dict[str, Any]:
         print(_size(self.made), file=sys.stderr)

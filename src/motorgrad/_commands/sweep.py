@@ -2,7 +2,6 @@
 
 import dataclasses
 import sys
-from functools import cached_property
 from typing import Any
 
 from motorgrad._commands._configuration import parse
@@ -23,11 +22,9 @@ class Sweep(StudyFile):
     metric: str = "reward"
     """The metric by which settings are the best, here and on the page index.html of the folder."""
 
-    @cached_property
-    def made(self) -> Study | Search:
-        """The study, or the search where the file has one."""
-        kind = Search if "search" in read_toml(self.file) else Study
-        return kind.read(self.file, trust=self.trust)
+    @property
+    def kind(self) -> type[Study | Search]:
+        return Search if "search" in read_toml(self.file) else Study
 
     def effective(self) -> dict[str, Any]:
         print(_size(self.made), file=sys.stderr)

@@ -11,7 +11,7 @@ import contextlib
 import itertools
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
@@ -28,6 +28,44 @@ from motorgrad.studies._study import Study
 from motorgrad.training import RunDirectoryError, differences, load
 
 
+def check_folder(path: Path, file: str, kind: str, given: Mapping[str, Any], stored: Mapping[str, Any] | None) -> None:
+    """Refuse a folder that cannot be that of a study.
+
+    **Arguments:**
+
+    - `file`: what describes the study in its folder.
+    - `kind`: of study: a noun for messages.
+    - `given`, `stored`: the study as a plain table, and the one in the folder; `None` where there is none.
+
+    **Raises** `RunDirectoryError` for a folder that holds something else, or another study.
+    """
+    if stored is not None:
+        for where, now, then in differences(given, stored):
+            raise RunDirectoryError(
+                f"{path} holds another {kind}: {where} was {then!r} and is now {now!r}; choose another folder"
+            )
+    elif path.exists() and (not path.is_dir() or any(not name.startswith(".") for name in os.listdir(path))):
+        raise RunDirectoryError(f"{path} holds other files and no {file}: not the folder of a {kind}")
+
+
+@contextlib.contextmanager
+def locked(path: Path, kind: str) -> Iterator[None]:
+    """The folder of a study, made where it is missing, and locked against other drivers.
+
+    **Raises** `RunDirectoryError` where another process has it.
+    """
+    path.mkdir(parents=True, exist_ok=True)
+    lock = filelock.FileLock(path / ".lock", timeout=0)
+    try:
+        lock.acquire()
+    except filelock.Timeout:
+        raise RunDirectoryError(f"{path} is in use by another process, which drives this {kind}") from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
 class StudyFolder(JobFolder):
     """The folder of a study. As a context manager, it is locked against other drivers.
 
@@ -37,26 +75,19 @@ class StudyFolder(JobFolder):
     def __init__(self, path: Path | str, study: Study | None = None, trust: bool = False):
         super().__init__(path)
         file = self.path / "study.toml"
-        if file.is_file():
-            self.study = Study.read(file, trust=trust)
-            if study is not None:
-                self._compare(study)
-        elif study is None:
+        stored = Study.read(file, trust=trust) if file.is_file() else None
+        if study is not None:
+            check_folder(self.path, file.name, "study", study.as_table(), stored and stored.as_table())
+        found = stored or study
+        if found is None:
             raise RunDirectoryError(f"{self.path} is not the folder of a study: it has no study.toml")
-        else:
-            self.study = study
-            if self.path.exists() and (not self.path.is_dir() or any(_visible(self.path))):
-                raise RunDirectoryError(f"{self.path} holds other files and no study.toml: not the folder of a study")
+        self.study = found
         self._rows: dict[str, pa.Table] = {}
         self._begun: dict[str, pa.Table] = {}
-        self._lock = filelock.FileLock(self.path / ".lock", timeout=0)
+        self._lock = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
-        self.path.mkdir(parents=True, exist_ok=True)
-        try:
-            self._lock.acquire()
-        except filelock.Timeout:
-            raise RunDirectoryError(f"{self.path} is in use by another process, which drives this study") from None
+        self._lock.enter_context(locked(self.path, "study"))
         for folder in (self.path, self.path / "failures"):
             remove_partials(folder)
         if not (self.path / "study.toml").is_file():
@@ -66,12 +97,12 @@ class StudyFolder(JobFolder):
         try:
             self.read_rows()
         except BaseException:
-            self._lock.release()
+            self._lock.close()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._lock.release()
+        self._lock.close()
 
     @property
     def jobs(self) -> list[Job]:
@@ -159,12 +190,6 @@ class StudyFolder(JobFolder):
         """What is written down about a job that failed: its points, and the settings of the first."""
         return {"points": list(job.points), "settings": [self.study.settings[point] for point in job.points[:10]]}
 
-    def _compare(self, study: Study) -> None:
-        for where, now, then in differences(study.as_table(), self.study.as_table()):
-            raise RunDirectoryError(
-                f"{self.path} holds another study: {where} was {then!r} and is now {now!r}; choose another folder"
-            )
-
     def _stored(self) -> dict[str, tuple[Any, pa.Table]]:
         """The rows of the jobs in the index file, with the marks of their run directories then."""
         try:
@@ -189,10 +214,6 @@ class StudyFolder(JobFolder):
         """What changes when a run directory does."""
         newest = self._newest(job)
         return None if newest is None else [newest.name, newest.stat().st_size, newest.stat().st_mtime_ns]
-
-
-def _visible(folder: Path) -> Iterator[str]:
-    return (name for name in os.listdir(folder) if not name.startswith("."))
 
 
 def _column(values: Sequence[Any]) -> pa.Array:

@@ -112,7 +112,7 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
     if isinstance(value, Mapping):
         if ranges and is_range(value):
             return [range_in(value, path)]
-        value = dict(sorted(value.items(), key=_tables_last)) if path else value
+        value = in_file_order(value) if path else value
         inner = [_expand(item, f"{path}.{name}" if path else str(name), ranges) for name, item in value.items()]
         size = math.prod(map(len, inner))
         check(size <= MAX_POINTS, path or "the grid", f"{size:,} combinations", f"at most {MAX_POINTS:,}")
@@ -128,13 +128,18 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
     return found
 
 
-def _tables_last(item: tuple[Any, Any]) -> tuple[int, str]:
-    """The place of a setting in a table: lists of tables, which TOML writes before or among the tables, by name."""
-    name, value = item
-    if isinstance(value, Mapping):
-        return 2, ""
-    tables = isinstance(value, list | tuple) and any(isinstance(each, Mapping) for each in value)
-    return (1, str(name)) if tables else (0, "")
+def in_file_order(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A table with its settings in the order in which they are found in a TOML file that is written and read again:
+    tables last; lists of tables, which TOML writes before or among the tables, by name."""
+
+    def place(item: tuple[Any, Any]) -> tuple[int, str]:
+        name, value = item
+        if isinstance(value, Mapping):
+            return 2, ""
+        tables = isinstance(value, list | tuple) and any(isinstance(each, Mapping) for each in value)
+        return (1, str(name)) if tables else (0, "")
+
+    return dict(sorted(table.items(), key=place))
 
 
 def is_range(value: Any) -> bool:

@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import filelock
 import numpy as np
 import tomli_w
 
@@ -24,11 +23,11 @@ from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build, table
 from motorgrad.studies._driver import run_study
-from motorgrad.studies._grid import as_given, at_ends, expand, frozen, is_range, leaves, range_in
+from motorgrad.studies._folder import check_folder, locked
+from motorgrad.studies._grid import as_given, at_ends, expand, frozen, in_file_order, is_range, leaves, range_in
 from motorgrad.studies._partition import partition
 from motorgrad.studies._results import Best, Results
 from motorgrad.studies._study import Study
-from motorgrad.training import RunDirectoryError, differences
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,20 +105,10 @@ class Search:
         _optuna()
         self.check()
         file = path / "study.toml"
-        if file.is_file():
-            for where, now, then in differences(self.as_table(), read_toml(file)):
-                raise RunDirectoryError(
-                    f"{path} holds another search: {where} was {then!r} and is now {now!r}; choose another folder"
-                )
-        elif path.is_dir() and any(not name.name.startswith(".") for name in path.iterdir()):
-            raise RunDirectoryError(f"{path} holds other files and no study.toml: not the folder of a search")
-        path.mkdir(parents=True, exist_ok=True)
-        try:
-            with filelock.FileLock(path / ".lock", timeout=0):
-                write_atomically(file, tomli_w.dumps(self.as_table()).encode())
-                return _Searching(self, path, options).run()
-        except filelock.Timeout:
-            raise RunDirectoryError(f"{path} is in use by another process, which drives this search") from None
+        check_folder(path, file.name, "search", self.as_table(), read_toml(file) if file.is_file() else None)
+        with locked(path, "search"):
+            write_atomically(file, tomli_w.dumps(self.as_table()).encode())
+            return _Searching(self, path, options).run()
 
     @staticmethod
     def load(path: Path | str, *, trust: bool = False) -> "SearchResults":
@@ -258,12 +247,12 @@ class _Searching:
 
 
 def _suggest(trial: Any, value: Any, path: str) -> Any:
-    """The settings of a trial: ranges and lists replaced by what Optuna suggests."""
+    """The settings of a trial: ranges and lists replaced by what Optuna suggests, which the order of asking affects."""
     if is_range(value):
         found = range_in(value, path)
         return trial.suggest_float(path, found.low, found.high, log=found.scale == "log")
     if isinstance(value, Mapping):
-        return {name: _suggest(trial, item, f"{path}.{name}") for name, item in value.items()}
+        return {name: _suggest(trial, item, f"{path}.{name}") for name, item in in_file_order(value).items()}
     if isinstance(value, list | tuple):
         options = {frozen(item): item for item in value}
         chosen = trial.suggest_categorical(path, list(options))

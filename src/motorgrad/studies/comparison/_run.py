@@ -8,21 +8,19 @@ tables/*.csv      the results
 index.html        the page
 """
 
-import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import filelock
 import tomli_w
 
 from motorgrad._files import check_writable, write_atomically
 from motorgrad.studies._driver import run_study
+from motorgrad.studies._folder import check_folder, locked
 from motorgrad.studies._study import Study
 from motorgrad.studies.comparison._comparison import MEASURES, Comparison
 from motorgrad.studies.comparison._page import write_page
 from motorgrad.studies.comparison._results import PILOT, ComparisonResults
-from motorgrad.training import RunDirectoryError, differences
 
 FILE = "comparison.toml"
 
@@ -78,14 +76,18 @@ def run_comparison(comparison: Comparison, out: Path | str, **options: Any) -> C
     **Returns** the `ComparisonResults` so far. Ctrl-C or SIGTERM lets every job save what it has; the same call then
     continues.
 
-    **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a folder that cannot be used, before any
-    work starts.
+    **Raises** before any work starts: `ValueError` for impossible settings, `RunDirectoryError` for a folder that
+    cannot be used, and `NotTrusted` for tasks that import what neither this comparison nor this process has imported.
     """
     path = Path(out)
     check_writable("out", path, folder=True)
     comparison.check()
     trust = bool(options.get("trust", False))
-    with _opened(comparison, path, trust):
+    file, described = path / FILE, comparison.as_table()
+    stored = Comparison.read(file, trust=trust).as_table() if file.is_file() else None
+    check_folder(path, FILE, "comparison", described, stored)
+    with locked(path, "comparison"):
+        write_atomically(file, tomli_w.dumps(described).encode())
         for name, study in _stages(comparison, path, trust):
             write_page(ComparisonResults(comparison, path, trust), running=name)
             stage = run_study(study, path / name, **options)
@@ -106,27 +108,3 @@ def _stages(comparison: Comparison, path: Path, trust: bool) -> Iterator[tuple[s
     yield "tuning", comparison.tuning(ComparisonResults(comparison, path, trust).steps)
     chosen = ComparisonResults(comparison, path, trust).judged_cases()
     yield "judging", comparison.study(chosen, comparison.seeds.judging, MEASURES)
-
-
-@contextlib.contextmanager
-def _opened(comparison: Comparison, path: Path, trust: bool) -> Iterator[None]:
-    """The folder of a comparison, locked against other drivers.
-
-    **Raises** `RunDirectoryError` for a folder that holds something else, or another comparison; `NotTrusted` for a
-    comparison whose tasks import what neither this one nor this process has imported.
-    """
-    file = path / FILE
-    if file.is_file():
-        for where, now, then in differences(comparison.as_table(), Comparison.read(file, trust=trust).as_table()):
-            raise RunDirectoryError(
-                f"{path} holds another comparison: {where} was {then!r} and is now {now!r}; choose another folder"
-            )
-    elif path.is_dir() and any(not each.name.startswith(".") for each in path.iterdir()):
-        raise RunDirectoryError(f"{path} holds other files and no {FILE}: not the folder of a comparison")
-    path.mkdir(parents=True, exist_ok=True)
-    try:
-        with filelock.FileLock(path / ".lock", timeout=0):
-            write_atomically(file, tomli_w.dumps(comparison.as_table()).encode())
-            yield
-    except filelock.Timeout:
-        raise RunDirectoryError(f"{path} is in use by another process, which drives this comparison") from None
