@@ -81,10 +81,12 @@ TASKS = {
         },
     ),
     "inverted-pendulum": Task("InvertedPendulum-v5", 50_000),
-    "inverted-double-pendulum": Task("InvertedDoublePendulum-v5", 100_000),
-    "swimmer": Task("Swimmer-v5", 100_000),
-    "hopper-v5": Task("Hopper-v5", 100_000),
-    "half-cheetah": Task("HalfCheetah-v5", 100_000),
+    "inverted-double-pendulum": Task("InvertedDoublePendulum-v5", 50_000),
+    "swimmer": Task("Swimmer-v5", 50_000),
+    "hopper-v5": Task("Hopper-v5", 50_000),
+    "half-cheetah": Task("HalfCheetah-v5", 50_000),
+    "hexapod-synergy": Task("motorgrad/HexapodSynergy-v0", 50_000, "hexapod-synergy", "speed"),
+    "hexapod": Task("motorgrad/Hexapod-v0", 50_000, "hexapod", "speed"),
 }
 """Tasks by short name."""
 OURS = {
@@ -96,8 +98,9 @@ OURS = {
     "stream-ac": {"preset": "stream-ac"},
     "intentional-ac": {"preset": "intentional-ac"},
     "avg": {"preset": "avg"},
+    "own": {"preset": None},
 }
-"""Our learners: changes to the task's own."""
+"""Our learners: changes to the task's own, which is `own`."""
 PEERS = {
     "ppo": "Stable-Baselines3, its defaults",
     "a2c": "Stable-Baselines3, its defaults",
