@@ -36,18 +36,11 @@ TASKS = {
 """Tasks by short name, with their budgets of decisions."""
 STORED = {"estimator.reuse": {"clip": 0.2, "epochs": 1, "minibatches": 1}}
 """One pass over every stored batch, with advantages computed backwards in it: a fifth less time than as they come."""
-SOON = {
-    "estimator.baseline.discount": 0.95,
-    "estimator.baseline.decay": 0.9,
-    "estimator.trace.decay": 0.95 * 0.9,
-    "estimator.reward_scaling.discount": 0.95,
-}
-"""A horizon of 20 decisions: the fifth of an episode that `natural-network` looks ahead."""
 OURS: dict[str, tuple[str, Literal["binary", "graded"], dict[str, Any]]] = {
     "natural": ("natural", "binary", {}),
     "natural-network": ("natural-network", "graded", {}),
     "natural-network-stored": ("natural-network", "graded", STORED),
-    "proximal": ("ppo", "graded", SOON),
+    "ppo-short-horizon": ("ppo-short-horizon", "graded", {}),
 }
 """Our learners: a preset, how muscles are driven, and changes to the preset."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode

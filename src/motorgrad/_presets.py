@@ -87,14 +87,16 @@ def annealed(start: float, end: float, steps: int) -> dict[str, Any]:
     return {"kind": "annealed", "start": start, "end": end, "steps": steps}
 
 
-def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, entropy: float = 0.3) -> dict[str, Any]:
-    """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions.
+def horizon(task: Any, share: float) -> float:
+    """How many decisions a critic looks ahead: a `share` of an episode. What comes later hardly depends on a decision,
+    but adds its noise."""
+    return min(100.0, max(10.0, share * (task.longest_episode or 200)))
 
-    The critic looks ahead for a `share` of an episode: what comes later hardly depends on the decision, but adds its
-    noise.
-    """
-    batch = min(1000, max(100, steps // 100))
-    horizon = min(100.0, max(10.0, share * (task.longest_episode or 200)))
+
+def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, entropy: float = 0.3) -> dict[str, Any]:
+    """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions,
+    with a horizon of a `share` of an episode."""
+    batch, ahead = min(1000, max(100, steps // 100)), horizon(task, share)
     products = task.observation_size <= MOST_PRODUCTS
     # the divergences of independent units add
     units = 1 if task.actions == "discrete" else task.action_size
@@ -102,8 +104,8 @@ def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, ent
         POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy,
         batch=batch,
         updates=max(1, steps // batch),
-        discount=1 - 1 / horizon,
-        decay=1 - 6 / horizon,
+        discount=1 - 1 / ahead,
+        decay=1 - 6 / ahead,
         memory=10,
         features={"squares": True, "products": products, "actions": True, **FEATURES},
         damping=0.03,
@@ -184,7 +186,14 @@ def action_value_gradient(task: Any, steps: int, policy: Any = None) -> dict[str
 
 
 def batch_actor_critic(
-    task: Any, policy: Any, *, batch: int | str, decay: float, fit: Mapping[str, Any], **estimator: Any
+    task: Any,
+    policy: Any,
+    *,
+    batch: int | str,
+    decay: float,
+    fit: Mapping[str, Any],
+    discount: float = DISCOUNT,
+    **estimator: Any,
 ) -> dict[str, Any]:
     """A batch method as a table: networks, scaled rewards, and generalised advantages from a critic.
 
@@ -194,15 +203,16 @@ def batch_actor_critic(
     - `batch` (decisions): from one step, or several, of the policy to the next.
     - `decay`: the lambda of critic and advantages.
     - `fit`: how the critic learns.
+    - `discount`: of the critic, and of the sum by which rewards are scaled.
     - `estimator`: further settings of the estimator.
     """
     return {
         "policy": behind_layers(task, SMALL, policy),
         "estimator": {
-            "trace": {"kind": "exponential", "decay": DISCOUNT * decay},
-            "baseline": {"kind": "network-critic", "discount": DISCOUNT, "decay": decay, "network": SMALL, "fit": fit},
+            "trace": {"kind": "exponential", "decay": discount * decay},
+            "baseline": {"kind": "network-critic", "discount": discount, "decay": decay, "network": SMALL, "fit": fit},
             "improve": batch,
-            "reward_scaling": {"discount": DISCOUNT},
+            "reward_scaling": {"discount": discount},
             **estimator,
         },
     }
@@ -218,13 +228,20 @@ def large_batch(steps: int) -> int:
     return 64 * (min(2048, max(256, steps // 50)) // 64)
 
 
-def proximal(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+def proximal(
+    task: Any, steps: int, policy: Any = None, discount: float = DISCOUNT, decay: float = 0.95
+) -> dict[str, Any]:
     """The preset `"ppo"`: the clipped surrogate, ten times over each batch."""
     batch = large_batch(steps)
     reuse = {"clip": 0.2, "epochs": 10, "minibatches": batch // 64}
     fit = fitted_returns(batch, passes=40, learning_rate=1e-3)
-    table = batch_actor_critic(task, policy, batch=batch, decay=0.95, fit=fit, reuse=reuse)
+    table = batch_actor_critic(task, policy, batch=batch, decay=decay, fit=fit, discount=discount, reuse=reuse)
     return {**table, "optimizer": {"kind": "adam", "learning_rate": 3e-4}}
+
+
+def proximal_short_horizon(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"ppo-short-horizon"`: the preset `"ppo"` that looks ahead for a fifth of an episode."""
+    return proximal(task, steps, policy, discount=1 - 1 / horizon(task, 1 / 5), decay=0.9)
 
 
 def trust_region(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
@@ -261,6 +278,7 @@ PRESETS: dict[str, Callable[[Any, int, Any], dict[str, Any]]] = {
     "natural": natural,
     "natural-network": natural_network,
     "ppo": proximal,
+    "ppo-short-horizon": proximal_short_horizon,
     "reinforce": reinforce,
     "stream-ac": stream_actor_critic,
     "trpo": trust_region,

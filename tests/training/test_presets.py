@@ -210,6 +210,14 @@ def test_the_batches_of_ppo_and_trpo_scale_with_the_budget_and_divide_into_minib
     assert (trpo.estimator.improve, trpo.metric.memory, trpo.metric.kl) == (batch, batch, 0.01)
 
 
+def test_the_short_horizon_is_a_fifth_of_an_episode():
+    long = mg.presets.ppo_short_horizon("three-state", 1_000).estimator
+    short = mg.presets.ppo_short_horizon(mg.tasks.from_gymnasium("CartPole-v1"), 1_000).estimator
+    for estimator, discount in ((long, 1 - 1 / 40), (short, 0.99)):
+        assert estimator.baseline.discount == estimator.reward_scaling.discount == pytest.approx(discount)
+        assert (estimator.baseline.decay, estimator.trace.decay) == pytest.approx((0.9, 0.9 * discount))
+
+
 def test_reinforce_needs_episodes_and_several_environments_are_refused_for_batches_used_again():
     with pytest.raises(ValueError, match=r"estimator\.improve = 'episode': needs episodes, but the task 'three-state'"):
         check_training("three-state", mg.presets.reinforce("three-state"), 1_000)
