@@ -15,6 +15,7 @@ from motorgrad.tasks import TASKS
 ROOT = Path(__file__).parents[1]
 KINDS = ("units", "estimators", "bodies", "tasks")
 LIGHT = 200_000  # bytes
+LIGHT_FILM = 2_000_000
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -30,13 +31,13 @@ def names(kind):
     return re.findall(r'^    "([\w-]+)":', text.partition(f"{kind}: ")[2].partition("\n}")[0], re.MULTILINE)
 
 
-DRAWN, MEASURED = names("DRAWN"), names("MEASURED")
+DRAWN, MEASURED, FILMS = names("DRAWN"), names("MEASURED"), names("FILMS")
 
 
 def test_the_names_are_those_of_the_registry():
     from tools.figures._registry import NAMES
 
-    assert (*DRAWN, *MEASURED) == NAMES
+    assert (*DRAWN, *MEASURED, *FILMS) == NAMES
 
 
 @pytest.mark.representatives("unit-motoneuron", "hexapod-muscles")
@@ -59,6 +60,27 @@ def test_a_figure_is_in_place(name):
     assert 0 < (ROOT / "docs" / "images" / f"{name}.png").stat().st_size <= LIGHT
     shown = rf"!\[[^\]]{{20,}}\]\([^)]*images/{name}\.png\)"  # with words for those who cannot see it
     assert any(re.search(shown, page.read_text(encoding="utf-8")) for page in (ROOT / "docs").rglob("*.md"))
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_a_film_is_in_place_and_moves(name):
+    path = ROOT / "docs" / "images" / f"{name}.webp"
+    assert 0 < path.stat().st_size <= LIGHT_FILM
+    with Image.open(path) as film:
+        assert film.n_frames > 50
+    for page in (ROOT / "README.md", ROOT / "docs" / "index.md"):
+        assert re.search(rf"!\[[^\]]{{20,}}\]\([^)]*images/{name}\.webp\)", page.read_text(encoding="utf-8")), page.name
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("name", FILMS)
+def test_a_film_is_made(name, tmp_path):
+    from tools.figures._registry import FILMS
+    from tools.figures._work import Work
+
+    before, after = FILMS[name](Work(most=200))
+    assert before.seconds == after.seconds > 4
+    assert (before.position != after.position).any()
 
 
 @pytest.mark.parametrize("kind", KINDS)

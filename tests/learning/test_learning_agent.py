@@ -1,5 +1,6 @@
 """The learner against a hand-written loop in NumPy, and what it does at the ends of episodes."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -288,3 +289,23 @@ def test_a_diverged_step_moves_nothing_even_with_momentum():
         jax.tree.leaves((state.policy, state.chain)), jax.tree.leaves((after.policy, after.chain)), strict=True
     ):
         np.testing.assert_array_equal(before, now)
+
+
+class Holding(Softmax):
+    """A policy of one's own that holds an equinox module."""
+
+    net: eqx.nn.MLP
+
+
+def test_a_policy_may_hold_any_equinox_module():
+    net = eqx.nn.MLP(2, 2, 4, 1, key=jax.random.key(0))
+    agent = Agent(Holding(jnp.zeros((2, 2)), net), olgarb(decay=0.5), SGD(0.1))
+    state = jax.jit(lambda key: agent.init(key))(jax.random.key(0))  # activation functions are no arrays
+    held = state.policy.net  # type: ignore[attr-defined]
+    np.testing.assert_allclose(held(jnp.ones(2)), net(jnp.ones(2)), rtol=1e-6)
+
+
+def test_a_network_alone_is_told_how_to_become_a_policy():
+    net = eqx.nn.MLP(2, 2, 4, 1, key=jax.random.key(0))
+    with pytest.raises(ValueError, match=r"policy = 'MLP': must be a Policy; motorgrad\.policies\.Network"):
+        Agent(net, olgarb(decay=0.5), SGD(0.1))

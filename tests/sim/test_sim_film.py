@@ -9,6 +9,7 @@ import sys
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image
 
 from motorgrad.sim import Motion, gl_problem, still, write_film
 from motorgrad.sim.film._motion import resample
@@ -137,6 +138,15 @@ def test_a_broken_driver_is_a_reason_and_not_a_crash(monkeypatch):
     assert "failed" in _gl._problem.__wrapped__("glfw")
 
 
+def test_an_animated_webp_has_every_frame_and_repeats(hop, tmp_path):
+    made = write_film(hop, tmp_path / "hop.webp", width=64, height=64, fps=10, renderer="drawn")
+    with Image.open(made.path) as film:
+        assert (film.n_frames, film.size, film.info["loop"]) == (made.frames, (64, 64), 0)
+        film.seek(1)
+        film.load()
+        assert film.info["duration"] == 100
+
+
 def test_an_interrupted_film_leaves_nothing(hop, tmp_path):
     def stop(done, total):
         raise KeyboardInterrupt
@@ -157,7 +167,7 @@ def test_an_interrupted_film_leaves_nothing(hop, tmp_path):
         ({"renderer": "drwan"}, "did you mean 'drawn'"),
         ({"camera": "sid"}, "did you mean 'side'"),
         ({"camera": float("inf")}, "camera = inf"),
-        ({"path": "hop.avi"}, r"path = 'hop.avi': must be a file name ending in \.mp4"),
+        ({"path": "hop.avi"}, r"path = 'hop.avi': must be a file name ending in \.mp4 or \.webp"),
         ({"motions": []}, "motions = "),
         ({"motions": [3]}, r"motions\[0\] = 3"),
     ],

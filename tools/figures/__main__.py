@@ -12,7 +12,8 @@ from pathlib import Path
 import matplotlib
 from PIL import Image
 
-from tools.figures._registry import NAMES, made
+from motorgrad.sim import write_film
+from tools.figures._registry import FILMS, NAMES, made
 from tools.figures._style import STYLE
 from tools.figures._work import Work
 
@@ -36,12 +37,16 @@ def main() -> None:
         return
     for name in options.names or NAMES:
         started = time.monotonic()
-        draw(name, Work(runs=ROOT / "runs" / "figures"), options.out / f"{name}.png")
-        print(f"{name}.png  {time.monotonic() - started:.0f} s", flush=True)
+        work, path = Work(runs=ROOT / "runs" / "figures"), options.out / f"{name}{'.webp' if name in FILMS else '.png'}"
+        draw(name, work, path)
+        print(f"{path.name}  {time.monotonic() - started:.0f} s", flush=True)
 
 
 def draw(name: str, work: Work, path: Path) -> None:
-    """Draw one figure into a file; the same numbers give the same bytes."""
+    """Draw one figure, or film one film, into a file; the same numbers give the same bytes."""
+    if name in FILMS:
+        write_film(FILMS[name](work), path, fps=20, width=400, height=300)
+        return
     with matplotlib.rc_context(STYLE):
         picture = io.BytesIO()
         made(name, work).savefig(picture, dpi=160)

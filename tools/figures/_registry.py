@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from motorgrad.sim import Motion
 from tools.figures import (
     bodies,
     composed,
@@ -11,6 +12,7 @@ from tools.figures import (
     critics,
     estimators,
     family,
+    films,
     foreign,
     further,
     growth,
@@ -123,9 +125,14 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
 }
 """Figures for which something has to learn first, or to be estimated."""
 
-NAMES = (*DRAWN, *MEASURED)
+FILMS: dict[str, Callable[[Work], list[Motion]]] = {
+    "hexapod-learns-to-walk": films.hexapod_walk,
+}
+"""Films of bodies that learn, as animated WebP: the motions that they show side by side."""
+
+NAMES = (*DRAWN, *MEASURED, *FILMS)
 
 
 def made(name: str, work: Work) -> Figure:
-    """The figure of that name."""
+    """The figure of that name, where it is no film."""
     return DRAWN[name]() if name in DRAWN else MEASURED[name](work)

@@ -26,7 +26,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import changes
 from motorgrad.learning.growth import Growth, GrowthState
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.policies import Policy, split, trainable, with_frozen_functions
 
 
 class Decision(NamedTuple):
@@ -62,6 +62,11 @@ class AgentState(NamedTuple):
     growth: GrowthState | None = None
     index: Any = None
     memory: Float[Array, " memory"] | None = None
+
+
+def _ready(policy: Any) -> Any:
+    """A policy whose leaves are arrays, also where it holds an `eqx.nn.MLP`; anything else as it is."""
+    return with_frozen_functions(policy) if isinstance(policy, Policy) else policy
 
 
 class Agent(Part):
@@ -109,7 +114,7 @@ class Agent(Part):
     }
     """Short names of the settings that everyone types, for options, TOML and `agent_for`."""
 
-    policy: Any
+    policy: Any = eqx.field(converter=_ready)
     estimator: Estimator = Estimator()
     optimizer: Optimizer = eqx.field(default=SGD(1e-3), converter=as_transformation)
     metric: Metric | None = None
@@ -122,6 +127,10 @@ class Agent(Part):
     def validate(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)
         check(made, "policy", self.policy, "a policy or a function from a key to one")
+        weights = any(map(eqx.is_inexact_array, jax.tree.leaves(self.policy)))
+        bare = isinstance(self.policy, eqx.Module) and weights and not isinstance(self.policy, Policy)
+        wanted = "a Policy; motorgrad.policies.Network(units, module, observed) puts any module under units"
+        check(not bare, "policy", type(self.policy).__name__, wanted)
         for index, stage in enumerate(self.transformations):
             check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
         for name in ("growth", "averaging"):
@@ -179,7 +188,7 @@ class Agent(Part):
 
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
-        policy = self.policy if isinstance(self.policy, Policy) else self.policy(key)
+        policy = self.policy if isinstance(self.policy, Policy) else _ready(self.policy(key))
         leaves = jax.tree.leaves(trainable(policy))
         check(len(leaves) > 0, "policy", type(policy).__name__, "a policy with trainable parameters")
         growth = None

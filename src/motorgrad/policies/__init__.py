@@ -7,7 +7,7 @@ from motorgrad.policies._composed import Factored, Gated, gated, mixture
 from motorgrad.policies._controller import FiniteStateController, finite_state_controller
 from motorgrad.policies._featured import Featured, Network
 from motorgrad.policies._features import FeatureMap
-from motorgrad.policies._frozen import frozen, thawed
+from motorgrad.policies._frozen import frozen, thawed, with_frozen_functions
 from motorgrad.policies._graded import (
     GradedHyperplanes,
     GradedMotoneurons,
@@ -107,4 +107,5 @@ __all__ = [
     "thawed",
     "tiles",
     "trainable",
+    "with_frozen_functions",
 ]

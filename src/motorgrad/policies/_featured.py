@@ -234,7 +234,8 @@ def featured(
     check(isinstance(features, FeatureMap), "features", features, "a FeatureMap")
     if network is None:
         return Featured(make(features.size(inputs)), features, inputs) if features.adds else make(inputs)
-    check(isinstance(network, Architecture), "network", network, "None or an Architecture")
+    wanted = "None or an Architecture; Network(units, module, observed) takes any equinox module"
+    check(isinstance(network, Architecture), "network", network, wanted)
     make(1)  # so that impossible settings are refused now
 
     def initial(key: jax.Array) -> Network | Featured:

@@ -32,6 +32,9 @@ class Frozen:
         except TypeError:  # a set, or an object that defines equality alone
             return hash(type(self.value))
 
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.value(*arguments, **named)
+
     def __repr__(self) -> str:
         return f"Frozen({self.value!r})"
 
@@ -48,6 +51,15 @@ def frozen(module: T) -> T:
         return leaf if eqx.is_array(leaf) or isinstance(leaf, jax.ShapeDtypeStruct) else Frozen(leaf)
 
     return jax.tree.map(wrapped, module)
+
+
+def with_frozen_functions(module: T) -> T:
+    """A module whose leaves that are functions, such as the activation of an `eqx.nn.MLP`, are wrapped in `Frozen`,
+    which is called as they are. So a policy of one's own may hold any equinox module.
+
+    **Arguments:** the `module`.
+    """
+    return jax.tree.map(lambda leaf: Frozen(leaf) if callable(leaf) and not eqx.is_array(leaf) else leaf, module)
 
 
 def thawed(module: T) -> T:

@@ -56,7 +56,9 @@ def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binar
         named = [(each,) if isinstance(each, str) else each for each in groups]
         driven = {" + ".join(each): scene.groups(each) for each in named}
         check(len(driven) == len(named), "groups", groups, "all different")
-    check(driven, "actuators of the body", (), "at least one, or nothing can act")
+    if not driven:
+        name = scene.body.spec().modelname
+        raise ValueError(f"body {name!r} has no muscles and no other actuators: it needs at least one to act")
     names, ranges, rows = [], [], []
     for name, places in driven.items():
         row = np.zeros(len(limits), np.float32)

@@ -11,6 +11,7 @@ from motorgrad.training._agents import (
     policy_settings,
 )
 from motorgrad.training._arguments import check_training
+from motorgrad.training._callbacks import EarlyStopping, Report
 from motorgrad.training._evaluate import Evaluation, evaluate
 from motorgrad.training._load import given_initial, load, saved_config
 from motorgrad.training._policy_score import PolicyScore
@@ -42,12 +43,14 @@ from motorgrad.training.store import (
 __all__ = [
     "BodyStepper",
     "Curve",
+    "EarlyStopping",
     "Evaluation",
     "HostStepper",
     "NamedPolicy",
     "NotSaved",
     "NotTrusted",
     "PolicyScore",
+    "Report",
     "Run",
     "RunDirectoryError",
     "RunWarning",

@@ -354,6 +354,11 @@ class Records:
         self._tables.append(pa.table({**columns, "parameters": parameters}))
         return float(np.mean(reward))
 
+    def newest(self) -> dict[str, np.ndarray]:
+        """The columns of the newest record but the parameters, `(lanes,)` each."""
+        table = self._tables[-1]
+        return {name: table[name].to_numpy() for name in table.column_names if name != "parameters"}
+
     def take(self) -> pa.Table | None:
         """Remove and return all rows."""
         table = pa.concat_tables(self._tables) if self._tables else None

@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from motorgrad.policies import Policy, describe
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments, check_training
+from motorgrad.training._callbacks import Callback, Report, check_callbacks
 from motorgrad.training._load import given_initial, memory_in, saved_config
 from motorgrad.training._run import Records, Run, saved_agent, saved_task
 from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
@@ -58,6 +59,7 @@ def train(
     workers: int = 0,
     progress: bool = True,
     tensorboard: bool = False,
+    callbacks: Callback | Iterable[Callback] = (),
     initial: Policy | None = None,
     give_up_after: float = GIVE_UP_AFTER,
     trust: bool = False,
@@ -90,6 +92,8 @@ def train(
     - `progress`: whether to show progress.
     - `tensorboard`: whether to write TensorBoard event files to `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint exactly once, also after a kill.
+    - `callbacks`: functions that get every new record as a `Report`, to log it elsewhere for example; one or several.
+      Where one returns True, training ends early, as at Ctrl-C (`EarlyStopping`). They change no number.
     - `initial`: the policies from which the seeds start, along a leading axis, such as the `policies` of a run; by
       default the agent's own. They must have the structure of the agent's policy.
     - `give_up_after`: seconds after which the run ends if nothing could be saved in them, because the disk is full or
@@ -113,13 +117,14 @@ def train(
     arguments = check_training(
         task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after, envs, workers
     )
+    reported = check_callbacks(callbacks)
     if tensorboard:
         check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory: give `out`")
         check_tensorboard()
     with nullcontext() if out is None else RunDirectory(out) as directory:
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
-        training = _Training(arguments, saving, threads)
+        training = _Training(arguments, saving, threads, reported)
         if directory is not None:
             training.open(directory, window, trust, allow_changed)
             training.write_events(directory, tensorboard)
@@ -134,6 +139,7 @@ def resume(
     threads: int = 0,
     workers: int = 0,
     progress: bool = True,
+    callbacks: Callback | Iterable[Callback] = (),
     give_up_after: float = GIVE_UP_AFTER,
     trust: bool = False,
     allow_changed: bool = False,
@@ -168,6 +174,7 @@ def resume(
         envs=run.get("envs", 1),
         workers=workers,
         progress=progress,
+        callbacks=callbacks,
         initial=given_initial(path),
         sweep=config.get("sweep"),
         give_up_after=give_up_after,
@@ -179,9 +186,12 @@ def resume(
 class _Training:
     """One call of `train`."""
 
-    def __init__(self, arguments: TrainingArguments, saving: Saving | None, threads: int):
+    def __init__(
+        self, arguments: TrainingArguments, saving: Saving | None, threads: int, callbacks: tuple[Callback, ...]
+    ):
         task, agent, steps, seeds, initial, settings, window, envs, workers = arguments
-        self.task, self.saving = task, saving
+        self.task, self.saving, self.callbacks = task, saving, callbacks
+        self.ended = False  # by a callback
         lanes = seeds * max(1, len(settings))
         numbers = numbers_by_lane(settings, len(seeds))
         mark = None if initial is None else fingerprint(initial)
@@ -308,7 +318,7 @@ class _Training:
             stop_when_asked() as stopped,
             _TrainingProgress(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
         ):
-            while stepper.decision < steps and not stopped() and not (saving and saving.given_up):
+            while stepper.decision < steps and not self.ended and not stopped() and not (saving and saving.given_up):
                 due = min((stepper.decision // window + 1) * window, steps)
                 made, start = min(-(-count // self.envs) * self.envs, due - stepper.decision), time.perf_counter()
                 worked = time.process_time()
@@ -358,7 +368,18 @@ class _Training:
             seen = record[name][np.isfinite(record[name])]
             latest |= {name: float(seen.mean())} if len(seen) else {}
         self.recorded = self.stepper.decision
+        self._report()
         return latest
+
+    def _report(self) -> None:
+        """Tell the callbacks of the newest record."""
+        if not self.callbacks:
+            return
+        path = None if self.saving is None else self.saving.directory.path
+        run = self.config["run"]
+        report = Report(self.task.name, run["seeds"], self.recorded, run["steps"], self.records.newest(), path)
+        ends = [callback(report) is True for callback in self.callbacks]
+        self.ended = self.ended or any(ends)
 
     def _commit(self) -> bool:
         """Save everything, where there is a directory; whether that succeeded.

@@ -54,7 +54,8 @@ def write_film(
     **Arguments:**
 
     - `motions`: shown from left to right at the same scale; the last posture of a shorter one stays until the end.
-    - `path`: ends in ".mp4"; missing folders are created, an existing film is replaced.
+    - `path`: ends in ".mp4", or in ".webp" for an animated picture that repeats forever, as a README shows it; missing
+      folders are created, an existing film is replaced.
     - `fps`: frames per second of the film, above 0; it may differ from the recording's.
     - `width`, `height`: of each motion's picture in pixels, even, at least 64.
     - `speed`: seconds of motion per second of film, above 0; 0.25 is slow motion.
@@ -75,7 +76,7 @@ def write_film(
     ```
     """
     motions = _checked(motions)
-    target = output_path(path, ".mp4")
+    target = output_path(path, ".mp4", ".webp")
     check(np.isfinite(fps) and fps > 0, "fps", fps, "a number above 0")
     check(np.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
     kind, note = choose_renderer(renderer)
@@ -107,7 +108,10 @@ def write_film(
                 painter.close()
 
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_mp4(target, pictures(), (full, height), fps)
+    if target.suffix.lower() == ".webp":
+        write_webp(target, pictures(), fps)
+    else:
+        write_mp4(target, pictures(), (full, height), fps)
     return Film(target, kind, frames, frames / fps, note)
 
 
@@ -240,6 +244,20 @@ def write_gif(path: Path, frames: Iterable[np.ndarray], fps: float, like: np.nda
     content = io.BytesIO()
     length = max(1, round(100 / fps)) * 10
     next(pictures).save(content, "GIF", save_all=True, append_images=pictures, duration=length, loop=0)
+    write_atomically(path, content.getvalue())
+
+
+def write_webp(path: Path, frames: Iterable[np.ndarray], fps: float, quality: int = 60) -> None:
+    """Write an animated WebP that repeats forever.
+
+    **Arguments:** as of `write_mp4`, but a frame lasts a whole number of milliseconds; `quality`: from 0 to 100.
+    """
+    from PIL import Image
+
+    first, *others = (Image.fromarray(frame.copy()) for frame in frames)
+    content = io.BytesIO()
+    length = max(1, round(1000 / fps))
+    first.save(content, "WEBP", save_all=True, append_images=others, duration=length, loop=0, quality=quality, method=4)
     write_atomically(path, content.getvalue())
 
 

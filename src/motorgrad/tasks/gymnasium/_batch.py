@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad._myosuite import is_of_myosuite, register
+from motorgrad.tasks.gymnasium._making import make_environment, one_line
 from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
 
@@ -140,33 +140,6 @@ class EnvironmentBatch:
         check(finite, f"{self._env_id}: observation after reset", observation, "finite in single precision")
 
 
-def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
-    """`gymnasium.make(env_id, **kwargs)`, with any failure as a one-line `ValueError`."""
-    import gymnasium
-
-    if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
-        try:
-            register()
-        except ValueError as error:
-            raise ValueError(f"env_id = {env_id!r}: {error}") from None
-    try:
-        return gymnasium.make(env_id, **kwargs)
-    except gymnasium.error.UnregisteredEnv as error:
-        raise ValueError(f"env_id = {env_id!r}: {_one_line(error)}") from None
-    except gymnasium.error.DependencyNotInstalled as error:
-        raise ValueError(f"env_id = {env_id!r}: a dependency is not installed: {_one_line(error)}") from None
-    except ImportError as error:  # Gymnasium's MuJoCo environments raise it without naming a remedy
-        raise ValueError(
-            f"env_id = {env_id!r}: a dependency is not installed: {_one_line(error)}; "
-            "for those of Gymnasium: pip install 'gymnasium[mujoco]', or another of its extras"
-        ) from None
-    except Exception as error:  # an environment's own code may raise anything
-        given = f" with {dict(kwargs)}" if kwargs else ""
-        raise ValueError(
-            f"env_id = {env_id!r}: cannot be made{given}: {type(error).__name__}: {_one_line(error)}"
-        ) from None
-
-
 def numbers_in(info: Mapping[str, Any], keys: Sequence[str]) -> list[float]:
     """The numbers of these keys in a step's `info`, 0 where one is missing or not finite; then 1 for each that is
     there, else 0."""
@@ -255,7 +228,7 @@ def _goes_on(env_id: str, kwargs: Mapping[str, Any], copied: Callable[[Any], "gy
         pairs = zip(_trial(copy, actions), _trial(original, actions), strict=True)
         return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
     except Exception as error:  # all of this runs the environment's own code, which may raise anything
-        raise _NoTrial(f"{stage}: {type(error).__name__}: {_one_line(error)}") from None
+        raise _NoTrial(f"{stage}: {type(error).__name__}: {one_line(error)}") from None
     finally:
         _close_all([original, *([] if copy is None else [copy])])
 
@@ -311,7 +284,7 @@ def called_by(content: bytes) -> list[str]:
             pushed = argument if isinstance(argument, str) else fetched
             texts += [pushed] if pushed else []
     except Exception as error:  # what is no pickle raises anything
-        found.append(f"bytes that cannot be read: {_one_line(error)}")
+        found.append(f"bytes that cannot be read: {one_line(error)}")
     return list(dict.fromkeys(found))
 
 
@@ -346,8 +319,3 @@ def _trial(environment: "gymnasium.Env", actions: list[Any]) -> list[np.ndarray]
         if terminated or truncated:
             seen.append(np.ravel(environment.reset()[0]))
     return seen + [np.ravel(environment.reset()[0]) for _ in range(2)]
-
-
-def _one_line(error: BaseException) -> str:
-    """An exception's message on one line."""
-    return " ".join(str(error).split())

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import jax
@@ -26,8 +26,8 @@ from motorgrad.tasks.gymnasium._batch import (
     find_info,
     how_saved,
     is_pickle,
-    make_environment,
 )
+from motorgrad.tasks.gymnasium._making import id_of, make_environment
 from motorgrad.tasks.gymnasium._spaces import (
     ActionCode,
     Code,
@@ -82,7 +82,8 @@ class Gymnasium(HostTask):
 
     **Arguments:**
 
-    - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers.
+    - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers, or
+      `"module:name"` for a class or a function of a module that makes one.
     - `kwargs`: passed to `gymnasium.make`: numbers, strings, true or false. They may include `max_episode_steps`.
     - `repeat`: environment steps per decision, during which the action is held and rewards are summed.
     - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
@@ -291,7 +292,7 @@ class Gymnasium(HostTask):
 
 
 def from_gymnasium(
-    env_id: str,
+    env_id: str | Callable[..., Any],
     *,
     repeat: int = 1,
     scaling: Scaling = "auto",
@@ -303,15 +304,18 @@ def from_gymnasium(
 ) -> Gymnasium:
     """A Gymnasium environment as a task, for our agents to learn.
 
-    **Arguments:** `env_id` and `kwargs`, as in `gymnasium.make`; `repeat`, `scaling`, `code`, `end_reward`,
-    `info` and `success_steps`, as in `Gymnasium` (whose `kwargs` also accept an environment's own arguments of these
-    names).
+    **Arguments:** `env_id` and `kwargs`, as in `gymnasium.make`; in place of an id also the class of an environment, or
+    a function that returns one, with a name at the top of a module, from which a saved run makes it again; `repeat`,
+    `scaling`, `code`, `end_reward`, `info` and `success_steps`, as in `Gymnasium` (whose `kwargs` also accept an
+    environment's own arguments of these names).
 
     **Raises:** as `Gymnasium`.
 
     ```python
     task = mg.tasks.from_gymnasium("CartPole-v1", end_reward=-1.0)
+    own = mg.tasks.from_gymnasium(MyEnvironment, difficulty=3)  # your class, and its argument
     run = mg.train(task, steps=100_000, seeds=4)
     ```
     """
+    env_id = env_id if isinstance(env_id, str) else id_of(env_id)
     return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward, tuple(info), success_steps)

@@ -1,0 +1,83 @@
+"""Gymnasium environments by their ids, and by the classes and functions that make them."""
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from motorgrad._errors import check
+from motorgrad._myosuite import is_of_myosuite, register
+
+if TYPE_CHECKING:
+    import gymnasium
+
+MAKERS: dict[str, Callable[..., Any]] = {}
+"""The classes and functions that `from_gymnasium` was given in this process, by the ids of their environments."""
+
+
+def id_of(maker: Callable[..., Any]) -> str:
+    """The id `module:name` of the environments that a class or a function makes. It is known from now on.
+
+    **Raises** `ValueError` for one without a name at the top of a module: a run could not say what made it.
+    """
+    name, module = getattr(maker, "__qualname__", None), getattr(maker, "__module__", None)
+    named = isinstance(name, str) and isinstance(module, str) and "<" not in name
+    wanted = "an id, or a class or a function that is defined at the top of a module, so that a run can name it"
+    check(named, "env_id", name or maker, wanted)
+    MAKERS[f"{module}:{name}"] = maker
+    return f"{module}:{name}"
+
+
+def _maker(env_id: str) -> Callable[..., Any] | None:
+    """The class or function that an id `module:name` names; `None` for the id of a registered environment."""
+    import gymnasium
+
+    if env_id in MAKERS:
+        return MAKERS[env_id]
+    module, colon, name = env_id.partition(":")
+    if not colon:
+        return None
+    found: Any = importlib.import_module(module)  # which may register the name, too
+    if name in gymnasium.registry:
+        return None
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    return found if callable(found) else None
+
+
+def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
+    """`gymnasium.make(env_id, **kwargs)`, with any failure as a one-line `ValueError`.
+
+    An id of the form `module:name` may also name a class or a function that returns an environment.
+    """
+    import gymnasium
+    from gymnasium.envs.registration import EnvSpec
+
+    if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
+        try:
+            register()
+        except ValueError as error:
+            raise ValueError(f"env_id = {env_id!r}: {error}") from None
+    try:
+        maker = _maker(env_id)
+        if maker is None:
+            return gymnasium.make(env_id, **kwargs)
+        return gymnasium.make(EnvSpec(env_id, maker), **kwargs)
+    except gymnasium.error.UnregisteredEnv as error:
+        raise ValueError(f"env_id = {env_id!r}: {one_line(error)}") from None
+    except gymnasium.error.DependencyNotInstalled as error:
+        raise ValueError(f"env_id = {env_id!r}: a dependency is not installed: {one_line(error)}") from None
+    except ImportError as error:  # Gymnasium's MuJoCo environments raise it without naming a remedy
+        raise ValueError(
+            f"env_id = {env_id!r}: a dependency is not installed: {one_line(error)}; "
+            "for those of Gymnasium: pip install 'gymnasium[mujoco]', or another of its extras"
+        ) from None
+    except Exception as error:  # an environment's own code may raise anything
+        given = f" with {dict(kwargs)}" if kwargs else ""
+        raise ValueError(
+            f"env_id = {env_id!r}: cannot be made{given}: {type(error).__name__}: {one_line(error)}"
+        ) from None
+
+
+def one_line(error: BaseException) -> str:
+    """An exception's message on one line."""
+    return " ".join(str(error).split())

@@ -1,0 +1,114 @@
+"""What `train` tells its callbacks, and the callback that ends a training early."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from motorgrad._errors import check, unknown
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Report:
+    """One record of a training: the means over a window of decisions.
+
+    - `task`: the name of the task; `seeds`: the seeds, in the order of every array.
+    - `decision`: the last decision of the window; `steps`: the number of decisions of the whole training, per seed.
+    - `metrics`: the record's columns by name, such as `reward`, `wall_time` and the task's readings, each `(seeds,)`;
+      in a sweep `(settings × seeds,)`. A reading that did not occur in the window is NaN. `docs/training.md` lists the
+      columns; `parameters` is left out.
+    - `path`: the run directory, `None` for a run in memory.
+    """
+
+    task: str
+    seeds: list[int]
+    decision: int
+    steps: int
+    metrics: Mapping[str, np.ndarray]
+    path: Path | None = None
+
+    def mean(self, quantity: str) -> float:
+        """The mean of a column over the seeds in which it occurred; NaN if it occurred in none.
+
+        **Raises** `ValueError` for an unknown column.
+        """
+        if quantity not in self.metrics:
+            raise unknown("quantity", quantity, self.metrics)
+        values = np.asarray(self.metrics[quantity], float)
+        found = values[np.isfinite(values)]
+        return float(found.mean()) if len(found) else float("nan")
+
+    def means(self) -> dict[str, float]:
+        """The mean of every column that occurred, by name: what experiment trackers log."""
+        found = {name: self.mean(name) for name in self.metrics if name not in ("seed", "setting")}
+        return {name: value for name, value in found.items() if np.isfinite(value)}
+
+
+Callback = Callable[[Report], Any]
+"""A function that gets every record of a training; training ends early where it returns True."""
+
+
+def check_callbacks(callbacks: Callback | Iterable[Callback]) -> tuple[Callback, ...]:
+    """The callbacks as a tuple. **Raises** `ValueError` for anything that is not callable."""
+    several = isinstance(callbacks, Iterable) and not callable(callbacks)
+    found = tuple(callbacks) if several else (callbacks,)  # type: ignore[arg-type]
+    for callback in found:
+        check(callable(callback), "callbacks", callback, "functions of a Report, or one such function")
+    return found  # type: ignore[return-value]
+
+
+@dataclasses.dataclass
+class EarlyStopping:
+    """A callback that ends training when a quantity reaches a goal, or no longer improves.
+
+    The quantity is its mean over the seeds, at each record. Records in which it did not occur are skipped.
+
+    **Arguments:**
+
+    - `quantity`: a column of the metrics.
+    - `goal`: training ends at the first record that reaches it; `None` for no goal.
+    - `patience`: training ends after this many records without a new best value; `None` to wait forever.
+    - `least_gain`: how much better than the best so far a value must be to count, in units of the quantity.
+    - `larger_is_better`: whether the quantity is to grow.
+
+    `best` is the best value so far, and `why` says why training ended.
+
+    ```python
+    stop = mg.training.EarlyStopping("reward", patience=20)
+    run = mg.train("three-state", steps=50_000, seeds=4, callbacks=stop)
+    print(run.decision, stop.why)
+    ```
+    """
+
+    quantity: str = "reward"
+    goal: float | None = None
+    patience: int | None = None
+    least_gain: float = 0.0
+    larger_is_better: bool = True
+    best: float | None = dataclasses.field(default=None, init=False)
+    why: str = dataclasses.field(default="", init=False)
+    _since: int = dataclasses.field(default=0, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        given = (self.goal, self.patience)
+        check(given != (None, None), "goal, patience", given, "at least one of the two")
+        check(self.goal is None or np.isfinite(self.goal), "goal", self.goal, "a finite number")
+        check(self.patience is None or self.patience >= 1, "patience", self.patience, "at least 1 record")
+        check(np.isfinite(self.least_gain) and self.least_gain >= 0, "least_gain", self.least_gain, "at least 0")
+
+    def __call__(self, report: Report) -> bool:
+        value = report.mean(self.quantity)
+        if not np.isfinite(value):
+            return False
+        sign = 1.0 if self.larger_is_better else -1.0
+        if self.goal is not None and sign * value >= sign * self.goal:
+            self.why = f"{self.quantity} reached {value:.4g} at decision {report.decision:,}"
+        if self.best is None or sign * (value - self.best) > self.least_gain:
+            self.best, self._since = value, 0
+        else:
+            self._since += 1
+        if not self.why and self.patience is not None and self._since >= self.patience:
+            self.why = f"{self.quantity} has not improved on {self.best:.4g} for {self._since} records"
+        return bool(self.why)
