@@ -13,6 +13,7 @@ COMMANDS = {
     "list": "list every task, policy, estimator, part of a learner and experiment",
     "train": "train a learner, into a run directory that can be resumed",
     "evaluate": "evaluate a learned policy: its numbers and a video",
+    "export": "write a learned policy as C, as an ONNX model or for NumPy",
     "sweep": "run a study, tasks × settings × seeds, on one machine or many",
     "compare": "compare methods: tune each on some seeds, judge it on others",
     "plot": "plot learning curves of one run or of several",
