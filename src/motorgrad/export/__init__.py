@@ -5,6 +5,8 @@ every policy can be exported, also one of your own. `Policy.export` is the way i
 """
 
 from motorgrad.export._c import c_source
+from motorgrad.export._c_numbers import literal as c_literal
+from motorgrad.export._c_numbers import type_of as c_type
 from motorgrad.export._numpy import LACKS as NUMPY_LACKS
 from motorgrad.export._numpy import numpy_file
 from motorgrad.export._onnx import LACKS as ONNX_LACKS
@@ -19,7 +21,9 @@ __all__ = [
     "Operation",
     "Program",
     "Untranslatable",
+    "c_literal",
     "c_source",
+    "c_type",
     "numpy_file",
     "onnx_model",
     "read",

@@ -52,6 +52,7 @@ def smallest(array: np.ndarray) -> np.dtype:
 
 
 def type_of(dtype: np.dtype) -> str:
+    """The type of numbers in C. **Raises** `Untranslatable` for one without a form."""
     small = {"i1": "int8_t", "i2": "int16_t", "u1": "uint8_t", "u2": "uint16_t"}
     found = ({**TYPES, **small}).get(dtype.str[1:])
     if found is None:
