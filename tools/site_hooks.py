@@ -32,7 +32,7 @@ ROOMS = [
     "environments",
     "sim",
 ]
-ROOMS += ["experiments", "search", "lab", "statistics", "studies"]
+ROOMS += ["experiments", "search", "lab", "statistics", "studies", "export"]
 FROM_ROOT = {f"{name}.md": f"{name.lower()}.md" for name in ("README", "CONTRIBUTING", "SECURITY", "CHANGELOG")}
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)

@@ -13,6 +13,7 @@ COMMANDS = {
     "list": "list every task, policy, estimator, part of a learner and experiment",
     "train": "train a learner, into a run directory that can be resumed",
     "evaluate": "evaluate a learned policy: its numbers and a video",
+    "export": "write a learned policy as C, as an ONNX model or for NumPy",
     "sweep": "run a study, tasks × settings × seeds, on one machine or many",
     "compare": "compare methods: tune each on some seeds, judge it on others",
     "plot": "plot learning curves of one run or of several",
@@ -80,11 +81,21 @@ def _after_imports(arguments: list[str]) -> list[str]:
 
 
 def _import(name: str) -> None:
-    """Import a module of the user's, from the working folder or an installed one."""
+    """Import a module of the user's: a file, a module of the working folder or an installed one."""
     import importlib
+    from pathlib import Path
 
     if not name:
         raise ValueError("--import needs the name of a module")
+    if name.endswith(".py"):
+        if not Path(name).is_file():
+            raise ValueError(f"cannot import {name!r}: there is no such file")
+        file = Path(name).resolve()
+        found = sys.modules.get(file.stem)
+        if found is not None and Path(getattr(found, "__file__", None) or "").resolve() != file:
+            raise ValueError(f"cannot import {name!r}: another module of this name is loaded, rename the file")
+        sys.path.insert(0, str(file.parent))
+        name = file.stem
     if "" not in sys.path:
         sys.path.insert(0, "")
     try:
@@ -128,7 +139,8 @@ def _help() -> str:
             *lines,
             "",
             "motorgrad COMMAND --help shows the options of a command; motorgrad --version the version.",
-            "--import MODULE imports a module first, so that the tasks and parts that it registers are known by name.",
+            "--import MODULE imports a module or a file (.py) first, so that what it registers is known by name:",
+            "tasks, parts, blocks.",
         ]
     )
 

@@ -9,7 +9,7 @@ import tyro
 
 from motorgrad._commands._configuration import parse
 from motorgrad._errors import check, choice
-from motorgrad.lab import gallery
+from motorgrad.lab import gallery, load
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,6 +20,8 @@ class Lab:
     """A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder."""
     gallery: str | None = None
     """Open a diagram of the gallery, such as chain or hopper, in place of a file."""
+    trust: bool = False
+    """Let code run that the diagram's file brings: Python functions and Functional Mock-up Units."""
     port: int = 0
     """The port on 127.0.0.1; 0 for a free port."""
     browser: bool = True
@@ -42,6 +44,8 @@ def run(arguments: list[str]) -> int:
     from motorgrad.lab.editor import Server, Session
 
     diagram = gallery.example(options.gallery) if options.gallery else None
+    if options.trust and options.file is not None and options.file.exists():
+        load(options.file, trust=True)  # which vouches for the code that the session finds in it
     session = Session(diagram, options.file.absolute() if options.file else None)
     try:
         server = Server(session, options.port)

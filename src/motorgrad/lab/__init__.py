@@ -32,6 +32,7 @@ from motorgrad.lab.diagram import (
     Block,
     Diagram,
     DiagramError,
+    Foreign,
     Host,
     HostBlock,
     HostMoment,
@@ -45,6 +46,7 @@ from motorgrad.lab.diagram import (
     Setting,
     Signals,
     Sink,
+    block,
     dumps,
     extract,
     group,
@@ -68,6 +70,7 @@ from motorgrad.lab.engine import (
     linearise,
     replay,
 )
+from motorgrad.lab.fmi import TickProgram, tick_program, write_fmu
 from motorgrad.lab.gallery import GALLERY, example
 
 if TYPE_CHECKING:
@@ -82,6 +85,7 @@ __all__ = [
     "DiagramEnv",
     "DiagramError",
     "DiagramPolicy",
+    "Foreign",
     "Host",
     "HostBlock",
     "HostMoment",
@@ -98,7 +102,9 @@ __all__ = [
     "Setting",
     "Signals",
     "Sink",
+    "TickProgram",
     "Timeline",
+    "block",
     "dumps",
     "edit",
     "example",
@@ -113,8 +119,10 @@ __all__ = [
     "replay",
     "save",
     "settings_of",
+    "tick_program",
     "to_python",
     "whole_ticks",
+    "write_fmu",
 ]
 # Blocks derived from the parts of learners are reached by name, through `__getattr__`. The site's tool reads `+=`, and
 # cannot follow it.

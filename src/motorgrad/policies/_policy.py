@@ -4,6 +4,7 @@ import abc
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
 import equinox as eqx
@@ -251,6 +252,24 @@ class Policy(eqx.Module):
     def regions(self) -> Regions | None:
         """Where each unit responds, or `None` if some unit is not local."""
         return None
+
+    def export(self, path: Path | str, only: Sequence[str] | None = None) -> Path:
+        """Write the policy to a file that needs no motorgrad: C source (`.c`), an ONNX model (`.onnx`), or arrays for
+        NumPy (`.npz`), which `motorgrad.export.read` reads.
+
+        The file has `prob`; `mode`; `sample`, a function of uniform numbers; `deviation` of graded units; and for a
+        policy with a memory the memory before and after. The page on exporting (`docs/export.md`) has the details.
+
+        **Arguments:** `path`, the file; `only`, the names of the functions that it has, by default all.
+
+        **Returns** the path.
+
+        **Raises:** `ValueError` for another ending, and for a policy that uses an operation which the format lacks: the
+        message names it, and the functions that can be exported; `RuntimeError` where the package onnx is missing.
+        """
+        from motorgrad.policies._export import export
+
+        return export(self, path, only)
 
     @abc.abstractmethod
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:

@@ -70,9 +70,11 @@ from motorgrad.lab.blocks.learning import NamedPolicy as NamedPolicy
 from motorgrad.lab.blocks.learning import Network as Network
 from motorgrad.lab.blocks.learning import Softmax as Softmax
 from motorgrad.lab.blocks.learning import WeightDecay as WeightDecay
+from motorgrad.lab.blocks.worlds._fmu import Fmu as Fmu
 from motorgrad.lab.blocks.worlds._hill import HillMuscle as HillMuscle
 from motorgrad.lab.blocks.worlds._mujoco import MujocoModel as MujocoModel
 from motorgrad.lab.blocks.worlds._mujoco import MuscleLaw as MuscleLaw
+from motorgrad.lab.blocks.worlds._python_function import PythonFunction as PythonFunction
 from motorgrad.lab.blocks.worlds._tasks import Body as Body
 from motorgrad.lab.blocks.worlds._tasks import Environment as Environment
 from motorgrad.lab.blocks.worlds._tasks import World as World

@@ -40,8 +40,10 @@ from motorgrad.lab.diagram._files import (
     with_fields,
 )
 from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, flatten
+from motorgrad.lab.diagram._foreign import Foreign
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
+from motorgrad.lab.diagram._registering import block
 from motorgrad.lab.diagram._subsystem import extract, group
 from motorgrad.lab.diagram._verify import function_problems, kind_of, verify
 
@@ -57,6 +59,7 @@ __all__ = [
     "Diagram",
     "DiagramError",
     "End",
+    "Foreign",
     "Host",
     "HostBlock",
     "HostMoment",
@@ -76,6 +79,7 @@ __all__ = [
     "Sink",
     "Source",
     "Timing",
+    "block",
     "checked_shape",
     "dtype_of",
     "dumps",

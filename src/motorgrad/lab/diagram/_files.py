@@ -16,6 +16,7 @@ from motorgrad._files import write_atomically
 from motorgrad._settings import default_of, fields_of
 from motorgrad.lab.diagram._block import BLOCKS, Block
 from motorgrad.lab.diagram._diagram import Diagram, Node
+from motorgrad.lab.diagram._foreign import from_a_file
 
 FORMAT = "motorgrad diagram"
 VERSION = 1
@@ -45,11 +46,11 @@ def dumps(diagram: Diagram) -> str:
     return _written(data, 1) + "\n"
 
 
-def loads(text: str) -> Diagram:
+def loads(text: str, trust: bool = False) -> Diagram:
     """Parse the text of a file, the inverse of `dumps`.
 
     The diagram need not be able to run, so that unfinished work can be saved; `problems` reports what is missing or
-    does not fit.
+    does not fit. Code that blocks hold (`Foreign`) is kept, and refuses to run unless you `trust` the file.
 
     **Raises** `ValueError` that names the place: for invalid JSON, another format or version, unknown block types,
     ports or names, and numbers that are not finite or not allowed.
@@ -73,7 +74,8 @@ def loads(text: str) -> Diagram:
         version == VERSION and not isinstance(version, bool), "version", version, f"{VERSION}, which this release reads"
     )
     _check_keys("file", data, ("format", "version", *HEAD, *PARTS))
-    return _read_diagram(data, "")
+    with from_a_file(trust):
+        return _read_diagram(data, "")
 
 
 def save(diagram: Diagram, path: Path | str) -> None:
@@ -81,12 +83,13 @@ def save(diagram: Diagram, path: Path | str) -> None:
     write_atomically(Path(path), dumps(diagram).encode())
 
 
-def load(path: Path | str) -> Diagram:
-    """Read a diagram from a file. **Raises** `ValueError` as `loads` does, naming the file, and `OSError` if it cannot
-    be read.
+def load(path: Path | str, trust: bool = False) -> Diagram:
+    """Read a diagram from a file. Code that its blocks hold may run only if you `trust` it.
+
+    **Raises** `ValueError` as `loads` does, naming the file, and `OSError` if it cannot be read.
     """
     try:
-        return loads(Path(path).read_bytes().decode())
+        return loads(Path(path).read_bytes().decode(), trust)
     except ValueError as error:  # invalid UTF-8 too
         raise ValueError(f"{path}: {error}") from None
 
@@ -104,7 +107,9 @@ def _node(node: Node) -> dict[str, Any]:
         return _Lines(type=SUBSYSTEM, id=node.id, **own, **_content(block))
     fields = {name: getattr(block, name) for name in fields_of(type(block))}
     kept = {name: value for name, value in fields.items() if name not in SCHEDULE or value != SCHEDULE[name]}
-    return {"type": block.name, "id": node.id, **kept}
+    module = type(block).__module__
+    own = {} if module.split(".")[0] == "motorgrad" else {"module": module}  # so that a reader knows what to import
+    return {"type": block.name, "id": node.id, **own, **kept}
 
 
 def _written(value: Any, depth: int) -> str:
@@ -142,7 +147,14 @@ def _block(node: Mapping[str, Any], place: str) -> Block | Diagram:
     if kind == SUBSYSTEM:
         _check_keys(SUBSYSTEM, node, ("type", "id", *HEAD, *PARTS))
         return _read_diagram(node, f"{place}/")
-    return make_block(kind, {name: value for name, value in node.items() if name not in ("type", "id")})
+    module = node.get("module")
+    check(module is None or isinstance(module, str), "module", module, "a string")
+    if module is not None and kind not in BLOCKS:
+        raise ValueError(
+            f"the type of block {shown(kind)} is defined in {shown(module)}, which is not imported: motorgrad lab "
+            "--import FILE, or import it in Python before the diagram is loaded"
+        )
+    return make_block(kind, {name: value for name, value in node.items() if name not in ("type", "id", "module")})
 
 
 def make_block(kind: Any, fields: Mapping[str, Any]) -> Block:

@@ -13,6 +13,7 @@ import numpy as np
 from motorgrad.lab.diagram._block import Block, HostBlock, Moment
 from motorgrad.lab.diagram._declarations import Port
 from motorgrad.lab.diagram._flat import Placed, Problem
+from motorgrad.lab.diagram._foreign import Foreign
 
 Shape = jax.ShapeDtypeStruct
 
@@ -25,6 +26,8 @@ def kind_of(block: Block) -> tuple[Any, ...]:
 
 def verify(placed: Placed) -> list[Problem]:
     """The problems with a block's functions."""
+    if isinstance(placed.block, Foreign) and not placed.block.is_trusted:
+        return [Problem(placed.path, None, placed.block.distrust)]
     if isinstance(placed.block, HostBlock):
         return []
     found = _verified(_ByKind(placed.block))

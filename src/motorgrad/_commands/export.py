@@ -1,0 +1,33 @@
+"""`motorgrad export RUN FILE`: a learned policy as a file that needs no motorgrad."""
+
+import dataclasses
+from pathlib import Path
+
+import tyro
+
+from motorgrad._commands._configuration import parse
+from motorgrad.training import load
+
+
+@dataclasses.dataclass(frozen=True)
+class Export:
+    """Write the learned policy of a run as C source, as an ONNX model, or as arrays for NumPy."""
+
+    run: tyro.conf.Positional[Path]
+    """The run directory."""
+    file: tyro.conf.Positional[Path]
+    """The file to write: .c, .onnx or .npz."""
+    seed: int | None = None
+    """The seed whose policy is exported; by default the first."""
+    only: tuple[str, ...] | None = None
+    """The functions that the file has, such as mode; by default all."""
+    allow_changed: bool = False
+    """Export also where the settings in config.toml are not those with which the run was made."""
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Export, arguments, "export")
+    trained = load(options.run, allow_changed=options.allow_changed)
+    path = trained.policy(options.seed).export(options.file, options.only)
+    print(f"{path}: {path.stat().st_size:,} bytes")
+    return 0

@@ -1,0 +1,90 @@
+"""Programs for NumPy: arrays and a list of calls in one .npz file, which 30 lines read (`_reader.py`)."""
+
+import io
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from motorgrad.export._program import Operation, Program, Untranslatable
+
+NAMES = {
+    **{"neg": "negative", "sub": "subtract", "mul": "multiply", "div": "divide", "rem": "fmod", "pow": "power"},
+    **{"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"},
+    **{"and": "bitwise_and", "or": "bitwise_or", "xor": "bitwise_xor", "not": "bitwise_not", "is_finite": "isfinite"},
+    **{"eq": "equal", "ne": "not_equal", "lt": "less", "le": "less_equal", "gt": "greater", "ge": "greater_equal"},
+    **{"select": "where", "convert": "asarray", "expand": "broadcast_to", "pick": "take"},
+    **{"shift_left": "left_shift", "shift_right_arithmetic": "right_shift"},
+}
+SAME = (
+    *("add", "abs", "sign", "floor", "ceil", "exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh"),
+    *("cosh", "tanh", "rint", "reshape", "take", "argmax", "argmin"),
+)
+LACKS = ("erf", "erfc")
+REDUCTIONS = ("sum", "prod", "max", "min", "any", "all")
+
+
+def numpy_file(functions: Mapping[str, Program]) -> bytes:
+    """The content of an .npz file with some programs, for `read`.
+
+    **Raises:** `Untranslatable` for an operation that NumPy does not have.
+    """
+    arrays: dict[str, np.ndarray] = {}
+    tables: dict[tuple[str, bytes, tuple[int, ...]], str] = {}
+
+    def array(value: np.ndarray) -> str:
+        key = (value.dtype.str, value.tobytes(), value.shape)
+        tables.setdefault(key, f"array{len(tables)}")
+        arrays[tables[key]] = value
+        return tables[key]
+
+    told = {name: _told(program, array) for name, program in functions.items()}
+    file = io.BytesIO()
+    np.savez_compressed(file, functions=np.asarray(json.dumps(told)), **arrays)  # pyright: ignore[reportArgumentType]
+    return file.getvalue()
+
+
+def _told(program: Program, array: Any) -> list[Any]:
+    """A program as the reader has it: inputs, calls and outputs."""
+    names, steps = {}, []
+    for place, operation in enumerate(program.operations):
+        names[place] = f"v{place}"
+        if operation.kind == "constant":
+            value = operation.attributes["value"]
+            names[place] = array(value) if value.ndim else value.item()
+        elif operation.kind != "input":
+            function, arguments = _call(operation, [names[each] for each in operation.operands], array)
+            steps.append([names[place], function, arguments, operation.dtype.name])
+    inputs = {
+        name: [names[place], program.operations[place].shape, program.operations[place].dtype.name]
+        for name, place in program.inputs.items()
+    }
+    outputs = {name: names[place] for name, place in program.outputs.items()}
+    for name, place in outputs.items():
+        if not isinstance(place, str):
+            outputs[name] = array(np.asarray(place, program.operations[program.outputs[name]].dtype))
+    return [inputs, steps, outputs]
+
+
+def _call(operation: Operation, given: list[Any], array: Any) -> tuple[str, list[Any]]:
+    """The name of NumPy's function, and its arguments."""
+    kind, told = operation.kind, operation.attributes
+    group, _, which = kind.partition(" ")
+    if kind in ("reshape", "expand"):
+        return NAMES.get(kind, kind), [*given, list(operation.shape)]
+    if kind == "take":
+        return "take", [*given, array(told["index"])]
+    if kind == "concatenate":
+        return "concatenate", [given, told["axis"]]
+    if kind == "einsum":
+        return "einsum", [told["spec"], *given]
+    if kind in ("argmax", "argmin"):
+        return kind, [*given, told["axis"]]
+    if group == "reduce" and which in REDUCTIONS:
+        return which, [*given, list(told["axes"])]
+    if group == "cumulative" and which in ("sum", "prod"):
+        return f"cum{which}", [*given, told["axis"]]
+    if kind in NAMES or kind in SAME:
+        return NAMES.get(kind, kind), given
+    raise Untranslatable(f"{kind}: NumPy has no such function; export as C")

@@ -1,0 +1,285 @@
+"""How each operation of JAX is made of plain ones."""
+
+import string
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad.export._program import Untranslatable
+from motorgrad.export._special import special
+
+Rule = Callable[[Any, list[int], Any], int | list[int]]
+"""From the builder, the places of the operands and the equation to the places of what it makes."""
+
+UNARY = "neg abs sign floor ceil exp log sqrt sin cos tan asin acos atan sinh cosh tanh lgamma not is_finite"
+BINARY = "add sub mul div rem pow max min atan2 and or xor shift_left shift_right_logical shift_right_arithmetic"
+COMPARISONS = "eq ne lt le gt ge"
+MOVES = "slice rev transpose tile"
+IDENTITIES = "stop_gradient copy optimization_barrier reduce_precision"
+LONGEST = 64  # steps of a loop that is written out
+RULES: dict[str, Rule] = {}
+
+
+def rule(*names: str) -> Callable[[Rule], Rule]:
+    """Declare the rule of operations."""
+
+    def declared(function: Rule) -> Rule:
+        RULES.update(dict.fromkeys(names, function))
+        return function
+
+    return declared
+
+
+def out_of(equation: Any) -> Any:
+    return equation.outvars[0].aval
+
+
+@rule(*UNARY.split(), *BINARY.split(), *COMPARISONS.split())
+def _elementwise(b: Any, operands: list[int], equation: Any) -> int:
+    return b.elementwise(equation.primitive.name, *operands, dtype=out_of(equation).dtype)
+
+
+@rule(*IDENTITIES.split())
+def _identity(b: Any, operands: list[int], equation: Any) -> list[int]:
+    return operands
+
+
+@rule("square")
+def _square(b: Any, operands: list[int], equation: Any) -> int:
+    return b.elementwise("mul", operands[0], operands[0])
+
+
+@rule("integer_pow")
+def _integer_pow(b: Any, operands: list[int], equation: Any) -> int:
+    """By repeated squaring, as XLA does."""
+    exponent, base, made = abs(equation.params["y"]), operands[0], None
+    one = b.constant(np.ones((), out_of(equation).dtype))
+    while exponent:
+        if exponent & 1:
+            made = base if made is None else b.elementwise("mul", made, base)
+        exponent >>= 1
+        base = b.elementwise("mul", base, base) if exponent else base
+    made = b.expand(one, out_of(equation).shape) if made is None else made
+    return b.elementwise("div", one, made) if equation.params["y"] < 0 else made
+
+
+@rule("rsqrt")
+def _rsqrt(b: Any, operands: list[int], equation: Any) -> int:
+    return b.elementwise("div", b.constant(np.ones((), out_of(equation).dtype)), b.elementwise("sqrt", operands[0]))
+
+
+@rule("logistic")
+def _logistic(b: Any, operands: list[int], equation: Any) -> int:
+    one = b.constant(np.ones((), out_of(equation).dtype))
+    falling = b.elementwise("exp", b.elementwise("neg", operands[0]))
+    return b.elementwise("div", one, b.elementwise("add", one, falling))
+
+
+@rule("round")
+def _round(b: Any, operands: list[int], equation: Any) -> int:
+    if "EVEN" in str(equation.params["rounding_method"]):
+        return b.elementwise("rint", operands[0])
+    half = b.constant(np.asarray(0.5, out_of(equation).dtype))
+    size = b.elementwise("floor", b.elementwise("add", b.elementwise("abs", operands[0]), half))
+    return b.elementwise("mul", b.elementwise("sign", operands[0]), size)
+
+
+@rule("clamp")
+def _clamp(b: Any, operands: list[int], equation: Any) -> int:
+    low, x, high = operands
+    return b.elementwise("min", b.elementwise("max", low, x), high)
+
+
+@rule("convert_element_type")
+def _convert(b: Any, operands: list[int], equation: Any) -> int:
+    dtype = np.dtype(equation.params["new_dtype"])
+    return operands[0] if b.operations[operands[0]].dtype == dtype else b.elementwise("convert", *operands, dtype=dtype)
+
+
+@rule("bitcast_convert_type")
+def _bitcast(b: Any, operands: list[int], equation: Any) -> int:
+    return b.elementwise("bitcast", *operands, dtype=equation.params["new_dtype"])
+
+
+@rule("select_n")
+def _select(b: Any, operands: list[int], equation: Any) -> int:
+    which, *cases = operands
+    if b.operations[which].dtype == bool:
+        return b.elementwise("select", which, cases[1], cases[0])
+    made = cases[0]
+    for number, case in enumerate(cases[1:], 1):
+        there = b.elementwise("eq", which, b.constant(np.asarray(number, b.operations[which].dtype)), dtype=bool)
+        made = b.elementwise("select", there, case, made)
+    return made
+
+
+@rule("reshape", "squeeze", "expand_dims")
+def _reshape(b: Any, operands: list[int], equation: Any) -> int:
+    return b.reshape(operands[0], out_of(equation).shape)
+
+
+@rule("broadcast_in_dim")
+def _broadcast(b: Any, operands: list[int], equation: Any) -> int:
+    shape, axes = equation.params["shape"], equation.params["broadcast_dimensions"]
+    ones = [1] * len(shape)
+    for axis, size in zip(axes, b.operations[operands[0]].shape, strict=True):
+        ones[axis] = size
+    return b.expand(b.reshape(operands[0], tuple(ones)), shape)
+
+
+@rule("iota")
+def _iota(b: Any, operands: list[int], equation: Any) -> int:
+    shape, axis = equation.params["shape"], equation.params["dimension"]
+    return b.constant(np.indices(shape)[axis].astype(out_of(equation).dtype))
+
+
+def _moved(b: Any, place: int, equation: Any) -> int:
+    """Apply an operation that only moves elements to their places, which tells where each comes from."""
+    shape = b.operations[place].shape
+    places = jnp.arange(int(np.prod(shape)), dtype=jnp.int32).reshape(shape)
+    return b.take(place, np.asarray(equation.primitive.bind(places, **equation.params)))
+
+
+@rule(*MOVES.split())
+def _move(b: Any, operands: list[int], equation: Any) -> int:
+    return _moved(b, operands[0], equation)
+
+
+@rule("concatenate")
+def _concatenate(b: Any, operands: list[int], equation: Any) -> int:
+    out = out_of(equation)
+    return b.add("concatenate", tuple(operands), out.shape, out.dtype, axis=equation.params["dimension"])
+
+
+@rule("stack")
+def _stack(b: Any, operands: list[int], equation: Any) -> int:
+    out, axis = out_of(equation), equation.params["axis"]
+    shape = (*out.shape[:axis], 1, *out.shape[axis + 1 :])
+    return b.add("concatenate", tuple(b.reshape(each, shape) for each in operands), out.shape, out.dtype, axis=axis)
+
+
+@rule("pad")
+def _pad(b: Any, operands: list[int], equation: Any) -> int:
+    x, value = operands
+    operation, out = b.operations[x], out_of(equation)
+    size = int(np.prod(operation.shape))
+    places = jnp.arange(size, dtype=jnp.int32).reshape(operation.shape)
+    index = np.asarray(equation.primitive.bind(places, jnp.asarray(size, jnp.int32), **equation.params))
+    if (index < size).all():
+        return b.take(x, index)
+    parts = b.reshape(x, (size,)), b.reshape(value, (1,))
+    return b.take(b.add("concatenate", parts, (size + 1,), out.dtype, axis=0), index)
+
+
+@rule("split")
+def _split(b: Any, operands: list[int], equation: Any) -> list[int]:
+    shape = b.operations[operands[0]].shape
+    places = np.arange(int(np.prod(shape))).reshape(shape)
+    ends = np.cumsum(equation.params["sizes"])[:-1]
+    return [b.take(operands[0], index) for index in np.split(places, ends, equation.params["axis"])]
+
+
+@rule("scan")
+def _scan(b: Any, operands: list[int], equation: Any) -> list[int]:
+    """A loop of few steps, written out."""
+    told = equation.params
+    length, consts, carried = told["length"], told["num_consts"], told["num_carry"]
+    if length > LONGEST:
+        raise Untranslatable(f"scan of {length} steps: an export writes out at most {LONGEST}")
+    still, carry, rows = operands[:consts], operands[consts : consts + carried], operands[consts + carried :]
+    seen: dict[int, list[int]] = {}
+    for step in reversed(range(length)) if told["reverse"] else range(length):
+        own = [_row(b, place, step) for place in rows]
+        made = b.run(told["jaxpr"].jaxpr, told["jaxpr"].consts, [*still, *carry, *own])
+        carry, seen[step] = made[:carried], made[carried:]
+    stacks = []
+    for number, variable in enumerate(equation.outvars[carried:]):
+        parts = [seen[step][number] for step in range(length)]
+        flat = tuple(b.reshape(part, (1, *b.operations[part].shape)) for part in parts)
+        stacks.append(b.add("concatenate", flat, variable.aval.shape, variable.aval.dtype, axis=0))
+    return [*carry, *stacks]
+
+
+def _row(b: Any, place: int, step: int) -> int:
+    value, operation = b.known(place), b.operations[place]
+    if value is not None:
+        return b.constant(value[step])
+    places = np.arange(int(np.prod(operation.shape))).reshape(operation.shape)
+    return b.take(place, places[step])
+
+
+def number(b: Any, value: int) -> int:
+    return b.constant(np.asarray(value, np.int32))
+
+
+def clipped(b: Any, place: int, most: int) -> int:
+    return b.elementwise("min", b.elementwise("max", place, number(b, 0)), number(b, most))
+
+
+def as_index(b: Any, place: int) -> int:
+    return place if b.operations[place].dtype == np.int32 else b.elementwise("convert", place, dtype=np.int32)
+
+
+@rule("cond")
+def _cond(b: Any, operands: list[int], equation: Any) -> list[int]:
+    """All branches, of which one is chosen."""
+    which, *given = operands
+    branches = [b.run(branch.jaxpr, branch.consts, given) for branch in equation.params["branches"]]
+    known, which = b.known(which), clipped(b, as_index(b, which), len(branches) - 1)
+    if known is not None:
+        return branches[int(np.clip(known, 0, len(branches) - 1))]
+    made = branches[0]
+    for n, branch in enumerate(branches[1:], 1):
+        there = b.elementwise("eq", which, number(b, n), dtype=bool)
+        made = [b.elementwise("select", there, new, old) for new, old in zip(branch, made, strict=True)]
+    return made
+
+
+@rule("erf", "erfc", "expm1", "log1p")
+def _special(b: Any, operands: list[int], equation: Any) -> int:
+    name = equation.primitive.name
+    return special(b, name, operands[0]) if name in b.lacks else b.elementwise(name, operands[0])
+
+
+@rule("reduce_sum", "reduce_prod", "reduce_max", "reduce_min", "reduce_and", "reduce_or")
+def _reduce(b: Any, operands: list[int], equation: Any) -> int:
+    out, axes = out_of(equation), tuple(int(axis) for axis in equation.params["axes"])
+    if not axes:
+        return operands[0]
+    kind = {"and": "all", "or": "any"}.get(equation.primitive.name[7:], equation.primitive.name[7:])
+    return b.add(f"reduce {kind}", tuple(operands), out.shape, out.dtype, axes=axes)
+
+
+@rule("argmax", "argmin")
+def _arg(b: Any, operands: list[int], equation: Any) -> int:
+    out, (axis,) = out_of(equation), equation.params["axes"]
+    return b.add(equation.primitive.name, tuple(operands), out.shape, out.dtype, axis=int(axis))
+
+
+@rule("cumsum", "cumprod", "cummax", "cummin")
+def _cumulative(b: Any, operands: list[int], equation: Any) -> int:
+    out, axis = out_of(equation), int(equation.params["axis"])
+    flip = np.flip(np.arange(int(np.prod(out.shape))).reshape(out.shape), axis)
+    backward = equation.params["reverse"]
+    x = b.take(operands[0], flip) if backward else operands[0]
+    made = b.add(f"cumulative {equation.primitive.name[3:]}", (x,), out.shape, out.dtype, axis=axis)
+    return b.take(made, flip) if backward else made
+
+
+@rule("dot_general")
+def _dot(b: Any, operands: list[int], equation: Any) -> int:
+    out = out_of(equation)
+    (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
+    letters = iter(string.ascii_lowercase)
+    first = {axis: next(letters) for axis in range(len(b.operations[operands[0]].shape))}
+    shared = {int(j): first[i] for i, j in zip((*left, *left_batch), (*right, *right_batch), strict=True)}
+    second = {
+        axis: shared[axis] if axis in shared else next(letters) for axis in range(len(b.operations[operands[1]].shape))
+    }
+    batch = [first[i] for i in left_batch]
+    free = [first[i] for i in first if i not in (*left, *left_batch)]
+    free += [second[j] for j in second if j not in (*right, *right_batch)]
+    spec = f"{''.join(first.values())},{''.join(second.values())}->{''.join([*batch, *free])}"
+    return b.add("einsum", tuple(operands), out.shape, out.dtype, spec=spec)

@@ -1,0 +1,227 @@
+"""Functional Mock-up Units, plants from other tools, as blocks."""
+
+import dataclasses
+import functools
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from motorgrad._errors import check, choice, unknown
+from motorgrad.lab.blocks._base import as_text, read_table
+from motorgrad.lab.blocks.worlds._fmu_instance import CoSimulation, Instance, ModelExchange, fmpy_module
+from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting
+
+KINDS = {"Real": "float", "Float64": "float", "Float32": "float", "Integer": "int", "Int32": "int", "Boolean": "bool"}
+KINDS |= {"Enumeration": "int", "Int8": "int", "Int16": "int", "UInt8": "int", "UInt16": "int"}
+INTERFACES = ("", "co-simulation", "model exchange")
+
+
+class FmuHost(Host):
+    """One instance of the unit per seed."""
+
+    def __init__(self, block: "Fmu", seeds: int):
+        fmpy = fmpy_module()
+        self._ports_in, self._ports_out = block.variables("input"), block.variables("output")
+        self._folder = str(fmpy.extract(str(Path(block.file).absolute())))
+        kind = CoSimulation if block.uses_co_simulation else ModelExchange
+        start = [(block.unit_variables[name], value) for name, value in block.starts.items()]
+        self._instances: list[Instance] = []
+        try:
+            for _ in range(seeds):
+                self._instances.append(kind(block.unit, self._folder, start, block.substeps))
+        except BaseException:
+            self.close()
+            raise
+        self._read()
+
+    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+        return self._outputs
+
+    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+        for n, instance in enumerate(self._instances):
+            given = [(variable, inputs[name][n]) for name, variable in self._ports_in.items()]
+            instance.step(given, now.time, now.step)
+        self._read()
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        states = [np.frombuffer(instance.saved(), np.uint8) for instance in self._instances]
+        size = max(map(len, states))
+        found = {f"output {name}": value.copy() for name, value in self._outputs.items()}
+        found["state"] = np.stack([np.pad(state, (0, size - len(state))) for state in states])
+        found["size"] = np.array([len(state) for state in states])
+        found["next event"] = np.array([instance.next_event for instance in self._instances])
+        return found
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        fits = "state" in snapshot and len(snapshot["state"]) == len(self._instances)
+        check(fits, "snapshot", sorted(snapshot), "a snapshot of this block with as many seeds")
+        for n, instance in enumerate(self._instances):
+            state = np.asarray(snapshot["state"][n], np.uint8)[: int(snapshot["size"][n])]
+            instance.restore(state.tobytes(), float(snapshot["next event"][n]))
+        self._outputs = {name: np.array(snapshot[f"output {name}"]) for name in self._outputs}
+
+    def close(self) -> None:
+        for instance in self._instances:
+            instance.close()
+        self._instances = []
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _read(self) -> None:
+        rows = [instance.read(list(self._ports_out.values())) for instance in self._instances]
+        self._outputs = {name: np.stack([row[n] for row in rows]) for n, name in enumerate(self._ports_out)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Fmu(Foreign, HostBlock):
+    """A Functional Mock-up Unit of version 2.0 or 3.0: a model that another tool has exported, for co-simulation or for
+    model exchange. Its inputs and outputs are ports; in their names, all but letters, digits and `_` becomes `_`.
+
+    At each of its ticks the unit takes its inputs and advances to the next. So its outputs do not depend on the inputs
+    of the same tick. A unit for model exchange is integrated by RK4; where an event indicator changes its sign, the
+    place is found by bisection. Units of all seeds are separate instances.
+
+    A run can go back in time where the unit can save its state (`canGetAndSetFMUstate` and `canSerializeFMUstate`). A
+    unit is a compiled program: that of a stranger's diagram does not run before you trust the file. It needs the extra
+    `fmi`.
+    """
+
+    name: ClassVar[str] = "fmu"
+    category: ClassVar[str] = "bodies and worlds"
+
+    file: Annotated[str, Setting("path of the unit (.fmu), relative to the working folder")] = ""
+    interface: Annotated[
+        str, Setting("how the unit is run; empty for co-simulation where the unit has it", choices=INTERFACES)
+    ] = ""
+    start_values: Annotated[
+        str | Mapping[str, Any], Setting("start values of parameters and other variables as TOML: `mass = 2.0`")
+    ] = ""
+    substeps: Annotated[int, Setting("integration steps per tick of a unit for model exchange")] = 10
+
+    def validate(self) -> None:
+        object.__setattr__(self, "start_values", as_text("start_values", self.start_values))
+        check(1 <= self.substeps <= 100_000, "substeps", self.substeps, "an integer from 1 to 100000")
+        self._meet()
+        if not self.file:
+            return
+        for name in self.starts:
+            if name not in self.unit_variables:
+                raise unknown("variable of the unit", name, self.unit_variables)
+        if self.interface:
+            kinds = {"co-simulation": self.unit.coSimulation, "model exchange": self.unit.modelExchange}
+            choice("interface of the unit", self.interface, [name for name, each in kinds.items() if each is not None])
+        for causality in ("input", "output"):
+            for variable in self.variables(causality).values():
+                check(variable.type in KINDS, variable.name, variable.type, f"of a type among {', '.join(KINDS)}")
+
+    @property
+    def code(self) -> str:
+        return f"{Path(self.file).absolute()}" if self.file else ""
+
+    @functools.cached_property
+    def unit(self) -> Any:
+        """The unit's description, as fmpy reads it."""
+        check(
+            self.file.endswith(".fmu") and Path(self.file).is_file(),
+            "file",
+            self.file,
+            "a path of a file that ends in .fmu",
+        )
+        fmpy = fmpy_module()
+        try:
+            found = fmpy.read_model_description(self.file, validate=False)
+        except Exception as error:  # it raises whatever a damaged archive or XML makes it raise
+            raise ValueError(f"file = {self.file!r}: is not a Functional Mock-up Unit: {error}") from None
+        choice("version of the unit", found.fmiVersion.partition("-")[0], ("2.0", "3.0"))
+        return found
+
+    @functools.cached_property
+    def unit_variables(self) -> dict[str, Any]:
+        """All variables of the unit by name."""
+        return {variable.name: variable for variable in self.unit.modelVariables}
+
+    @property
+    def starts(self) -> dict[str, Any]:
+        """The given start values, by the names of variables."""
+        return read_table("start_values", self.start_values)
+
+    @property
+    def uses_co_simulation(self) -> bool:
+        """Whether the unit makes its steps itself."""
+        return self.interface != "model exchange" and self.unit.coSimulation is not None
+
+    def variables(self, causality: str) -> dict[str, Any]:
+        """The unit's inputs or outputs, by the names of ports."""
+        found: dict[str, Any] = {}
+        for variable in self.unit.modelVariables if self.file else ():
+            if variable.causality == causality:
+                name = re.sub(r"\W+", "_", variable.name).strip("_") or "_"
+                check(
+                    name not in found, "name of a variable", variable.name, "different from others as a name of a port"
+                )
+                found[name] = variable
+        return found
+
+    @property
+    def inputs(self) -> Ports:
+        return self._ports["input"]
+
+    @property
+    def outputs(self) -> Ports:
+        return self._ports["output"]
+
+    @functools.cached_property
+    def _ports(self) -> dict[str, Ports]:  # read at every tick
+        return {
+            causality: {name: _port(each, causality == "input") for name, each in self.variables(causality).items()}
+            for causality in ("input", "output")
+        }
+
+    @property
+    def no_restore(self) -> str | None:
+        if not self.file:
+            return None
+        unit = self.unit.coSimulation if self.uses_co_simulation else self.unit.modelExchange
+        if unit.canGetAndSetFMUstate and unit.canSerializeFMUstate:
+            return None
+        return f"the unit {Path(self.file).name} cannot save its state"
+
+    def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds 0"], threads: int = 0) -> FmuHost:
+        check(self.file, "file", self.file, "the path of a unit (.fmu)")
+        self.check_trusted()
+        unit = self.unit.coSimulation if self.uses_co_simulation else self.unit.modelExchange
+        check(
+            len(seeds) == 1 or not unit.canBeInstantiatedOnlyOncePerProcess,
+            "seeds",
+            len(seeds),
+            "1: the unit allows no more",
+        )
+        return FmuHost(self, len(seeds))
+
+    def __reduce__(self) -> tuple[Any, ...]:  # the description is not pickled
+        return _rebuild, (type(self), {field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+
+
+def _rebuild(kind: type[Fmu], fields: dict[str, Any]) -> Fmu:
+    return kind(**fields)
+
+
+def _port(variable: Any, is_input: bool) -> Port:
+    """The port of a variable."""
+    kind: Any = KINDS.get(variable.type, "float")
+    shape = tuple(int(size) for size in variable.shape or ())
+    start = str(variable.start).split() if variable.start is not None else []
+    value = {"true": 1.0, "false": 0.0}.get(start[0]) if start else 0.0
+    default = (float(start[0]) if value is None else value) if is_input else None
+    return Port(
+        shape,
+        kind,
+        feedthrough=not is_input,
+        default=default,
+        help=variable.description or "",
+        unit=variable.unit or "",
+    )

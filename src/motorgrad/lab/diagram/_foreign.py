@@ -1,0 +1,74 @@
+"""Blocks that run code from elsewhere: nothing of it runs before its user says so."""
+
+import contextlib
+import hashlib
+from collections.abc import Iterator
+from contextvars import ContextVar
+
+from motorgrad._errors import NotTrusted
+
+HOW = "trust=True in Python, --trust on the command line"
+_trusted: set[str] = set()
+_refused: set[str] = set()
+_source: ContextVar[str] = ContextVar("source", default="user")
+
+
+@contextlib.contextmanager
+def from_a_file(trust: bool) -> Iterator[None]:
+    """While a file is read, which its user trusts or not."""
+    token = _source.set("trusted" if trust else "doubted")
+    try:
+        yield
+    finally:
+        _source.reset(token)
+
+
+class Foreign:
+    """A block that runs code which is no part of motorgrad nor imported: Python source, or a compiled library.
+
+    Code that first appears in a file whose user does not trust it is refused, in this process and under whatever
+    settings, until it is trusted. Code that first appears in a block made in Python or in the editor is the user's own.
+    """
+
+    @property
+    def code(self) -> str:
+        """What would run: the source, or the library's place; empty for nothing."""
+        raise NotImplementedError
+
+    def _meet(self) -> None:
+        """Remember where this code was seen first. A subclass calls it when a block is made."""
+        key = _key(self.code)
+        source = _source.get()
+        if source == "doubted" and key not in _trusted:
+            _refused.add(key)
+        elif source == "trusted" or key not in _refused:
+            _refused.discard(key)
+            _trusted.add(key)
+
+    def trust(self) -> None:
+        """Let this code run, in this process."""
+        _refused.discard(_key(self.code))
+        _trusted.add(_key(self.code))
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the code may run."""
+        return not self.code or _key(self.code) not in _refused
+
+    @property
+    def distrust(self) -> str:
+        """Why code that is not trusted does not run, and how to let it."""
+        first = next((line.strip() for line in self.code.splitlines() if line.strip()), "")
+        return (
+            f"the diagram's file brings code of its own, {first[:60]!r}; nothing of it was run. If you trust the file, "
+            f"say so: {HOW}"
+        )
+
+    def check_trusted(self) -> None:
+        """Refuse to run code that nobody has trusted. **Raises** `NotTrusted`."""
+        if not self.is_trusted:
+            raise NotTrusted(f"{type(self).__name__}: {self.distrust}")
+
+
+def _key(code: str) -> str:
+    return hashlib.sha256(code.encode()).hexdigest()

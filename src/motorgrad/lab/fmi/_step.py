@@ -1,0 +1,102 @@
+"""One tick of a diagram as a program: from the state and the inlets to the outlets and the next state."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.export import Program, traced
+from motorgrad.lab.compiler import Carry, Step
+from motorgrad.lab.diagram import Diagram, HostBlock, Inlet, Outlet, Port
+from motorgrad.lab.engine import Run
+from motorgrad.lab.fmi._random import draw
+
+
+@dataclasses.dataclass(frozen=True)
+class TickProgram:
+    """A diagram as a program.
+
+    - `step`: one tick. Inputs `u0`, `u1`, …, the `state0`, `state1`, …, and `tick`, the number of completed ticks.
+      Outputs `y0`, `y1`, …, the state after the tick, and `tick`.
+    - `start`: the state and the tick to begin with.
+    - `inlets`, `outlets`: the ports by their names in the diagram, in the order of `u0`, … and `y0`, ….
+    - `resting`: the values of the inlets where nothing is set.
+    - `length` of a tick, in seconds.
+    """
+
+    step: Program
+    start: dict[str, np.ndarray]
+    inlets: dict[str, Port]
+    outlets: dict[str, Port]
+    resting: list[np.ndarray]
+    length: float
+
+
+def tick_program(source: Diagram | Run) -> TickProgram:
+    """The program of a diagram, from its first tick, or of a run of one seed, from its present state.
+
+    **Raises:** `ValueError` for a run of several seeds, and for a block that runs on the host; `Untranslatable` for a
+    block that uses an operation which an export does not know; `DiagramError` for a diagram that cannot run.
+    """
+    run = Run(source) if isinstance(source, Diagram) else source
+    check(len(run.seeds) == 1, "seeds", run.seeds.tolist(), "a single one, to be exported")
+    blocks = run.plan.blocks
+    for placed in blocks:
+        check(not isinstance(placed.block, HostBlock), placed.path, type(placed.block).__name__, NO_HOST)
+    places = {
+        kind: [i for i, each in enumerate(blocks) if type(each.block) is kind and "/" not in each.path]
+        for kind in (Inlet, Outlet)
+    }
+    step, values, carry = run.functions_at(0)
+    rows = step.stacks.rows
+    leaves, structure = jax.tree.flatten((carry.states, carry.held))
+    names = [f"state{n}" for n in range(len(leaves))]
+    seed = int(run.seeds[0])
+
+    def ticked(tick: Any, **given: Any) -> dict[str, Any]:
+        inputs = [given[f"u{n}"] for n in range(len(places[Inlet]))]
+        now = _with_inlets(step, values, {rows[i]: u for i, u in zip(places[Inlet], inputs, strict=True)})
+        before = Carry(*jax.tree.unflatten(structure, [given[name] for name in names]))
+        numbers = _numbers(step, seed, tick)
+        environment = step.outputs(range(len(step.stacks.batches)), now, before, tick, numbers, step.empty())
+        after = step.finish(now, before, tick, numbers, environment)
+        seen = step.recorded(environment)
+        outputs = {f"y{n}": seen[rows[i][0]]["u"][rows[i][1]] for n, i in enumerate(places[Outlet])}
+        return outputs | dict(zip(names, jax.tree.leaves((after.states, after.held)), strict=True)) | {"tick": tick + 1}
+
+    start = dict(zip(names, map(np.asarray, leaves), strict=True)) | {"tick": np.asarray(run.tick, np.uint32)}
+    inlets = {blocks[i].path: blocks[i].block.outputs["y"] for i in places[Inlet]}
+    like = {f"u{n}": jax.ShapeDtypeStruct(port.shape, port.dtype) for n, port in enumerate(inlets.values())}
+    program = traced(ticked, {**start, **like})
+    outlets = {blocks[i].path: blocks[i].block.inputs["u"] for i in places[Outlet]}
+    resting = [np.asarray(values[rows[i][0]]["value"][rows[i][1]]) for i in places[Inlet]]
+    resting = [
+        np.broadcast_to(each, port.shape).astype(port.dtype)
+        for each, port in zip(resting, inlets.values(), strict=True)
+    ]
+    return TickProgram(program, start, inlets, outlets, resting, run.plan.tick)
+
+
+NO_HOST = "a block that is compiled: one that runs on the host cannot be exported"
+
+
+def _with_inlets(step: Step, values: Any, given: dict[tuple[int, int], Any]) -> Any:
+    """The parameters with the values of inlets."""
+    changed = {k: dict(names) for k, names in values.items()}
+    for k in {k for k, _ in given}:
+        kept, shape = values[k]["value"], step.kinds[k].block.outputs["y"].shape
+        rows = [given.get((k, row), kept[row]) for row in range(len(kept))]
+        changed[k]["value"] = jnp.stack([jnp.broadcast_to(jnp.asarray(each, kept.dtype), shape) for each in rows])
+    return changed
+
+
+def _numbers(step: Step, seed: int, tick: Any) -> dict[int, Any]:
+    """The random numbers of a tick, by kind."""
+    made = {}
+    for k in step.chance:
+        streams = [step.plan.blocks[i].stream for i in step.kinds[k].members]
+        made[k] = jnp.stack([draw(seed, stream, tick, step.kinds[k].block.uniforms) for stream in streams])
+    return made

@@ -1,0 +1,227 @@
+"""Diagrams as Functional Mock-up Units."""
+
+import hashlib
+import io
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from motorgrad._errors import check, choice
+from motorgrad._files import check_writable, write_atomically
+from motorgrad.export import c_literal, c_source, c_type
+from motorgrad.lab.diagram import Diagram, Port
+from motorgrad.lab.engine import Run
+from motorgrad.lab.fmi._step import TickProgram, tick_program
+from motorgrad.lab.fmi._wrapper import wrapper
+
+VERSIONS = ("2.0", "3.0")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-w")
+CTYPES = {"float": "float", "int": "int32_t", "bool": "bool"}
+KINDS = {"float": "REAL", "int": "INTEGER", "bool": "TRUTH"}
+NAMES = {"2.0": ("Real", "Integer", "Boolean"), "3.0": ("Float64", "Int32", "Boolean")}
+EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the unit, so that equal diagrams make equal units
+
+
+def write_fmu(source: Diagram | Run, path: Path | str, version: str = "2.0", compiled: bool = True) -> Path:
+    """Write a diagram as a Functional Mock-up Unit for co-simulation, which other simulators run.
+
+    The unit's inputs are the inlets of the outermost diagram, its outputs the outlets. It makes one tick at a time: a
+    communication step is a whole number of ticks. Its outputs after a step are those of the step's last tick. It has
+    the same random numbers as the run, and its learners learn. Its state can be saved and restored.
+
+    **Arguments:**
+
+    - `source`: a diagram, or a run of one seed: the unit then begins where the run is, with what it has learned.
+    - `path`: of the file, which ends in `.fmu`.
+    - `version`: of the standard, `"2.0"` or `"3.0"`.
+    - `compiled`: whether to compile it for this machine, with `cc`. The sources are always in it.
+
+    **Returns** the path.
+
+    **Raises:** `ValueError` for a diagram with a block that cannot be exported; `RuntimeError` without a C compiler.
+
+    ```python
+    controller = mg.lab.extract(diagram, ["units"])
+    mg.lab.write_fmu(controller, "controller.fmu")
+    ```
+    """
+    path = Path(path)
+    check(path.suffix == ".fmu", "path", str(path), "a name that ends in .fmu")
+    check_writable("path", path)
+    choice("version", version, VERSIONS)
+    program = tick_program(source)
+    name = re.sub(r"\W|^(?=\d)", "_", path.stem, flags=re.ASCII)
+    body = c_source({"step": program.step}, "tick", ["A diagram of motorgrad as a Functional Mock-up Unit."])
+    guid = str(uuid.UUID(hashlib.sha256(f"{version}{program.inlets}{body}".encode()).hexdigest()[:32]))
+    code = body + wrapper(version, guid, _parts(program))
+    files: dict[str, bytes] = {
+        "modelDescription.xml": _description(program, name, guid, version),
+        f"sources/{name}.c": code.encode(),
+    }
+    if version == "3.0":
+        files["sources/buildDescription.xml"] = _build_description(name)
+    if compiled:
+        files[_binary(name, version)] = _compiled(code)
+    write_atomically(path, _zipped(files))
+    return path
+
+
+def _parts(program: TickProgram) -> dict[str, Any]:
+    """What the C around the tick needs to know of it."""
+    inputs = {f"u{n}": port for n, port in enumerate(program.inlets.values())}
+    outputs = {f"y{n}": port for n, port in enumerate(program.outlets.values())}
+    ports = {**inputs, **outputs}
+    fields = [f"    {CTYPES[port.kind]} {name}[{_size(port)}];" for name, port in ports.items()]
+    fields += [f"    {_state_type(value)} {name}[{max(1, value.size)}];" for name, value in program.start.items()]
+    variables = [
+        f"    {{{KINDS[port.kind]}, offsetof(Data, {name}) + {i} * sizeof({CTYPES[port.kind]}), "
+        f"{_size(port) - i}, {'true' if name in inputs else 'false'}}},"
+        for name, port in ports.items()
+        for i in range(_size(port))
+    ]
+    given = dict(zip(inputs, program.resting, strict=True)) | program.start
+    start = [
+        f"    {{ static const {_state_type(value)} start[] = {{{_numbers(value)}}}; "
+        f"memcpy(data->{name}, start, sizeof start); }}"
+        for name, value in given.items()
+        if value.size
+    ]
+    order = [*program.step.inputs, *(name for name in program.step.outputs if name not in program.step.inputs)]
+    return {
+        "fields": "\n".join(fields),
+        "variables": "\n".join([*variables, "    {TIME, 0, 1, false},"]),
+        "tick": repr(program.length),
+        "start": "\n".join(start),
+        "arguments": ", ".join(f"data->{name}" for name in order),
+        "peeked": "\n".join(f"    memcpy(data->{name}, after.{name}, sizeof data->{name});" for name in outputs),
+    }
+
+
+def _state_type(value: np.ndarray) -> str:
+    return c_type(value.dtype)
+
+
+def _numbers(value: np.ndarray) -> str:
+    return ", ".join(c_literal(number) for number in value.ravel())
+
+
+def _size(port: Port) -> int:
+    return int(np.prod(port.shape))
+
+
+def _description(program: TickProgram, name: str, guid: str, version: str) -> bytes:
+    """`modelDescription.xml`."""
+    old = version == "2.0"
+    key = "guid" if old else "instantiationToken"
+    root = ElementTree.Element("fmiModelDescription", fmiVersion=version, modelName=name, generationTool="motorgrad")
+    root.set(key, guid)
+    unit = ElementTree.SubElement(root, "CoSimulation", modelIdentifier=name)
+    state = "state" if old else "State"
+    for able in (f"canGetAndSetFMU{state}", f"canSerializeFMU{state}", "canHandleVariableCommunicationStepSize"):
+        unit.set(able, "true")
+    if old:
+        sources = ElementTree.SubElement(unit, "SourceFiles")
+        ElementTree.SubElement(sources, "File", name=f"{name}.c")
+    else:
+        unit.set("fixedInternalStepSize", repr(program.length))
+    ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=repr(program.length))
+    variables = ElementTree.SubElement(root, "ModelVariables")
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    found: list[tuple[int, int]] = []
+    index = reference = 0
+    ports = [(n, p, "input", r) for (n, p), r in zip(program.inlets.items(), program.resting, strict=True)]
+    ports += [(n, p, "output", None) for n, p in program.outlets.items()]
+    for title, port, causality, resting in ports:
+        kind = NAMES[version][("float", "int", "bool").index(port.kind)]
+        whole = not old or not port.shape
+        for i in range(1 if whole else _size(port)):
+            place = "" if whole else f"[{','.join(str(n) for n in np.unravel_index(i, port.shape))}]"
+            index += 1
+            told = {"name": f"{title}{place}", "valueReference": str(reference + i), "causality": causality}
+            told["variability"] = "continuous" if port.kind == "float" else "discrete"
+            start = {} if resting is None else {"start": _start(resting if whole else resting.ravel()[i])}
+            if old:
+                ElementTree.SubElement(ElementTree.SubElement(variables, "ScalarVariable", told), kind, start)
+            else:
+                variable = ElementTree.SubElement(variables, kind, told | start)
+                for size in port.shape:
+                    ElementTree.SubElement(variable, "Dimension", start=str(size))
+            if causality == "output":
+                found.append((index, reference + i))
+        reference += _size(port)
+    if not old:
+        ElementTree.SubElement(
+            variables,
+            "Float64",
+            name="time",
+            valueReference=str(reference),
+            causality="independent",
+            variability="continuous",
+        )
+    if old and found:
+        outputs = ElementTree.SubElement(structure, "Outputs")
+        unknowns = ElementTree.SubElement(structure, "InitialUnknowns")
+        for place, _ in found:
+            ElementTree.SubElement(outputs, "Unknown", index=str(place))
+            ElementTree.SubElement(unknowns, "Unknown", index=str(place))
+    elif not old:
+        for kind in ("Output", "InitialUnknown"):
+            for _, each in found:
+                ElementTree.SubElement(structure, kind, valueReference=str(each))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, "utf-8", xml_declaration=True)
+
+
+def _start(value: Any) -> str:
+    array = np.asarray(value)
+    words = {True: "true", False: "false"}
+    return " ".join(words[bool(x)] if array.dtype == bool else repr(x.item()) for x in array.ravel())
+
+
+def _build_description(name: str) -> bytes:
+    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
+    sources = ElementTree.SubElement(build, "SourceFileSet", language="C99")
+    ElementTree.SubElement(sources, "SourceFile", name=f"{name}.c")
+    return ElementTree.tostring(root, "utf-8", xml_declaration=True)
+
+
+def _binary(name: str, version: str) -> str:
+    """The place of the compiled code in the unit, for this machine."""
+    system = {"linux": "linux", "darwin": "darwin", "win32": "windows"}.get(sys.platform, sys.platform)
+    ending = {"linux": ".so", "darwin": ".dylib", "windows": ".dll"}.get(system, ".so")
+    machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
+    old = {"windows": "win64", "darwin": "darwin64"}.get(system, f"{system}64")
+    return f"binaries/{old if version == '2.0' else f'{machine}-{system}'}/{name}{ending}"
+
+
+def _compiled(code: str) -> bytes:
+    """The C as a shared library. **Raises** `RuntimeError` without a compiler."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        raise RuntimeError("there is no C compiler (cc): write the sources alone, compiled=False, or install one")
+    with tempfile.TemporaryDirectory() as folder:
+        file, library = Path(folder) / "unit.c", Path(folder) / "unit.so"
+        file.write_text(code)
+        done = subprocess.run([compiler, *FLAGS, "-o", library, file, "-lm"], capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"{compiler} refuses the exported C: {done.stderr.strip()[:500]}")
+        return library.read_bytes()
+
+
+def _zipped(files: dict[str, bytes]) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(zipfile.ZipInfo(name, EPOCH), content, zipfile.ZIP_DEFLATED)
+    return file.getvalue()

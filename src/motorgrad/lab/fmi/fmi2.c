@@ -1,0 +1,89 @@
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT
+#endif
+
+EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+EXPORT int fmi2SetDebugLogging(void *m, int on, size_t n, const char *const names[]) { (void)m; (void)on; (void)n; (void)names; return 0; }
+
+EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *place, const void *functions, int visible, int logging)
+{
+    (void)name; (void)place; (void)functions; (void)visible; (void)logging;
+    if (type != 1 || strcmp(guid, "$guid") != 0) return NULL;
+    Model *model = calloc(1, sizeof *model);
+    if (model) begin(&model->data);
+    return model;
+}
+
+EXPORT void fmi2FreeInstance(void *m) { free(m); }
+
+EXPORT int fmi2SetupExperiment(void *m, int given, double tolerance, double start, int stops, double stop)
+{
+    (void)given; (void)tolerance; (void)stops; (void)stop;
+    ((Model *)m)->start = ((Model *)m)->data.time = start;
+    return 0;
+}
+
+EXPORT int fmi2EnterInitializationMode(void *m) { (void)m; return 0; }
+EXPORT int fmi2ExitInitializationMode(void *m) { peek(&((Model *)m)->data); return 0; }
+EXPORT int fmi2Terminate(void *m) { (void)m; return 0; }
+EXPORT int fmi2Reset(void *m) { memset(m, 0, sizeof(Model)); begin(&((Model *)m)->data); return 0; }
+
+#define ACCESS(NAME, KIND, TYPE) \
+EXPORT int fmi2Get##NAME(void *m, const unsigned int which[], size_t n, TYPE values[]) \
+{ \
+    for (size_t k = 0; k < n; ++k) { \
+        if (which[k] >= COUNT || !right(&VARIABLES[which[k]], KIND)) return 3; \
+        values[k] = (TYPE)get_element(&((Model *)m)->data, &VARIABLES[which[k]], 0); \
+    } \
+    return 0; \
+} \
+EXPORT int fmi2Set##NAME(void *m, const unsigned int which[], size_t n, const TYPE values[]) \
+{ \
+    for (size_t k = 0; k < n; ++k) { \
+        if (which[k] >= COUNT || VARIABLES[which[k]].kind != KIND || !VARIABLES[which[k]].input) return 3; \
+        set_element(&((Model *)m)->data, &VARIABLES[which[k]], 0, values[k]); \
+    } \
+    return 0; \
+}
+ACCESS(Real, REAL, double)
+ACCESS(Integer, INTEGER, int)
+ACCESS(Boolean, TRUTH, int)
+EXPORT int fmi2GetString(void *m, const unsigned int which[], size_t n, const char *values[]) { (void)m; (void)which; (void)values; return n ? 3 : 0; }
+EXPORT int fmi2SetString(void *m, const unsigned int which[], size_t n, const char *const values[]) { (void)m; (void)which; (void)values; return n ? 3 : 0; }
+
+EXPORT int fmi2GetFMUstate(void *m, void **state)
+{
+    if (!*state) *state = malloc(sizeof(Model));
+    if (!*state) return 3;
+    memcpy(*state, m, sizeof(Model));
+    return 0;
+}
+
+EXPORT int fmi2SetFMUstate(void *m, void *state) { memcpy(m, state, sizeof(Model)); return 0; }
+EXPORT int fmi2FreeFMUstate(void *m, void **state) { (void)m; free(*state); *state = NULL; return 0; }
+EXPORT int fmi2SerializedFMUstateSize(void *m, void *state, size_t *size) { (void)m; (void)state; *size = sizeof(Model); return 0; }
+EXPORT int fmi2SerializeFMUstate(void *m, void *state, char bytes[], size_t size)
+{
+    (void)m;
+    if (size < sizeof(Model)) return 3;
+    memcpy(bytes, state, sizeof(Model));
+    return 0;
+}
+EXPORT int fmi2DeSerializeFMUstate(void *m, const char bytes[], size_t size, void **state)
+{
+    (void)m;
+    if (size != sizeof(Model)) return 3;
+    if (!*state) *state = malloc(sizeof(Model));
+    if (!*state) return 3;
+    memcpy(*state, bytes, sizeof(Model));
+    return 0;
+}
+
+EXPORT int fmi2DoStep(void *m, double now, double length, int keep) { (void)keep; return run(m, now, length); }
+EXPORT int fmi2CancelStep(void *m) { (void)m; return 3; }
+
+/* What the unit does not offer: each refuses, whatever it is given. */
+$refused

@@ -1,0 +1,131 @@
+"""Functional Mock-up Units as blocks: units of our own C, run by fmpy."""
+
+import numpy as np
+import pytest
+from units import built, needs_compiler
+
+from motorgrad import lab
+from motorgrad.lab import Diagram, DiagramError, Fmu, Run
+
+pytestmark = needs_compiler
+TICK = 0.05
+
+
+@pytest.fixture(scope="module")
+def balls(tmp_path_factory):
+    return {version: str(built(tmp_path_factory.mktemp("unit"), version)) for version in ("2.0", "3.0")}
+
+
+def diagram(file, **settings):
+    """A ball, thrown by noise."""
+    made = Diagram(tick=TICK)
+    made.add("noise", lab.UniformNoise(low=0.0, high=8.0))
+    made.add("ball", Fmu(file, **settings))
+    made.connect("noise", "ball.u")
+    return made
+
+
+WATCHED = ("ball.ball_h", "ball.v", "ball.bounces", "noise.y")
+CASES = [("2.0", "co-simulation"), ("2.0", "model exchange"), ("3.0", "")]
+
+
+def exact(throws, e=0.5):
+    """Height, velocity and bounces of the ball at each tick, in closed form between bounces."""
+    h, v, count, rows = 1.0, 0.0, 0, []
+    for u in throws:
+        rows.append((h, v, count))
+        left, a = TICK, u - 9.81
+        while True:
+            roots = np.roots([a / 2, v, h])
+            roots = [r.real for r in roots if abs(r.imag) < 1e-12 and 1e-12 < r.real <= left and v + a * r.real < 0]
+            if not roots:
+                h, v = h + v * left + a / 2 * left**2, v + a * left
+                break
+            hit = min(roots)
+            h, v, left, count = 0.0, -e * (v + a * hit), left - hit, count + 1
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize(("version", "interface"), CASES)
+def test_a_unit_moves_as_its_equations_do(version, interface, balls):
+    run = Run(diagram(balls[version], interface=interface, start_values="e = 0.8"), seeds=2, watch=WATCHED)
+    record = run.advance(30)
+    for seed in range(2):
+        h, v, count = exact(record["noise.y"][seed].astype(float), 0.8)
+        near = {"rtol": 1e-4, "atol": 5e-3} if interface == "co-simulation" else {"rtol": 1e-5, "atol": 1e-5}
+        np.testing.assert_array_equal(record["ball.bounces"][seed], count)
+        np.testing.assert_allclose(record["ball.ball_h"][seed], h, **near)
+        np.testing.assert_allclose(record["ball.v"][seed], v, **near)
+    assert count[-1] >= 1
+    assert not np.array_equal(*record["ball.v"])
+
+
+@pytest.mark.parametrize(("version", "interface"), CASES)
+def test_going_back_is_exact(version, interface, balls):
+    run = Run(diagram(balls[version], interface=interface), seeds=2, watch=WATCHED)
+    run.advance(13)
+    state = run.state
+    first = run.advance(20)
+    run.restore(state)
+    again = run.advance(20)
+    other = run.fork()
+    other.restore(state)
+    for name in WATCHED:
+        np.testing.assert_array_equal(again[name], first[name])
+    np.testing.assert_array_equal(other.advance(20)["ball.v"], first["ball.v"])
+    other.close()
+    run.close()
+
+
+def test_ports_come_from_the_description(balls):
+    block = Fmu(balls["2.0"])
+    assert list(block.inputs) == ["u"]
+    assert {name: port.kind for name, port in block.outputs.items()} == {
+        "ball_h": "float",
+        "v": "float",
+        "bounces": "int",
+    }
+    assert block.outputs["ball_h"].help == "height"
+
+
+def test_a_unit_that_cannot_save_its_state_says_so(tmp_path):
+    run = Run(diagram(str(built(tmp_path, "2.0", saves=False))))
+    assert run.no_restore == {"ball": "the unit ball2.fmu cannot save its state"}
+    run.advance(2)
+    with pytest.raises(ValueError, match=r"ball: cannot be saved: the unit ball2.fmu cannot save its state"):
+        _ = run.state
+
+
+def test_a_strangers_unit_does_not_run_unasked(tmp_path):
+    text = lab.dumps(diagram(str(built(tmp_path, "2.0")))).replace("ball2.fmu", "stranger.fmu")
+    (tmp_path / "ball2.fmu").rename(tmp_path / "stranger.fmu")
+    opened = lab.loads(text)
+    with pytest.raises(DiagramError, match=r"ball: .* nothing of it was run.*--trust"):
+        Run(opened)
+    Run(lab.loads(text, trust=True)).advance(1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"file": "ball.zip"}, "must be a path of a file that ends in .fmu"),
+        ({"start_values": "mass = 1.0"}, "unknown variable of the unit 'mass'"),
+        ({"interface": "co-simulation"}, "known are model exchange"),
+        ({"substeps": 0}, "substeps = 0: must be an integer from 1"),
+    ],
+)
+def test_bad_settings_are_named(settings, message, balls):
+    with pytest.raises(ValueError, match=message):
+        Fmu(**{"file": balls["3.0"], **settings})
+
+
+def test_a_refusal_of_the_unit_names_it(balls):
+    # the ball refuses an input that is no finite number
+    made = Diagram(tick=TICK)
+    made.add("u", lab.Inlet(0.0))
+    made.add("log", lab.Expression("log(u)", ("u",)))
+    made.add("ball", Fmu(balls["2.0"]))
+    made.connect("u", "log.u")
+    made.connect("log", "ball.u")
+    with pytest.raises(RuntimeError, match="the unit ball: fmi2SetReal failed"):
+        Run(made).advance(1)

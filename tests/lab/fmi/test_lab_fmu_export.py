@@ -1,0 +1,147 @@
+"""Diagrams as Functional Mock-up Units: fmpy validates and runs them, with the outputs of the diagram's own run."""
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+from units import needs_compiler
+
+import motorgrad.lab as lab
+from motorgrad.export import Untranslatable
+from motorgrad.lab import Diagram, Fmu, Run, write_fmu
+from motorgrad.lab.compiler import draw_span
+from motorgrad.lab.fmi._random import draw
+
+pytestmark = needs_compiler
+VERSIONS = ("2.0", "3.0")
+
+
+def simulated(path, ticks, tick, inputs=None):
+    """What fmpy records of a unit after each of its steps, by the names of outputs."""
+    record = fmpy.simulate_fmu(str(path), stop_time=ticks * tick, output_interval=tick, step_size=tick, input=inputs)
+    assert validate_fmu(str(path)) == []
+    return {name: record[name][1 : ticks + 1] for name in record.dtype.names}
+
+
+def mixed():
+    """Inlets and outlets of all kinds and shapes, a state, noise and a slower block."""
+    made = Diagram(tick=0.02)
+    made.add("u", lab.Inlet([1.0, 0.5], shape=(2,)))
+    made.add("on", lab.Inlet(kind="bool"))
+    made.add("count", lab.Inlet(3, kind="int"))
+    made.add("noise", lab.UniformNoise(every=2))
+    made.add("gain", lab.MatrixGain(matrix=[[1.0, 2.0], [3.0, -1.0]]))
+    made.add("level", lab.Integrator(0.25))
+    made.connect("u", "gain")
+    made.connect("noise", "level")
+    for name, source, port in (("y", "gain", {"shape": (2,)}), ("z", "level", {}), ("b", "on", {"kind": "bool"})):
+        made.add(name, lab.Outlet(**port))
+        made.connect(source, name)
+    made.add("n", lab.Outlet(kind="int"))
+    made.connect("count", "n")
+    return made
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_unit_gives_what_the_diagram_gives(version, tmp_path):
+    found = simulated(write_fmu(mixed(), tmp_path / "mixed.fmu", version), 10, 0.02)
+    record = Run(mixed()).advance(10)
+    y = np.stack([found["y[0]"], found["y[1]"]], axis=1) if version == "2.0" else found["y"]
+    np.testing.assert_array_equal(y, record["y.u"][0])
+    np.testing.assert_array_equal(found["z"], record["z.u"][0])
+    np.testing.assert_array_equal(found["b"], record["b.u"][0])
+    np.testing.assert_array_equal(found["n"], record["n.u"][0])
+    assert len(set(found["z"])) > 5
+
+
+@pytest.fixture(scope="module")
+def learned():
+    """The policy of the chain after 2,000 decisions, alone; and the observations of the next 50."""
+    run = Run(lab.example("chain"), watch=["world.observation"])
+    run.advance(2000)
+    alone = lab.extract(lab.example("chain"), ["policy"])
+    alone.replace("world", lab.Inlet([0.0] * 6, shape=(6,)))
+    policy = Run(alone)
+    assert policy.restore_matching(run.state) == []
+    return policy, run.advance(50)["world.observation"][0]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_learned_controller_acts_elsewhere_as_here(version, learned, tmp_path):
+    policy, observations = learned
+    path = write_fmu(policy, tmp_path / "chain.fmu", version)
+    tick, size = policy.plan.tick, observations.shape[1]
+    names = [(f"world[{n}]", float) for n in range(size)] if version == "2.0" else [("world", float, (size,))]
+    inputs = np.zeros(len(observations), [("time", float), *names])
+    inputs["time"] = tick * np.arange(len(observations))
+    for n in range(size):
+        place = inputs[f"world[{n}]"] if version == "2.0" else inputs["world"][:, n]
+        place[:] = observations[:, n]
+    # an input is interpolated between its samples, so each holds until just before the next
+    held = np.repeat(inputs, 2)[:-1]
+    held["time"][1::2] = inputs["time"][1:] - 1e-9
+    found = simulated(path, len(observations), tick, held)
+    own, outlet = policy.fork(), "policy action"
+    actions = []
+    for observation in observations:
+        own["world.value"] = observation.tolist()
+        actions.append(own.advance(1)[f"{outlet}.u"][0, 0])
+    np.testing.assert_array_equal(found[outlet], actions)
+    assert 0 < np.mean(actions) < 1
+
+
+def learner():
+    made = lab.example("chain")
+    made.add("reward", lab.Outlet())
+    made.connect("world.reward", "reward")
+    return made
+
+
+def test_a_learner_learns_elsewhere(tmp_path):
+    made = learner()
+    found = simulated(write_fmu(made, tmp_path / "learner.fmu"), 600, made.tick)
+    rewards = Run(made).advance(600)["reward.u"][0]
+    np.testing.assert_array_equal(found["reward"], rewards)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_unit_of_ours_is_a_block_again(version, tmp_path):
+    path = write_fmu(mixed(), tmp_path / "mixed.fmu", version)
+    outer = Diagram(tick=0.02)
+    outer.add("unit", Fmu(str(path)))
+    run = Run(outer, watch=["unit.z"])
+    record = run.advance(8)
+    np.testing.assert_array_equal(record["unit.z"][0, 1:], Run(mixed()).advance(7)["z.u"][0])
+    state = run.state
+    first = run.advance(5)["unit.z"]
+    run.restore(state)
+    np.testing.assert_array_equal(run.advance(5)["unit.z"], first)
+    run.close()
+
+
+def test_its_random_numbers_are_jaxs():
+    for tick in (0, 127, 128, 1000):
+        span = np.asarray(draw_span(7, 123456789, tick // 128, 3))
+        np.testing.assert_array_equal(draw(7, 123456789, np.uint32(tick), 3), span[tick % 128])
+
+
+def test_sources_alone_and_equal_units(tmp_path):
+    first = write_fmu(mixed(), tmp_path / "a.fmu", compiled=False).read_bytes()
+    assert write_fmu(mixed(), tmp_path / "a.fmu", compiled=False).read_bytes() == first
+    assert validate_fmu(str(tmp_path / "a.fmu")) == []
+
+
+def test_what_cannot_be_exported_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"world = 'Body': must be a block that is compiled"):
+        write_fmu(lab.example("hopper"), tmp_path / "hopper.fmu")
+    with pytest.raises(ValueError, match=r"seeds = \[0, 1\]: must be a single one"):
+        write_fmu(Run(mixed(), seeds=2), tmp_path / "mixed.fmu")
+    with pytest.raises(ValueError, match=r"must be a name that ends in .fmu"):
+        write_fmu(mixed(), tmp_path / "mixed.zip")
+    made = mixed()
+    made.add("pulse", lab.Pulse())
+    made.add("ramp", lab.Integrator())
+    made.connect("pulse", "ramp")
+    with pytest.raises(Untranslatable, match="while"):
+        write_fmu(made, tmp_path / "mixed.fmu")
+    assert not list(tmp_path.iterdir())

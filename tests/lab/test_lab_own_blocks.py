@@ -1,0 +1,136 @@
+"""Blocks of a user's own: classes in a file, and Python functions in a diagram."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from motorgrad import lab
+from motorgrad._errors import NotTrusted
+from motorgrad.cli import main
+from motorgrad.lab import Diagram, DiagramError, Interpreter, PythonFunction, Run
+from motorgrad.lab.editor import Session
+
+OWN = """
+import motorgrad as mg
+
+@mg.lab.block
+class TwiceAsMuch(mg.lab.Block):
+    inputs = {"u": mg.lab.Port()}
+    outputs = {"y": mg.lab.Port()}
+
+    def output(self, state, inputs, now):
+        return {"y": 2 * inputs["u"]}
+"""
+
+
+@pytest.fixture
+def own_file(tmp_path, monkeypatch):
+    """A file with a block, which is forgotten after the test."""
+    file = tmp_path / "blocks_of_mine.py"
+    file.write_text(OWN)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    yield file
+    sys.modules.pop("blocks_of_mine", None)
+    lab.BLOCKS.maps[0].pop("twice as much", None)
+
+
+def test_a_file_of_blocks_is_imported_and_saved_diagrams_load_again(own_file, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["lab", "--import", str(own_file), "--check"])
+    diagram = Diagram()
+    diagram.add("one", lab.Constant(1.5))
+    diagram.add("twice", lab.BLOCKS["twice as much"]())
+    diagram.connect("one", "twice")
+    lab.save(diagram, tmp_path / "mine.json")
+    assert lab.load(tmp_path / "mine.json") == diagram
+    assert lab.dumps(lab.load(tmp_path / "mine.json")) == lab.dumps(diagram)
+    assert Run(diagram, watch=["twice.y"]).advance(1)["twice.y"] == 3.0
+    assert lab.BLOCKS["twice as much"].category == "mathematics"
+    del lab.BLOCKS["twice as much"]
+    with pytest.raises(ValueError, match=r"twice: the type of block 'twice as much' is defined in 'blocks_of_mine'"):
+        lab.load(tmp_path / "mine.json")
+
+
+def test_only_blocks_with_names_of_their_own_are_registered(capsys):
+    with pytest.raises(ValueError, match=r"must be a class under motorgrad.lab.Block"):
+        lab.block(dict)
+    with pytest.raises(ValueError, match=r"name = 'gain': must be a name that no other type has"):
+        lab.block(type("Gain", (lab.Block,), {}))
+    assert main(["--import", "nowhere.py", "list"]) == 2
+    assert "cannot import 'nowhere.py': there is no such file" in capsys.readouterr().err
+
+
+def accumulator(source=None):
+    diagram = Diagram(tick=0.5)
+    diagram.add("noise", lab.UniformNoise())
+    diagram.add("f", PythonFunction(*([] if source is None else [source])))
+    diagram.connect("noise", "f.u")
+    return diagram
+
+
+WATCHED = ("f.y", "noise.y")
+
+
+def test_a_python_function_has_a_memory_that_goes_back_in_time():
+    run = Run(accumulator(), seeds=2, watch=WATCHED)
+    record = run.advance(5)
+    np.testing.assert_allclose(record["f.y"], np.cumsum(record["noise.y"], axis=1), rtol=1e-6)
+    state = run.state
+    first = run.advance(4)["f.y"]
+    run.restore(state)
+    np.testing.assert_array_equal(run.advance(4)["f.y"], first)
+    np.testing.assert_array_equal(Interpreter(accumulator(), watch=WATCHED).advance(5)["f.y"][0], record["f.y"][0])
+
+
+def test_several_inputs_and_outputs_with_shapes():
+    source = "def step(a, b, memory, time):\n    return a * b, np.array([time, a.sum()])\n"
+    diagram = Diagram(tick=0.5)
+    diagram.add("a", lab.Constant([1.0, 2.0, 4.0], shape=(3,)))
+    diagram.add("b", lab.Constant(3.0))
+    shapes = {"takes_shapes": ((3,), ()), "gives_shapes": ((3,), (2,))}
+    diagram.add("f", PythonFunction(source, takes=("a", "b"), gives=("p", "q"), **shapes))
+    diagram.connect("a", "f.a")
+    diagram.connect("b", "f.b")
+    record = Run(diagram, watch=["f.p", "f.q"]).advance(2)
+    assert record["f.p"][0, 1].tolist() == [3, 6, 12]
+    assert record["f.q"][0, 1].tolist() == [0.5, 7]
+
+
+STRANGE = "__import__('os').makedirs('ran', exist_ok=True)\ndef step(u, memory, time): return u  # a stranger's\n"
+
+
+def test_a_strangers_function_is_shown_and_not_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    quoted = STRANGE.replace("\n", "\\n").replace('"', '\\"')
+    text = lab.dumps(accumulator("def step(u, memory, time): return u\n"))
+    text = text.replace("def step(u, memory, time): return u\\n", quoted)
+    opened = lab.loads(text)
+    assert opened.nodes["f"].block.source == STRANGE
+    # nor under another setting, nor in a copy, nor when it is started by hand
+    opened.replace("f", opened.nodes["f"].block.retuned({"every": 2}))
+    with pytest.raises(DiagramError, match=r"f: the diagram's file brings code of its own, \"__import__.*--trust"):
+        Run(opened.copy())
+    with pytest.raises(NotTrusted):
+        opened.nodes["f"].block.start(np.zeros(1, int), np.zeros((1, 0)))
+    (tmp_path / "strange.json").write_text(text)
+    session = Session(file=tmp_path / "strange.json", states=tmp_path / "states")
+    session.close()
+    assert not (tmp_path / "ran").exists()
+    Run(lab.load(tmp_path / "strange.json", trust=True)).advance(1)
+    assert (tmp_path / "ran").exists()
+    Run(lab.loads(text)).advance(1)  # the same code, trusted before
+
+
+@pytest.mark.parametrize(
+    ("source", "error", "message"),
+    [
+        ("def step(u:\n", ValueError, "source: line 1: "),
+        ("x = 1\n", ValueError, "must be Python with a function step"),
+        ("def step(u, memory, time):\n    return 1 / 0\n", RuntimeError, "python function, line 2: ZeroDivisionError"),
+        ("def step(u, memory, time):\n    return [u, u]\n", ValueError, r"must be numbers of shape \(\)"),
+    ],
+)
+def test_mistakes_are_named(source, error, message):
+    with pytest.raises(error, match=message):
+        Run(accumulator(source)).advance(1)
