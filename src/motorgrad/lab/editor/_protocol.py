@@ -13,7 +13,8 @@ outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a bloc
 - `declarations {categories, blocks, gallery}`: once, after `hello`.
 - `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole document; see `_views`.
 - `changed {revision, file, saved, can_undo, can_redo, scopes}`: what is new in each diagram that changed.
-- `problems {revision, list: [{path, port, message}]}`: everything that keeps the diagram from running.
+- `problems {revision, list: [{path, port, message}], warnings}`: everything that keeps the diagram from running; and
+  `warnings` of the same form about one that runs, see `_warnings`.
 - `run {…}`: the state of the run; see `_runner`.
 - `samples {branch, fresh, signals}`: what sinks and watched outputs recorded; see `_traces`.
 - `recoverable {list}`: unsaved work of sessions that have ended; see `_storage`.

@@ -20,10 +20,11 @@ from motorgrad._errors import check
 from motorgrad._playback import Clock
 from motorgrad.lab.diagram import Diagram, DiagramError
 from motorgrad.lab.editor import _protocol as ask
-from motorgrad.lab.editor._program import parameters, signature
+from motorgrad.lab.editor._program import leaves, parameters, signature
 from motorgrad.lab.editor._tree import Tree
 
 FRAME = 1 / 30  # seconds
+LONGEST_TICK = 0.1  # seconds; nobody wants to wait for longer ones
 Event = dict[str, Any]
 Done = Callable[[Exception | None], None]
 Command = Callable[[], None]
@@ -42,7 +43,7 @@ class Runner:
         self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
         """One for each command in the queue that must not wait for the compiler."""
         self._tree = Tree(diagram, emit, self._report, self._commands.empty, lambda: not self._stops.empty())
-        self._clock = Clock(diagram.tick, slice=FRAME)
+        self._clock = Clock(diagram.tick, speed_for(diagram), slice=FRAME)
         self._until: int | None = None
         self._finish: list[Done] = []
         self._next = 0.0
@@ -79,6 +80,7 @@ class Runner:
             if fresh:
                 self._stops.get()
                 self._tree.discard(diagram)
+                self._clock.speed = speed_for(diagram)
                 self._pause()
             else:
                 self._apply_edit(diagram)
@@ -139,8 +141,11 @@ class Runner:
                 self._pause()
                 tree.begin()
             case ask.Seeds():
+                playing, until = self._clock.playing, self._until
                 self._pause()
                 tree.reseed(operation.n)
+                if playing and until is None:  # it goes on with the new seeds
+                    self._start(None if math.isinf(self._clock.speed) else self._clock.speed)
             case ask.Watch():
                 tree.set_watches(operation.addresses)
             case ask.Scrub():
@@ -237,6 +242,14 @@ class Runner:
             event |= {"speed": None if math.isinf(clock.speed) else clock.speed, **tree.summary()}
         self.status = self.status | event
         self._emit(event)
+
+
+def speed_for(diagram: Diagram) -> float:
+    """The speed at which a diagram begins: as fast as possible if something in it learns or its ticks are long,
+    otherwise real time.
+    """
+    learns = any(block.category == "learning" for block in leaves(diagram).values())
+    return math.inf if learns or diagram.tick > LONGEST_TICK else 1.0
 
 
 def _checked_speed(speed: float | None) -> float:

@@ -1,11 +1,22 @@
 import { useDocument } from "../session/store";
-import { enter, openDialog } from "../ui/ui";
+import type { Ask } from "../session/context";
+import { enter, openDialog, useUi } from "../ui/ui";
 import type { Command, Context } from "./command";
 
 /** Save under the name that it has, or ask for one. */
 export function save({ ask }: Context): unknown {
   const { file } = useDocument.getState();
-  return file ? ask({ op: "save" }) : openDialog("save");
+  return file ? saveAs(ask, {}) : openDialog("save");
+}
+
+/** Save; the toolbar shows it meanwhile. Answers whether it was saved. */
+export async function saveAs(ask: Ask, how: { file?: string; over?: boolean }): Promise<boolean> {
+  useUi.setState({ saving: true });
+  try {
+    return (await ask({ op: "save", ...how })) !== null;
+  } finally {
+    useUi.setState({ saving: false });
+  }
 }
 
 async function fresh({ ask }: Context): Promise<void> {

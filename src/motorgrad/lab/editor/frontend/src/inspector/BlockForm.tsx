@@ -79,8 +79,8 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
         />
         <span className="quiet">{view.type === "diagram" ? "subsystem" : view.type}</span>
       </header>
-      {own.map(({ message, port }) => (
-        <p key={message} className="mistake" role="alert">
+      {own.map(({ message, port, grade }) => (
+        <p key={message} className={grade === "warning" ? "caution" : "mistake"} role="alert">
           {port ? `${port}: ` : ""}
           {message}
         </p>

@@ -7,6 +7,7 @@ import { type Source, sourcesOf } from "./sources";
 import { Timeline } from "./Timeline";
 import { goTo } from "../inspector/Problems";
 import { useHeight } from "./useHeight";
+import { useShown } from "./useShown";
 
 const WINDOW = 10;
 const SHOWN = new Set(["lines", "portrait", "raster", "histogram", "map"]);
@@ -15,18 +16,12 @@ const SHOWN = new Set(["lines", "portrait", "raster", "histogram", "map"]);
 export function Dock() {
   const scopes = useDocument((document) => document.scopes);
   const watch = useRun((run) => run.watch);
-  const branch = useRun((run) => run.branch);
-  const branches = useRun((run) => run.branches);
   const [compare, setCompare] = useState(true);
   const [all, setAll] = useState(false);
   const { height, grip } = useHeight();
   const tick = scopes[""]?.tick ?? 0.01;
   const sources = useMemo(() => sourcesOf(scopes, watch).filter(({ drawing }) => SHOWN.has(drawing)), [scopes, watch]);
-  // The present branch is drawn last, over the others.
-  const shown = useMemo(() => {
-    const others = compare ? branches.map(({ name }) => name).filter((name) => name !== branch) : [];
-    return branch === null ? [] : [...others, branch];
-  }, [branches, branch, compare]);
+  const shown = useShown(compare);
   const picture = (source: Source) => {
     const own = Number(source.fields.window) || WINDOW;
     const Shown = source.drawing === "lines" ? Lines : Drawing;

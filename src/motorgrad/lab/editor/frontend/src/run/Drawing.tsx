@@ -17,10 +17,12 @@ interface Props {
   branches: string[];
   window: number | null;
   tick: number;
+  /** Whether it stands on the canvas, where it is small and nothing can be read off. */
+  small?: boolean;
 }
 
 /** Pictures that are no lines over time. */
-export function Drawing({ source, branches, window: seconds, tick }: Props) {
+export function Drawing({ source, branches, window: seconds, tick, small }: Props) {
   const box = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
   const { width, height } = useSize(box);
@@ -60,7 +62,7 @@ export function Drawing({ source, branches, window: seconds, tick }: Props) {
   }, [source, names, seconds, tick, dark, width, height]);
   return (
     <div className="plot" ref={box}>
-      <canvas ref={canvas} role="img" aria-label={`${source.drawing} ${source.path}`} />
+      <canvas ref={canvas} role="img" aria-label={`${source.drawing} ${source.path}${small ? " on the canvas" : ""}`} />
     </div>
   );
 }

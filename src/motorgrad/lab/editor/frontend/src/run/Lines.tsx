@@ -1,6 +1,7 @@
 import { useEffect, useRef } from "react";
 import uPlot from "uplot";
 import { useDark } from "../ui/useDark";
+import { labels } from "./axes";
 import { pageColour } from "./colours";
 import { drawn } from "./series";
 import type { Source } from "./sources";
@@ -14,12 +15,21 @@ interface Props {
   /** Seconds that are shown; null for all. */
   window: number | null;
   tick: number;
+  /** Whether it stands on the canvas, where it is small and nothing can be read off. */
+  small?: boolean;
 }
 
 const limitsOf = (source: Source): [number, number] | null => {
   const { limits } = source.fields;
   return Array.isArray(limits) ? (limits as [number, number]) : null;
 };
+
+/** A little room above and below; 0 to 1 of nothing. */
+const roomy = (_: uPlot, low: number | null, high: number | null): [number, number] =>
+  low === null || high === null ? [0, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]);
+
+/** The numbers of an axis, with as many digits as tell them apart. */
+const written = (_: uPlot, values: number[]): string[] => labels(values);
 
 /** Where the run stands, if that is not the end of what was seen. */
 function drawNow(plot: uPlot, tick: number, colour: string): void {
@@ -33,7 +43,7 @@ function drawNow(plot: uPlot, tick: number, colour: string): void {
 }
 
 /** A scope: signals over time. Drag to look closer, double click for all. */
-export function Lines({ source, branches, window: seconds, tick }: Props) {
+export function Lines({ source, branches, window: seconds, tick, small }: Props) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const key = useRef("");
@@ -61,12 +71,12 @@ export function Lines({ source, branches, window: seconds, tick }: Props) {
             series: made.series,
             bands: made.bands,
             axes: [
-              { ...axis, size: 26, space: 60 },
-              { ...axis, size: 46, space: 28 },
+              { ...axis, size: small ? 20 : 26, space: 60, values: written },
+              { ...axis, size: small ? 40 : 52, space: 28, values: written },
             ],
-            scales: { x: { time: false }, y: limits ? { range: limits } : {} },
+            scales: { x: { time: false }, y: limits ? { range: limits } : { range: roomy } },
             legend: { show: false },
-            cursor: { points: { show: false }, drag: { x: true, y: false } },
+            cursor: { show: !small, points: { show: false }, drag: { x: true, y: false } },
             padding: [8, 10, 0, 0],
             hooks: { draw: [(own) => drawNow(own, tick, pageColour(element, "--vermilion"))] },
           },
@@ -83,6 +93,6 @@ export function Lines({ source, branches, window: seconds, tick }: Props) {
       plot.current?.destroy();
       plot.current = null;
     };
-  }, [source, names, seconds, tick, dark, width, height]);
+  }, [source, names, seconds, tick, dark, width, height, small]);
   return <div className="plot" ref={box} />;
 }

@@ -18,6 +18,20 @@ export function ticksBetween(low: number, high: number, most: number): number[] 
   return found;
 }
 
+/** Numbers of an axis as texts: as many digits as tell each from the next, and powers of ten where these are long. */
+export function labels(values: number[]): string[] {
+  const [first = 0, second = first] = values;
+  const step = Math.abs(second - first) || Math.abs(first) || 1;
+  const largest = Math.max(...values.map(Math.abs), 0);
+  const digits = Array.from({ length: 6 }, (_, n) => n).find(
+    (n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6 * step * 10 ** n,
+  );
+  if (digits !== undefined && largest < 1e6)
+    return values.map((value) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
+  const needed = Math.max(0, Math.ceil(Math.log10(largest / step)));
+  return values.map((value) => (value === 0 ? "0" : value.toExponential(Math.min(9, needed)).replace("e+", "e")));
+}
+
 /** The ends of some numbers, with a little room; of nothing 0 to 1. */
 export function extent(values: Iterable<number | null>): [number, number] {
   let [low, high] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
@@ -31,8 +45,13 @@ export function extent(values: Iterable<number | null>): [number, number] {
   return [low - room, high + room];
 }
 
-/** Draws a grid with numbers beside it. Answers where values stand. */
-export function axes(sheet: Sheet, [left, right]: [number, number], [bottom, top]: [number, number]): Frame {
+/** Draws a grid with numbers beside it, whole ones on a vertical axis that is `counted`. Answers where values stand. */
+export function axes(
+  sheet: Sheet,
+  [left, right]: [number, number],
+  [bottom, top]: [number, number],
+  counted = false,
+): Frame {
   const { context, width, height, ink, line } = sheet;
   const inner = { width: width - MARGIN.left - MARGIN.right, height: height - MARGIN.top - MARGIN.bottom };
   const x = (value: number) => MARGIN.left + ((value - left) / (right - left)) * inner.width;
@@ -41,15 +60,21 @@ export function axes(sheet: Sheet, [left, right]: [number, number], [bottom, top
   context.fillStyle = ink;
   context.lineWidth = 1;
   context.textAlign = "center";
-  for (const value of ticksBetween(left, right, inner.width / 70)) {
+  const across = ticksBetween(left, right, inner.width / 70);
+  const texts = labels(across);
+  across.forEach((value, i) => {
     context.strokeRect(Math.round(x(value)) + 0.5, MARGIN.top, 0, inner.height);
-    context.fillText(String(value), x(value), height - 6);
-  }
+    context.fillText(texts[i]!, x(value), height - 6);
+  });
   context.textAlign = "right";
-  for (const value of ticksBetween(Math.min(bottom, top), Math.max(bottom, top), inner.height / 30)) {
+  const up = ticksBetween(Math.min(bottom, top), Math.max(bottom, top), inner.height / 30).filter(
+    (value) => !counted || Number.isInteger(value),
+  );
+  const numbers = labels(up);
+  up.forEach((value, i) => {
     context.strokeRect(MARGIN.left, Math.round(y(value)) + 0.5, inner.width, 0);
-    context.fillText(String(value), MARGIN.left - 6, y(value) + 4);
-  }
+    context.fillText(numbers[i]!, MARGIN.left - 6, y(value) + 4);
+  });
   return { x, y };
 }
 

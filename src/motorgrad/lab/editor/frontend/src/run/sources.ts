@@ -1,4 +1,4 @@
-import type { Scope } from "../session/types";
+import type { BlockView, Scope } from "../session/types";
 
 /** One picture in the dock. */
 export interface Source {
@@ -11,20 +11,23 @@ export interface Source {
 
 const within = (at: string, name: string): string => (at ? `${at}/${name}` : name);
 
+/** What a sink shows, in the diagram at a path that has these wires. */
+export function sourceOf(at: string, node: BlockView, wires: Record<string, string>): Source {
+  const path = within(at, node.name);
+  const drawing = !node.drawing || node.drawing === "table" ? "lines" : node.drawing;
+  const signals = node.inputs.map((port) => ({
+    address: `${path}.${port.name}`,
+    label: port.name === "u" ? (wires[`${node.name}.u`]?.replace(/\.y$/, "") ?? "u") : port.name,
+  }));
+  return { path, drawing, signals, fields: node.fields };
+}
+
 /** Everything that shows something: sinks that draw, outlets of the outermost diagram, and watched outputs. */
 export function sourcesOf(scopes: Record<string, Scope>, watched: string[]): Source[] {
   const found: Source[] = [];
   for (const [at, scope] of Object.entries(scopes)) {
     for (const node of Object.values(scope.nodes)) {
-      const path = within(at, node.name);
-      const outlet = node.type === "outlet" && at === "";
-      if (!node.drawing && !outlet) continue;
-      const drawing = outlet || node.drawing === "table" ? "lines" : node.drawing!;
-      const signals = node.inputs.map((port) => ({
-        address: `${path}.${port.name}`,
-        label: port.name === "u" ? (scope.wires[`${node.name}.u`]?.replace(/\.y$/, "") ?? "u") : port.name,
-      }));
-      found.push({ path, drawing, signals, fields: node.fields });
+      if (node.drawing || (node.type === "outlet" && at === "")) found.push(sourceOf(at, node, scope.wires));
     }
   }
   for (const address of watched)

@@ -19,6 +19,8 @@ export interface Document {
   declarations: Record<string, Declaration>;
   gallery: GalleryEntry[];
   problems: Problem[];
+  /** About a diagram that runs. */
+  warnings: Problem[];
   recoverable: Recoverable[];
 }
 
@@ -45,6 +47,7 @@ export const useDocument = create<Document>(() => ({
   declarations: {},
   gallery: [],
   problems: [],
+  warnings: [],
   recoverable: [],
 }));
 
@@ -67,9 +70,17 @@ export const useRun = create<RunState>(() => ({
   faults: [],
 }));
 
-/** What keeps the diagram from running, and what is wrong with the run. */
+/** What keeps the diagram from running, what is wrong with the run, and what to beware of. */
 export function useProblems(): Problem[] {
   const problems = useDocument((document) => document.problems);
+  const warnings = useDocument((document) => document.warnings);
   const faults = useRun((run) => run.faults);
-  return useMemo(() => [...problems, ...faults], [problems, faults]);
+  return useMemo(
+    () => [
+      ...problems,
+      ...faults.map((fault): Problem => ({ ...fault, grade: "fault" })),
+      ...warnings.map((warning): Problem => ({ ...warning, grade: "warning" })),
+    ],
+    [problems, faults, warnings],
+  );
 }

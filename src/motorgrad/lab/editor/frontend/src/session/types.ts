@@ -86,6 +86,8 @@ export interface Problem {
   path: string;
   port: string | null;
   message: string;
+  /** Of the run, or something to beware of; otherwise it keeps the diagram from running. */
+  grade?: "fault" | "warning";
 }
 
 /** One course of events. */

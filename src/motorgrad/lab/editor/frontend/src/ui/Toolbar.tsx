@@ -13,7 +13,7 @@ export function Toolbar() {
   const { ask } = context;
   const { file, saved, canUndo, canRedo, linked } = useDocument();
   const title = useDocument((document) => document.scopes[""]?.title);
-  const { palette, inspector, dock } = useUi();
+  const { palette, inspector, dock, saving } = useUi();
   const layout = arrangeCommands.find(({ label }) => label === "Automatic layout")!;
   return (
     <header className="toolbar" role="toolbar" aria-label="toolbar">
@@ -27,13 +27,15 @@ export function Toolbar() {
       <div className="title">
         <strong>{title || file || "Untitled"}</strong>
         <small role="status" aria-label="state of the file">
-          {linked
-            ? file === null
-              ? "not in a file yet"
-              : saved
-                ? `${file}, saved`
-                : `${file}, changed`
-            : "connection lost, reconnecting…"}
+          {!linked
+            ? "connection lost, reconnecting…"
+            : saving
+              ? "saving…"
+              : file === null
+                ? "not in a file yet"
+                : saved
+                  ? `${file}, saved`
+                  : `${file}, changed`}
         </small>
       </div>
       <div className="group">
