@@ -10,7 +10,7 @@ outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a bloc
 
 - Answers to the client that asked: `done {client, sequence, revision}`; `refused {client, sequence, message, path?}`;
   `fragment {fragment}`; `text {text}`; `files {files}`; `log {log}`.
-- `declarations {categories, blocks, gallery}`: once, after `hello`.
+- `declarations {categories, blocks, gallery, words}`: once, after `hello`.
 - `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole document; see `_views`.
 - `changed {revision, file, saved, can_undo, can_redo, scopes}`: what is new in each diagram that changed.
 - `problems {revision, list: [{path, port, message}], warnings}`: everything that keeps the diagram from running; and

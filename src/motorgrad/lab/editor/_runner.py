@@ -20,7 +20,7 @@ from motorgrad._errors import check
 from motorgrad._playback import Clock
 from motorgrad.lab.diagram import Diagram, DiagramError
 from motorgrad.lab.editor import _protocol as ask
-from motorgrad.lab.editor._program import leaves, parameters, signature
+from motorgrad.lab.editor._program import learns, parameters, signature
 from motorgrad.lab.editor._tree import Tree
 
 FRAME = 1 / 30  # seconds
@@ -43,7 +43,9 @@ class Runner:
         self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
         """One for each command in the queue that must not wait for the compiler."""
         self._tree = Tree(diagram, emit, self._report, self._commands.empty, lambda: not self._stops.empty())
-        self._clock = Clock(diagram.tick, speed_for(diagram), slice=FRAME)
+        self._chosen = speed_for(diagram)
+        """The speed at which it plays; single ticks are made as fast as possible."""
+        self._clock = Clock(diagram.tick, self._chosen, slice=FRAME)
         self._until: int | None = None
         self._finish: list[Done] = []
         self._next = 0.0
@@ -80,7 +82,7 @@ class Runner:
             if fresh:
                 self._stops.get()
                 self._tree.discard(diagram)
-                self._clock.speed = speed_for(diagram)
+                self._chosen = speed_for(diagram)
                 self._pause()
             else:
                 self._apply_edit(diagram)
@@ -134,7 +136,7 @@ class Runner:
                 self._frame()  # at once, so that the next operation finds these ticks made
                 return False
             case ask.Speed():
-                self._clock.speed = _checked_speed(operation.speed)
+                self._chosen = self._clock.speed = _checked_speed(operation.speed)
             case ask.Pause():
                 self._pause()
             case ask.Reset():
@@ -145,7 +147,7 @@ class Runner:
                 self._pause()
                 tree.reseed(operation.n)
                 if playing and until is None:  # it goes on with the new seeds
-                    self._start(None if math.isinf(self._clock.speed) else self._clock.speed)
+                    self._start(None if math.isinf(self._chosen) else self._chosen)
             case ask.Watch():
                 tree.set_watches(operation.addresses)
             case ask.Scrub():
@@ -171,6 +173,7 @@ class Runner:
         self._pause()
         self._tree.ensure_compiled()
         self._until = None if ticks is None else self._tree.tick + ticks
+        self._chosen = wanted if ticks is None else self._chosen
         self._clock.period, self._clock.speed = self._tree.step, wanted
         self._clock.play()
         self._report(whole=True)
@@ -239,7 +242,7 @@ class Runner:
         event: Event = {"event": "run", "state": quiet if compiling is None else "compiling", "waited": compiling}
         event |= {**tree.place, "achieved": clock.achieved(tree.tick) or None}
         if whole:
-            event |= {"speed": None if math.isinf(clock.speed) else clock.speed, **tree.summary()}
+            event |= {"speed": None if math.isinf(self._chosen) else self._chosen, **tree.summary()}
         self.status = self.status | event
         self._emit(event)
 
@@ -248,8 +251,7 @@ def speed_for(diagram: Diagram) -> float:
     """The speed at which a diagram begins: as fast as possible if something in it learns or its ticks are long,
     otherwise real time.
     """
-    learns = any(block.category == "learning" for block in leaves(diagram).values())
-    return math.inf if learns or diagram.tick > LONGEST_TICK else 1.0
+    return math.inf if learns(diagram) or diagram.tick > LONGEST_TICK else 1.0
 
 
 def _checked_speed(speed: float | None) -> float:

@@ -23,10 +23,10 @@ async function fresh({ ask }: Context): Promise<void> {
   if (await ask({ op: "new" })) enter([]);
 }
 
-/** Have the browser keep a text as a file. */
-export function download(name: string, text: string): void {
+/** Have the browser keep something as a file. */
+export function download(name: string, content: string | Blob, type = "application/json"): void {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([text], { type: "application/json" }));
+  link.href = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type }));
   link.download = name;
   link.click();
   URL.revokeObjectURL(link.href);

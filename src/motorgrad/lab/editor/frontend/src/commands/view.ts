@@ -1,3 +1,4 @@
+import { forgetPlaces } from "../canvas/layout";
 import { openDialog, setTheme, useUi } from "../ui/ui";
 import { find } from "../ui/root";
 import type { Command } from "./command";
@@ -39,7 +40,10 @@ export const viewCommands: Command[] = [
     label: "Pictures of scopes on the canvas",
     group: "View",
     keys: ["P"],
-    run: () => useUi.setState((ui) => ({ pictures: !ui.pictures })),
+    run: () => {
+      forgetPlaces(); // blocks of another size have other places, unless they were put there
+      useUi.setState((ui) => ({ pictures: !ui.pictures }));
+    },
   },
   { label: "Light or dark", group: "View", keys: ["T"], run: toggleTheme },
   { label: "Keyboard shortcuts", group: "View", keys: ["?"], run: () => openDialog("shortcuts") },

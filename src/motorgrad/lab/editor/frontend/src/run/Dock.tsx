@@ -1,6 +1,7 @@
 import { useMemo, useState } from "react";
 import { useDocument, useRun } from "../session/store";
 import { Drawing } from "./Drawing";
+import { Keep } from "./Keep";
 import { Legend } from "./Legend";
 import { Lines } from "./Lines";
 import { type Source, sourcesOf } from "./sources";
@@ -32,6 +33,7 @@ export function Dock() {
             {source.path}
           </button>
           {source.drawing === "lines" && <Legend source={source} />}
+          <Keep wanted={{ source, branches: shown, window: all ? null : own, tick }} />
         </figcaption>
         <Shown source={source} branches={shown} window={all ? null : own} tick={tick} />
       </figure>

@@ -1,16 +1,10 @@
 import { useEffect, useRef } from "react";
 import { useRun } from "../session/store";
 import { useDark } from "../ui/useDark";
-import { histogram } from "./histogram";
-import { map } from "./map";
-import { portrait } from "./portrait";
-import { raster } from "./raster";
-import type { Sheet } from "./sheet";
+import { PICTURES } from "./pictures";
 import type { Source } from "./sources";
 import { onMoving, spanOf } from "./span";
 import { useSize } from "./useSize";
-
-const PICTURES: Record<string, (source: Source, sheet: Sheet) => void> = { portrait, raster, histogram, map };
 
 interface Props {
   source: Source;
@@ -47,6 +41,7 @@ export function Drawing({ source, branches, window: seconds, tick, small }: Prop
         context,
         width,
         height,
+        titles: small ? undefined : source.titles,
         dark,
         ink,
         line,
@@ -59,7 +54,7 @@ export function Drawing({ source, branches, window: seconds, tick, small }: Prop
     };
     draw();
     return onMoving(draw);
-  }, [source, names, seconds, tick, dark, width, height]);
+  }, [source, names, seconds, tick, dark, width, height, small]);
   return (
     <div className="plot" ref={box}>
       <canvas ref={canvas} role="img" aria-label={`${source.drawing} ${source.path}${small ? " on the canvas" : ""}`} />

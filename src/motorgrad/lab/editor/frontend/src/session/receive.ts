@@ -33,6 +33,7 @@ export function receive(message: Message): void {
         categories: message.categories as Document["categories"],
         declarations: message.blocks as Document["declarations"],
         gallery: message.gallery as Document["gallery"],
+        words: new Set(message.words as string[]),
       });
       break;
     case "document":

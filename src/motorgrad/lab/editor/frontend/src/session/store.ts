@@ -18,6 +18,8 @@ export interface Document {
   categories: Record<string, string[]>;
   declarations: Record<string, Declaration>;
   gallery: GalleryEntry[];
+  /** Names that formulas know: functions, constants, words. */
+  words: Set<string>;
   problems: Problem[];
   /** About a diagram that runs. */
   warnings: Problem[];
@@ -46,6 +48,7 @@ export const useDocument = create<Document>(() => ({
   categories: {},
   declarations: {},
   gallery: [],
+  words: new Set(),
   problems: [],
   warnings: [],
   recoverable: [],

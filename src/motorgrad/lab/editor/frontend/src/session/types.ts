@@ -80,6 +80,7 @@ export interface GalleryEntry {
   name: string;
   title: string;
   comment: string;
+  learns: boolean;
 }
 
 export interface Problem {
