@@ -20,6 +20,7 @@ from motorgrad._errors import check
 from motorgrad._playback import Clock
 from motorgrad.lab.diagram import Diagram, DiagramError
 from motorgrad.lab.editor import _protocol as ask
+from motorgrad.lab.editor._page import page
 from motorgrad.lab.editor._program import learns, parameters, signature
 from motorgrad.lab.editor._tree import Tree
 
@@ -161,6 +162,10 @@ class Runner:
                 tree.prune(operation.branch)
             case ask.Log():
                 answer({"event": "log", "log": tree.log(operation.branch)})
+            case ask.Page():
+                samples: list[Event] = []
+                tree.resend(samples.append)
+                answer({"event": "page", "text": page(tree.diagram, {**self.status, **tree.summary()}, samples)})
             case ask.Replay():
                 self._pause()
                 self._emit({"event": "replayed", **tree.replay(operation.log)})

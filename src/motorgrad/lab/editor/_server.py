@@ -22,7 +22,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from motorgrad._errors import check
 from motorgrad._gate import HEADERS, Gate, Pace, Passed
-from motorgrad.lab.editor._session import NOT_BUILT, STATIC, Session
+from motorgrad.lab.editor._session import Session
+from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
 HOST = "127.0.0.1"
 LARGEST = 64 * 2**20  # bytes of a message

@@ -25,12 +25,6 @@ from motorgrad.lab.editor._views import declarations, difference, view
 from motorgrad.lab.editor._warnings import warnings
 from motorgrad.lab.gallery import example
 
-STATIC = Path(__file__).parent / "static"
-NOT_BUILT = (
-    "The pages of TimLab's editor are not built. A wheel contains them; in a checkout, run `make editor` or "
-    "`python tools/build_editor.py`, then load this page again."
-)
-
 Event = dict[str, Any]
 Send = Callable[[Event], None]
 REMEMBERED = 2000  # answers kept per client, in case it did not receive them

@@ -10,7 +10,8 @@ from typing import Any
 import anywidget
 
 from motorgrad.lab.diagram import Diagram
-from motorgrad.lab.editor._session import NOT_BUILT, STATIC, Session
+from motorgrad.lab.editor._session import Session
+from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
 BUILT = STATIC / "widget.js", STATIC / "widget.css"
 _NOT_BUILT = f"export default {{ render({{ el }}) {{ el.textContent = {json.dumps(NOT_BUILT)}; }} }}"

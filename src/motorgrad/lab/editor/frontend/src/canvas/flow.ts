@@ -109,7 +109,7 @@ export function nodesOf(
 const ways = new Map<string, { boxes: Box[]; links: Link[]; routes: Routes }>();
 
 /** The ways of a diagram's wires round its blocks. */
-function routesOf(scope: Scope, at: string): Routes {
+export function routesOf(scope: Scope, at: string): Routes {
   const where = placed(scope, at);
   const boxes = Object.entries(scope.nodes).map(([name, view]): Box => {
     const [x, y] = where[name] ?? [0, 0];
@@ -133,9 +133,6 @@ function routesOf(scope: Scope, at: string): Routes {
   ways.set(at, { boxes, links, routes });
   return routes;
 }
-
-/** Route all wires of the diagram at a path anew. */
-export const forgetRoutes = (at: string): void => void ways.delete(at);
 
 /** The wires of a diagram, each by its target; as with nodes, those that did not change stay. */
 export function wiresOf(scope: Scope, at: string[], problems: Problem[], before: WireType[]): WireType[] {

@@ -1,4 +1,6 @@
+import { diagramSvg } from "../canvas/diagramSvg";
 import { useDocument } from "../session/store";
+import { scopeNow } from "../session/useScope";
 import type { Ask } from "../session/context";
 import { enter, openDialog, useUi } from "../ui/ui";
 import type { Command, Context } from "./command";
@@ -37,6 +39,20 @@ async function downloadDiagram({ ask }: Context): Promise<void> {
   if (answer) download(useDocument.getState().file ?? "diagram.json", String(answer.text));
 }
 
+/** The diagram that is open, as a picture. */
+function downloadSvg(): void {
+  const path = useUi.getState().at.join("/");
+  const name = path.replaceAll("/", "-") || (useDocument.getState().file ?? "diagram").replace(/\.json$/, "");
+  download(`${name}.svg`, diagramSvg(scopeNow(), path), "image/svg+xml");
+}
+
+/** The diagram and its run as one page that anyone can open. */
+async function downloadPage({ ask }: Context): Promise<void> {
+  const answer = await ask({ op: "page" });
+  const name = (useDocument.getState().file ?? "diagram").replace(/\.json$/, "");
+  if (answer) download(`${name}.html`, String(answer.text), "text/html");
+}
+
 export const fileCommands: Command[] = [
   { label: "New diagram", group: "File", keys: ["Alt+N"], run: fresh },
   { label: "Open…", group: "File", keys: ["Mod+O"], run: () => openDialog("open") },
@@ -44,5 +60,7 @@ export const fileCommands: Command[] = [
   { label: "Save", group: "File", keys: ["Mod+S"], run: save },
   { label: "Save as…", group: "File", keys: ["Mod+Shift+S"], run: () => openDialog("save") },
   { label: "Download", group: "File", run: downloadDiagram },
+  { label: "Download as SVG", group: "File", run: downloadSvg },
+  { label: "Download as a page with its run", group: "File", run: downloadPage },
   { label: "Show as Python…", group: "File", run: () => openDialog("python") },
 ];

@@ -1,5 +1,5 @@
 import { ends, portOf } from "../session/ports";
-import type { BlockView, Scope } from "../session/types";
+import type { BlockView, Port, Scope } from "../session/types";
 
 /** One picture in the dock. */
 export interface Source {
@@ -21,7 +21,7 @@ const TITLES: Record<string, [string, string]> = {
 /** The names of its axes with units: a sink's own unit, or that of the outputs that it sees, if they have one. */
 function titlesOf(drawing: string, labels: string[], units: string[], own: unknown): [string, string] {
   const known = (label: string, unit: string | undefined) => (unit ? `${label} (${unit})` : label);
-  if (drawing === "portrait") return [known(labels[0] ?? "x", units[0]), known(labels[1] ?? "y", units[1])];
+  if (drawing === "portrait") return [known(labels[0]!, units[0]), known(labels[1]!, units[1])];
   if (drawing !== "lines") return TITLES[drawing] ?? ["", ""];
   const shared = units.every((unit) => unit === units[0]) ? units[0] : "";
   const unit = typeof own === "string" && own ? own : shared;
@@ -42,7 +42,8 @@ export function sourceOf(at: string, node: BlockView, { wires, nodes }: Pick<Sco
     const [block, output] = ends(wires[`${node.name}.${port.name}`] ?? ".");
     return port.unit || (portOf(nodes[block]?.outputs, output)?.unit ?? "");
   });
-  const labels = signals.map(({ label }) => label);
+  const seen = (port: Port) => wires[`${node.name}.${port.name}`]?.replace(/\.y$/, "") ?? port.name;
+  const labels = drawing === "portrait" ? node.inputs.map(seen) : signals.map(({ label }) => label);
   return { path, drawing, signals, fields: node.fields, titles: titlesOf(drawing, labels, units, node.fields.unit) };
 }
 

@@ -6,6 +6,8 @@ import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./type
 /** What the session holds, as this client last heard of it. */
 export interface Document {
   linked: boolean;
+  /** Whether this is a page without a server, which shows what was recorded. */
+  recorded: boolean;
   revision: number | null;
   /** Counts the documents that were opened. */
   opened: number;
@@ -38,6 +40,7 @@ export const emptyScope: Scope = {
 
 export const useDocument = create<Document>(() => ({
   linked: false,
+  recorded: false,
   revision: null,
   opened: 0,
   scopes: { "": emptyScope },
