@@ -41,7 +41,7 @@ class Lab:
 
 def run(arguments: list[str]) -> int:
     options = parse(Lab, arguments, "lab")
-    from motorgrad.lab.editor import Server, Session
+    from motorgrad.lab.editor import NOT_BUILT, Server, Session
 
     diagram = gallery.example(options.gallery) if options.gallery else None
     if options.trust and options.file is not None and options.file.exists():
@@ -49,6 +49,8 @@ def run(arguments: list[str]) -> int:
     session = Session(diagram, options.file.absolute() if options.file else None)
     try:
         server = Server(session, options.port)
+        if not server.built:
+            print(NOT_BUILT, file=sys.stderr)
         print(f"TimLab is at {server.url}\nCtrl-C ends it.", flush=True)
         if options.browser and not webbrowser.open(server.url):
             print("No browser could be opened: open the address yourself.", file=sys.stderr)

@@ -25,6 +25,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import motorgrad.lab.blocks as _blocks
+from motorgrad.lab._analysis import (
+    Bode,
+    RootLocus,
+    StepResponse,
+    Trim,
+    bode,
+    root_locus,
+    state_space,
+    step_response,
+    trim,
+)
 from motorgrad.lab.blocks import *  # noqa: F403  (every registered block is exported)
 from motorgrad.lab.compiler import problems
 from motorgrad.lab.diagram import (
@@ -80,6 +91,7 @@ __all__ = [
     "BLOCKS",
     "GALLERY",
     "Block",
+    "Bode",
     "Change",
     "Diagram",
     "DiagramEnv",
@@ -98,13 +110,17 @@ __all__ = [
     "Ports",
     "Problem",
     "Record",
+    "RootLocus",
     "Run",
     "Setting",
     "Signals",
     "Sink",
+    "StepResponse",
     "TickProgram",
     "Timeline",
+    "Trim",
     "block",
+    "bode",
     "dumps",
     "edit",
     "example",
@@ -117,10 +133,15 @@ __all__ = [
     "parameters_of",
     "problems",
     "replay",
+    "root_locus",
     "save",
     "settings_of",
+    "state_space",
+    "step_response",
     "tick_program",
+    "to_html",
     "to_python",
+    "trim",
     "whole_ticks",
     "write_fmu",
 ]
@@ -136,6 +157,21 @@ def __getattr__(title: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+def to_html(diagram: Diagram, record: Record) -> str:
+    """A diagram with a recorded run as one HTML page, to be scrubbed through and played again. Anyone can open it in a
+    browser; it needs no server and fetches nothing.
+
+        Path("arm.html").write_text(mg.lab.to_html(diagram, run.advance(1000)), encoding="utf-8")
+
+    **Arguments:** the diagram; a record of a run of it.
+
+    **Raises** `ValueError` in a checkout whose pages are not built.
+    """
+    from motorgrad.lab.editor._page import page_of
+
+    return page_of(diagram, record)
 
 
 def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Editor":

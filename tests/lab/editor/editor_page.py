@@ -24,7 +24,7 @@ def needs() -> None:
     if not Path(CHROMIUM).exists():
         pytest.skip(f"no browser: {CHROMIUM} is not there")
     if not STATIC.exists():
-        pytest.skip("the editor's pages are not built: npm ci && npm run build in src/motorgrad/lab/editor/frontend")
+        pytest.skip("the editor's pages are not built: make editor")
 
 
 @contextlib.contextmanager

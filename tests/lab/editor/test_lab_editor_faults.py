@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from editor_clients import Client
 from motorgrad import lab
 from motorgrad.lab.blocks._scopes import Raster
 from motorgrad.lab.editor import Session, _compilation
+from motorgrad.lab.editor._warnings import warnings
 
 
 @pytest.fixture
@@ -50,8 +52,12 @@ def test_a_signal_that_turns_nan_is_named_with_its_first_tick(open_client):
     client.do("tick", n=6)
     assert client.run()["faults"] == []
     client.do("tick", n=20)
-    assert client.run()["faults"] == [{"path": "scope", "port": "u", "message": "is NaN at tick 6 (0.06 s)"}]
-    assert client.last("error")["message"] == "scope.u: is NaN at tick 6 (0.06 s)"
+    began = "becomes NaN at tick 6 (0.06 s). It begins here: its input u = -0.005"
+    assert client.run()["faults"] == [
+        {"path": "function", "port": "y", "message": began},
+        {"path": "scope", "port": "u", "message": "is NaN at tick 6 (0.06 s)"},
+    ]
+    assert client.last("error")["message"] == f"function.y: {began}"
     rows = [row for event in client.seen if event["event"] == "samples" for row in _rows(event)]
     assert len(rows) == 26
     assert all((row[0] is None) == (tick >= 6) for tick, row in enumerate(rows))  # nothing stands for it
@@ -68,9 +74,54 @@ def _rows(event):
 def test_a_state_that_nobody_records_is_named_too(open_client):
     client = open_client(chain(lab.Constant(3e38), lab.Gain(3e38), lab.Integrator()))
     client.do("tick", n=3)
-    (fault,) = client.run()["faults"]
+    began, fault = client.run()["faults"]
+    assert (began["path"], began["port"]) == ("gain", "y")
+    assert began["message"] == "becomes infinite at tick 0 (0 s). It begins here: its input u = 3e+38"
     assert (fault["path"], fault["port"]) == ("integrator", None)
     assert fault["message"] == "its state is NaN or infinite at tick 3 (0.03 s)"
+
+
+def test_where_it_began_is_found_among_many_ticks_seeds_and_changes(open_client):
+    diagram = chain(lab.UniformNoise(low=0.0), lab.Gain(1.0), lab.Function("log"), lab.Integrator(), lab.Scope())
+    client = open_client(diagram)
+    client.do("seeds", n=3)
+    client.do("tick", n=2000)
+    assert client.run()["faults"] == []
+    client.do("parameter", address="gain.gain", value=-1.0)
+    client.do("tick", n=1500)
+    began, *others = client.run()["faults"]
+    assert (began["path"], began["port"]) == ("function", "y")
+    run = lab.Run(client.session.diagram, 3, watch=["gain.y"])
+    given = run.advance(2001)["gain.y"][0, -1]
+    assert began["message"] == f"becomes NaN at tick 2000 (20 s) in seed 0. It begins here: its input u = {given:.4g}"
+    assert [each["path"] for each in others] == ["scope", "integrator"]
+
+
+def test_a_state_that_grows_without_bound_is_where_it_began(open_client):
+    client = open_client(chain(lab.Constant(1.0), lab.Lag(0.001), lab.Gain(2.0), lab.Scope()))
+    client.do("tick", n=300)
+    began = client.run()["faults"][0]
+    assert (began["path"], began["port"]) == ("lag", None)
+    assert re.fullmatch(r"its state becomes (NaN|infinite) at tick 1\d .*: its input u = 1", began["message"])
+
+
+def test_what_is_faster_than_the_tick_is_warned_of():
+    made = {"fast": lab.Lag(0.001), "quick": lab.Lag(0.009), "slow": lab.Lag(0.1), "discrete": lab.DiscreteLag(0.002)}
+    made |= {
+        "filter": lab.TransferFunction((1.0,), (1.0, 2.0, 500.0**2)),
+        "pid": lab.PID(derivative_gain=1.0, filter=0.001),
+    }
+    diagram = lab.Diagram(0.01)
+    for name, block in made.items():
+        diagram.add(name, block)
+        diagram.add(f"{name} in", lab.Constant(1.0))
+        diagram.connect(f"{name} in", f"{name}.{next(iter(block.inputs))}")
+    found = {path: message for path, _, message in warnings(diagram)}
+    assert set(found) == {"fast", "quick", "discrete", "filter", "pid"}
+    assert found["fast"].startswith("is faster than the tick: its shortest time constant, 0.001 s, is below the")
+    assert {name for name in found if "unstable" in found[name]} == {"fast", "filter", "pid"}
+    diagram.substeps = 20
+    assert {path for path, *_ in warnings(diagram)} == {"discrete"}
 
 
 def test_of_many_seeds_it_is_said_how_many(open_client):
@@ -79,7 +130,8 @@ def test_of_many_seeds_it_is_said_how_many(open_client):
     client.do("tick", n=4)
     negative = np.isnan(lab.Run(client.session.diagram, 20).advance(1)["scope.u"][:, 0]).sum()
     assert 0 < negative < 20
-    (fault,) = client.run()["faults"]
+    began, fault = client.run()["faults"]
+    assert began["path"] == "function"
     assert fault["message"] == f"is NaN at tick 0 (0 s) in {negative} of 20 seeds"
 
 
@@ -92,7 +144,7 @@ def test_a_branch_keeps_what_was_found_in_it(open_client):
     client.do("tick", n=10)
     assert client.run()["faults"] == []
     client.do("scrub", branch="main", tick=3)
-    assert len(client.run()["faults"]) == 1
+    assert [fault["path"] for fault in client.run()["faults"]] == ["function", "scope"]
 
 
 def test_a_raster_does_not_draw_nan_as_an_event():

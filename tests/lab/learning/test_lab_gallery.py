@@ -1,7 +1,8 @@
-"""Every diagram of the gallery runs, learns, and can be kept."""
+"""Every diagram of the gallery runs and can be kept; learners learn, and the others do what their comments say."""
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from motorgrad import lab
 from motorgrad.lab.gallery import GALLERY, example
@@ -24,7 +25,7 @@ QUICK = ("motoneuron-pool", "leg-controller")
 
 @pytest.mark.ci
 @pytest.mark.representatives("motoneuron-pool", "leg-controller")
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in GALLERY])
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in GAINS])
 def test_it_learns(name):
     ticks, rise = GAINS[name]
     made = example(name)
@@ -49,3 +50,58 @@ def test_it_is_sound_and_lasts(name):
 def test_an_unknown_one_is_refused_with_the_nearest():
     with pytest.raises(ValueError, match="did you mean 'hopper'"):
         example("hoper")
+
+
+def test_without_anti_windup_the_process_overshoots():
+    seen = lab.Run(example("pid")).advance(4000)
+    assert seen["response.tracked"].max() < 1.02
+    assert seen["response.wound_up"].max() > 1.25
+    commands = {name: np.abs(seen[f"command.{name}"]).max() for name in ("tracked", "wound_up")}
+    assert commands["tracked"] <= np.float32(1.6) < commands["wound_up"]
+
+
+def test_the_lorenz_system_follows_its_equations_and_forgets_its_start():
+    seen = lab.Run(example("lorenz")).advance(4001)
+
+    def slope(_, state):
+        x, y, z = state
+        return [10 * (y - x), x * (28 - z) - y, x * y - 8 / 3 * z]
+
+    exact = solve_ivp(slope, (0, 5), [1.0, 1.0, 20.0], rtol=1e-10, atol=1e-10, t_eval=np.arange(0, 5, 0.01))
+    x = seen["over time.x"][0]
+    np.testing.assert_allclose(x[:500, 0], exact.y[0], atol=2e-2)
+    apart = np.abs(x[:, 0] - x[:, 1])
+    assert apart[:100].max() < 0.01
+    assert apart[1500:].max() > 10
+
+
+def test_the_pendulum_is_balanced_and_swings_freely_without_its_regulator():
+    run = lab.Run(example("pendulum"), watch=["position.y", "speed.y", "angle.y", "rate.y"])
+    assert np.abs(run.advance(600)["angle.y"][0, 500:]).max() < 0.1
+    run.reset()
+    run["strength.gain"], run["push.high"] = 0.0, 0.0
+    seen = run.advance(500)
+    speed, angle, rate = (seen[f"{name}.y"][0].astype(float) for name in ("speed", "angle", "rate"))
+    bob = (speed + 0.5 * rate * np.cos(angle)) ** 2 + (0.5 * rate * np.sin(angle)) ** 2
+    energy = 0.5 * 1.0 * speed**2 + 0.5 * 0.2 * bob + 0.2 * 9.81 * 0.5 * np.cos(angle)
+    np.testing.assert_allclose(energy, energy[0], rtol=2e-3)  # nothing brakes it
+    assert np.abs(angle).max() > 3
+
+
+def test_a_neuron_without_synapses_fires_at_the_rate_of_its_closed_form():
+    made = example("spiking")
+    run = lab.Run(made)
+    run["coupling.gain"] = 0.0
+    fired = run.advance(6000)["spikes.u"][0] > 0
+    drives = np.asarray(made.nodes["bias"].block.value)
+    for neuron in np.flatnonzero(np.abs(drives - 1) > 0.01):
+        times = np.flatnonzero(fired[:, neuron])
+        if drives[neuron] < 1:
+            assert len(times) <= 1
+            continue
+        period = 0.02 * np.log(drives[neuron] / (drives[neuron] - 1)) / 0.0005  # ticks, from 0 to the threshold
+        assert np.ptp(np.diff(times)) <= 1
+        assert abs(np.diff(times).mean() - (np.ceil(period) + 1)) <= 1  # the tick of the reset, and rounding
+    run.reset()
+    run["coupling.gain"] = 15.0
+    assert (run.advance(4000)["spikes.u"][0] > 0).sum() > 2 * fired[:4000].sum()

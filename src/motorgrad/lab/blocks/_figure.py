@@ -28,11 +28,11 @@ class Picture(Figure):
         return content.getvalue()
 
 
-def picture(width: float = 6.5, height: float = 3.0) -> tuple[Picture, Axes]:
-    """An empty figure of this size in inches, and its axes."""
+def picture(width: float = 6.5, height: float = 3.0, rows: int = 1) -> tuple[Picture, Any]:
+    """An empty figure of this size in inches, and its axes; for several `rows`, an array of them with one x axis."""
     with matplotlib.rc_context(LOOK):
         figure = Picture(figsize=(width, height), layout="constrained")
-        return figure, figure.subplots()
+        return figure, figure.subplots(rows, sharex=rows > 1)
 
 
 def draw_series(

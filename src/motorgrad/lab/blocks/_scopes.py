@@ -73,6 +73,7 @@ class Scope(Labelled):
 
     limits: Annotated[tuple[float, float] | None, Setting("range of the vertical axis; None for automatic")] = None
     window: Annotated[float, Setting("seconds shown during a run")] = 10.0
+    unit: Annotated[str, Setting("unit of the signals, for the vertical axis")] = ""
 
     def validate(self) -> None:
         super().validate()
@@ -93,7 +94,8 @@ class Scope(Labelled):
         axes.margins(x=0)
         if self.limits is not None:
             axes.set_ylim(*self.limits)
-        finish(axes, "time (s)", "", seeds, names)
+        label = f"{names[0]} ({self.unit})" if self.unit and len(names) == 1 else self.unit
+        finish(axes, "time (s)", label, seeds, names)
         return figure
 
 
@@ -142,6 +144,10 @@ class Raster(Viewer):
     drawing: ClassVar[str] = "raster"
 
     shape: Annotated[tuple[int, ...], Setting("shape of the signal: one row per element")] = (1,)
+    window: Annotated[float, Setting("seconds shown during a run")] = 10.0
+
+    def validate(self) -> None:
+        check(self.window > 0, "window", self.window, "a positive number of seconds")
 
     @property
     def inputs(self) -> Ports:

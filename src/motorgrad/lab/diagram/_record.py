@@ -3,11 +3,16 @@
 import dataclasses
 import itertools
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,6 +44,61 @@ class Record:
         if address not in self.every:
             raise unknown("signal", address, self.every)
         return sampled(self.first, self.ticks, self.every[address]) * self.tick
+
+    def plot(self, *addresses: str) -> "Figure":
+        """The signals over time as a matplotlib figure that displays itself in a notebook: one below the other, for
+        several seeds the median and a band between the quartiles.
+
+            run.advance(1000).plot("scope.u")
+
+        **Arguments:** the addresses of the signals, by default all. **Raises** `ValueError` for an unknown one, and for
+        a record of nothing.
+        """
+        from motorgrad.lab.blocks._figure import draw_series, finish, picture
+
+        chosen = addresses or tuple(self.signals)
+        check(chosen, "signals", list(self.signals), "at least one: wire a scope, or watch an output")
+        given = {address: self[address] for address in chosen}
+        figure, rows = picture(6.5, min(12.0, 1.0 + 1.8 * len(chosen)), rows=len(chosen))
+        for number, (axes, (address, signal)) in enumerate(zip(np.atleast_1d(rows), given.items(), strict=True)):
+            check(signal.shape[1] > 0, address, signal.shape, "a record of at least one sample")
+            columns = _columns(address, signal)
+            for place, (name, values) in enumerate(columns.items()):
+                draw_series(axes, self.times(address), values.astype(float), place, name)
+            axes.margins(x=0)
+            last = number == len(chosen) - 1
+            finish(axes, "time (s)" if last else "", address, len(signal) if number == 0 else 1, list(columns))
+        return figure
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """The signals as a table of pandas: a row for each sample, by `time` in seconds; columns by `signal` and
+        `seed`, the row of the run. The elements of an array are columns of their own, such as `"scope.u[1]"`. A signal
+        that is sampled less often has NaN in between.
+
+            run.advance(1000).to_pandas()["scope.u"].mean(axis=1)
+
+        **Raises** `ImportError` where pandas is not installed.
+        """
+        import pandas
+
+        parts = []
+        for address, signal in self.signals.items():
+            columns = {
+                (name, seed): values[seed]
+                for name, values in _columns(address, signal).items()
+                for seed in range(len(values))
+            }
+            parts.append(pandas.DataFrame(columns, index=pandas.Index(self.times(address), name="time")))
+        table = pandas.concat(parts, axis=1) if parts else pandas.DataFrame(columns=pandas.MultiIndex.from_tuples([]))
+        table.columns = table.columns.set_names(["signal", "seed"]) if parts else table.columns
+        return table.sort_index()
+
+
+def _columns(address: str, signal: np.ndarray) -> dict[str, np.ndarray]:
+    """The numbers of a signal `(seeds, samples, …)` by name, each `(seeds, samples)`."""
+    places = list(np.ndindex(signal.shape[2:]))
+    names = [f"{address}[{','.join(map(str, place))}]" if place else address for place in places]
+    return {name: signal[:, :, *place] for name, place in zip(names, places, strict=True)}
 
 
 def join(records: Iterable[Record]) -> Record:

@@ -6,5 +6,6 @@ editor is imported on first use: `import motorgrad.lab` needs none of its depend
 
 from motorgrad.lab.editor._server import Server
 from motorgrad.lab.editor._session import Session
+from motorgrad.lab.editor._static import NOT_BUILT
 
-__all__ = ["Server", "Session"]
+__all__ = ["NOT_BUILT", "Server", "Session"]

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.lab.diagram import Problem, Record, sampled
-from motorgrad.lab.engine import Run
+from motorgrad.lab.diagram import Diagram, Problem, Record, sampled
+from motorgrad.lab.editor._origin import origin
+from motorgrad.lab.engine import Run, Timeline
 
 
 class Faults:
@@ -19,15 +20,29 @@ class Faults:
         """All that was found, as problems."""
         return [problem._asdict() for problem in self._found.values()]
 
-    def look(self, record: Record, run: Run) -> "list[Problem]":
-        """Look through a record and the state at its end. **Returns** what is new."""
-        new = [problem for problem in [*_signals(record), *_states(run)] if problem[:2] not in self._found]
+    def look(self, record: Record, timeline: Any, diagram: Diagram) -> "list[Problem]":
+        """Look through a record and the state at its end. The first time that something is found, look for where it
+        began too. **Returns** what is new, the origin first.
+        """
+        signals, states = _signals(record), _states(timeline.run)
+        new = [problem for problem in [*(each for _, each in signals), *states] if problem[:2] not in self._found]
+        if new and not self._found and isinstance(timeline, Timeline):
+            seen = signals[0][0] if signals else None
+            began = _origin(timeline, diagram, record.first, seen)
+            new = [began, *(each for each in new if each[:2] != began[:2])] if began else new
         self._found |= {(problem.path, problem.port): problem for problem in new}
         return new
 
 
-def _signals(record: Record) -> list[Problem]:
-    """The signals that are not finite, the earliest first."""
+def _origin(timeline: Timeline, diagram: Diagram, first: int, seen: int | None) -> Problem | None:
+    try:
+        return origin(timeline, diagram, first, seen)
+    except Exception:  # a block's own code may raise anything: what was found is told all the same
+        return None
+
+
+def _signals(record: Record) -> list[tuple[int, Problem]]:
+    """The signals that are not finite with their ticks, the earliest first."""
     found = []
     for address, signal in record.signals.items():
         wrong = np.any(~np.isfinite(signal), axis=tuple(range(2, signal.ndim)))
@@ -40,7 +55,7 @@ def _signals(record: Record) -> list[Problem]:
         some = f" in {len(seeds)} of {len(signal)} seeds" if len(signal) > 1 else ""
         path, _, port = address.rpartition(".")
         found.append((tick, Problem(path, port, f"is {what} at tick {tick} ({tick * record.tick:.6g} s){some}")))
-    return [problem for _, problem in sorted(found, key=lambda each: each[0])]
+    return sorted(found, key=lambda each: each[0])
 
 
 def _states(run: Run) -> list[Problem]:

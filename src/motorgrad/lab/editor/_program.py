@@ -56,6 +56,11 @@ def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
     return found
 
 
+def learns(diagram: Diagram) -> bool:
+    """Whether a block of the diagram learns."""
+    return any(block.category == "learning" for block in leaves(diagram).values())
+
+
 def parameters(diagram: Diagram) -> Values:
     """All parameters by address."""
     return {

@@ -9,11 +9,12 @@ outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a bloc
 **Events** go to clients; `"event"` is the name.
 
 - Answers to the client that asked: `done {client, sequence, revision}`; `refused {client, sequence, message, path?}`;
-  `fragment {fragment}`; `text {text}`; `files {files}`; `log {log}`.
-- `declarations {categories, blocks, gallery}`: once, after `hello`.
+  `fragment {fragment}`; `text {text}`; `files {files}`; `log {log}`; `page {text}`.
+- `declarations {categories, blocks, gallery, words}`: once, after `hello`.
 - `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole document; see `_views`.
 - `changed {revision, file, saved, can_undo, can_redo, scopes}`: what is new in each diagram that changed.
-- `problems {revision, list: [{path, port, message}]}`: everything that keeps the diagram from running.
+- `problems {revision, list: [{path, port, message}], warnings}`: everything that keeps the diagram from running; and
+  `warnings` of the same form about one that runs, see `_warnings`.
 - `run {…}`: the state of the run; see `_runner`.
 - `samples {branch, fresh, signals}`: what sinks and watched outputs recorded; see `_traces`.
 - `recoverable {list}`: unsaved work of sessions that have ended; see `_storage`.
@@ -194,6 +195,11 @@ class Log(RunOperation):
     """Get the log of a branch, by default of the current one: all that its numbers follow from. The answer is `log`."""
 
     branch: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Page(RunOperation):
+    """Get the diagram with all that its run recorded as one HTML page, which needs no server. The answer is `page`."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,10 +20,12 @@ from motorgrad._errors import check
 from motorgrad._playback import Clock
 from motorgrad.lab.diagram import Diagram, DiagramError
 from motorgrad.lab.editor import _protocol as ask
-from motorgrad.lab.editor._program import parameters, signature
+from motorgrad.lab.editor._page import page
+from motorgrad.lab.editor._program import learns, parameters, signature
 from motorgrad.lab.editor._tree import Tree
 
 FRAME = 1 / 30  # seconds
+LONGEST_TICK = 0.1  # seconds; nobody wants to wait for longer ones
 Event = dict[str, Any]
 Done = Callable[[Exception | None], None]
 Command = Callable[[], None]
@@ -42,7 +44,9 @@ class Runner:
         self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
         """One for each command in the queue that must not wait for the compiler."""
         self._tree = Tree(diagram, emit, self._report, self._commands.empty, lambda: not self._stops.empty())
-        self._clock = Clock(diagram.tick, slice=FRAME)
+        self._chosen = speed_for(diagram)
+        """The speed at which it plays; single ticks are made as fast as possible."""
+        self._clock = Clock(diagram.tick, self._chosen, slice=FRAME)
         self._until: int | None = None
         self._finish: list[Done] = []
         self._next = 0.0
@@ -79,6 +83,7 @@ class Runner:
             if fresh:
                 self._stops.get()
                 self._tree.discard(diagram)
+                self._chosen = speed_for(diagram)
                 self._pause()
             else:
                 self._apply_edit(diagram)
@@ -132,15 +137,18 @@ class Runner:
                 self._frame()  # at once, so that the next operation finds these ticks made
                 return False
             case ask.Speed():
-                self._clock.speed = _checked_speed(operation.speed)
+                self._chosen = self._clock.speed = _checked_speed(operation.speed)
             case ask.Pause():
                 self._pause()
             case ask.Reset():
                 self._pause()
                 tree.begin()
             case ask.Seeds():
+                playing, until = self._clock.playing, self._until
                 self._pause()
                 tree.reseed(operation.n)
+                if playing and until is None:  # it goes on with the new seeds
+                    self._start(None if math.isinf(self._chosen) else self._chosen)
             case ask.Watch():
                 tree.set_watches(operation.addresses)
             case ask.Scrub():
@@ -154,6 +162,10 @@ class Runner:
                 tree.prune(operation.branch)
             case ask.Log():
                 answer({"event": "log", "log": tree.log(operation.branch)})
+            case ask.Page():
+                samples: list[Event] = []
+                tree.resend(samples.append)
+                answer({"event": "page", "text": page(tree.diagram, {**self.status, **tree.summary()}, samples)})
             case ask.Replay():
                 self._pause()
                 self._emit({"event": "replayed", **tree.replay(operation.log)})
@@ -166,6 +178,7 @@ class Runner:
         self._pause()
         self._tree.ensure_compiled()
         self._until = None if ticks is None else self._tree.tick + ticks
+        self._chosen = wanted if ticks is None else self._chosen
         self._clock.period, self._clock.speed = self._tree.step, wanted
         self._clock.play()
         self._report(whole=True)
@@ -234,9 +247,16 @@ class Runner:
         event: Event = {"event": "run", "state": quiet if compiling is None else "compiling", "waited": compiling}
         event |= {**tree.place, "achieved": clock.achieved(tree.tick) or None}
         if whole:
-            event |= {"speed": None if math.isinf(clock.speed) else clock.speed, **tree.summary()}
+            event |= {"speed": None if math.isinf(self._chosen) else self._chosen, **tree.summary()}
         self.status = self.status | event
         self._emit(event)
+
+
+def speed_for(diagram: Diagram) -> float:
+    """The speed at which a diagram begins: as fast as possible if something in it learns or its ticks are long,
+    otherwise real time.
+    """
+    return math.inf if learns(diagram) or diagram.tick > LONGEST_TICK else 1.0
 
 
 def _checked_speed(speed: float | None) -> float:

@@ -22,7 +22,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from motorgrad._errors import check
 from motorgrad._gate import HEADERS, Gate, Pace, Passed
-from motorgrad.lab.editor._session import STATIC, Session
+from motorgrad.lab.editor._session import Session
+from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
 HOST = "127.0.0.1"
 LARGEST = 64 * 2**20  # bytes of a message
@@ -59,6 +60,11 @@ class Server:
         self._thread: threading.Thread | None = None
 
     @property
+    def built(self) -> bool:
+        """Whether there are pages to serve."""
+        return (self._static / "index.html").is_file()
+
+    @property
     def token(self) -> str:
         """The secret in the address."""
         return self._gate.token
@@ -89,7 +95,7 @@ class Server:
         file = self._built(path)
         if not file.is_relative_to(self._static.resolve()) or not file.is_file():
             missing = path == "index.html"
-            text = "The editor's pages are not built: see CONTRIBUTING.md" if missing else "There is no such page."
+            text = NOT_BUILT if missing else "There is no such page."
             return PlainTextResponse(text, 404, PAGE_HEADERS)
         return FileResponse(file, headers=PAGE_HEADERS)
 

@@ -22,10 +22,8 @@ from motorgrad.lab.editor._protocol import read_message
 from motorgrad.lab.editor._runner import Runner
 from motorgrad.lab.editor._storage import SUFFIX, Folder, Journal
 from motorgrad.lab.editor._views import declarations, difference, view
+from motorgrad.lab.editor._warnings import warnings
 from motorgrad.lab.gallery import example
-
-STATIC = Path(__file__).parent / "static"
-
 
 Event = dict[str, Any]
 Send = Callable[[Event], None]
@@ -66,7 +64,7 @@ class Session:
         self._lock = threading.RLock()
         self._listeners: dict[object, Send] = {}
         self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
-        self._problems: Event = {"event": "problems", "revision": -1, "list": []}
+        self._problems: Event = {"event": "problems", "revision": -1, "list": [], "warnings": []}
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
         self._runner = Runner(self._document.diagram, self._emit)
         atexit.register(self.close)  # compiled code must not run while the interpreter shuts down
@@ -172,7 +170,8 @@ class Session:
                 if own == (str(file) if file else None) and saved:
                     document.update(diagram)
                 else:
-                    document.open(diagram, None, saved=False)
+                    here = own is not None and self._folder.contains(Path(own))
+                    document.open(diagram, Path(own) if own is not None and here else None, saved=False)
             case edits.SetParameter():
                 document.update(operation.apply(before), operation.address, time.monotonic())
             case edits.Change():
@@ -254,7 +253,8 @@ class Session:
         def find() -> None:
             if revision == self._document.revision:
                 found = [problem._asdict() for problem in problems(diagram)]
-                self._problems = {"event": "problems", "revision": revision, "list": found}
+                quick = [] if found else [warning._asdict() for warning in warnings(diagram)]
+                self._problems = {"event": "problems", "revision": revision, "list": found, "warnings": quick}
                 self._emit(self._problems)
 
         self._aside.submit(find)

@@ -55,6 +55,10 @@ class Folder:
         self._known[path] = _digest(path)
         return path
 
+    def contains(self, path: Path) -> bool:
+        """Whether a file of this path may be saved here."""
+        return path.parent.resolve() == self.folder
+
     def mark_seen(self, path: Path) -> None:
         """Record the current content of a file as seen."""
         if path.exists():
@@ -116,7 +120,9 @@ class Journal:
         self._file = file
 
     def others(self) -> list[dict[str, Any]]:
-        """The journals of sessions that have ended: `id`, title, number of changes, time of the last one, and file."""
+        """The journals of sessions that have ended: `id`, the title after the last change, number of changes, time of
+        the last one, and the name of the file.
+        """
         found = []
         for path in self._journals():
             if path == self._path or self._is_locked(path):
@@ -125,12 +131,11 @@ class Journal:
             if not lines:
                 path.unlink(missing_ok=True)  # the process was killed before the first change
                 continue
-            diagram = json.loads(head.get("diagram") or "{}")
             found.append(
                 {
                     "id": path.name,
-                    "file": head.get("file"),
-                    "title": diagram.get("title", ""),
+                    "file": None if head.get("file") is None else Path(head["file"]).name,
+                    "title": _title(head, lines),
                     "changes": len(lines),
                     "changed": path.stat().st_mtime,
                 }
@@ -248,6 +253,20 @@ class Journal:
         lock.release()
         Path(lock.lock_file).unlink(missing_ok=True)
         return False
+
+
+def _title(head: dict[str, Any], lines: list[dict[str, Any]]) -> str:
+    """The title of the outermost diagram after the last change."""
+    title = json.loads(head.get("diagram") or "{}").get("title", "")
+    for line in lines:
+        if "diagram" in line:
+            title = json.loads(line["diagram"]).get("title", "")
+        elif line["do"]["op"] == "set" and not line["do"]["at"] and line["do"]["name"] is None:
+            own = line["do"]
+            title = {**own["fields"], **({} if own["field"] is None else {own["field"]: own["value"]})}.get(
+                "title", title
+            )
+    return title
 
 
 def _lines(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:

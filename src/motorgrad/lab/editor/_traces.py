@@ -5,12 +5,12 @@ seed, `rows` are the numbers, for lines the minimum and maximum of every stretch
 `high` are the quartiles. For drawings other than lines, `rows` has the numbers of the first `seeds` seeds side by side.
 """
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from motorgrad.lab.diagram import Record, sampled
-from motorgrad.lab.editor._program import Program, sink_at
+from motorgrad.lab.diagram import Diagram, Record, sampled
+from motorgrad.lab.editor._program import sink_at
 
 STRETCHES = 500  # per window of a scope
 WINDOW = 10.0  # seconds, for sinks without a window
@@ -23,11 +23,24 @@ COLUMNS = 4096  # numbers per row
 Parts = dict[str, np.ndarray]
 
 
-class Traces:
-    """The recorded signals of one branch."""
+class _Like(Protocol):
+    """What is needed of a program: its diagram and its seeds."""
 
-    def __init__(self, program: Program):
-        self._program = program
+    @property
+    def diagram(self) -> Diagram: ...
+
+    @property
+    def seeds(self) -> list[int]: ...
+
+
+class Traces:
+    """The recorded signals of one branch.
+
+    **Arguments:** the program; the number of stretches per signal that one record is shown by.
+    """
+
+    def __init__(self, program: _Like, frame: int = FRAME):
+        self._program, self._frame = program, frame
         self._kept: dict[str, list[Parts]] = {}
         self._every: dict[str, int] = {}
 
@@ -64,7 +77,7 @@ class Traces:
         seeds, samples = signal.shape[:2]
         numbers = signal.reshape(seeds, samples, -1)[..., :COLUMNS]
         window = getattr(sink_at(self._program.diagram, address.rpartition(".")[0]), "window", WINDOW)
-        stretch = max(1, round(window / record.tick / STRETCHES / every), -(-samples // FRAME))
+        stretch = max(1, round(window / record.tick / STRETCHES / every), -(-samples // self._frame))
         if drawing != "lines":
             seeds = 1 if drawing == "map" else min(seeds, SEEDS)
             beside = numbers[:seeds].transpose(1, 0, 2).reshape(samples, -1)[:, :COLUMNS]

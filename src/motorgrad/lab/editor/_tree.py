@@ -178,7 +178,7 @@ class Tree:
             signals = branch.traces.add(record)
             if signals:
                 self._emit({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
-            if new := branch.faults.look(record, branch.run):
+            if new := branch.faults.look(record, timeline, branch.program.diagram):
                 self._emit({"event": "error", "message": str(new[0])})
                 self._report(whole=True)
         branch.run.wait()

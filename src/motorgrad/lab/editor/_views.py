@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._settings import fields_of
+from motorgrad.lab.blocks._formulas import RESERVED
 from motorgrad.lab.diagram import (
     BLOCKS,
     HEAD,
@@ -33,6 +34,7 @@ from motorgrad.lab.diagram import (
     required_fields,
     settings_of,
 )
+from motorgrad.lab.editor._program import learns
 from motorgrad.lab.gallery import GALLERY
 
 View = dict[str, Any]
@@ -140,14 +142,16 @@ def _visible_part(node: Node, diagram: Diagram, name: str) -> Any:
 
 def declarations() -> dict[str, Any]:
     """Everything that a palette and its forms need: `categories`, each with the names of its types; `blocks` by type,
-    including the subsystem; `gallery`, a list of name, title and comment.
+    including the subsystem; `gallery`, a list of name, title, comment, and whether it `learns`; `words`, the names that
+    formulas know.
     """
     kinds = {name: declaration(cls) for name, cls in sorted(BLOCKS.items())}
     kinds[SUBSYSTEM] = _SUBSYSTEM
     categories: dict[str, list[str]] = {}
     for name, kind in kinds.items():
         categories.setdefault(kind["category"], []).append(name)
-    return {"categories": dict(sorted(categories.items())), "blocks": kinds, "gallery": _gallery()}
+    sorted_categories = dict(sorted(categories.items()))
+    return {"categories": sorted_categories, "blocks": kinds, "gallery": _gallery(), "words": sorted(RESERVED)}
 
 
 @functools.cache
@@ -191,9 +195,12 @@ _SUBSYSTEM: dict[str, Any] = {
 
 
 @functools.cache
-def _gallery() -> list[dict[str, str]]:
+def _gallery() -> list[dict[str, Any]]:
     made = {name: make() for name, make in GALLERY.items()}
-    return [{"name": name, "title": each.title, "comment": each.comment} for name, each in made.items()]
+    return [
+        {"name": name, "title": each.title, "comment": each.comment, "learns": learns(each)}
+        for name, each in made.items()
+    ]
 
 
 def _hint_text(hint: Any) -> str:

@@ -10,9 +10,11 @@ from typing import Any
 import anywidget
 
 from motorgrad.lab.diagram import Diagram
-from motorgrad.lab.editor._session import STATIC, Session
+from motorgrad.lab.editor._session import Session
+from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
 BUILT = STATIC / "widget.js", STATIC / "widget.css"
+_NOT_BUILT = f"export default {{ render({{ el }}) {{ el.textContent = {json.dumps(NOT_BUILT)}; }} }}"
 
 
 class Editor(anywidget.AnyWidget):
@@ -22,7 +24,7 @@ class Editor(anywidget.AnyWidget):
     """
 
     _end: Callable[[], None] | None = None
-    _esm = BUILT[0] if BUILT[0].exists() else "export default { render({ el }) { el.textContent = 'Not built.'; } }"
+    _esm = BUILT[0] if BUILT[0].exists() else _NOT_BUILT
     _css = BUILT[1] if BUILT[1].exists() else ""
 
     def __init__(self, session: Session):

@@ -1,9 +1,10 @@
-"""Ready diagrams: the systems of the thesis, to run, take apart and change."""
+"""Ready diagrams, to run, take apart and change: the systems of the thesis, and others that do not learn."""
 
 from collections.abc import Callable
 
 from motorgrad._errors import unknown
 from motorgrad.lab.diagram import Diagram
+from motorgrad.lab.gallery._dynamics import anti_windup, lorenz, pendulum, spiking
 from motorgrad.lab.gallery._plain_blocks import leg_controller, motoneuron_pool
 from motorgrad.lab.gallery._tasks import chain, constructive_pool, hopper, linear_recruitment, network, orbit, particle
 from motorgrad.lab.gallery._wiring import learner
@@ -18,6 +19,10 @@ GALLERY: dict[str, Callable[[], Diagram]] = {
     "hopper": hopper,
     "network": network,
     "leg-controller": leg_controller,
+    "pid": anti_windup,
+    "lorenz": lorenz,
+    "pendulum": pendulum,
+    "spiking": spiking,
 }
 """Functions that build the diagrams, by name. A new example is a function and a line here."""
 

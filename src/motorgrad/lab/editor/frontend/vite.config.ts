@@ -2,18 +2,18 @@ import react from "@vitejs/plugin-react";
 import { defineConfig } from "vite";
 import { licences } from "./licences.ts";
 
-// Two builds of the same component: a page for the server, and one module for notebooks.
+// Three builds of the same component: a page for the server, one module for notebooks, and one for pages without a server.
 export default defineConfig(({ mode }) => ({
   base: "./",
   plugins: [react(), licences()],
-  define: mode === "widget" ? { "process.env.NODE_ENV": '"production"' } : {},
+  define: mode !== "production" ? { "process.env.NODE_ENV": '"production"' } : {},
   build: {
     outDir: "../static",
-    emptyOutDir: mode !== "widget",
+    emptyOutDir: mode === "production",
     chunkSizeWarningLimit: 2000,
     assetsInlineLimit: 100_000,
-    ...(mode === "widget" && {
-      lib: { entry: "src/widget.tsx", formats: ["es" as const], fileName: () => "widget.js", cssFileName: "widget" },
+    ...(mode !== "production" && {
+      lib: { entry: `src/${mode}.tsx`, formats: ["es" as const], fileName: () => `${mode}.js`, cssFileName: mode },
     }),
   },
 }));

@@ -11,6 +11,7 @@ import {
   SelectionMode,
 } from "@xyflow/react";
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { LEAST_ZOOM } from "../commands/view";
 import { useContextOfCommands } from "../commands/useKeys";
 import { misfitAt, portOf } from "../session/ports";
 import { useProblems } from "../session/store";
@@ -29,6 +30,8 @@ const nodeTypes = { block: BlockNode, remark: RemarkNode };
 const edgeTypes = { wire: Wire };
 const GRID: [number, number] = [10, 10];
 const PAN = [1, 2];
+/** Keys that add to what is selected. */
+const ADDING = ["Shift", "Control", "Meta"];
 
 const addresses = (wire: Connection | WireType): [string, string] => [
   `${wire.source}.${wire.sourceHandle}`,
@@ -42,16 +45,18 @@ export function Canvas() {
   const scope = useScope();
   const at = useUi((ui) => ui.at);
   const problems = useProblems();
+  const pictures = useUi((ui) => ui.pictures);
   const [nodes, setNodes] = useState<AnyNode[]>([]);
   const [wires, setWires] = useState<WireType[]>([]);
   const moving = useRef(false);
+  const kept = useRef<string[]>([]);
   const drop = useDropped(context);
   useArrival(context, nodes.length > 0);
 
   useEffect(() => {
     setNodes((before) => nodesOf(scope, at, problems, before, moving.current));
     setWires((before) => wiresOf(scope, at, problems, before));
-  }, [scope, at, problems]);
+  }, [scope, at, problems, pictures]);
 
   const choose = useUi((ui) => ui.choose);
   useEffect(() => {
@@ -122,7 +127,16 @@ export function Canvas() {
   const defaults = useMemo(() => ({ type: "wire", focusable: true }), []);
 
   return (
-    <div className="canvas" role="region" aria-label="canvas" {...drop}>
+    <div
+      className="canvas"
+      role="region"
+      aria-label="canvas"
+      {...drop}
+      // A frame that is drawn with Shift adds to what is selected; the library begins anew.
+      onPointerDownCapture={(event) => {
+        kept.current = event.shiftKey ? useUi.getState().selected : [];
+      }}
+    >
       <ReactFlow
         nodes={nodes}
         edges={wires}
@@ -149,9 +163,15 @@ export function Canvas() {
         onlyRenderVisibleElements
         snapToGrid
         snapGrid={GRID}
-        minZoom={0.1}
+        minZoom={LEAST_ZOOM}
         maxZoom={3}
         selectionOnDrag
+        selectionKeyCode={null}
+        multiSelectionKeyCode={ADDING}
+        onSelectionStart={() => useUi.setState({ choose: null })}
+        onSelectionEnd={() =>
+          kept.current.length && useUi.setState((ui) => ({ choose: [...kept.current, ...ui.selected] }))
+        }
         selectionMode={SelectionMode.Partial}
         panOnDrag={PAN}
         panOnScroll

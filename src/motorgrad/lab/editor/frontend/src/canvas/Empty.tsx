@@ -23,9 +23,13 @@ export function Empty() {
           {recoverable.map((work) => (
             <div key={work.id} className="row">
               <button type="button" className="primary" onClick={() => void ask({ op: "recover", id: work.id })}>
-                Take up {work.title || work.file || "it"}
+                Take up {work.title || work.file || "the untitled diagram"}
               </button>
-              <button type="button" className="plain" onClick={() => void ask({ op: "recover", id: work.id, drop: true })}>
+              <button
+                type="button"
+                className="plain"
+                onClick={() => void ask({ op: "recover", id: work.id, drop: true })}
+              >
                 Forget it
               </button>
               <span className="quiet">{age(work)}</span>

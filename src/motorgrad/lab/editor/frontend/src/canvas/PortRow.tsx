@@ -10,13 +10,15 @@ interface Props {
   port: Port;
   row: number;
   side: "input" | "output";
+  /** What stands beside it. */
+  label: string;
   wired: boolean;
   wanting: boolean;
   problem: string | undefined;
 }
 
 /** One port: its handle, and its name beside it. While a wire is drawn it shows whether it would fit. */
-export const PortRow = memo(function PortRow({ block, port, row, side, wired, wanting, problem }: Props) {
+export const PortRow = memo(function PortRow({ block, port, row, side, label, wired, wanting, problem }: Props) {
   const input = side === "input";
   const fit = useConnecting(({ from }) => {
     if (!from || (from.block === block && from.side === side && from.port.name === port.name)) return "";
@@ -41,10 +43,16 @@ export const PortRow = memo(function PortRow({ block, port, row, side, wired, wa
         aria-label={`${side} ${port.name} of ${block}`}
         title={title}
       />
-      <span className={`port-name of-${side}`} style={{ top: top - 9 }} title={title}>
-        {port.name}
-        {port.shape.length > 0 && <small>{shapeLabel(port)}</small>}
-      </span>
+      {label && (
+        <span
+          className={`port-name of-${side} ${label === port.name ? "" : "sign"}`}
+          style={{ top: top - 9 }}
+          title={title}
+        >
+          {label}
+          {port.shape.length > 0 && <small>{shapeLabel(port)}</small>}
+        </span>
+      )}
     </>
   );
 });

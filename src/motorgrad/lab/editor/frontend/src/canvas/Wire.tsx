@@ -1,32 +1,38 @@
 import { BaseEdge, type Edge, type EdgeProps, getSmoothStepPath } from "@xyflow/react";
 import { memo } from "react";
+import { drawnPath, type Point } from "./router";
 
 export type WireData = {
   wide: boolean;
   problem: string | null;
   title: string;
-  /** How far its two blocks reach below its ends. */
-  below: [number, number];
+  /** Its way round the blocks; null while there is none. */
+  path: Point[] | null;
+  /** Where it parts from others that carry the same signal. */
+  joints: Point[];
 };
 export type WireType = Edge<WireData, "wire">;
 
 const CLEAR = 18;
-const FAR = 36;
 
-/** A wire: thin for one number, thick for many, red where something is wrong with it. */
+/** A wire: thin for one number, thick for many, red where something is wrong with it. While one of its blocks is moved,
+ * it goes straight ahead. */
 export const Wire = memo(function Wire(props: EdgeProps<WireType>) {
   const { data, selected, sourceX, sourceY, targetX, targetY } = props;
-  // What leads back goes round below both blocks.
-  const back = sourceX + 2 * CLEAR > targetX && data;
-  const centerY = back ? Math.max(sourceY + data.below[0], targetY + data.below[1]) + CLEAR : undefined;
-  // What leads on turns soon, so that it passes other blocks at the height of its end, not through them.
-  const centerX = back ? undefined : Math.min((sourceX + targetX) / 2, sourceX + FAR);
-  const [path] = getSmoothStepPath({ ...props, borderRadius: 8, offset: CLEAR, centerX, centerY });
+  const [first, last] = [data?.path?.[0], data?.path?.at(-1)];
+  const near = (point: Point | undefined, x: number, y: number) =>
+    point && Math.abs(point[0] - x) < 6 && Math.abs(point[1] - y) < 6;
+  const fits = near(first, sourceX, sourceY) && near(last, targetX, targetY);
+  const path = fits ? drawnPath(data!.path!) : getSmoothStepPath({ ...props, borderRadius: 8, offset: CLEAR })[0];
   const classes = ["wire", data?.wide && "wide", data?.problem && "wrong", selected && "selected"];
   return (
     <g className={classes.filter(Boolean).join(" ")}>
       <title>{data?.problem ? `${data.title}\n${data.problem}` : data?.title}</title>
       <BaseEdge id={props.id} path={path} interactionWidth={14} />
+      {fits &&
+        data!.joints.map(([x, y]) => (
+          <circle key={`${x},${y}`} className="joint" cx={x} cy={y} r={data!.wide ? 4 : 3} />
+        ))}
     </g>
   );
 });

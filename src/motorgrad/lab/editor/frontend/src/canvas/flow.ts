@@ -1,9 +1,10 @@
 import type { Problem, Scope } from "../session/types";
 import { ends, pathOf, portOf } from "../session/ports";
 import type { BlockNodeType } from "./BlockNode";
-import { portHeight, sizeOf } from "./geometry";
+import { isPictured, portHeight, sizeOf } from "./geometry";
 import { placed } from "./layout";
 import type { RemarkNodeType } from "./RemarkNode";
+import { type Box, type Link, type Point, route, type Routes } from "./router";
 import type { WireType } from "./Wire";
 import { Position } from "@xyflow/react";
 
@@ -13,6 +14,7 @@ export type AnyNode = BlockNodeType | RemarkNodeType;
 export const REMARK = "comment/";
 
 const NONE: Problem[] = [];
+const NO_POINTS: Point[] = [];
 
 function problemsOf(problems: Problem[], path: string): Problem[] {
   const own = problems.filter((problem) => problem.path === path || problem.path.startsWith(`${path}/`));
@@ -39,7 +41,14 @@ export function nodesOf(
   }
   const blocks = Object.entries(scope.nodes).map(([name, view]): AnyNode => {
     const path = pathOf(at, name);
-    const data = { view, name, path, wired: wired.get(name) ?? [], problems: problemsOf(problems, path) };
+    const data = {
+      view,
+      name,
+      path,
+      wired: wired.get(name) ?? [],
+      problems: problemsOf(problems, path),
+      pictured: isPictured(view),
+    };
     const known = old.get(name) as BlockNodeType | undefined;
     const [x, y] = where[name] ?? [0, 0];
     const stays = known && ((moving && known.dragging) || (known.position.x === x && known.position.y === y));
@@ -48,6 +57,7 @@ export function nodesOf(
       stays &&
       known.data.view === view &&
       known.data.path === path &&
+      known.data.pictured === data.pictured &&
       same(known.data.wired, data.wired) &&
       same(known.data.problems, data.problems)
     )
@@ -95,17 +105,41 @@ export function nodesOf(
   return [...remarks, ...blocks];
 }
 
-/** How far a block reaches below one of its ports. */
-function beneath(scope: Scope, name: string, side: "inputs" | "outputs", port: string): number {
-  const block = scope.nodes[name];
-  if (!block) return 0;
-  return sizeOf(name, block).height - portHeight(block[side].findIndex((each) => each.name === port));
+/** The ways of the wires of the diagrams that were shown, by path. */
+const ways = new Map<string, { boxes: Box[]; links: Link[]; routes: Routes }>();
+
+/** The ways of a diagram's wires round its blocks. */
+export function routesOf(scope: Scope, at: string): Routes {
+  const where = placed(scope, at);
+  const boxes = Object.entries(scope.nodes).map(([name, view]): Box => {
+    const [x, y] = where[name] ?? [0, 0];
+    return { x, y, ...sizeOf(name, view) };
+  });
+  const end = (address: string, side: "inputs" | "outputs"): Point | null => {
+    const [name, port] = ends(address);
+    const block = scope.nodes[name];
+    const row = block?.[side].findIndex((each) => each.name === port) ?? -1;
+    const [x, y] = where[name] ?? [0, 0];
+    if (!block || row < 0) return null;
+    return [side === "inputs" ? x : x + sizeOf(name, block).width, y + portHeight(row)];
+  };
+  const links = Object.entries(scope.wires).flatMap(([target, source]): Link[] => {
+    const [from, to] = [end(source, "outputs"), end(target, "inputs")];
+    return from && to ? [{ id: target, net: source, from, to }] : [];
+  });
+  const before = ways.get(at);
+  if (before && JSON.stringify([before.boxes, before.links]) === JSON.stringify([boxes, links])) return before.routes;
+  const routes = route(boxes, links, before);
+  ways.set(at, { boxes, links, routes });
+  return routes;
 }
 
 /** The wires of a diagram, each by its target; as with nodes, those that did not change stay. */
 export function wiresOf(scope: Scope, at: string[], problems: Problem[], before: WireType[]): WireType[] {
   const old = new Map(before.map((wire) => [wire.id, wire]));
   const wrong = new Map(problems.map((problem) => [`${problem.path}.${problem.port}`, problem.message]));
+  const routes = routesOf(scope, at.join("/"));
+  const joined = new Set<string>();
   return Object.entries(scope.wires).map(([target, from]) => {
     const [source, sourceHandle] = ends(from);
     const [name, targetHandle] = ends(target);
@@ -113,15 +147,16 @@ export function wiresOf(scope: Scope, at: string[], problems: Problem[], before:
     const wide = !!port?.shape.length;
     const problem = wrong.get(`${pathOf(at, name)}.${targetHandle}`) ?? null;
     const title = `${from} → ${target}`;
-    const below = [beneath(scope, source, "outputs", sourceHandle), beneath(scope, name, "inputs", targetHandle)] as [
-      number,
-      number,
-    ];
+    const path = routes.paths.get(target) ?? null;
+    // The first wire of a net draws the joints of all.
+    const joints = joined.has(from) ? NO_POINTS : (routes.joints.get(from) ?? NO_POINTS);
+    joined.add(from);
     const known = old.get(target);
     if (
       known &&
-      same(known.data?.below ?? [], below) &&
-      known.data?.title === title &&
+      known.data?.path === path &&
+      known.data.joints === joints &&
+      known.data.title === title &&
       known.data.wide === wide &&
       known.data.problem === problem
     )
@@ -134,7 +169,7 @@ export function wiresOf(scope: Scope, at: string[], problems: Problem[], before:
       sourceHandle,
       target: name,
       targetHandle,
-      data: { wide, problem, title, below },
+      data: { wide, problem, title, path, joints },
       ariaLabel: `wire from ${from} to ${target}`,
     };
   });

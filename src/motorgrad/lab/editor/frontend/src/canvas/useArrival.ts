@@ -1,5 +1,6 @@
 import { useEffect } from "react";
 import { select } from "../commands/selection";
+import { LEAST_ZOOM } from "../commands/view";
 import type { Context } from "../commands/command";
 import { useDocument } from "../session/store";
 import { find } from "../ui/root";
@@ -12,7 +13,10 @@ export function useArrival(context: Context, there: boolean): void {
   const show = useUi((ui) => ui.show);
   useEffect(() => {
     if (!there) return;
-    const timer = window.setTimeout(() => void context.flow.fitView({ maxZoom: 1, padding: 0.12 }), 30);
+    const timer = window.setTimeout(
+      () => void context.flow.fitView({ minZoom: LEAST_ZOOM, maxZoom: 1, padding: 0.12 }),
+      30,
+    );
     return () => window.clearTimeout(timer);
     // Once for each diagram, not for each change of it.
   }, [path, id, there]); // eslint-disable-line

@@ -10,10 +10,12 @@ export const SPEEDS: [label: string, speed: number | null][] = [
   ["⅒ ×", 0.1],
 ];
 
-/** Run, or pause. */
-export function togglePlay({ ask }: Context): unknown {
-  const { state, speed } = useRun.getState();
-  return state === "playing" || state === "compiling" ? ask({ op: "pause" }) : ask({ op: "play", speed });
+/** Whether the run plays, or will as soon as it is compiled. */
+export const isBusy = (): boolean => ["playing", "compiling"].includes(useRun.getState().state);
+
+/** Run, or pause: whatever the button said, which may change while it is pressed. */
+export function togglePlay({ ask }: Context, busy = isBusy()): unknown {
+  return busy ? ask({ op: "pause" }) : ask({ op: "play", speed: useRun.getState().speed });
 }
 
 const faster =
@@ -31,7 +33,7 @@ export const fork = ({ ask }: Context): unknown => {
 };
 
 export const runCommands: Command[] = [
-  { label: "Play or pause", group: "Run", keys: ["Space"], run: togglePlay },
+  { label: "Play or pause", group: "Run", keys: ["Space"], run: (context) => togglePlay(context) },
   { label: "One tick", group: "Run", keys: ["."], run: ({ ask }) => ask({ op: "tick", n: 1 }) },
   { label: "Reset", group: "Run", keys: ["0"], run: ({ ask }) => ask({ op: "reset" }) },
   { label: "Faster", group: "Run", keys: ["+"], run: faster(1) },

@@ -4,6 +4,11 @@ import { Modal } from "../ui/Modal";
 import { prose } from "../ui/prose";
 import { enter, openDialog } from "../ui/ui";
 
+const GROUPS: [heading: string, learns: boolean][] = [
+  ["They learn", true],
+  ["Dynamics and control", false],
+];
+
 /** Ready diagrams, with what to try in each. */
 export function Gallery() {
   const ask = useAsk();
@@ -14,21 +19,28 @@ export function Gallery() {
   };
   return (
     <Modal label="Gallery" wide>
-      <p className="quiet">Each learns when you press play. Opening one can be undone.</p>
-      <div className="cards">
-        {gallery.map(({ name, title, comment }) => (
-          <button
-            key={name}
-            type="button"
-            className="card"
-            aria-label={`Open ${title || name}`}
-            onClick={() => void open(name)}
-          >
-            <strong>{title || name}</strong>
-            <span>{prose(comment)}</span>
-          </button>
-        ))}
-      </div>
+      <p className="quiet">Open one, and press play. Opening can be undone.</p>
+      {GROUPS.map(([heading, learns]) => (
+        <section key={heading} aria-label={heading}>
+          <h3>{heading}</h3>
+          <div className="cards">
+            {gallery
+              .filter((each) => each.learns === learns)
+              .map(({ name, title, comment }) => (
+                <button
+                  key={name}
+                  type="button"
+                  className="card"
+                  aria-label={`Open ${title || name}`}
+                  onClick={() => void open(name)}
+                >
+                  <strong>{title || name}</strong>
+                  <span>{prose(comment)}</span>
+                </button>
+              ))}
+          </div>
+        </section>
+      ))}
     </Modal>
   );
 }

@@ -1,8 +1,9 @@
 import { useState } from "react";
+import { saveAs } from "../commands/file";
 import { useAsk } from "../session/context";
 import { useDocument } from "../session/store";
 import { Modal } from "../ui/Modal";
-import { closeDialog } from "../ui/ui";
+import { closeDialog, useUi } from "../ui/ui";
 
 const proposal = (): string => {
   const { file, scopes } = useDocument.getState();
@@ -14,6 +15,7 @@ const proposal = (): string => {
 export function Save() {
   const ask = useAsk();
   const [file, setFile] = useState(proposal);
+  const saving = useUi((ui) => ui.saving);
   const [over, setOver] = useState(false);
   return (
     <Modal label="Save as">
@@ -21,7 +23,7 @@ export function Save() {
         className="row"
         onSubmit={(event) => {
           event.preventDefault();
-          void ask({ op: "save", file, over }).then((answer) => answer && closeDialog("save"));
+          void saveAs(ask, { file, over }).then((done) => done && closeDialog("save"));
         }}
       >
         <input
@@ -31,7 +33,7 @@ export function Save() {
           onChange={(event) => setFile(event.target.value)}
           onFocus={(event) => event.target.select()}
         />
-        <button type="submit" className="primary">
+        <button type="submit" className="primary" disabled={saving}>
           Save
         </button>
       </form>

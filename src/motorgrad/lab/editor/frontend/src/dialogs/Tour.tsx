@@ -25,7 +25,7 @@ const STEPS: [title: string, text: string][] = [
   ],
   [
     "Take something apart",
-    "The gallery has the systems of the thesis. Each learns when you press play, and suggests what to try.",
+    "The gallery has the systems of the thesis, which learn when you press play, and others. Each suggests what to try.",
   ],
 ];
 

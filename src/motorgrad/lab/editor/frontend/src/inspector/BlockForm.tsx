@@ -7,6 +7,7 @@ import type { BlockView, Value } from "../session/types";
 import { hueOf } from "../ui/category";
 import { prose } from "../ui/prose";
 import { useUi } from "../ui/ui";
+import { AS_ONE, ExpressionForm } from "./ExpressionForm";
 import { FieldRow } from "./FieldRow";
 import { Freeze } from "./Freeze";
 import { toText } from "./values";
@@ -48,8 +49,9 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
       op: "watch",
       addresses: watched.includes(address) ? watched.filter((each) => each !== address) : [...watched, address],
     });
+  const isFormula = view.type === "expression";
   const fields = declared
-    .filter((field) => !ELSEWHERE.has(field.name))
+    .filter((field) => !ELSEWHERE.has(field.name) && !(isFormula && AS_ONE.has(field.name)))
     .sort((a, b) => Number(live(b)) - Number(live(a)));
   const schedule = (declaration?.fields ?? []).filter((field) => SCHEDULE.has(field.name));
   const own = problems.filter((problem) => problem.path === path);
@@ -79,12 +81,13 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
         />
         <span className="quiet">{view.type === "diagram" ? "subsystem" : view.type}</span>
       </header>
-      {own.map(({ message, port }) => (
-        <p key={message} className="mistake" role="alert">
+      {own.map(({ message, port, grade }) => (
+        <p key={message} className={grade === "warning" ? "caution" : "mistake"} role="alert">
           {port ? `${port}: ` : ""}
           {message}
         </p>
       ))}
+      {isFormula && <ExpressionForm name={name} path={path} view={view} />}
       {fields.map(row)}
       {view.category === "learning" && <Freeze path={path} view={view} />}
       {view.outputs.length > 0 && (

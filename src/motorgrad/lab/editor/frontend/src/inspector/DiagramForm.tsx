@@ -16,10 +16,7 @@ const field = (name: string, type: string, help: string, unit = ""): Field => ({
 });
 
 const TEXTS = [field("title", "str", ""), field("comment", "str", "")];
-const TIMES = [
-  field("tick", "float", "length of a tick", "s"),
-  field("substeps", "int", "RK4 steps per tick"),
-];
+const TIMES = [field("tick", "float", "length of a tick", "s"), field("substeps", "int", "RK4 steps per tick")];
 
 /** The form of the diagram that is open. */
 export function DiagramForm() {

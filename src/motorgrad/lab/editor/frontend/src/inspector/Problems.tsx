@@ -9,16 +9,17 @@ export function goTo(path: string): void {
   useUi.setState({ show: names[names.length - 1]! });
 }
 
-/** All that keeps the diagram from running, and what is not finite in its run. */
+/** All that keeps the diagram from running, what is not finite in its run, and what to beware of. */
 export function Problems() {
   const problems = useProblems();
   if (!problems.length) return <p className="quiet pad">No problems: the diagram can run.</p>;
   return (
     <ul className="list" aria-label="problems">
-      {problems.map(({ path, port, message }) => (
-        <li key={`${path}.${port}:${message}`}>
+      {problems.map(({ path, port, message, grade }) => (
+        <li key={`${path}.${port}:${message}`} className={grade}>
           <button type="button" onClick={() => goTo(path)}>
             <b>{port ? `${path}.${port}` : path || "diagram"}</b>
+            {grade === "warning" && <em>Warning. </em>}
             {message}
           </button>
         </li>

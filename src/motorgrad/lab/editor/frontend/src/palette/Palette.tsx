@@ -28,7 +28,8 @@ export function Palette() {
   const context = useContextOfCommands();
   const categories = useDocument((document) => document.categories);
   const declarations = useDocument((document) => document.declarations);
-  const [text, setText] = useState("");
+  const text = useUi((ui) => ui.sought);
+  const setText = (sought: string) => useUi.setState({ sought });
   const [chosen, setChosen] = useState(0);
   const hits = text.trim() ? found(Object.values(declarations), text) : null;
 

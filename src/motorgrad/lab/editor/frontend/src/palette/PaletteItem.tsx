@@ -1,6 +1,7 @@
 import { memo, useEffect, useRef } from "react";
 import { DRAGGED } from "../canvas/useDropped";
 import type { Declaration } from "../session/types";
+import { BlockIcon } from "../ui/BlockIcon";
 import { hueOf } from "../ui/category";
 import { prose } from "../ui/prose";
 
@@ -32,6 +33,7 @@ export const PaletteItem = memo(function PaletteItem({ declaration, chosen, onAd
         event.dataTransfer.effectAllowed = "copy";
       }}
     >
+      <BlockIcon type={name} category={category} />
       {label(name)}
     </button>
   );

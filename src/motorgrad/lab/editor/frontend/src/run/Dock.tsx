@@ -1,12 +1,14 @@
 import { useMemo, useState } from "react";
 import { useDocument, useRun } from "../session/store";
 import { Drawing } from "./Drawing";
+import { Keep } from "./Keep";
 import { Legend } from "./Legend";
 import { Lines } from "./Lines";
 import { type Source, sourcesOf } from "./sources";
 import { Timeline } from "./Timeline";
 import { goTo } from "../inspector/Problems";
 import { useHeight } from "./useHeight";
+import { useShown } from "./useShown";
 
 const WINDOW = 10;
 const SHOWN = new Set(["lines", "portrait", "raster", "histogram", "map"]);
@@ -15,18 +17,12 @@ const SHOWN = new Set(["lines", "portrait", "raster", "histogram", "map"]);
 export function Dock() {
   const scopes = useDocument((document) => document.scopes);
   const watch = useRun((run) => run.watch);
-  const branch = useRun((run) => run.branch);
-  const branches = useRun((run) => run.branches);
   const [compare, setCompare] = useState(true);
   const [all, setAll] = useState(false);
   const { height, grip } = useHeight();
   const tick = scopes[""]?.tick ?? 0.01;
   const sources = useMemo(() => sourcesOf(scopes, watch).filter(({ drawing }) => SHOWN.has(drawing)), [scopes, watch]);
-  // The present branch is drawn last, over the others.
-  const shown = useMemo(() => {
-    const others = compare ? branches.map(({ name }) => name).filter((name) => name !== branch) : [];
-    return branch === null ? [] : [...others, branch];
-  }, [branches, branch, compare]);
+  const shown = useShown(compare);
   const picture = (source: Source) => {
     const own = Number(source.fields.window) || WINDOW;
     const Shown = source.drawing === "lines" ? Lines : Drawing;
@@ -37,6 +33,7 @@ export function Dock() {
             {source.path}
           </button>
           {source.drawing === "lines" && <Legend source={source} />}
+          <Keep wanted={{ source, branches: shown, window: all ? null : own, tick }} />
         </figcaption>
         <Shown source={source} branches={shown} window={all ? null : own} tick={tick} />
       </figure>

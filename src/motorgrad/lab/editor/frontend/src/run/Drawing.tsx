@@ -1,26 +1,22 @@
 import { useEffect, useRef } from "react";
 import { useRun } from "../session/store";
 import { useDark } from "../ui/useDark";
-import { histogram } from "./histogram";
-import { map } from "./map";
-import { portrait } from "./portrait";
-import { raster } from "./raster";
-import type { Sheet } from "./sheet";
+import { PICTURES } from "./pictures";
 import type { Source } from "./sources";
 import { onMoving, spanOf } from "./span";
 import { useSize } from "./useSize";
-
-const PICTURES: Record<string, (source: Source, sheet: Sheet) => void> = { portrait, raster, histogram, map };
 
 interface Props {
   source: Source;
   branches: string[];
   window: number | null;
   tick: number;
+  /** Whether it stands on the canvas, where it is small and nothing can be read off. */
+  small?: boolean;
 }
 
 /** Pictures that are no lines over time. */
-export function Drawing({ source, branches, window: seconds, tick }: Props) {
+export function Drawing({ source, branches, window: seconds, tick, small }: Props) {
   const box = useRef<HTMLDivElement>(null);
   const canvas = useRef<HTMLCanvasElement>(null);
   const { width, height } = useSize(box);
@@ -45,6 +41,7 @@ export function Drawing({ source, branches, window: seconds, tick }: Props) {
         context,
         width,
         height,
+        titles: small ? undefined : source.titles,
         dark,
         ink,
         line,
@@ -57,10 +54,10 @@ export function Drawing({ source, branches, window: seconds, tick }: Props) {
     };
     draw();
     return onMoving(draw);
-  }, [source, names, seconds, tick, dark, width, height]);
+  }, [source, names, seconds, tick, dark, width, height, small]);
   return (
     <div className="plot" ref={box}>
-      <canvas ref={canvas} role="img" aria-label={`${source.drawing} ${source.path}`} />
+      <canvas ref={canvas} role="img" aria-label={`${source.drawing} ${source.path}${small ? " on the canvas" : ""}`} />
     </div>
   );
 }

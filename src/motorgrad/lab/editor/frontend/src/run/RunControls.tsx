@@ -1,4 +1,5 @@
-import { SPEEDS, togglePlay } from "../commands/run";
+import { useRef } from "react";
+import { isBusy, SPEEDS, togglePlay } from "../commands/run";
 import { useContextOfCommands } from "../commands/useKeys";
 import { useDocument, useRun } from "../session/store";
 import { IconButton } from "../ui/IconButton";
@@ -15,6 +16,7 @@ export function RunControls() {
   const achieved = useRun((run) => run.achieved);
   const waited = useRun((run) => run.waited) ?? 0;
   const stale = useRun((run) => run.stale);
+  const pressed = useRef(false);
   const problems = useDocument((document) => document.problems.length);
   const busy = state === "playing" || state === "compiling";
   const known = SPEEDS.some(([, each]) => each === speed);
@@ -35,7 +37,9 @@ export function RunControls() {
         className={`play ${busy ? "busy" : ""}`}
         aria-label={busy ? "Pause" : "Play"}
         title={`${busy ? "Pause" : "Play"} (Space)${problems ? `\n${problems} problems: see the list` : ""}`}
-        onClick={() => void togglePlay(context)}
+        // Leaving a field of seeds compiles anew, and the button says “Pause” before it is let go.
+        onPointerDown={() => (pressed.current = isBusy())}
+        onClick={(event) => void togglePlay(context, event.detail ? pressed.current : isBusy())}
       >
         <svg className="icon" viewBox="0 0 16 16" aria-hidden="true">
           <path d={busy ? "M5 3.5h2v9H5zM9 3.5h2v9H9z" : "M5 3l8 5-8 5z"} className="filled" />

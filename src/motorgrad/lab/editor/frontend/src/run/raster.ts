@@ -13,6 +13,7 @@ export function raster(source: Source, sheet: Sheet): void {
     sheet,
     [sheet.span[0] * sheet.tick, Math.max(last, 1) * sheet.tick],
     [Math.max(1, rows.length) - 0.5, -0.5],
+    true,
   );
   const { context } = sheet;
   context.fillStyle = sheet.dark ? "#dfe3e8" : "#26292e";

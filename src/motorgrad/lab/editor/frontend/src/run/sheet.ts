@@ -3,6 +3,10 @@ export interface Sheet {
   context: CanvasRenderingContext2D;
   width: number;
   height: number;
+  /** Room above the axes. */
+  head?: number;
+  /** What stands at the axes: below, and beside them. */
+  titles?: [across: string, up: string];
   dark: boolean;
   ink: string;
   line: string;

@@ -15,7 +15,9 @@ export function onMoving(listener: () => void): () => void {
   const ends = [
     onTraces(listener),
     useRun.subscribe((run, before) => {
-      if (run.state !== "playing" && (run.tick !== before.tick || run.branch !== before.branch)) listener();
+      // While it makes new ticks samples come; where it repeats known ones none do.
+      const repeats = run.state !== "playing" || run.tick < run.head;
+      if (repeats && (run.tick !== before.tick || run.branch !== before.branch)) listener();
     }),
   ];
   return () => ends.forEach((end) => end());

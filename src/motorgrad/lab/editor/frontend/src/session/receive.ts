@@ -33,6 +33,7 @@ export function receive(message: Message): void {
         categories: message.categories as Document["categories"],
         declarations: message.blocks as Document["declarations"],
         gallery: message.gallery as Document["gallery"],
+        words: new Set(message.words as string[]),
       });
       break;
     case "document":
@@ -52,7 +53,10 @@ export function receive(message: Message): void {
       stay();
       break;
     case "problems":
-      useDocument.setState({ problems: message.list as Document["problems"] });
+      useDocument.setState({
+        problems: message.list as Document["problems"],
+        warnings: message.warnings as Document["warnings"],
+      });
       break;
     case "recoverable":
       useDocument.setState({ recoverable: message.list as Document["recoverable"] });
@@ -73,7 +77,10 @@ export function receive(message: Message): void {
       toast(`Saved as ${String(message.file)}`);
       break;
     case "replayed":
-      toast(message.matches ? "Replayed: identical bit for bit" : "Replayed: the final state differs", !message.matches);
+      toast(
+        message.matches ? "Replayed: identical bit for bit" : "Replayed: the final state differs",
+        !message.matches,
+      );
       break;
     case "refused":
     case "error":

@@ -22,7 +22,7 @@ export class Refusal extends Error {
   }
 }
 
-const ANSWERS = new Set(["fragment", "text", "files", "log"]);
+const ANSWERS = new Set(["fragment", "text", "files", "log", "page"]);
 
 /** A client of the session: numbers operations, and sends those again that a lost link left without an answer. */
 export class Session {

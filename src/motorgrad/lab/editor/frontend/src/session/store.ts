@@ -6,6 +6,8 @@ import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./type
 /** What the session holds, as this client last heard of it. */
 export interface Document {
   linked: boolean;
+  /** Whether this is a page without a server, which shows what was recorded. */
+  recorded: boolean;
   revision: number | null;
   /** Counts the documents that were opened. */
   opened: number;
@@ -18,7 +20,11 @@ export interface Document {
   categories: Record<string, string[]>;
   declarations: Record<string, Declaration>;
   gallery: GalleryEntry[];
+  /** Names that formulas know: functions, constants, words. */
+  words: Set<string>;
   problems: Problem[];
+  /** About a diagram that runs. */
+  warnings: Problem[];
   recoverable: Recoverable[];
 }
 
@@ -34,6 +40,7 @@ export const emptyScope: Scope = {
 
 export const useDocument = create<Document>(() => ({
   linked: false,
+  recorded: false,
   revision: null,
   opened: 0,
   scopes: { "": emptyScope },
@@ -44,7 +51,9 @@ export const useDocument = create<Document>(() => ({
   categories: {},
   declarations: {},
   gallery: [],
+  words: new Set(),
   problems: [],
+  warnings: [],
   recoverable: [],
 }));
 
@@ -67,9 +76,17 @@ export const useRun = create<RunState>(() => ({
   faults: [],
 }));
 
-/** What keeps the diagram from running, and what is wrong with the run. */
+/** What keeps the diagram from running, what is wrong with the run, and what to beware of. */
 export function useProblems(): Problem[] {
   const problems = useDocument((document) => document.problems);
+  const warnings = useDocument((document) => document.warnings);
   const faults = useRun((run) => run.faults);
-  return useMemo(() => [...problems, ...faults], [problems, faults]);
+  return useMemo(
+    () => [
+      ...problems,
+      ...faults.map((fault): Problem => ({ ...fault, grade: "fault" })),
+      ...warnings.map((warning): Problem => ({ ...warning, grade: "warning" })),
+    ],
+    [problems, faults, warnings],
+  );
 }

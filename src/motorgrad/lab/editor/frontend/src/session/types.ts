@@ -80,12 +80,15 @@ export interface GalleryEntry {
   name: string;
   title: string;
   comment: string;
+  learns: boolean;
 }
 
 export interface Problem {
   path: string;
   port: string | null;
   message: string;
+  /** Of the run, or something to beware of; otherwise it keeps the diagram from running. */
+  grade?: "fault" | "warning";
 }
 
 /** One course of events. */

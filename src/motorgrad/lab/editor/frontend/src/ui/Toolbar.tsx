@@ -3,17 +3,27 @@ import { toggleTheme } from "../commands/view";
 import { useContextOfCommands } from "../commands/useKeys";
 import { arrangeCommands } from "../commands/arrange";
 import { RunControls } from "../run/RunControls";
-import { useDocument } from "../session/store";
+import { type Document, useDocument } from "../session/store";
 import { IconButton } from "./IconButton";
 import { openDialog, useUi } from "./ui";
+
+/** How the diagram stands to its file. */
+function stateOf({ recorded, linked, file, saved }: Document, saving: boolean): string {
+  if (recorded) return "a recording";
+  if (!linked) return "connection lost, reconnecting…";
+  if (saving) return "saving…";
+  if (file === null) return "not in a file yet";
+  return saved ? `${file}, saved` : `${file}, changed`;
+}
 
 /** Above everything: the file, the run, and what is shown. */
 export function Toolbar() {
   const context = useContextOfCommands();
   const { ask } = context;
-  const { file, saved, canUndo, canRedo, linked } = useDocument();
+  const document = useDocument();
+  const { file, canUndo, canRedo } = document;
   const title = useDocument((document) => document.scopes[""]?.title);
-  const { palette, inspector, dock } = useUi();
+  const { palette, inspector, dock, saving } = useUi();
   const layout = arrangeCommands.find(({ label }) => label === "Automatic layout")!;
   return (
     <header className="toolbar" role="toolbar" aria-label="toolbar">
@@ -27,13 +37,7 @@ export function Toolbar() {
       <div className="title">
         <strong>{title || file || "Untitled"}</strong>
         <small role="status" aria-label="state of the file">
-          {linked
-            ? file === null
-              ? "not in a file yet"
-              : saved
-                ? `${file}, saved`
-                : `${file}, changed`
-            : "connection lost, reconnecting…"}
+          {stateOf(document, saving)}
         </small>
       </div>
       <div className="group">

@@ -12,9 +12,15 @@ export interface Ui {
   dialog: Dialog;
   theme: Theme;
   palette: boolean;
+  /** What is sought in the palette. */
+  sought: string;
   inspector: boolean;
   dock: boolean;
   toasts: { id: number; text: string; bad: boolean }[];
+  /** Whether sinks show what they see on the canvas. */
+  pictures: boolean;
+  /** Whether the diagram is being written to its file. */
+  saving: boolean;
   /** Blocks to be selected, as soon as they are there. */
   choose: string[] | null;
   /** A block to be shown in the middle, once. */
@@ -37,9 +43,12 @@ export const useUi = create<Ui>(() => ({
   dialog: null,
   theme: stored(),
   palette: true,
+  sought: "",
   inspector: true,
   dock: true,
   toasts: [],
+  pictures: false,
+  saving: false,
   choose: null,
   show: null,
   adding: null,
@@ -50,7 +59,10 @@ let last = 0;
 /** Tells something for a few seconds, and to screen readers. */
 export function toast(text: string, bad = false): void {
   const id = ++last;
-  useUi.setState((ui) => ({ toasts: [...ui.toasts.slice(-3), { id, text, bad }] }));
+  // What is told again stays longer; it does not stand there twice.
+  useUi.setState((ui) => ({
+    toasts: [...ui.toasts.filter((each) => each.text !== text).slice(-3), { id, text, bad }],
+  }));
   window.setTimeout(
     () => useUi.setState((ui) => ({ toasts: ui.toasts.filter((each) => each.id !== id) })),
     bad ? 8000 : 3500,
