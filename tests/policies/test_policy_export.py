@@ -1,5 +1,7 @@
 """Exported policies: C, ONNX and NumPy compute what the library computes."""
 
+import sys
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -188,6 +190,12 @@ def test_what_can_be_exported_is_offered(tmp_path):
     np.testing.assert_allclose(reader["prob"](observation=y)["prob"], policy.prob(y), rtol=1e-5)
     with pytest.raises(ValueError, match="unknown function 'mod': did you mean 'mode'"):
         policy.export(tmp_path / "policy.c", only=["mod"])
+
+
+def test_a_missing_package_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnx", None)  # an import of it fails
+    with pytest.raises(RuntimeError, match=r"needs the package onnx: pip install 'motorgrad\[onnx\]'"):
+        hyperplanes(2, 1).export(tmp_path / "policy.onnx")
 
 
 def test_what_cannot_be_exported_is_named(tmp_path):

@@ -1,5 +1,7 @@
 """Functional Mock-up Units as blocks: units of our own C, run by fmpy."""
 
+import sys
+
 import numpy as np
 import pytest
 from units import built, needs_compiler
@@ -103,6 +105,12 @@ def test_a_strangers_unit_does_not_run_unasked(tmp_path):
     with pytest.raises(DiagramError, match=r"ball: .* nothing of it was run.*--trust"):
         Run(opened)
     Run(lab.loads(text, trust=True)).advance(1)
+
+
+def test_a_missing_package_is_named(balls, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fmpy", None)  # an import of it fails
+    with pytest.raises(ValueError, match=r"need the package fmpy: pip install 'motorgrad\[fmi\]'"):
+        Fmu(balls["2.0"])
 
 
 @pytest.mark.parametrize(

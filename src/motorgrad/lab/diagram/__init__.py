@@ -40,7 +40,7 @@ from motorgrad.lab.diagram._files import (
     with_fields,
 )
 from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, flatten
-from motorgrad.lab.diagram._foreign import Foreign
+from motorgrad.lab.diagram._foreign import Foreign, is_from_a_file
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
@@ -87,6 +87,7 @@ __all__ = [
     "flatten",
     "function_problems",
     "group",
+    "is_from_a_file",
     "join",
     "kind_of",
     "load",

@@ -23,6 +23,11 @@ def from_a_file(trust: bool) -> Iterator[None]:
         _source.reset(token)
 
 
+def is_from_a_file() -> bool:
+    """Whether a file is being read now: nothing of it is even compiled."""
+    return _source.get() != "user"
+
+
 class Foreign:
     """A block that runs code which is no part of motorgrad nor imported: Python source, or a compiled library.
 

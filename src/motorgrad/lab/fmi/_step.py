@@ -46,6 +46,9 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     blocks = run.plan.blocks
     for placed in blocks:
         check(not isinstance(placed.block, HostBlock), placed.path, type(placed.block).__name__, NO_HOST)
+    if any(placed.block.is_continuous for placed in blocks):
+        for placed in (blocks[i] for i in sorted(run.plan.moving)):
+            check(not placed.block.jumps, placed.path, type(placed.block).__name__, NO_JUMPS)
     places = {
         kind: [i for i, each in enumerate(blocks) if type(each.block) is kind and "/" not in each.path]
         for kind in (Inlet, Outlet)
@@ -80,6 +83,7 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     return TickProgram(program, start, inlets, outlets, resting, run.plan.tick)
 
 
+NO_JUMPS = "a source that is held within a tick, beside continuous blocks: set its period to that of the diagram's tick"
 NO_HOST = "a block that is compiled: one that runs on the host cannot be exported"
 
 

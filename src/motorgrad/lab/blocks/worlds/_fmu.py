@@ -93,7 +93,7 @@ class Fmu(Foreign, HostBlock):
     name: ClassVar[str] = "fmu"
     category: ClassVar[str] = "bodies and worlds"
 
-    file: Annotated[str, Setting("path of the unit (.fmu), relative to the working folder")] = ""
+    file: Annotated[str, Setting("path of the unit (.fmu), relative to the working folder")]
     interface: Annotated[
         str, Setting("how the unit is run; empty for co-simulation where the unit has it", choices=INTERFACES)
     ] = ""
@@ -106,8 +106,6 @@ class Fmu(Foreign, HostBlock):
         object.__setattr__(self, "start_values", as_text("start_values", self.start_values))
         check(1 <= self.substeps <= 100_000, "substeps", self.substeps, "an integer from 1 to 100000")
         self._meet()
-        if not self.file:
-            return
         for name in self.starts:
             if name not in self.unit_variables:
                 raise unknown("variable of the unit", name, self.unit_variables)
@@ -120,7 +118,7 @@ class Fmu(Foreign, HostBlock):
 
     @property
     def code(self) -> str:
-        return f"{Path(self.file).absolute()}" if self.file else ""
+        return f"{Path(self.file).absolute()}"
 
     @functools.cached_property
     def unit(self) -> Any:
@@ -157,7 +155,7 @@ class Fmu(Foreign, HostBlock):
     def variables(self, causality: str) -> dict[str, Any]:
         """The unit's inputs or outputs, by the names of ports."""
         found: dict[str, Any] = {}
-        for variable in self.unit.modelVariables if self.file else ():
+        for variable in self.unit.modelVariables:
             if variable.causality == causality:
                 name = re.sub(r"\W+", "_", variable.name).strip("_") or "_"
                 check(
@@ -183,15 +181,12 @@ class Fmu(Foreign, HostBlock):
 
     @property
     def no_restore(self) -> str | None:
-        if not self.file:
-            return None
         unit = self.unit.coSimulation if self.uses_co_simulation else self.unit.modelExchange
         if unit.canGetAndSetFMUstate and unit.canSerializeFMUstate:
             return None
         return f"the unit {Path(self.file).name} cannot save its state"
 
     def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds 0"], threads: int = 0) -> FmuHost:
-        check(self.file, "file", self.file, "the path of a unit (.fmu)")
         self.check_trusted()
         unit = self.unit.coSimulation if self.uses_co_simulation else self.unit.modelExchange
         check(

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.lab.blocks._base import check_names
-from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting
+from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, is_from_a_file
 
 LONGEST = 100_000  # characters
 FILE = "<python function>"
@@ -31,7 +31,7 @@ class PythonHost(Host):
     def __init__(self, block: "PythonFunction", seeds: int):
         self._gives = [(name, shape) for name, shape in zip(block.gives, block.gives_shapes, strict=True)]
         names: dict[str, Any] = {"np": np, "math": math, "__name__": "python_function"}
-        self._call(exec, compile(block.source, FILE, "exec"), names)
+        self._call(exec, block.compiled(), names)
         self._step = names.get("step")
         check(callable(self._step), "source", sorted(set(names) - {"__builtins__"}), "Python with a function step")
         start = names.get("start")
@@ -129,11 +129,16 @@ class PythonFunction(Foreign, HostBlock):
             count, given = len(getattr(self, names)), getattr(self, shapes)
             check(len(given) in (0, count), shapes, given, f"empty, or {count} shapes")
             object.__setattr__(self, shapes, given or ((),) * count)
+        self._meet()
+        if not is_from_a_file():
+            self.compiled()
+
+    def compiled(self) -> Any:
+        """The source as Python's code. **Raises** `ValueError` that names the line of an error."""
         try:
-            compile(self.source, FILE, "exec")  # which runs nothing
+            return compile(self.source, FILE, "exec")
         except (SyntaxError, ValueError) as error:
             raise ValueError(f"source: line {getattr(error, 'lineno', None) or 1}: {error.args[0]}") from None
-        self._meet()
 
     @property
     def code(self) -> str:
