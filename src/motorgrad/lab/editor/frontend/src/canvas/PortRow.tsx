@@ -40,6 +40,7 @@ export const PortRow = memo(function PortRow({ block, port, row, side, label, wi
         id={port.name}
         style={{ top }}
         className={`port ${port.kind} ${state} ${fit}`}
+        role="img"
         aria-label={`${side} ${port.name} of ${block}`}
         title={title}
       />

@@ -27,16 +27,13 @@ export function Gallery() {
             {gallery
               .filter((each) => each.learns === learns)
               .map(({ name, title, comment }) => (
-                <button
-                  key={name}
-                  type="button"
-                  className="card"
-                  aria-label={`Open ${title || name}`}
-                  onClick={() => void open(name)}
-                >
+                <div key={name} className="card">
                   <strong>{title || name}</strong>
                   <span>{prose(comment)}</span>
-                </button>
+                  <button type="button" aria-label={`Open ${title || name}`} onClick={() => void open(name)}>
+                    Open
+                  </button>
+                </div>
               ))}
           </div>
         </section>

@@ -74,6 +74,7 @@ export function receive(message: Message): void {
       takeSamples(message);
       break;
     case "saved":
+      useDocument.setState(flags(message));
       toast(`Saved as ${String(message.file)}`);
       break;
     case "replayed":
