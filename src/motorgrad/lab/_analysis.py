@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def state_space(linear: Linear) -> "StateSpace":
     """A linear system as one of python-control, with the names of its states, inputs and outputs."""
-    import control
+    control = _control()
 
     names = {"states": linear.states, "inputs": linear.inputs, "outputs": linear.outputs}
     plain = {kind: [each.replace(".", "_") for each in given] for kind, given in names.items()}  # no points there
@@ -82,7 +82,7 @@ def bode(
 
     **Raises** `ValueError` for an index that does not exist.
     """
-    import control
+    control = _control()
 
     system = _single(linear, input, output)
     if frequencies is None:
@@ -138,7 +138,7 @@ def step_response(linear: Linear, input: int = 0, end: float | None = None) -> S
 
     **Raises** `ValueError` for an index that does not exist.
     """
-    import control
+    control = _control()
 
     systems = [_single(linear, input, output) for output in range(len(linear.outputs))]
     times = np.asarray(control.step_response(state_space(linear), timepts=end, input=input).time)
@@ -172,7 +172,8 @@ class RootLocus(NamedTuple):
         figure, axes = picture(4.5, 4.0)
         for place, path in enumerate(self.poles.T):
             axes.plot(path.real, path.imag, color=COLOURS[place % len(COLOURS)], linewidth=1.2)
-        axes.plot(self.poles[0].real, self.poles[0].imag, "x", color="0.2")
+        first = np.asarray(self.poles[0])
+        axes.plot(first.real, first.imag, "x", color="0.2")
         axes.plot(self.zeros.real, self.zeros.imag, "o", color="0.2", fillstyle="none")
         if self.tick:
             angle = np.linspace(0, 2 * np.pi, 200)
@@ -194,7 +195,7 @@ def root_locus(
 
     **Raises** `ValueError` for an index that does not exist.
     """
-    import control
+    control = _control()
 
     system = _single(linear, input, output)
     found = control.root_locus_map(system, gains=None if gains is None else np.asarray(gains, float))
@@ -276,12 +277,19 @@ def trim(run: Run, inputs: Sequence[str] = (), outputs: Mapping[str, float] | No
     return Trim(probe, dict(zip(inputs, map(float, z[size:]), strict=True)), values, residual)
 
 
+def _control() -> Any:
+    """The library python-control. Its annotations promise less than its functions return."""
+    import control
+
+    return control
+
+
 def _single(linear: Linear, input: int, output: int) -> "StateSpace":
     """The system from one input to one output."""
     for name, index, known in (("input", input, linear.inputs), ("output", output, linear.outputs)):
         whole = isinstance(index, int) and not isinstance(index, bool)
         check(whole and 0 <= index < len(known), name, index, f"an index of {', '.join(known) or 'none'}")
-    import control
+    control = _control()
 
     b, c = linear.B[:, [input]], linear.C[[output]]
     return control.ss(linear.A, b, c, linear.D[[output]][:, [input]], linear.tick)
