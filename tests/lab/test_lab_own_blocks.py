@@ -1,5 +1,6 @@
 """Blocks of a user's own: classes in a file, and Python functions in a diagram."""
 
+import json
 import sys
 
 import numpy as np
@@ -109,7 +110,7 @@ def test_a_strangers_function_is_shown_and_not_run(tmp_path, monkeypatch):
     assert opened.nodes["f"].block.source == STRANGE
     # nor under another setting, nor in a copy, nor when it is started by hand
     opened.replace("f", opened.nodes["f"].block.retuned({"every": 2}))
-    with pytest.raises(DiagramError, match=r"f: the diagram's file brings code of its own, \"__import__.*--trust"):
+    with pytest.raises(DiagramError, match=r"f: the diagram brings code of its own, \"__import__.*--trust"):
         Run(opened.copy())
     with pytest.raises(NotTrusted):
         opened.nodes["f"].block.start(np.zeros(1, int), np.zeros((1, 0)))
@@ -120,6 +121,23 @@ def test_a_strangers_function_is_shown_and_not_run(tmp_path, monkeypatch):
     Run(lab.load(tmp_path / "strange.json", trust=True)).advance(1)
     assert (tmp_path / "ran").exists()
     Run(lab.loads(text)).advance(1)  # the same code, trusted before
+
+
+def test_a_function_that_the_page_writes_runs_only_where_the_page_is_trusted(tmp_path):
+    def written(source, trust):
+        session = Session(accumulator(), states=tmp_path / "states", trust=trust)
+        sent = {"op": "set", "at": [], "name": "f", "fields": {}, "field": "source", "value": source}
+        answers = []
+        session.handle(json.dumps(sent | {"client": "page", "sequence": 1}), answers.append)
+        assert [answer["event"] for answer in answers] == ["done"], answers
+        block = session.diagram.nodes["f"].block
+        session.close()
+        assert block.source == source
+        return block.is_trusted
+
+    source = accumulator().nodes["f"].block.source
+    assert not written(source + "# from the page", trust=False)
+    assert written(source + "# from a page that is trusted", trust=True)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,8 @@ class Lab:
     gallery: str | None = None
     """Open a diagram of the gallery, such as chain or hopper, in place of a file."""
     trust: bool = False
-    """Let code run that the diagram's file brings: Python functions and Functional Mock-up Units."""
+    """Let code run that the diagram's file brings, or that is written in the page: Python functions and Functional
+    Mock-up Units. Whoever has the page's address can then run programs."""
     port: int = 0
     """The port on 127.0.0.1; 0 for a free port."""
     browser: bool = True
@@ -46,7 +47,7 @@ def run(arguments: list[str]) -> int:
     diagram = gallery.example(options.gallery) if options.gallery else None
     if options.trust and options.file is not None and options.file.exists():
         load(options.file, trust=True)  # which vouches for the code that the session finds in it
-    session = Session(diagram, options.file.absolute() if options.file else None)
+    session = Session(diagram, options.file.absolute() if options.file else None, trust=options.trust)
     try:
         server = Server(session, options.port)
         if not server.built:

@@ -191,4 +191,5 @@ def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Edi
     """
     from motorgrad.lab.editor._widget import Editor, Session  # anywidget is loaded only when it is needed
 
-    return Editor(Session(diagram, None if file is None else Path(file).absolute()))
+    # the page is the notebook's, which runs code anyway
+    return Editor(Session(diagram, None if file is None else Path(file).absolute(), trust=True))

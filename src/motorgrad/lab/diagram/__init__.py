@@ -40,7 +40,7 @@ from motorgrad.lab.diagram._files import (
     with_fields,
 )
 from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, flatten
-from motorgrad.lab.diagram._foreign import Foreign, is_from_a_file
+from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
@@ -85,6 +85,7 @@ __all__ = [
     "dumps",
     "extract",
     "flatten",
+    "from_a_file",
     "function_problems",
     "group",
     "is_from_a_file",

@@ -15,7 +15,7 @@ _source: ContextVar[str] = ContextVar("source", default="user")
 
 @contextlib.contextmanager
 def from_a_file(trust: bool) -> Iterator[None]:
-    """While a file is read, which its user trusts or not."""
+    """While blocks are made of what a file says, or the editor's page, which the user trusts or not."""
     token = _source.set("trusted" if trust else "doubted")
     try:
         yield
@@ -32,7 +32,8 @@ class Foreign:
     """A block that runs code which is no part of motorgrad nor imported: Python source, or a compiled library.
 
     Code that first appears in a file whose user does not trust it is refused, in this process and under whatever
-    settings, until it is trusted. Code that first appears in a block made in Python or in the editor is the user's own.
+    settings, until it is trusted; so is code that is written in the editor's page, without `--trust`. Code that first
+    appears in a block made in Python is the user's own.
     """
 
     @property
@@ -65,8 +66,7 @@ class Foreign:
         """Why code that is not trusted does not run, and how to let it."""
         first = next((line.strip() for line in self.code.splitlines() if line.strip()), "")
         return (
-            f"the diagram's file brings code of its own, {first[:60]!r}; nothing of it was run. If you trust the file, "
-            f"say so: {HOW}"
+            f"the diagram brings code of its own, {first[:60]!r}; nothing of it was run. If you trust it, say so: {HOW}"
         )
 
     def check_trusted(self) -> None:

@@ -2,6 +2,7 @@
 
 import atexit
 import concurrent.futures
+import contextlib
 import json
 import secrets
 import threading
@@ -13,7 +14,7 @@ from typing import Any
 
 from motorgrad._errors import check
 from motorgrad.lab.compiler import problems
-from motorgrad.lab.diagram import Diagram, DiagramError, dumps, load, loads, to_python
+from motorgrad.lab.diagram import Diagram, DiagramError, dumps, from_a_file, load, loads, to_python
 from motorgrad.lab.editor import _edits as edits
 from motorgrad.lab.editor import _protocol as ask
 from motorgrad.lab.editor._branch import checked_log
@@ -44,6 +45,8 @@ class Session:
     - `file`: where it is saved, with a name that ends in `.json`; it need not exist yet.
     - `folder`: where diagrams may be opened and saved, by default the folder of `file`, or the current one.
     - `states`: where unsaved work without a file is kept, by default in the user's state directory.
+    - `trust`: let code run that is written in the page: Python functions and Functional Mock-up Units. Whoever has the
+      page's address can then run programs.
     """
 
     def __init__(
@@ -52,6 +55,7 @@ class Session:
         file: Path | None = None,
         folder: Path | None = None,
         states: Path | None = None,
+        trust: bool = False,
     ):
         check(file is None or file.suffix == SUFFIX, "file", str(file), f"a name that ends in {SUFFIX}")
         self.id = secrets.token_hex(8)
@@ -62,6 +66,7 @@ class Session:
         self._document = Document((diagram or Diagram()).copy(), file)
         self._journal = Journal(file, states)
         self._lock = threading.RLock()
+        self._trust = trust
         self._listeners: dict[object, Send] = {}
         self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
         self._problems: Event = {"event": "problems", "revision": -1, "list": [], "warnings": []}
@@ -110,12 +115,13 @@ class Session:
                 answer(_answer(own, error))
 
             try:
-                if isinstance(operation, ask.Replay):
-                    self._open_log_diagram(operation)
-                if isinstance(operation, ask.RunOperation):
-                    self._runner.submit(operation, done, answer)
-                    return
-                self._do(operation, answer)
+                with contextlib.nullcontext() if self._trust else from_a_file(trust=False):
+                    if isinstance(operation, ask.Replay):
+                        self._open_log_diagram(operation)
+                    if isinstance(operation, ask.RunOperation):
+                        self._runner.submit(operation, done, answer)
+                        return
+                    self._do(operation, answer)
             except Exception as error:  # a block's own code may raise anything; its client must be answered
                 done(error)
             else:
