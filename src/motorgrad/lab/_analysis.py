@@ -6,6 +6,7 @@ r"""Analysis of linear systems: frequency response with margins, step response, 
 The computations are those of python-control; `state_space` hands a linear system over to the rest of that library.
 """
 
+import importlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,13 +18,12 @@ from motorgrad._errors import check
 from motorgrad.lab.engine import Linear, Run, linearise
 
 if TYPE_CHECKING:
-    from control import StateSpace
     from matplotlib.figure import Figure
 
 
-def state_space(linear: Linear) -> "StateSpace":
+def state_space(linear: Linear) -> Any:
     """A linear system as one of python-control, with the names of its states, inputs and outputs."""
-    import control
+    control = _control()
 
     names = {"states": linear.states, "inputs": linear.inputs, "outputs": linear.outputs}
     plain = {kind: [each.replace(".", "_") for each in given] for kind, given in names.items()}  # no points there
@@ -82,7 +82,7 @@ def bode(
 
     **Raises** `ValueError` for an index that does not exist.
     """
-    import control
+    control = _control()
 
     system = _single(linear, input, output)
     if frequencies is None:
@@ -138,7 +138,7 @@ def step_response(linear: Linear, input: int = 0, end: float | None = None) -> S
 
     **Raises** `ValueError` for an index that does not exist.
     """
-    import control
+    control = _control()
 
     systems = [_single(linear, input, output) for output in range(len(linear.outputs))]
     times = np.asarray(control.step_response(state_space(linear), timepts=end, input=input).time)
@@ -194,7 +194,7 @@ def root_locus(
 
     **Raises** `ValueError` for an index that does not exist.
     """
-    import control
+    control = _control()
 
     system = _single(linear, input, output)
     found = control.root_locus_map(system, gains=None if gains is None else np.asarray(gains, float))
@@ -276,15 +276,20 @@ def trim(run: Run, inputs: Sequence[str] = (), outputs: Mapping[str, float] | No
     return Trim(probe, dict(zip(inputs, map(float, z[size:]), strict=True)), values, residual)
 
 
-def _single(linear: Linear, input: int, output: int) -> "StateSpace":
+def _single(linear: Linear, input: int, output: int) -> Any:
     """The system from one input to one output."""
     for name, index, known in (("input", input, linear.inputs), ("output", output, linear.outputs)):
         whole = isinstance(index, int) and not isinstance(index, bool)
         check(whole and 0 <= index < len(known), name, index, f"an index of {', '.join(known) or 'none'}")
-    import control
+    control = _control()
 
     b, c = linear.B[:, [input]], linear.C[[output]]
     return control.ss(linear.A, b, c, linear.D[[output]][:, [input]], linear.tick)
+
+
+def _control() -> Any:
+    """The library python-control, whose types a checker cannot follow; it is loaded when first needed."""
+    return importlib.import_module("control")
 
 
 def _decays(linear: Linear) -> np.ndarray:
