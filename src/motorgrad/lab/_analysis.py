@@ -170,10 +170,10 @@ class RootLocus(NamedTuple):
         from motorgrad.lab.blocks._figure import COLOURS, picture
 
         figure, axes = picture(4.5, 4.0)
-        for place, path in enumerate(self.poles.T):
-            axes.plot(path.real, path.imag, color=COLOURS[place % len(COLOURS)], linewidth=1.2)
+        for place, path in enumerate(np.asarray(self.poles, complex).T):
+            axes.plot(np.real(path), np.imag(path), color=COLOURS[place % len(COLOURS)], linewidth=1.2)
         axes.plot(self.poles[0].real, self.poles[0].imag, "x", color="0.2")
-        axes.plot(self.zeros.real, self.zeros.imag, "o", color="0.2", fillstyle="none")
+        axes.plot(np.real(self.zeros), np.imag(self.zeros), "o", color="0.2", fillstyle="none")
         if self.tick:
             angle = np.linspace(0, 2 * np.pi, 200)
             axes.plot(np.cos(angle), np.sin(angle), color="0.7", linewidth=0.8)
