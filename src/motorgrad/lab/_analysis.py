@@ -6,6 +6,7 @@ r"""Analysis of linear systems: frequency response with margins, step response, 
 The computations are those of python-control; `state_space` hands a linear system over to the rest of that library.
 """
 
+import importlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,11 +18,10 @@ from motorgrad._errors import check
 from motorgrad.lab.engine import Linear, Run, linearise
 
 if TYPE_CHECKING:
-    from control import StateSpace
     from matplotlib.figure import Figure
 
 
-def state_space(linear: Linear) -> "StateSpace":
+def state_space(linear: Linear) -> Any:
     """A linear system as one of python-control, with the names of its states, inputs and outputs."""
     control = _control()
 
@@ -170,11 +170,10 @@ class RootLocus(NamedTuple):
         from motorgrad.lab.blocks._figure import COLOURS, picture
 
         figure, axes = picture(4.5, 4.0)
-        for place, path in enumerate(self.poles.T):
-            axes.plot(path.real, path.imag, color=COLOURS[place % len(COLOURS)], linewidth=1.2)
-        first = np.asarray(self.poles[0])
-        axes.plot(first.real, first.imag, "x", color="0.2")
-        axes.plot(self.zeros.real, self.zeros.imag, "o", color="0.2", fillstyle="none")
+        for place, path in enumerate(np.asarray(self.poles, complex).T):
+            axes.plot(np.real(path), np.imag(path), color=COLOURS[place % len(COLOURS)], linewidth=1.2)
+        axes.plot(self.poles[0].real, self.poles[0].imag, "x", color="0.2")
+        axes.plot(np.real(self.zeros), np.imag(self.zeros), "o", color="0.2", fillstyle="none")
         if self.tick:
             angle = np.linspace(0, 2 * np.pi, 200)
             axes.plot(np.cos(angle), np.sin(angle), color="0.7", linewidth=0.8)
@@ -277,14 +276,7 @@ def trim(run: Run, inputs: Sequence[str] = (), outputs: Mapping[str, float] | No
     return Trim(probe, dict(zip(inputs, map(float, z[size:]), strict=True)), values, residual)
 
 
-def _control() -> Any:
-    """The library python-control. Its annotations promise less than its functions return."""
-    import control
-
-    return control
-
-
-def _single(linear: Linear, input: int, output: int) -> "StateSpace":
+def _single(linear: Linear, input: int, output: int) -> Any:
     """The system from one input to one output."""
     for name, index, known in (("input", input, linear.inputs), ("output", output, linear.outputs)):
         whole = isinstance(index, int) and not isinstance(index, bool)
@@ -293,6 +285,11 @@ def _single(linear: Linear, input: int, output: int) -> "StateSpace":
 
     b, c = linear.B[:, [input]], linear.C[[output]]
     return control.ss(linear.A, b, c, linear.D[[output]][:, [input]], linear.tick)
+
+
+def _control() -> Any:
+    """The library python-control, whose types a checker cannot follow; it is loaded when first needed."""
+    return importlib.import_module("control")
 
 
 def _decays(linear: Linear) -> np.ndarray:

@@ -9,6 +9,7 @@ import {
   MiniMap,
   ReactFlow,
   SelectionMode,
+  useStore,
 } from "@xyflow/react";
 import { useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { LEAST_ZOOM } from "../commands/view";
@@ -30,6 +31,8 @@ const nodeTypes = { block: BlockNode, remark: RemarkNode };
 const edgeTypes = { wire: Wire };
 const GRID: [number, number] = [10, 10];
 const PAN = [1, 2];
+/** Below this zoom nothing small can be read: it is not drawn, and hundreds of blocks move without stutter. */
+const READABLE = 0.35;
 /** Keys that add to what is selected. */
 const ADDING = ["Shift", "Control", "Meta"];
 
@@ -49,6 +52,7 @@ export function Canvas() {
   const [nodes, setNodes] = useState<AnyNode[]>([]);
   const [wires, setWires] = useState<WireType[]>([]);
   const moving = useRef(false);
+  const far = useStore((flow) => flow.transform[2] < READABLE);
   const kept = useRef<string[]>([]);
   const drop = useDropped(context);
   useArrival(context, nodes.length > 0);
@@ -128,7 +132,7 @@ export function Canvas() {
 
   return (
     <div
-      className="canvas"
+      className={`canvas ${far ? "far" : ""}`}
       role="region"
       aria-label="canvas"
       {...drop}
