@@ -36,8 +36,8 @@ def test_reported_seeds_are_not_those_on_which_settings_were_chosen(tool):
 @pytest.mark.ci
 @pytest.mark.parametrize(("learner", "needed"), [("natural-network", "myosuite"), ("ppo", "stable_baselines3")])
 def test_a_learner_learns_and_is_stored(tool, tmp_path, monkeypatch, learner, needed):
-    pytest.importorskip("myosuite", reason="pip install 'motorgrad[myosuite]'", exc_type=ImportError)
-    pytest.importorskip(needed, reason="pip install 'motorgrad[peers]'", exc_type=ImportError)
+    pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
+    pytest.importorskip(needed, reason="pip install '.[peers]'", exc_type=ImportError)
     monkeypatch.setattr(tool, "EPISODES", 2)
     given = ["--steps", "400", "--seeds", "1", "--run", str(tmp_path / "run"), "--out", str(tmp_path)]
     tool.main(["learn", "finger", "--learner", learner, *given])

@@ -67,3 +67,15 @@ def test_nothing_is_fetched_from_elsewhere(site):
     text = (site / "index.html").read_text(encoding="utf-8")
     assert 'src="http' not in text
     assert "fonts.g" not in text
+
+
+@pytest.mark.parametrize("wanted", ["neural network", "continuous actions", "GPU", "export"])
+def test_search_works_from_the_disk_and_finds(site, wanted):
+    index = (site / "search" / "search_index.js").read_text(encoding="utf-8")
+    assert wanted.lower() in index.lower()
+
+
+def test_the_api_starts_with_what_most_people_need(site):
+    text = (site / "api" / "index.html").read_text(encoding="utf-8")
+    for name in ("training.train", "tasks.from_gymnasium", "learning.Agent"):
+        assert f'#motorgrad.{name}"' in text

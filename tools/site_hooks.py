@@ -33,6 +33,43 @@ ROOMS = [
     "sim",
 ]
 ROOMS += ["experiments", "search", "lab", "statistics", "studies", "export"]
+START: dict[str, list[tuple[str, str]]] = {
+    "Train and look": [
+        ("training.train", "train a learner on a task, for many seeds"),
+        ("training.Run", "the outcome: metrics, policies, curves, plots"),
+        ("training.evaluate", "act without learning"),
+        ("training.load", "a run from its directory"),
+        ("training.agent_for", "the learner of a task, with some settings changed"),
+        ("training.EarlyStopping", "end training at a goal, or when progress stops"),
+    ],
+    "Tasks": [
+        ("tasks.make", "a task by its name"),
+        ("tasks.from_gymnasium", "a Gymnasium environment, by id, class or function"),
+        ("tasks.compose", "a task of terms, on any body"),
+        ("tasks.Task", "what to implement for a task of your own"),
+        ("bodies.Mjcf", "any MuJoCo model as a body"),
+    ],
+    "Learners": [
+        ("presets.natural", "a learner for any task, in proportion to a budget"),
+        ("presets.natural_network", "the same with a neural network"),
+        ("presets.ppo", "proximal policy optimisation"),
+        ("learning.Agent", "a policy, an estimator and an optimizer"),
+        ("learning.Estimator", "trace, baseline and batch"),
+        ("policies.Policy", "what a policy implements"),
+        ("policies.Network", "any equinox module under output units"),
+    ],
+    "Many runs": [
+        ("studies.Study", "tasks × settings × seeds, on one machine or many"),
+        ("studies.compare", "methods, tuned and judged"),
+    ],
+    "Films and diagrams": [
+        ("sim.write_film", "a film of a motion"),
+        ("sim.view", "a live view in the browser"),
+        ("lab.Diagram", "a block diagram"),
+        ("lab.Run", "a diagram that runs, with all seeds"),
+    ],
+}
+"""What most people need of the API, by topic."""
 FROM_ROOT = {f"{name}.md": f"{name.lower()}.md" for name in ("README", "CONTRIBUTING", "SECURITY", "CHANGELOG")}
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
@@ -56,10 +93,28 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if room == "lab":  # its list of names is made from the registry of blocks, which is not run to make a page
             text += f"    options:\n      members: {lab.__all__}\n"
         files.append(File.generated(config, f"api/{room.replace('.', '-')}.md", content=text))
+    files.append(File.generated(config, "api/index.md", content=_start_of_api()))
     for name, path in FROM_ROOT.items():
         text = LINK.sub(_in_site, (ROOT / name).read_text(encoding="utf-8"))
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def _start_of_api() -> str:
+    """The page on which the API starts: what most people need, by topic."""
+    lines = [
+        "# API: start here",
+        "",
+        "What most people need, by topic. Each module has a page with everything else.",
+        "",
+    ]
+    for topic, entries in START.items():
+        lines += [f"## {topic}", "", "| | |", "|---|---|"]
+        for name, what in entries:
+            room = name.partition(".")[0]
+            lines.append(f"| [`{name}`]({room}.md#motorgrad.{name}) | {what} |")
+        lines.append("")
+    return "\n".join(lines)
 
 
 def _in_site(link: re.Match[str]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from motorgrad._errors import unknown
 
 _FAMILIES = re.compile(r"myo[A-Z]|motorFinger")
-_INSTALL = "pip install 'motorgrad[myosuite]'"
+_INSTALL = "pip install '.[myosuite]'"
 
 
 def is_of_myosuite(env_id: str) -> bool:

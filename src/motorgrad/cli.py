@@ -1,9 +1,11 @@
 """The command line. Every command is a typed dataclass and one call of the library."""
 
 import os
+import re
 import sys
+import warnings
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from motorgrad._commands import IMPORTED
 from motorgrad._errors import NotTrusted
@@ -22,6 +24,7 @@ COMMANDS = {
     "demo": "train a body to hop, in about two minutes",
     "lab": "TimLab: build diagrams of blocks, run and retune them, in a browser",
     "bench": "measure the speed table: this library, bare physics, hand-written loops",
+    "completion": "print a script that completes commands and options in bash, zsh or fish",
 }
 
 
@@ -145,8 +148,15 @@ def _help() -> str:
     )
 
 
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Show a warning as one line, without the place in the code and without colours."""
+    words = " ".join(re.sub("\x1b\\[[0-9;]*m", "", str(message)).split())
+    print(f"motorgrad: warning: {words.removeprefix('WARN: ')}", file=sys.stderr)
+
+
 def run() -> NoReturn:
     """Run the command line as a process."""
+    warnings.showwarning = _warn
     status = main()
     if status == 130:
         # everything is saved, and libraries interrupted while loading may crash at exit

@@ -88,10 +88,21 @@ def test_every_command_explains_itself(name, capsys):
     assert f"usage: motorgrad {name}" in said
 
 
+def test_the_usual_help_fits_a_screen_and_names_the_rest(capsys):
+    assert status("train", "hopper", "--help") == 0
+    said = capsys.readouterr().out
+    assert len(said.splitlines()) <= 50
+    assert "--seeds" in said
+    assert "--help-all" in said
+    assert "--task.reward-type, --agent.decay" in " ".join(said.split())
+    assert "--task.penalty" not in said
+    assert "--give-up-after" not in said
+
+
 @pytest.mark.representatives("particle", "hopper")
 @pytest.mark.parametrize("name", TASKS)
 def test_train_explains_the_settings_of_every_task(name, capsys):
-    assert status("train", name, "--help") == 0
+    assert status("train", name, "--help-all") == 0
     said = capsys.readouterr().out
     assert "--steps" in said
     assert "--agent.decay" in said

@@ -294,7 +294,7 @@ def test_every_setting_of_an_initial_policy_is_explained(kind):
 
 def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")  # one column of boxes
-    assert status("train", "hopper", "--help") == 0
+    assert status("train", "hopper", "--help-all") == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "Cost of an active muscle per decision. (default: 0.1)" in said
     assert "Mass of the load on the slide (kg). (default: 2.0)" in said

@@ -1,6 +1,8 @@
 """What a user is told who asks for help, or asks for something that cannot be."""
 
 import dataclasses
+import subprocess
+import sys
 import tomllib
 
 import numpy as np
@@ -61,7 +63,7 @@ def test_symbols_keep_their_letters():
 
 
 def test_the_help_of_several_words_is_short(capsys):
-    _, text = said(capsys, "train", "gymnasium", "--help")
+    _, text = said(capsys, "train", "gymnasium", "--help-all")
     for option in ("--task.kwargs", "--agent.optimizer.learning-rate FLOAT |"):
         assert f"{option} NAME VALUE ... " in text
     assert "--seeds INT ... " in text
@@ -215,3 +217,10 @@ def test_a_summary_says_of_how_many_seeds_it_is():
     assert summary_text("apex", every) == "apex: median 2 [quartiles 1.5 … 2.5] over 3 seeds"
     assert summary_text("apex", some) == "apex: median 2 [quartiles 1.5 … 2.5] over 2 of 3 seeds"
     assert summary_text("apex", summary([np.nan])) == "apex: never occurred"
+
+
+def test_a_warning_is_one_line_without_the_place_in_the_code(tmp_path):
+    code = "from motorgrad import cli; import warnings, sys; sys.argv[1:] = ['list', '--json', 'out.json'];"
+    code += "cli.main = lambda: warnings.warn('\\x1b[33mWARN: too\\nold\\x1b[0m', UserWarning) or 0; cli.run()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "motorgrad: warning: too old\n")

@@ -178,7 +178,7 @@ def test_without_evosax_the_search_is_refused_or_left_out_aloud(monkeypatch, tmp
     )
     others = {name: kind for name, kind in EXPERIMENTS.items() if name in ("sec-5.3.3-morphology", "fig-5.2")}
     monkeypatch.setattr(command, "EXPERIMENTS", others)
-    needs = "sec-5.3.3-morphology needs the package evosax: pip install 'motorgrad[search]'"
+    needs = "sec-5.3.3-morphology needs the package evosax: pip install '.[search]'"
     assert main(["reproduce", "sec-5.3.3-morphology", "--quick", "--out", str(tmp_path)]) != 0
     assert capsys.readouterr().err.strip().endswith(needs)
     assert main(["reproduce", "all", "--quick", "--out", str(tmp_path)]) == 0

@@ -34,7 +34,7 @@ CASES = [
 @pytest.fixture(scope="module")
 def suite():
     """MyoSuite, or a skip that says what to install."""
-    pytest.importorskip("myosuite", reason="pip install 'motorgrad[myosuite]'", exc_type=ImportError)
+    pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
 
 
 def played(task, env_id, episodes, seed=0):
@@ -185,5 +185,5 @@ def test_without_the_extra_the_error_has_the_command(monkeypatch, make):
     mjcf._of_myosuite.cache_clear()
     monkeypatch.setitem(sys.modules, "myosuite", None)
     monkeypatch.delitem(gymnasium.registry, FINGER, raising=False)
-    with pytest.raises(ValueError, match=r"MyoSuite is not installed .*: pip install 'motorgrad\[myosuite\]'"):
+    with pytest.raises(ValueError, match=r"MyoSuite is not installed .*: pip install '\.\[myosuite\]'"):
         make(FINGER)

@@ -9,7 +9,7 @@ import dataclasses
 import inspect
 import re
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar
 
@@ -42,6 +42,9 @@ COMMON: list[Any] = [
     ),
 ]
 
+
+HELP = {"-h", "--help"}
+HELP_ALL = "--help-all"
 
 ASKED = ("trust", "allow_changed")
 """Options that a file cannot give, as it is the file that they are about."""
@@ -123,8 +126,11 @@ def parse_values(cls: type, given: Arguments, prog: str) -> dict[str, Any]:
         raise ValueError(f"{given.file}: {error}") from None
     if not given.rest:  # a form with all options takes a while to make
         return values
-    form = _form(cls, values, COMMON)
-    return _values(tyro.cli(form, args=given.rest, prog=f"motorgrad {prog}", registry=REGISTRY), cls)
+    common = getattr(cls, "common", ())
+    only = {*common, *(name for name, *_ in COMMON)} if common and HELP & set(given.rest) else None
+    form = _form(cls, values, COMMON, only)
+    rest = ["--help" if word == HELP_ALL else word for word in given.rest]
+    return _values(tyro.cli(form, args=rest, prog=f"motorgrad {prog}", registry=REGISTRY), cls)
 
 
 def _values(form: Any, cls: type) -> dict[str, Any]:
@@ -137,8 +143,11 @@ def _values(form: Any, cls: type) -> dict[str, Any]:
     }
 
 
-def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any:
-    """`cls` as tyro shows it: with these defaults and help for every field, and without its checks."""
+def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = (), only: Container[str] | None = None) -> Any:
+    """`cls` as tyro shows it: with these defaults and help for every field, and without its checks.
+
+    **Arguments:** `more` entries; the `only` fields that the help shows, by default all.
+    """
     hints, helps, entries = typing.get_type_hints(cls, include_extras=True), descriptions(cls), []
     for name, field in fields_of(cls).items():
         hint, default = hints[name], values[name] if name in values else default_of(field)
@@ -152,7 +161,9 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = ()) -> Any
         elif dataclasses.is_dataclass(default):
             hint = _form(type(default), {inner: getattr(default, inner) for inner in fields_of(type(default))})
             default = hint()
-        entries.append((name, *_entry(hint, default, helps.get(name))))
+        hint, *default_of_field = _entry(hint, default, helps.get(name))
+        shown = only is None or name in only
+        entries.append((name, hint if shown else Annotated[hint, tyro.conf.Suppress], *default_of_field))
     space = {"__doc__": description_of(cls), "__post_init__": lambda self: None}
     # a subclass, so that tyro finds the docstrings of the fields of `cls`
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from motorgrad._commands._configuration import Arguments, parse_values, pop_option
+from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, parse_values, pop_option
 from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted, default_of, full_path
 from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
@@ -106,7 +106,7 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
         settings = values.get("task")
         if name is not None and named not in (None, name) and settings:
             raise ValueError(f"task: has settings of {named!r} ({', '.join(settings)}), but the command names {name!r}")
-        check(name or named or {"-h", "--help"} & set(rest), "task.name", named, "given, here or on the command line")
+        check(name or named or {*HELP, HELP_ALL} & set(rest), "task.name", named, "given, here or on the command line")
     except (ValueError, RunDirectoryError) as error:
         raise ValueError(f"{given.file}: {error}") from None
     return name or named, given._replace(table=values, rest=rest)
@@ -146,8 +146,19 @@ def _with_fields(base: type, name: str, does: str, task: Task, agent: Agent) -> 
         ("task", type(task), dataclasses.field(default_factory=lambda: task)),
         ("agent", Agent, dataclasses.field(default_factory=lambda: agent)),
     ]
-    doc = f"{does}: {(type(task).__doc__ or '').partition(chr(10))[0]}\n\n{_short_names()}"
+    goal = (type(task).__doc__ or "").partition("\n")[0]
+    doc = f"{does}: {goal}\n\n{_about_all(type(task), name.lower())}\n\n{_short_names()}"
     return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
+
+
+def _about_all(task: type[Task], command: str) -> str:
+    """A sentence of the help on the options that it leaves out."""
+    plain = (name for name, field in fields_of(task).items() if not dataclasses.is_dataclass(default_of(field)))
+    first = next((f"--task.{_dashed(name)}, " for name in plain), "")
+    return (
+        "Every setting of the task, its body and the learner is an option, too, such as "
+        f"{first}--agent.decay or --agent.learning-rate: motorgrad {command} {task.name} --help-all lists them."
+    )
 
 
 def _short_names() -> str:

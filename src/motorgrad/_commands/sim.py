@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
+from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable
@@ -59,6 +59,18 @@ class Options:
     """Film the simulation from its start to this file (.mp4), with or without a browser."""
     seconds: float | None = None
     """End after this many seconds of wall time; by default with Ctrl-C."""
+    common: ClassVar[tuple[str, ...]] = (
+        "run",
+        "seed",
+        "frozen",
+        "paused",
+        "speed",
+        "record",
+        "seconds",
+        "port",
+        "browser",
+    )
+    """The options that `--help` shows; `--help-all` shows all."""
     task: ClassVar[Any] = None
     scene: ClassVar[Mapping[str, Any]] = {}
     """The tables of the file for which there is no option."""
@@ -96,7 +108,7 @@ class Place:
 
 
 def run(arguments: list[str]) -> int:
-    if not arguments or set(arguments) <= {"-h", "--help"}:
+    if not arguments or set(arguments) <= {*HELP, HELP_ALL}:
         return _usage(0 if arguments else 2)
     return _show(*prepared(arguments))
 
@@ -243,5 +255,5 @@ def _with_file_name(given: Arguments, make: Any) -> Any:
 
 def _usage(status: int) -> int:
     print(f"{USAGE}\ntasks: {', '.join(TASKS)}\nbodies: {', '.join(BODIES)}\n")
-    print("motorgrad sim TASK --help lists the options, with those of the task and its learner.")
+    print("motorgrad sim TASK --help shows the common options; --help-all also those of the task and its learner.")
     return status

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from motorgrad._commands._configuration import Arguments, pop_option, read_arguments, resolve
+from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
 from motorgrad._errors import check
@@ -30,39 +30,41 @@ class Options:
     """Options of `motorgrad train`, beside those of the task and of the agent."""
 
     steps: int = 100_000
-    """Decisions per seed, of all its environments together. The schedules of a preset scale with them."""
+    """The number of decisions per seed, of all its environments together. The schedules of a preset scale with it."""
     preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
-    """A preset in place of the task's own learner, with the task's own policy. Gymnasium environments have "natural" by
-    themselves."""
+    """A learner in place of the task's own, which keeps the task's policy. Gymnasium environments use "natural"
+    anyway."""
     seeds: int | tuple[int, ...] = 1
-    """The number of seeds, numbered from --first-seed; or the seeds themselves, two or more."""
+    """The number of learners, with seeds from --first-seed on; or two or more seeds."""
     first_seed: int = 0
     """The first seed."""
     out: Path | None = None
-    """The run directory, by default runs/TASK. An unfinished run found there is continued."""
+    """The run directory, by default runs/TASK. Training continues an unfinished run that it finds there."""
     resume: Path | None = None
     """Continue the run in this directory with its own task, learner, seeds and steps; replaces TASK and --out."""
     sweep: tuple[str, ...] | None = None
     """Numbers of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2: all combinations learn side by
     side in one compiled call. In a file: a table of lists, or a list of tables."""
     window: int | None = None
-    """Decisions per record of the metrics; by default a two-hundredth of the steps."""
+    """The number of decisions per record of the metrics; by default a two-hundredth of the steps."""
     checkpoint_every: float = 30.0
-    """Seconds between checkpoints."""
+    """The time between two checkpoints, in seconds of wall time."""
     threads: int = 0
-    """Threads for the physics of bodies; 0 for one per processor."""
+    """The number of threads that step bodies; 0 for one per processor."""
     envs: int = 1
-    """Environments that feed the learner of each seed; steps count the decisions of all."""
+    """The number of environments that feed the learner of each seed. Steps count the decisions of all."""
     workers: int = 0
-    """Processes in which Gymnasium environments are stepped; 0 for this one. The number changes no result."""
+    """The number of processes that step Gymnasium environments; 0 for this one. It changes no result."""
     give_up_after: float = 3600.0
-    """Seconds after which the run ends if nothing could be saved in them; until then it learns on and tries again."""
+    """The time in seconds after which a run that cannot be saved ends; until then it learns on and tries again."""
     trust: bool = False
     """Run code that the run directory or the file of options names: the module of its task, pickled environments."""
     allow_changed: bool = False
     """Continue a run whose settings, or version of motorgrad, are not those with which it was made."""
     tensorboard: bool = False
     """Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint."""
+    common: ClassVar[tuple[str, ...]] = ("steps", "seeds", "out", "resume", "preset", "sweep", "envs", "tensorboard")
+    """The options that `--help` shows; `--help-all` shows all."""
     file_sweep: ClassVar[Any] = None
     """The sweep in the file."""
     json: Path | None = None
@@ -127,7 +129,7 @@ def run(arguments: list[str]) -> int:
         given.table.setdefault("out", str(Path("runs") / Path(file).stem))
     name, given = split_task(given)
     if name is None:
-        asked = set(arguments) & {"-h", "--help"}
+        asked = set(arguments) & {*HELP, HELP_ALL}
         check(
             asked or not arguments,
             "the first word",
@@ -136,7 +138,9 @@ def run(arguments: list[str]) -> int:
         )
         print("usage: motorgrad train TASK [options]\n       motorgrad train --task FILE.toml [options]\n")
         print(f"tasks: {', '.join(TASKS)}; or the id of a Gymnasium environment\n")
-        print("motorgrad train TASK --help lists the options of a task and of its learner.")
+        print(
+            "motorgrad train TASK --help shows the common options; --help-all also those of the task and its learner."
+        )
         return 0 if asked else 2
     swept = given.table.get("sweep")
     given = given._replace(table={key: value for key, value in given.table.items() if key != "sweep"})

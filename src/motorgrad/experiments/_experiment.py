@@ -121,7 +121,7 @@ class Experiment(abc.ABC):
         """The missing package and how to install it, or nothing if the experiment can run."""
         if cls.needs is None or importlib.util.find_spec(cls.needs[0]) is not None:
             return ""
-        return f"{cls.name} needs the package {cls.needs[0]}: pip install 'motorgrad[{cls.needs[1]}]'"
+        return f"{cls.name} needs the package {cls.needs[0]}: pip install '.[{cls.needs[1]}]'"
 
     @property
     def part(self) -> str:

@@ -68,7 +68,7 @@ class BayesianOptimisation(Method):
             right = isinstance(pair, tuple) and len(pair) == 2 and 0.0 < pair[0] <= pair[1] < np.inf
             check(right, f"BayesianOptimisation.{name}", pair, "two finite numbers above 0, the lower first")
         if importlib.util.find_spec("tinygp") is None:
-            raise RuntimeError("Bayesian optimisation needs the package tinygp: pip install 'motorgrad[search]'")
+            raise RuntimeError("Bayesian optimisation needs the package tinygp: pip install '.[search]'")
 
     def batch(self, size: int) -> int:
         return self.candidates

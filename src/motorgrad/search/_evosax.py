@@ -30,7 +30,7 @@ class _Evosax(Method):
 
     def _check_installed(self) -> None:
         if importlib.util.find_spec("evosax") is None:
-            raise RuntimeError(f"{self.title} needs the package evosax: pip install 'motorgrad[search]'")
+            raise RuntimeError(f"{self.title} needs the package evosax: pip install '.[search]'")
 
     @abc.abstractmethod
     def _strategy(self, size: int) -> tuple[Any, Any]:

@@ -30,7 +30,7 @@ class Ray(Place):
             import ray  # type: ignore[import-not-found]
             from ray import exceptions as errors  # type: ignore[import-not-found]
         except ImportError:
-            raise RuntimeError("Ray needs the package ray: pip install 'motorgrad[ray]'") from None
+            raise RuntimeError("Ray needs the package ray: pip install '.[ray]'") from None
         check_integer("workers", workers, 0, 1_000_000)
         self._ray, self._ours = ray, not ray.is_initialized()
         if self._ours:

@@ -267,6 +267,6 @@ def _optuna() -> Any:
             warnings.simplefilter("ignore")
             import optuna  # type: ignore[import-not-found]
     except ImportError:
-        raise RuntimeError("a search needs the package optuna: pip install 'motorgrad[search]'") from None
+        raise RuntimeError("a search needs the package optuna: pip install '.[search]'") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

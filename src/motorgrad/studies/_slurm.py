@@ -39,7 +39,7 @@ class Slurm(Place):
             import submitit  # type: ignore[import-not-found]
             from submitit.core import utils  # type: ignore[import-not-found]
         except ImportError:
-            raise RuntimeError("Slurm needs the package submitit: pip install 'motorgrad[slurm]'") from None
+            raise RuntimeError("Slurm needs the package submitit: pip install '.[slurm]'") from None
         check_integer("workers", workers, 0, 100_000)
         check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
         self._workers, self._errors = workers or AT_ONCE, utils

@@ -45,7 +45,7 @@ def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
 def check_tensorboard() -> None:
     """**Raises** `RuntimeError` where the package tensorboard is missing; it names the extra."""
     if importlib.util.find_spec("tensorboard") is None:
-        raise RuntimeError("event files need the package tensorboard: pip install 'motorgrad[tensorboard]'")
+        raise RuntimeError("event files need the package tensorboard: pip install '.[tensorboard]'")
 
 
 class EventFiles:
