@@ -185,7 +185,7 @@ def relay_exact(times: np.ndarray) -> np.ndarray:
         if time < first:
             return 2 - 2 * math.exp(-time)
         half, left = divmod(time - first, later)
-        return (2.5 * math.exp(-left) - 2) * (-1) ** half
+        return (2.5 * math.exp(-left) - 2) * (1 - 2 * (half % 2))
 
     return np.array([level(time) for time in times])
 
