@@ -16,7 +16,8 @@ r"""TimLab: dynamical systems, controllers and learners built from blocks.
 using the inputs of this tick. An input declared with `feedthrough=False` does not affect the outputs of the same tick,
 so a block with such an input breaks a loop. Between ticks, continuous blocks are integrated by RK4: they, and every
 stateless and deterministic block that they reach without delay, are evaluated again inside the step. Everything else is
-evaluated once per tick and held. RK4 steps are split where a source jumps.
+evaluated once per tick and held. Steps are split where a source jumps. A `Diagram` chooses its solver: RK4 takes fixed
+steps; the others adapt them to the error and locate zero crossings.
 
 To write a block of your own, see the page on TimLab's engine (`docs/lab.md`).
 """
@@ -80,6 +81,7 @@ from motorgrad.lab.engine import (
     Timeline,
     linearise,
     replay,
+    unstable_steps,
 )
 from motorgrad.lab.fmi import TickProgram, tick_program, write_fmu
 from motorgrad.lab.gallery import GALLERY, example
@@ -142,6 +144,7 @@ __all__ = [
     "to_html",
     "to_python",
     "trim",
+    "unstable_steps",
     "whole_ticks",
     "write_fmu",
 ]

@@ -14,6 +14,7 @@ from motorgrad.lab.blocks._control import Quantiser as Quantiser
 from motorgrad.lab.blocks._control import RateLimit as RateLimit
 from motorgrad.lab.blocks._control import Relay as Relay
 from motorgrad.lab.blocks._control import Saturation as Saturation
+from motorgrad.lab.blocks._friction import DryFriction as DryFriction
 from motorgrad.lab.blocks._linear import Delay as Delay
 from motorgrad.lab.blocks._linear import DiscreteIntegrator as DiscreteIntegrator
 from motorgrad.lab.blocks._linear import DiscreteLag as DiscreteLag

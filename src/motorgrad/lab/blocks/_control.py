@@ -103,6 +103,13 @@ class _Between(Elementwise):
         super().validate()
         check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
 
+    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        return self._levels(inputs["u"]).ravel()
+
+    def _levels(self, u: Any) -> Any:
+        """How far the input is above `high` and below `low`."""
+        return jnp.stack([self.filled(u - self.high), self.filled(self.low - u)])
+
 
 @dataclasses.dataclass(frozen=True)
 class Saturation(_Between):
@@ -112,7 +119,8 @@ class Saturation(_Between):
     category: ClassVar[str] = "nonlinear"
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": jnp.clip(inputs["u"], self.low, self.high)}
+        over, under = now.sides(self._levels(inputs["u"]))
+        return {"y": jnp.where(over, self.high, jnp.where(under, self.low, inputs["u"]))}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +131,9 @@ class DeadZone(_Between):
     category: ClassVar[str] = "nonlinear"
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": inputs["u"] - jnp.clip(inputs["u"], self.low, self.high)}
+        over, under = now.sides(self._levels(inputs["u"]))
+        inside = jnp.where(over, self.high, jnp.where(under, self.low, inputs["u"]))
+        return {"y": inputs["u"] - inside}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,7 +154,7 @@ class Relay(Elementwise):
     """Relay with hysteresis: switches on at an input of at least `high`, off at an input of at most `low`, and stays in
     between.
 
-    It is evaluated once at each of its ticks.
+    A solver that adapts its steps switches it at the instant. Otherwise it is evaluated once at each of its ticks.
     """
 
     name: ClassVar[str] = "relay"
@@ -164,10 +174,18 @@ class Relay(Elementwise):
         return jnp.full(self.shape, self.begins_on)
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": jnp.where(self.update(state, inputs, now), self.on, self.off)}
+        on = self.update(state, inputs, now) if now.above is None else state
+        return {"y": jnp.where(on, self.on, self.off)}
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         return (inputs["u"] >= self.high) | (state & (inputs["u"] > self.low))
+
+    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        """How far the input is behind the threshold at which it switches next."""
+        return jnp.where(state, self.low - inputs["u"], inputs["u"] - self.high).ravel()
+
+    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        return state ^ now.rising.reshape(self.shape)
 
 
 class _Follower(Elementwise):

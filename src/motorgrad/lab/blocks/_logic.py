@@ -13,12 +13,17 @@ from motorgrad.lab.blocks._formulas import COMPARISONS, OPERATORS, RESERVED, eva
 from motorgrad.lab.blocks._maths import MOST_PORTS, named_values
 from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 
+ORDERED = {">=": (1.0, True), "<": (1.0, False), "<=": (-1.0, True), ">": (-1.0, False)}
+"""Of a relation: the sign of the difference that is watched, and the relation's value where that is at least 0."""
 JOINS = ("and", "or", "xor", "nand", "nor")
 
 
 @dataclasses.dataclass(frozen=True)
 class Compare(Shaped):
-    """Compare `u1` with `u2` + `margin`, element by element. An unconnected `u2` is 0."""
+    """Compare `u1` with `u2` + `margin`, element by element. An unconnected `u2` is 0.
+
+    A solver that adapts its steps locates where an order (`<`, `<=`, `>`, `>=`) changes.
+    """
 
     name: ClassVar[str] = "compare"
     category: ClassVar[str] = "logic"
@@ -34,8 +39,16 @@ class Compare(Shaped):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape, "bool")}
 
+    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        """The distance in the direction in which zero counts as the relation says."""
+        if self.relation not in ORDERED:
+            return jnp.zeros(0)
+        return self.filled(ORDERED[self.relation][0] * (inputs["u1"] - inputs["u2"] - self.margin)).ravel()
+
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": OPERATORS[self.relation].apply(inputs["u1"], inputs["u2"] + self.margin)}
+        if now.above is None or self.relation not in ORDERED:
+            return {"y": OPERATORS[self.relation].apply(inputs["u1"], inputs["u2"] + self.margin)}
+        return {"y": (now.above == ORDERED[self.relation][1]).reshape(self.shape)}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,6 @@ from motorgrad._errors import check
 from motorgrad.lab.blocks._base import Elementwise, OneShape, Shaped, check_names
 from motorgrad.lab.blocks._formulas import FUNCTIONS, RESERVED, evaluate, formula, is_condition, names_read
 from motorgrad.lab.diagram import (
-    ROUNDING,
     Block,
     Moment,
     Parameter,
@@ -20,6 +19,7 @@ from motorgrad.lab.diagram import (
     Signals,
     Timing,
     checked_shape,
+    rounding,
 )
 
 
@@ -175,7 +175,7 @@ def _inside(now: Moment) -> Any:
     """The time, moved from an end of the RK4 step into it by more than its rounding: there a jump of time alone belongs
     to the step after it.
     """
-    nearly = ROUNDING * jnp.abs(now.time)
+    nearly = rounding() * jnp.abs(now.time)
     return jnp.where(now.time > now.start, jnp.maximum(now.time - nearly, now.start + nearly), now.time + nearly)
 
 

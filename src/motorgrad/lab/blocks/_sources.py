@@ -9,7 +9,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._random import normals
 from motorgrad.lab.blocks._base import OneShape, Shaped, TimeSource
-from motorgrad.lab.diagram import ROUNDING, Moment, Parameter, Setting, Signals
+from motorgrad.lab.diagram import Moment, Parameter, Setting, Signals, rounding
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Step(TimeSource):
         return jnp.min(jnp.where(self._jumped(now), jnp.inf, self.at))
 
     def _jumped(self, now: Moment) -> Any:
-        return now.start >= self.at - ROUNDING * jnp.abs(self.at)
+        return now.start >= self.at - rounding() * jnp.abs(self.at)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Sine(TimeSource):
     offset: Annotated[Any, Parameter("$b$")] = 0.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        cycles = self.frequency * now.time % 1.0
+        cycles = now.cycles(self.frequency)
         return {"y": self.filled(self.offset + self.amplitude * jnp.sin(2 * jnp.pi * cycles + self.phase))}
 
 
@@ -103,7 +103,7 @@ class Pulse(TimeSource):
     def _cycles(self, now: Moment) -> Any:
         """The cycles since the first began."""
         cycles = self.frequency * (now.start - self.delay)
-        return cycles + 2 * ROUNDING * (1 + jnp.abs(cycles))
+        return cycles + 2 * rounding() * (1 + jnp.abs(cycles))
 
 
 @dataclasses.dataclass(frozen=True)

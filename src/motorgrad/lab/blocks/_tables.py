@@ -13,7 +13,6 @@ import numpy as np
 from motorgrad._errors import check, shown, unknown
 from motorgrad.lab.blocks._base import MOST_NAMES, Shaped
 from motorgrad.lab.diagram import (
-    ROUNDING,
     Block,
     Moment,
     Parameter,
@@ -23,6 +22,7 @@ from motorgrad.lab.diagram import (
     Signals,
     Timing,
     dtype_of,
+    rounding,
 )
 
 LARGEST = 2**30  # bytes of a file, packed or not
@@ -185,12 +185,12 @@ class DataFile(Block):
         start, row = self._place(now)
         if self.between == "linear":  # it jumps only where it starts again
             row = -2 if self.after == "repeat" else -1
-        return now.start + (times[row] - (start - ROUNDING * jnp.abs(now.start)))
+        return now.start + (times[row] - (start - rounding() * jnp.abs(now.start)))
 
     def _place(self, now: Moment) -> tuple[Any, Any]:
         """The time in the table at which the current step begins, and the number of rows up to it."""
         times = self.__dict__["_times"]
-        time = now.start + ROUNDING * jnp.abs(now.start)
+        time = now.start + rounding() * jnp.abs(now.start)
         if self.after == "repeat":
             time = jnp.where(time < times[0], time, times[0] + (time - times[0]) % (times[-1] - times[0]))
         return time, jnp.searchsorted(times, time, side="right")

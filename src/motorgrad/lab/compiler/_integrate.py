@@ -6,8 +6,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from motorgrad.lab.diagram import ROUNDING
-
 PLACES = ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))
 """Where in the step each slope is taken, as a fraction of it, and the slope's weight."""
 MOST_PIECES = 16  # of a step; what jumps more often is held in the last one
@@ -29,31 +27,33 @@ def integrated(
     slope: Callable[[Any, Any, Any], Any],
     next_jump: Callable[[Any], Any] | None,
     state: Any,
-    time: Any,
+    within: Any,
     step: float,
+    margin: Any = 0.0,
     loop: Callable[..., Any] = jax.lax.while_loop,
 ) -> Any:
-    """The state one `step` after `time`: one RK4 step, or one for each piece between jumps.
+    """The state one `step` after `within`: one RK4 step, or one for each piece between jumps. Times are in seconds
+    since the tick.
 
     **Arguments:**
 
     - `slope`: of a state, the time, and the time at which the RK4 step began.
     - `next_jump`: the time of the first jump after a time; `None` if nothing jumps.
+    - `margin`: a jump this close to the end is left to the next step.
     - `loop`: `jax.lax.while_loop`, or the same in Python.
     """
     if next_jump is None:
-        return rk4(lambda there, now: slope(there, now, time), state, time, step)
+        return rk4(lambda there, now: slope(there, now, within), state, within, step)
 
     def piece(position: Any) -> Any:
         number, done, state = position
-        start = time + done
-        jump = next_jump(start) - time  # relative, so that single precision does not round the length of a piece
-        last = step - ROUNDING * (jnp.abs(time) + step)  # jumps after it are at the end, and left to the next step
-        inside = (jump > done) & (jump < last) & (number < MOST_PIECES - 1)
+        start = within + done
+        jump = next_jump(start) - within
+        inside = (jump > done) & (jump < step - margin) & (number < MOST_PIECES - 1)
         end = jnp.where(inside, jump, step)
         return number + 1, end, rk4(lambda there, now: slope(there, now, start), state, start, end - done)
 
-    begin = 0, jnp.zeros((), jnp.result_type(time, float)), state
+    begin = 0, jnp.zeros((), jnp.result_type(float)), state
     return loop(lambda position: position[1] < step, piece, begin)[2]
 
 

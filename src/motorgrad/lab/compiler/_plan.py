@@ -4,7 +4,19 @@ import dataclasses
 from collections.abc import Sequence
 
 from motorgrad._errors import unknown
-from motorgrad.lab.diagram import Diagram, DiagramError, Outlet, Placed, Problem, Source, flatten, verify
+from motorgrad.lab.diagram import (
+    Block,
+    Diagram,
+    DiagramError,
+    HostBlock,
+    Outlet,
+    Placed,
+    Problem,
+    Source,
+    flatten,
+    in_precision,
+    verify,
+)
 
 
 def direct_sources(placed: Placed) -> dict[str, Source]:
@@ -13,51 +25,102 @@ def direct_sources(placed: Placed) -> dict[str, Source]:
     return {port: source for port, source in placed.sources.items() if ports[port].feedthrough}
 
 
-def evaluation_order(flat: Sequence[Placed]) -> tuple[list[int], list[Problem]]:
+def evaluation_order(flat: Sequence[Placed], solve: bool = False) -> tuple[list[int], set[int], list[Problem]]:
     """An order in which every block comes after the blocks that it reads from within the tick.
 
-    If there is none, the problem names an algebraic loop.
+    If there is none, the problem names an algebraic loop; or to `solve` it, one of its blocks is torn: the blocks that
+    read it come first. **Returns** the order, the torn blocks, and the problems.
     """
     order: list[int] = []
+    torn: set[int] = set()
     waiting = {i: {source.block for source in direct_sources(each).values()} for i, each in enumerate(flat)}
     readers: dict[int, list[int]] = {i: [] for i in waiting}
     for i, sources in waiting.items():
         for source in sources:
             readers[source].append(i)
     ready = [i for i, sources in waiting.items() if not sources]
-    while ready:
-        i = ready.pop(0)
-        order.append(i)
+
+    def release(i: int) -> None:
         for reader in readers[i]:
-            waiting[reader].discard(i)
-            if not waiting[reader]:
-                ready.append(reader)
-    stuck = {i for i, sources in waiting.items() if sources}
-    return order, [_algebraic_loop(flat, stuck)] if stuck else []
+            if i in waiting[reader]:
+                waiting[reader].discard(i)
+                if not waiting[reader]:
+                    ready.append(reader)
+
+    while True:
+        while ready:
+            i = ready.pop(0)
+            order.append(i)
+            release(i)
+        stuck = {i for i, sources in waiting.items() if sources}
+        if not stuck:
+            return order, torn, []
+        cycle = _cycle(flat, stuck, torn)
+        hosts = any(isinstance(placed.block, HostBlock) for placed in flat)
+        real = [i for i in cycle if all(port.kind == "float" for port in flat[i].block.outputs.values())]
+        if not (solve and real) or hosts:
+            return order, torn, [_algebraic_loop(flat, cycle, solve, hosts)]
+        torn.add(real[0])
+        release(real[0])
 
 
-def _algebraic_loop(flat: Sequence[Placed], stuck: set[int]) -> Problem:
-    """The cycle among blocks that wait for each other."""
+def _cycle(flat: Sequence[Placed], stuck: set[int], torn: set[int]) -> list[int]:
+    """A cycle among blocks that wait for each other."""
     walk = [min(stuck)]
     while True:  # walks back from input to source; every stuck block waits for another stuck one
-        port, source = next((p, s) for p, s in direct_sources(flat[walk[-1]]).items() if s.block in stuck)
-        if source.block in walk:
-            cycle = walk[walk.index(source.block) :][::-1]
-            names = " → ".join(flat[i].path for i in [*cycle, cycle[0]])
-            first = flat[walk[-1]]
-            return Problem(first.path, port, f"algebraic loop: {names}; insert a delay")
-        walk.append(source.block)
+        sources = (source.block for source in direct_sources(flat[walk[-1]]).values())
+        source = next(each for each in sources if each in stuck and each not in torn)
+        if source in walk:
+            return walk[walk.index(source) :][::-1]
+        walk.append(source)
 
 
-def moving_blocks(flat: Sequence[Placed], order: Sequence[int]) -> set[int]:
-    """The blocks whose outputs change within a tick: they are evaluated again inside an RK4 step."""
+def _algebraic_loop(flat: Sequence[Placed], cycle: list[int], solve: bool, hosts: bool) -> Problem:
+    names = " → ".join(flat[i].path for i in [*cycle, cycle[0]])
+    first, last = flat[cycle[0]], cycle[-1]
+    port = next(port for port, source in direct_sources(first).items() if source.block == last)
+    why = "" if not solve else " (it cannot be solved beside blocks on the host)" if hosts else " (of conditions only)"
+    return Problem(first.path, port, f"algebraic loop: {names}; insert a delay{why}")
+
+
+def is_mode(block: Block) -> bool:
+    """Whether a block's state is discrete but may change at zero crossings between ticks, like a relay's."""
+    return block.switches and not block.is_continuous
+
+
+def moving_blocks(flat: Sequence[Placed], order: Sequence[int], adapts: bool) -> set[int]:
+    """The blocks whose outputs change within a tick: they are evaluated again inside a step of the solver. Where it
+    `adapts` its steps, that includes modes that continuous blocks reach.
+    """
     found: set[int] = set()
-    for i in order:
-        timing = flat[i].block.timing
-        reached = any(source.block in found for source in direct_sources(flat[i]).values())
-        if timing == "continuous" or (timing == "inherited" and reached):
-            found.add(i)
+    adapts = adapts and any(placed.block.is_continuous for placed in flat)
+    before = -1
+    while len(found) > before:  # once, or again where an algebraic loop leads back
+        before = len(found)
+        for i in order:
+            timing = flat[i].block.timing
+            if adapts and is_mode(flat[i].block) and flat[i].ticks == 1:
+                timing = "inherited"
+            reached = any(source.block in found for source in direct_sources(flat[i]).values())
+            if timing == "continuous" or (timing == "inherited" and reached):
+                found.add(i)
     return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Solver:
+    """How continuous states are integrated; see `Diagram`."""
+
+    name: str
+    substeps: int
+    tolerances: tuple[float, float]
+    precision: str
+    loops: str
+
+    @property
+    def adapts(self) -> bool:
+        """Whether the length of its steps is adapted to the error."""
+        return self.name != "rk4"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -65,15 +128,18 @@ class Plan:
     """The flat blocks of a diagram, an `order` to evaluate them in, and the blocks that are `moving` within a tick."""
 
     tick: float
-    substeps: int
+    solver: Solver
     blocks: tuple[Placed, ...]
     order: tuple[int, ...]
     moving: frozenset[int]
+    torn: frozenset[int]
+    """Blocks whose outputs are guessed and then found by iteration, because an algebraic loop leads through them."""
 
 
 def plan(diagram: Diagram) -> Plan:
     """The plan of a diagram. **Raises** `DiagramError` with everything that keeps it from running."""
-    made, found = _checked(diagram)
+    with in_precision(diagram.precision):
+        made, found = _checked(diagram)
     if made is None:
         raise DiagramError(found)
     return made
@@ -81,7 +147,8 @@ def plan(diagram: Diagram) -> Plan:
 
 def problems(diagram: Diagram) -> list[Problem]:
     """Everything that keeps a diagram from running, by block and port; empty if it can run."""
-    return _checked(diagram)[1]
+    with in_precision(diagram.precision):
+        return _checked(diagram)[1]
 
 
 def _checked(diagram: Diagram) -> tuple[Plan | None, list[Problem]]:
@@ -89,10 +156,13 @@ def _checked(diagram: Diagram) -> tuple[Plan | None, list[Problem]]:
     found = found or [problem for placed in flat for problem in verify(placed)]
     if found:
         return None, found
-    order, found = evaluation_order(flat)
+    order, torn, found = evaluation_order(flat, diagram.loops == "solve")
     if found:
         return None, found
-    return Plan(diagram.tick, diagram.substeps, tuple(flat), tuple(order), frozenset(moving_blocks(flat, order))), []
+    tolerances = (diagram.relative_tolerance, diagram.absolute_tolerance)
+    solver = Solver(diagram.solver, diagram.substeps, tolerances, diagram.precision, diagram.loops)
+    moving = moving_blocks(flat, order, solver.adapts)
+    return Plan(diagram.tick, solver, tuple(flat), tuple(order), frozenset(moving), frozenset(torn)), []
 
 
 WATCHED = "/"

@@ -126,7 +126,7 @@ def cached_program(stacks: Stacks, seeds: np.ndarray, axes: dict[int, dict[str, 
     blocks = tuple(_structure_key(placed) for placed in plan.blocks)
     # `moving` is not implied by the blocks' settings and ticks: a source with `period == tick` is held within a tick,
     # one without a period is evaluated again inside an RK4 step
-    key = (plan.tick, plan.substeps, blocks, plan.moving, stacks.batches, stacks.rows, swept, len(seeds))
+    key = (plan.tick, plan.solver, blocks, plan.moving, plan.torn, stacks.batches, stacks.rows, swept, len(seeds))
     with _lock:
         if key not in _kept:
             on_host = any(isinstance(kind.block, HostBlock) for kind in stacks.kinds)

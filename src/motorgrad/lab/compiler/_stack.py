@@ -24,7 +24,7 @@ class Kind:
     members: tuple[int, ...]
     moving: bool
     held: bool
-    """Whether some of them are not evaluated at every tick, so that their outputs are kept."""
+    """Whether outputs are kept: some are not computed at every tick, or all are found by iteration."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,12 +78,14 @@ def _signature(plan: Plan, i: int, stacked: bool) -> Any:
     placed = plan.blocks[i]
     if isinstance(placed.block, HostBlock) or not stacked:
         return i
-    return kind_of(placed.block), i in plan.moving, placed.ticks > 1
+    return kind_of(placed.block), i in plan.moving, placed.ticks > 1, i in plan.torn
 
 
 def _kind(plan: Plan, group: Sequence[int]) -> Kind:
     first = group[0]
-    return Kind(plan.blocks[first].block, tuple(group), first in plan.moving, plan.blocks[first].ticks > 1)
+    return Kind(
+        plan.blocks[first].block, tuple(group), first in plan.moving, plan.blocks[first].ticks > 1 or first in plan.torn
+    )
 
 
 def _first_source(plan: Plan, places: dict[int, tuple[int, int]], i: int) -> tuple[int, int]:
@@ -98,7 +100,8 @@ def _schedule(plan: Plan, signatures: Sequence[Any]) -> list[list[int]]:
     Among the groups that could come next, one that completes its signature is taken first, else the largest. Hosts wait
     until nothing else is ready, unless they read nothing within the tick.
     """
-    waiting = {i: {source.block for source in direct_sources(plan.blocks[i]).values()} for i in plan.order}
+    sources_of = {i: {source.block for source in direct_sources(plan.blocks[i]).values()} for i in plan.order}
+    waiting = {i: sources - plan.torn for i, sources in sources_of.items()}
     readers: dict[int, list[int]] = {i: [] for i in waiting}
     left: dict[Any, int] = {}
     ready: dict[Any, list[int]] = {}
@@ -121,7 +124,7 @@ def _schedule(plan: Plan, signatures: Sequence[Any]) -> list[list[int]]:
         left[best] -= len(group)
         groups.append(group)
         for i in group:
-            for reader in readers[i]:
+            for reader in readers[i] if i not in plan.torn else ():
                 waiting[reader].discard(i)
                 if not waiting[reader]:
                     ready.setdefault(signatures[reader], []).append(reader)

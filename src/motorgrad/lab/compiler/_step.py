@@ -10,9 +10,11 @@ from jaxtyping import Array, Float
 
 from motorgrad._random import BLOCK as SPAN
 from motorgrad._random import key_of
-from motorgrad.lab.compiler._integrate import integrated
-from motorgrad.lab.compiler._stack import Environment, Gather, Stacks
-from motorgrad.lab.diagram import Block, HostBlock, Moment, Sink
+from motorgrad.lab.compiler._continuous import Continuous
+from motorgrad.lab.compiler._loops import solved
+from motorgrad.lab.compiler._plan import is_mode
+from motorgrad.lab.compiler._stack import Environment, Gather, Kind, Stacks
+from motorgrad.lab.diagram import Block, HostBlock, Moment, Sink, clock, crossings_of
 
 __all__ = ["SPAN", "draw_span", "draw_start"]
 START = 0xFFFFFFFF  # no span of ticks has this index
@@ -24,21 +26,26 @@ def draw_span(seed: Any, stream: Any, span: Any, size: int) -> Float[Array, "tic
     They depend on the seed, the block's stream and the span alone. A block whose id names a purpose in training gets
     the numbers that training gives that purpose.
     """
-    return jax.random.uniform(jax.random.fold_in(key_of(seed, stream), span), (SPAN, size))
+    return _uniform(jax.random.fold_in(key_of(seed, stream), span), (SPAN, size))
 
 
 def draw_start(seed: Any, stream: Any, size: int) -> Float[Array, " size"]:
     """The numbers that a block's `init` consumes."""
     if size == 0:
         return jnp.zeros(0)
-    return jax.random.uniform(jax.random.fold_in(key_of(seed, stream), jnp.uint32(START)), (size,))
+    return _uniform(jax.random.fold_in(key_of(seed, stream), jnp.uint32(START)), (size,))
+
+
+def _uniform(key: Any, shape: tuple[int, ...]) -> Array:
+    """U[0, 1) numbers of 24 bits, the same in every precision."""
+    return jax.random.uniform(key, shape, jnp.float32).astype(jnp.result_type(float))
 
 
 Numbers = dict[int, Array]
 """By kind: numbers from U[0, 1), one row per block."""
 Values = Mapping[int, Mapping[str, Any]]
 """By kind: the parameters by name; rows lead."""
-ROWS: Any = Moment(None, None, 0, 0, None)  # type: ignore[arg-type]  # the parts of a moment that differ between rows
+ROWS: Any = Moment(None, None, 0, 0, None, None, None, 0, 0)  # type: ignore[arg-type]  # what differs between rows
 
 
 class Carry(NamedTuple):
@@ -46,6 +53,10 @@ class Carry(NamedTuple):
 
     states: dict[int, Any]
     held: dict[int, dict[str, Array]]
+    above: dict[int, Array]
+    """Which zero crossings count as not negative."""
+    pace: dict[str, Array]
+    """`"step"`, the length of the next step of a solver that adapts it, in seconds; 0 before the first."""
 
 
 class Step:
@@ -57,11 +68,18 @@ class Step:
         self.sinks = [k for k in self.pure if isinstance(self.kinds[k].block, Sink)]
         self.chance = [k for k, kind in enumerate(self.kinds) if kind.block.uniforms]
         self.movers = [k for k in self.pure if self.kinds[k].block.is_continuous]
-        self._jumping = [k for k in self.pure if self.kinds[k].moving and self.kinds[k].block.jumps]
-        self._updating = [k for k in self.pure if type(self.kinds[k].block).update is not Block.update]
+        self.jumping = [k for k in self.pure if self.kinds[k].moving and self.kinds[k].block.jumps]
+        self.modes = [k for k in self.pure if self.kinds[k].moving and is_mode(self.kinds[k].block)]
+        self.crossings = {k: crossings_of(self.kinds[k].block) for k in self.pure if self._crosses(self.kinds[k])}
+        self.crossings = {k: number for k, number in self.crossings.items() if number}
+        updating = [k for k in self.pure if type(self.kinds[k].block).update is not Block.update]
+        self._updating = [k for k in updating if k not in self.modes]
         self._streams = [np.array([self._placed(i).stream for i in kind.members], np.uint32) for kind in self.kinds]
         self._ticks = [np.array([self._placed(i).ticks for i in kind.members], np.uint32) for kind in self.kinds]
         self._wires = [self._gathers(k, kind.members) for k, kind in enumerate(self.kinds)]
+        torn = self.plan.torn
+        self.torn = [b for b, batch in enumerate(stacks.batches) if self.kinds[batch.kind].members[batch.start] in torn]
+        """The batches whose outputs are found by iteration."""
         self._direct = [
             {
                 name: gather
@@ -81,7 +99,9 @@ class Step:
             states[k] = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), fresh)
             if self.kinds[k].held:
                 held[k] = {name: jnp.zeros((rows, *port.shape), port.dtype) for name, port in block.outputs.items()}
-        return Carry(states, held)
+        above = {k: jnp.zeros((len(self.kinds[k].members), number), bool) for k, number in self.crossings.items()}
+        adapts = self.plan.solver.adapts and self.movers
+        return Carry(states, held, above, {"step": jnp.zeros(())} if adapts else {})
 
     def numbers(self, seed: Any, span: Any) -> Numbers:
         """The random numbers of a span of ticks, by kind: `(ticks, rows, size)`."""
@@ -96,10 +116,30 @@ class Step:
         self, batches: Iterable[int], values: Values, carry: Carry, tick: Any, numbers: Numbers, before: Environment
     ) -> Environment:
         """The outputs of these batches, added to those `before` them."""
+        batches = list(batches)
+
+        def evaluate(environment: Environment) -> Environment:
+            return self._outputs(batches, values, carry, tick, numbers, environment)
+
+        guess = {b: carry.held[self.stacks.batches[b].kind] for b in self.torn if b in batches}
+        return self.consistent(evaluate, before, guess)
+
+    def consistent(self, evaluate: Any, before: Environment, guess: dict[int, dict[str, Array]]) -> Environment:
+        """The environment that `evaluate` makes of the one `before`, with `guess` for the outputs of torn batches; and
+        where there are any, such that it agrees with the guess.
+        """
+        if not guess:
+            return evaluate(before)
+        given = lambda guess: [guess.get(b, outputs) for b, outputs in enumerate(before)]  # noqa: E731
+        return solved(lambda guess: evaluate(given(guess)), lambda after: {b: after[b] for b in guess}, guess)
+
+    def _outputs(
+        self, batches: list[int], values: Values, carry: Carry, tick: Any, numbers: Numbers, before: Environment
+    ) -> Environment:
         environment = list(before)
         for b in batches:
             k, rows = self._rows(b)
-            given = self._output(b, values, carry.states[k], self._now(k, tick, self.time(tick), numbers), environment)
+            given = self.output(b, values, carry.states[k], self.now(k, tick, numbers), environment)
             if self.kinds[k].held:
                 due, kept = self._due(k, tick)[rows], carry.held[k]
                 given = {name: _where(due, new, kept[name][rows]) for name, new in given.items()}
@@ -108,22 +148,23 @@ class Step:
 
     def finish(self, values: Values, carry: Carry, tick: Any, numbers: Numbers, environment: Environment) -> Carry:
         """The state after the tick, given all outputs."""
-        states = dict(carry.states)
+        states, above, pace = dict(carry.states), carry.above, carry.pace
         if self.movers:
-            states |= self._integrated(values, carry, tick, numbers, environment)
+            moved, above, pace = Continuous(self, values, carry, tick, numbers, environment).advanced()
+            states |= moved
         for k in self._updating:
-            now = self._now(k, tick, self.time(tick), numbers)
-            after = self._apply("update", k, values[k], states[k], self._inputs(k, environment), now)
+            now = self.now(k, tick, numbers)
+            after = self.apply("update", k, values[k], states[k], self.inputs(k, environment), now)
             after = jax.tree.map(lambda new, old: new.astype(old.dtype), after, states[k])
             if self.kinds[k].held:
                 due = self._due(k, tick)
                 after = jax.tree.map(lambda new, old, due=due: _where(due, new, old), after, states[k])
             states[k] = after
-        return Carry(states, {k: self._all_outputs(k, environment) for k in carry.held})
+        return Carry(states, {k: self._all_outputs(k, environment) for k in carry.held}, above, pace)
 
     def recorded(self, environment: Environment) -> dict[int, dict[str, Array]]:
         """The values at the sinks' inputs, by kind; rows lead."""
-        return {k: self._inputs(k, environment) for k in self.sinks}
+        return {k: self.inputs(k, environment) for k in self.sinks}
 
     def recorded_shapes(self, seeds: int) -> dict[int, dict[str, jax.ShapeDtypeStruct]]:
         """Shapes and dtypes of what the sinks record per tick, for all seeds, which come last."""
@@ -144,73 +185,24 @@ class Step:
         wires = {name: g for name, g in self._wires[k].items() if g.port.feedthrough or not feedthrough}
         return {name: gather(environment)[0] for name, gather in wires.items()}
 
-    def slopes(
-        self,
-        movers: dict[int, Any],
-        values: Values,
-        carry: Carry,
-        tick: Any,
-        time: Any,
-        numbers: Numbers,
-        environment: Environment,
-        start: Any = None,
-    ) -> dict[int, Any]:
-        """The time derivatives of the continuous states `movers`, by kind, in an RK4 step that began at `start`, by
-        default at `time`. Blocks that are not moving are held as in `environment`.
-        """
-        there = list(environment)
-        for b, batch in enumerate(self.stacks.batches):
-            k = batch.kind
-            if self.kinds[k].moving:
-                state = movers.get(k, carry.states[k])
-                there[b] = self._output(b, values, state, self._now(k, tick, time, numbers, start), there)
-        now = {k: self._now(k, tick, time, numbers, start) for k in movers}
-        return {
-            k: self._apply("derivative", k, values[k], state, self._inputs(k, there), now[k])
-            for k, state in movers.items()
-        }
-
-    def _integrated(
-        self, values: Values, carry: Carry, tick: Any, numbers: Numbers, environment: Environment
-    ) -> dict[int, Any]:
-        """The continuous states at the end of the tick."""
-
-        def slope(movers: dict[int, Any], time: Any, start: Any) -> dict[int, Any]:
-            return self.slopes(movers, values, carry, tick, time, numbers, environment, start)
-
-        def next_jump(time: Any) -> Any:
-            times = [self._next_jump(k, values, self._now(k, tick, time, numbers)) for k in self._jumping]
-            return jnp.min(jnp.stack(times))
-
-        start, time, substeps = {k: carry.states[k] for k in self.movers}, self.time(tick), self.plan.substeps
-        step, jump = self.plan.tick / substeps, next_jump if self._jumping else None
-        if substeps == 1:
-            return integrated(slope, jump, start, time, step)
-        return jax.lax.fori_loop(
-            0, substeps, lambda n, state: integrated(slope, jump, state, time + n * step, step), start
-        )
-
-    def _next_jump(self, k: int, values: Values, now: Moment) -> Any:
-        """The time of the first jump of any block of a kind."""
-        block = self.kinds[k].block
-        times = jax.vmap(lambda v, n: block.bound(v).next_jump(n), in_axes=(0, ROWS))(dict(values[k]), now)
-        return jnp.min(times)
-
-    def _output(self, b: int, values: Values, states: Any, now: Moment, environment: Environment) -> dict[str, Array]:
+    def output(self, b: int, values: Values, states: Any, now: Moment, environment: Environment) -> dict[str, Array]:
+        """The outputs of a batch."""
         k, rows = self._rows(b)
         inputs = {name: gather(environment) for name, gather in self._direct[b].items()}
         own, state = jax.tree.map(lambda x: x[rows], (dict(values[k]), states))
-        now = now._replace(step=now.step[rows], uniforms=now.uniforms[rows])
-        given = self._apply("output", k, own, state, inputs, now)
+        above = None if now.above is None else now.above[rows]
+        now = now._replace(step=now.step[rows], uniforms=now.uniforms[rows], above=above)
+        given = self.apply("output", k, own, state, inputs, now)
         return {name: given[name].astype(port.dtype) for name, port in self.kinds[k].block.outputs.items()}
 
-    def _apply(self, name: str, k: int, values: Any, state: Any, inputs: Any, now: Moment) -> Any:
+    def apply(self, name: str, k: int, values: Any, state: Any, inputs: Any, now: Moment) -> Any:
         """One of the functions of a kind of blocks, for all rows."""
         block = self.kinds[k].block
         function = jax.vmap(lambda v, s, u, n: getattr(block.bound(v), name)(s, u, n), in_axes=(0, 0, 0, ROWS))
         return function(values, state, inputs, now)
 
-    def _inputs(self, k: int, environment: Environment) -> dict[str, Array]:
+    def inputs(self, k: int, environment: Environment) -> dict[str, Array]:
+        """The values at all inputs of a kind."""
         return {name: gather(environment) for name, gather in self._wires[k].items()}
 
     def _all_outputs(self, k: int, environment: Environment) -> dict[str, Array]:
@@ -228,14 +220,22 @@ class Step:
     def _placed(self, i: int) -> Any:
         return self.plan.blocks[i]
 
-    def _now(self, k: int, tick: Any, time: Any, numbers: Numbers, start: Any = None) -> Moment:
+    def now(
+        self, k: int, tick: Any, numbers: Numbers, within: Any = 0.0, start: Any = None, above: Any = None
+    ) -> Moment:
+        """The moment `within` seconds of the tick, for all rows of a kind."""
         rows, real = len(self.kinds[k].members), jnp.result_type(float)
         step = jnp.asarray(self._ticks[k] * self.plan.tick, real)
-        return Moment(tick, time, step, numbers.get(k, jnp.zeros((rows, 0))), time if start is None else start)
+        time, rest = clock(tick, self.plan.tick, within)
+        begun = time if start is None else clock(tick, self.plan.tick, start)[0]
+        return Moment(
+            tick, time, step, numbers.get(k, jnp.zeros((rows, 0))), begun, rest, jnp.asarray(within, real), above
+        )
 
-    def time(self, tick: Any) -> Any:
-        """Seconds since the start."""
-        return tick.astype(jnp.result_type(float)) * self.plan.tick
+    def _crosses(self, kind: Kind) -> bool:
+        """Whether zero crossings of a kind matter: fixed steps look for them at ticks, to change continuous states."""
+        adapts = self.plan.solver.adapts and len(self.movers) > 0
+        return kind.moving and (adapts or (kind.block.is_continuous and kind.block.switches))
 
     def _due(self, k: int, tick: Any) -> Array:
         return tick % self._ticks[k] == 0

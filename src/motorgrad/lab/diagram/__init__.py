@@ -2,12 +2,10 @@
 
 from motorgrad.lab.diagram._block import (
     BLOCKS,
-    ROUNDING,
     Block,
     Host,
     HostBlock,
     HostMoment,
-    Moment,
     Ports,
     Signals,
     Sink,
@@ -25,10 +23,9 @@ from motorgrad.lab.diagram._declarations import (
     parameters_of,
     settings_of,
 )
-from motorgrad.lab.diagram._diagram import LONGEST_NAME, Diagram, End, Inlet, Node, Outlet, numbered_names
+from motorgrad.lab.diagram._diagram import HEAD, LONGEST_NAME, Diagram, End, Inlet, Node, Outlet, numbered_names
 from motorgrad.lab.diagram._files import (
     FORMAT,
-    HEAD,
     SCHEDULE,
     SUBSYSTEM,
     dumps,
@@ -41,18 +38,18 @@ from motorgrad.lab.diagram._files import (
 )
 from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, flatten
 from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
+from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
 from motorgrad.lab.diagram._subsystem import extract, group
-from motorgrad.lab.diagram._verify import function_problems, kind_of, verify
+from motorgrad.lab.diagram._verify import crossings_of, function_problems, kind_of, verify
 
 __all__ = [
     "BLOCKS",
     "FORMAT",
     "HEAD",
     "LONGEST_NAME",
-    "ROUNDING",
     "SCHEDULE",
     "SUBSYSTEM",
     "Block",
@@ -81,6 +78,8 @@ __all__ = [
     "Timing",
     "block",
     "checked_shape",
+    "clock",
+    "crossings_of",
     "dtype_of",
     "dumps",
     "extract",
@@ -88,6 +87,7 @@ __all__ = [
     "from_a_file",
     "function_problems",
     "group",
+    "in_precision",
     "is_from_a_file",
     "join",
     "kind_of",
@@ -98,6 +98,7 @@ __all__ = [
     "numbered_names",
     "parameters_of",
     "required_fields",
+    "rounding",
     "sampled",
     "save",
     "settings_of",

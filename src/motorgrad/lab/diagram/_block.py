@@ -11,8 +11,9 @@ from collections import ChainMap
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt32
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted
@@ -26,31 +27,13 @@ from motorgrad.lab.diagram._declarations import (
     parameters_of,
     settings_of,
 )
+from motorgrad.lab.diagram._moment import Moment
 
 Timing = Literal["continuous", "discrete", "inherited"]
 Ports = Mapping[str, Port]
 """Ports by name, in order."""
 Signals = dict[str, Array]
 """Values at ports, by name."""
-
-
-ROUNDING = 2.5e-7  # relative: a time that misses a jump by rounding in single precision counts as on it
-
-
-class Moment(NamedTuple):
-    """The time of an evaluation, and its random numbers."""
-
-    tick: UInt32[Array, ""]
-    """Number of completed ticks."""
-    time: Float[Array, ""]
-    """Seconds since the start; inside an RK4 step possibly between two ticks."""
-    step: Float[Array, ""]
-    """Seconds between two evaluations of this block."""
-    uniforms: Float[Array, " uniforms"]
-    """The block's numbers from U[0, 1) for this tick: the same in `output` and in `update`."""
-    start: Float[Array, ""]
-    """The time at which the current RK4 step began; elsewhere the same as `time`. What jumps in time goes by `start`,
-    so that a jump at the end of a step is left to the next one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +153,28 @@ class Block:
     def jumps(self) -> bool:
         """Whether the block declares its jumps."""
         return type(self).next_jump is not Block.next_jump
+
+    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Float[Array, " crossings"]:
+        """Numbers that a solver with adaptive steps watches: where one changes between negative and not negative, it
+        locates the zero and begins a new step there. `inputs` contains all ports.
+
+        During a step the block goes by `now.above`, or by `now.sides`, so that nothing jumps inside the step. With RK4,
+        only blocks with a continuous state and `crossed` have crossings, and they are found at ticks.
+        """
+        del state, inputs, now
+        return jnp.zeros(0)
+
+    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        """The state just after some of the crossings, `now.turned`, have changed to `now.above`: a reset, or another
+        mode. Before the first tick all of them count as negative. `inputs` contains all ports.
+        """
+        del inputs, now
+        return state
+
+    @property
+    def switches(self) -> bool:
+        """Whether a crossing changes the block's state."""
+        return type(self).crossed is not Block.crossed
 
     def check_broadcasts(self, name: str, shape: tuple[int, ...]) -> None:
         """Refuse a parameter that does not broadcast to `shape`, and an invalid shape."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, choice, unknown
 from motorgrad.lab.diagram._block import Block, Moment, Ports, Signals, Sink
 from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting
 
@@ -66,6 +66,13 @@ class Outlet(Sink):
 End = tuple[str, str]
 """One end of a wire: the name of a block in the diagram, and the name of one of its ports."""
 LONGEST_NAME = 100  # characters of a name
+SOLVERS = ("rk4", "tsit5", "dopri8", "rodas5p")
+HEAD: dict[str, Any] = {
+    **{"title": "", "comment": "", "tick": 0.01, "substeps": 1},
+    **{"solver": "rk4", "relative_tolerance": 1e-6, "absolute_tolerance": 1e-9, "precision": "single"},
+    "loops": "refuse",
+}
+"""The settings of a diagram, and their defaults."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +86,7 @@ class Node:
 
 
 class Diagram:
-    """Named blocks, and wires between them.
+    r"""Named blocks, and wires between them.
 
         diagram = Diagram(tick=0.01)
         diagram.add("input", Constant(1.0))
@@ -92,20 +99,49 @@ class Diagram:
     **Arguments:**
 
     - `tick` (s): the length of a tick.
-    - `substeps`: RK4 steps per tick. Both count for the outermost diagram only.
+    - `substeps`: RK4 steps per tick.
     - `title`, `comment`: for people.
+    - `solver`: how continuous states are integrated. `"rk4"` takes fixed steps; `"tsit5"` (order 5) and `"dopri8"`
+      (order 8, for small tolerances) adapt them; `"rodas5p"` adapts them too, and is implicit, for stiff systems.
+      Solvers that adapt their steps locate zero crossings.
+    - `relative_tolerance`, `absolute_tolerance`: of solvers that adapt their steps, per step: the root mean square over
+      all states of the estimated error over $a + r\,|x|$ is at most 1. The relative one is raised to
+      20 roundings, 2.4e-6 in single precision.
+    - `precision`: `"single"`, or `"double"` for this diagram alone, whatever the precision of the process.
+    - `loops`: `"refuse"` or `"solve"` algebraic loops.
+
+    All but `title` and `comment` count for the outermost diagram only.
 
     `nodes` (by name), `wires` (the source of every connected input) and `layout` (block positions and other data of an
     editor, ignored by the engine) are plain dictionaries to read.
     """
 
-    def __init__(self, tick: float = 0.01, substeps: int = 1, title: str = "", comment: str = ""):
-        number = isinstance(tick, int | float) and not isinstance(tick, bool)
-        check(number and 0 < tick < np.inf, "tick", tick, "a positive number of seconds")
+    def __init__(
+        self,
+        tick: float = 0.01,
+        substeps: int = 1,
+        title: str = "",
+        comment: str = "",
+        solver: str = "rk4",
+        relative_tolerance: float = 1e-6,
+        absolute_tolerance: float = 1e-9,
+        precision: str = "single",
+        loops: str = "refuse",
+    ):
+        numbers = {"tick": tick, "relative_tolerance": relative_tolerance, "absolute_tolerance": absolute_tolerance}
+        for name, value in numbers.items():
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            unit = " of seconds" if name == "tick" else ""
+            check(number and 0 < value < np.inf, name, value, f"a positive number{unit}")
         whole = isinstance(substeps, int) and not isinstance(substeps, bool)
         check(whole and 1 <= substeps <= 1000, "substeps", substeps, "an integer from 1 to 1000")
+        choice("solver", solver, SOLVERS)
+        choice("precision", precision, ("single", "double"))
+        choice("loops", loops, ("refuse", "solve"))
         self.tick, self.substeps = float(tick), substeps
         self.title, self.comment = title, comment
+        self.solver, self.precision, self.loops = solver, precision, loops
+        self.relative_tolerance, self.absolute_tolerance = float(relative_tolerance), float(absolute_tolerance)
         self.nodes: dict[str, Node] = {}
         self.wires: dict[End, End] = {}
         self.layout: dict[str, Any] = {}
@@ -194,6 +230,11 @@ class Diagram:
         return port_mismatch(".".join(start), given, ".".join(end), wanted)
 
     @property
+    def head(self) -> dict[str, Any]:
+        """Its settings by name, which are the arguments of a new diagram."""
+        return {name: getattr(self, name) for name in HEAD}
+
+    @property
     def inputs(self) -> Ports:
         """Its input ports: the inlets by name."""
         return {name: block.port for name, block in self._blocks_of(Inlet)}
@@ -210,7 +251,7 @@ class Diagram:
 
     def copy(self) -> Self:
         """A copy that can be changed independently; subsystems are copied too."""
-        other = type(self)(self.tick, self.substeps, self.title, self.comment)
+        other = type(self)(**self.head)
         for name, node in self.nodes.items():
             block = node.block.copy() if isinstance(node.block, Diagram) else node.block
             other.nodes[name] = Node(block, node.id)
@@ -226,7 +267,7 @@ class Diagram:
         return f"Diagram({self.title!r}, {len(self.nodes)} blocks, {len(self.wires)} wires)"
 
     def _content(self) -> tuple[Any, ...]:
-        return self.tick, self.substeps, self.title, self.comment, list(self.nodes.items()), self.wires, self.layout
+        return self.head, list(self.nodes.items()), self.wires, self.layout
 
     def _blocks_of(self, kind: type[Any]) -> Iterator[tuple[str, Any]]:
         return ((name, node.block) for name, node in self.nodes.items() if isinstance(node.block, kind))

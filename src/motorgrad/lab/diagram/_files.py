@@ -15,7 +15,7 @@ from motorgrad._errors import LONGEST, check, shown, unknown
 from motorgrad._files import write_atomically
 from motorgrad._settings import default_of, fields_of
 from motorgrad.lab.diagram._block import BLOCKS, Block
-from motorgrad.lab.diagram._diagram import Diagram, Node
+from motorgrad.lab.diagram._diagram import HEAD, Diagram, Node
 from motorgrad.lab.diagram._foreign import from_a_file
 
 FORMAT = "motorgrad diagram"
@@ -26,7 +26,7 @@ LARGEST = 50_000_000  # characters
 DEEPEST = 100  # nested lists and tables
 SCHEDULE = {"every": 1, "period": None}
 """Fields that are written only where they differ from these defaults."""
-HEAD = {"title": "", "comment": "", "tick": 0.01, "substeps": 1}
+ALWAYS = ("title", "comment", "tick", "substeps")  # written even where they are at their defaults
 PARTS = ("blocks", "wires", "layout")
 
 
@@ -39,9 +39,8 @@ def dumps(diagram: Diagram) -> str:
 
     **Raises** `ValueError` for a layout that is not plain, finite data.
     """
-    data = _Lines(
-        format=FORMAT, version=VERSION, **{name: getattr(diagram, name) for name in HEAD}, **_content(diagram)
-    )
+    head = {name: value for name, value in diagram.head.items() if name in ALWAYS or value != HEAD[name]}
+    data = _Lines(format=FORMAT, version=VERSION, **head, **_content(diagram))
     _check_plain(data, (), 0)
     return _written(data, 1) + "\n"
 
@@ -103,7 +102,7 @@ def _content(diagram: Diagram) -> dict[str, Any]:
 def _node(node: Node) -> dict[str, Any]:
     block = node.block
     if isinstance(block, Diagram):
-        own = {name: getattr(block, name) for name, usual in HEAD.items() if getattr(block, name) != usual}
+        own = {name: value for name, value in block.head.items() if value != HEAD[name]}
         return _Lines(type=SUBSYSTEM, id=node.id, **own, **_content(block))
     fields = {name: getattr(block, name) for name in fields_of(type(block))}
     kept = {name: value for name, value in fields.items() if name not in SCHEDULE or value != SCHEDULE[name]}

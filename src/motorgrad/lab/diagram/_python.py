@@ -7,7 +7,7 @@ from typing import Any
 
 from motorgrad._settings import fields_of
 from motorgrad.lab.diagram._block import Block
-from motorgrad.lab.diagram._diagram import Diagram
+from motorgrad.lab.diagram._diagram import HEAD, Diagram
 
 WIDTH = 110  # characters of a line
 
@@ -30,9 +30,7 @@ def _build(diagram: Diagram, name: str, taken: set[str], lines: list[str]) -> No
         if isinstance(node.block, Diagram):
             inner[own] = _variable(own, taken)
             _build(node.block, inner[own], taken, lines)
-    usual = Diagram()
-    heads = {each: getattr(diagram, each) for each in ("tick", "substeps", "title", "comment")}
-    heads = {each: value for each, value in heads.items() if value != getattr(usual, each)}
+    heads = {each: value for each, value in diagram.head.items() if value != HEAD[each]}
     lines.append(f"{name} = mg.lab.Diagram({_arguments(heads)})")
     given: set[str] = set()
     for own, node in diagram.nodes.items():

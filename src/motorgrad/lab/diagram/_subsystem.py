@@ -46,7 +46,7 @@ def _extracted(diagram: Diagram, names: Iterable[str]) -> tuple[Diagram, dict[En
     for each in chosen:
         if each not in diagram.nodes:
             raise unknown("block", each, diagram.nodes)
-    inner = Diagram(diagram.tick, diagram.substeps)
+    inner = Diagram(**diagram.head | {"title": "", "comment": ""})
     for each, node in diagram.nodes.items():
         if each in chosen:
             block = node.block.copy() if isinstance(node.block, Diagram) else node.block

@@ -57,7 +57,7 @@ def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
     real = jnp.result_type(float)
     values = {name: Shape(value.shape, value.dtype) for name, value in block.values().items()}
     seconds = Shape((), real)
-    now: Any = Moment(Shape((), jnp.uint32), seconds, seconds, Shape((block.uniforms,), real), seconds)  # type: ignore[arg-type]
+    now: Any = Moment(Shape((), jnp.uint32), seconds, seconds, Shape((block.uniforms,), real), *(seconds,) * 3)  # type: ignore[arg-type]
     all_inputs = _signals(block.inputs)
     direct = _signals({name: port for name, port in block.inputs.items() if port.feedthrough})
 
@@ -78,8 +78,16 @@ def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
             given = shapes(name, now)
             if given.shape != () or not jnp.issubdtype(given.dtype, jnp.floating):
                 yield None, f"next_jump: returns {given.dtype}{list(given.shape)}: must be one time in seconds"
+        name = "crossings"
+        given = shapes(name, state, all_inputs, now)
+        if given.ndim != 1 or not jnp.issubdtype(given.dtype, jnp.floating):
+            yield None, f"crossings: returns {given.dtype}{list(given.shape)}: must be one row of real numbers"
+            return
         name = "update"
         after = [(name, shapes(name, state, all_inputs, now))]
+        if block.switches:
+            name, sides = "crossed", Shape(given.shape, bool)
+            after.append((name, shapes(name, state, all_inputs, now._replace(above=sides, turned=sides))))
         if block.is_continuous:
             name = "derivative"
             after.append((name, shapes(name, state, all_inputs, now)))
@@ -93,6 +101,24 @@ def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
         return
     for name, tree in after:
         yield from _same(name, tree, state)
+
+
+def crossings_of(block: Block) -> int:
+    """The number of a block's zero crossings."""
+    return 0 if type(block).crossings is Block.crossings else _crossings(_ByKind(block))
+
+
+@functools.lru_cache(4096)
+def _crossings(one: _ByKind) -> int:
+    block, real = one.block, jnp.result_type(float)
+    values = {name: Shape(value.shape, value.dtype) for name, value in block.values().items()}
+
+    def function(values: Any, inputs: Any, numbers: Any, own: Any) -> Any:
+        now, bound = Moment(jnp.uint32(0), *(numbers[0],) * 2, own, *(numbers[0],) * 3), block.bound(values)  # type: ignore[call-arg]
+        return bound.crossings(bound.init(numbers[1:]), inputs, now)
+
+    numbers, own = Shape((1 + block.init_uniforms,), real), Shape((block.uniforms,), real)
+    return jax.eval_shape(function, values, _signals(block.inputs), numbers, own).shape[0]
 
 
 def _signals(ports: Mapping[str, Port]) -> dict[str, Shape]:

@@ -111,7 +111,7 @@ class Rename(Edit):
 @dataclasses.dataclass(frozen=True)
 class Set(Edit):
     """Set a field of a block, or several at once in `fields`. Without a name it sets fields of the diagram itself:
-    title, comment, tick, substeps.
+    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops.
     """
 
     name: str | None = None
@@ -296,7 +296,7 @@ def opened(document: Diagram, at: Sequence[str]) -> list[Diagram]:
 
 def shallow_copy(diagram: Diagram) -> Diagram:
     """A copy that shares blocks and subsystems with the original."""
-    other = Diagram(diagram.tick, diagram.substeps, diagram.title, diagram.comment)
+    other = Diagram(**diagram.head)
     other.nodes, other.wires, other.layout = dict(diagram.nodes), dict(diagram.wires), dict(diagram.layout)
     return other
 
@@ -319,7 +319,7 @@ def _set_head(scope: Diagram, values: dict[str, Any]) -> None:
             raise unknown("setting of a diagram", name, HEAD)
     for name in {"title", "comment"} & set(values):
         check(isinstance(values[name], str), name, values[name], "a string")
-    checked = Diagram(**{name: getattr(scope, name) for name in HEAD} | values)
+    checked = Diagram(**scope.head | values)
     for name in HEAD:
         setattr(scope, name, getattr(checked, name))
 

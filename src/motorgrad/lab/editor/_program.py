@@ -42,7 +42,7 @@ def signature(diagram: Diagram) -> Any:
         return kind_of(block)
 
     placed = [(p.path, p.identity, sorted(p.sources.items()), p.ticks, kind(p.block)) for p in made.blocks]
-    return made.tick, made.substeps, made.moving, placed
+    return made.tick, made.solver, made.moving, placed
 
 
 def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:

@@ -1,8 +1,8 @@
 """What clients see of a diagram, and the declarations of all block types.
 
-The view of a diagram has its `head` (title, comment, tick, substeps), its `nodes` by name, its `wires` (from `source`
-to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `comments` by id, each with a `text` and a
-`box`.
+The view of a diagram has its `head` (its settings, such as title, tick and solver), its `nodes` by name, its `wires`
+(from `source` to `target`, both `"block.port"`) and its `layout`: `positions` by name, and `comments` by id, each with
+a `text` and a `box`.
 
 A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs` (lists of ports) and its `position`,
 `null` if it has none. A subsystem, of type `"diagram"`, has the view of its diagram as `inner`. A sink that draws has
@@ -23,7 +23,6 @@ from motorgrad._settings import fields_of
 from motorgrad.lab.blocks._formulas import RESERVED
 from motorgrad.lab.diagram import (
     BLOCKS,
-    HEAD,
     SCHEDULE,
     SUBSYSTEM,
     Block,
@@ -47,8 +46,8 @@ def view(diagram: Diagram) -> View:
 
 
 def head(diagram: Diagram) -> View:
-    """Title, comment, tick and substeps."""
-    return {name: getattr(diagram, name) for name in HEAD}
+    """The settings of the diagram itself."""
+    return diagram.head
 
 
 def wires(diagram: Diagram) -> list[View]:

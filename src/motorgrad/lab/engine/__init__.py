@@ -5,5 +5,6 @@ from motorgrad.lab.engine._environment import DiagramEnv, DiagramPolicy
 from motorgrad.lab.engine._interpreter import Interpreter
 from motorgrad.lab.engine._linearise import Linear, linearise
 from motorgrad.lab.engine._run import MOST_SEEDS, MOST_TICKS, Run
+from motorgrad.lab.engine._stability import unstable_steps
 from motorgrad.lab.engine._state import State
 from motorgrad.lab.engine._timeline import Change, Timeline, replay

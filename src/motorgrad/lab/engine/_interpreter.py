@@ -1,16 +1,42 @@
 """The reference implementation: a diagram run one block at a time, uncompiled. Compiled runs must agree with it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
-from motorgrad.lab.compiler import SPAN, Plan, address_of, draw_span, draw_start, integrated, plan, stack, with_watched
-from motorgrad.lab.diagram import Block, Diagram, Host, HostBlock, HostMoment, Moment, Port, Record, Sink
+from motorgrad.lab.compiler import (
+    MOST_TRIES,
+    SPAN,
+    Plan,
+    address_of,
+    draw_span,
+    draw_start,
+    is_mode,
+    plan,
+    stack,
+    tolerance,
+    with_watched,
+)
+from motorgrad.lab.diagram import (
+    Block,
+    Diagram,
+    Host,
+    HostBlock,
+    HostMoment,
+    Moment,
+    Port,
+    Record,
+    Sink,
+    clock,
+    crossings_of,
+)
 from motorgrad.lab.engine._parameters import Parameters
-from motorgrad.lab.engine._state import State, check_state
+from motorgrad.lab.engine._state import State, check_state, precisely
+from motorgrad.lab.engine._tick import Tick
 
 Values = dict[tuple[int, str], Any]
 
@@ -27,27 +53,40 @@ class Interpreter:
     def __init__(self, diagram: Diagram, seed: int = 0, watch: Sequence[str] = ()):
         self.plan: Plan = with_watched(plan(diagram), watch)
         self.seed, self.tick = seed, 0
+        self._begin()
+
+    @precisely
+    def _begin(self) -> None:
         self._parameters = Parameters(stack(self.plan, stacked=False), {}, 1)
-        self._blocks: list[Block] = []
+        self.blocks: list[Block] = []
         self._bind()
-        self._values: Values = {}
+        self.values: Values = {}
         self._clock: tuple[Any, ...] = (None,)
         self._none = jnp.zeros(0)
-        self._jumping = [i for i in sorted(self.plan.moving) if self.plan.blocks[i].block.jumps]
+        moving, adapts = sorted(self.plan.moving), self.plan.solver.adapts
+        continuous = any(block.is_continuous for block in self.blocks)
+        self.jumping = [i for i in moving if self.blocks[i].jumps]
+        self.modes = [i for i in moving if is_mode(self.blocks[i])]
+        watched = [i for i in moving if adapts or (self.blocks[i].is_continuous and self.blocks[i].switches)]
+        numbers = {i: crossings_of(self.plan.blocks[i].block) for i in watched if continuous}
+        self.above = {i: jnp.zeros(number, bool) for i, number in numbers.items() if number}
+        """Which zero crossings count as not negative, by block."""
+        self.pace = {"step": jnp.zeros(())} if adapts and continuous else {}
         self._steps = [jnp.asarray(p.ticks * self.plan.tick, jnp.result_type(float)) for p in self.plan.blocks]
         self._drawn: dict[int, tuple[int, np.ndarray]] = {}
-        self._states: list[Any] = []
-        for block, placed in zip(self._blocks, self.plan.blocks, strict=True):
-            numbers = draw_start(seed, placed.stream, block.init_uniforms)
+        self.states: list[Any] = []
+        for block, placed in zip(self.blocks, self.plan.blocks, strict=True):
+            uniforms = draw_start(self.seed, placed.stream, block.init_uniforms)
             if isinstance(block, HostBlock):
-                self._states.append(block.start(np.array([seed]), np.asarray(numbers)[None], 1))
+                self.states.append(block.start(np.array([self.seed]), np.asarray(uniforms)[None], 1))
             else:
-                self._states.append(jax.tree.map(jnp.asarray, block.init(numbers)))
+                self.states.append(jax.tree.map(jnp.asarray, block.init(uniforms)))
 
     @property
     def signals(self) -> dict[str, np.ndarray]:
-        return {f"{self.plan.blocks[i].path}.{port}": np.asarray(v) for (i, port), v in self._values.items()}
+        return {f"{self.plan.blocks[i].path}.{port}": np.asarray(v) for (i, port), v in self.values.items()}
 
+    @precisely
     def advance(self, ticks: int) -> Record:
         """Run a number of ticks.
 
@@ -73,6 +112,7 @@ class Interpreter:
         """The current value of a parameter, by its address `"block.parameter"`."""
         return self._parameters[address]
 
+    @precisely
     def __setitem__(self, address: str, value: Any) -> None:
         """Set a parameter, from the next tick on."""
         self._parameters[address] = value
@@ -86,15 +126,18 @@ class Interpreter:
             if isinstance(placed.block, HostBlock):
                 if placed.block.no_restore is not None:
                     raise ValueError(f"{placed.path}: cannot be saved: {placed.block.no_restore}")
-                state["hosts"][placed.identity] = self._states[i].snapshot()
+                state["hosts"][placed.identity] = self.states[i].snapshot()
                 if self.tick:
                     state["last"][placed.identity] = self._kept(i)
                 continue
-            own = {"state": _lead(self._states[i]), "held": self._kept(i) if placed.ticks > 1 else {}}
+            kept = placed.ticks > 1 or i in self.plan.torn
+            own = {"state": _lead(self.states[i]), "held": self._kept(i) if kept else {}}
+            own |= {"above": _lead(self.above[i])} if i in self.above else {}
             if jax.tree.leaves(own):
                 state["blocks"][placed.identity] = own
-        return state
+        return state | ({"pace": _lead(self.pace)} if self.pace else {})
 
+    @precisely
     def restore(self, state: State) -> None:
         """As `Run.restore`."""
         check_state(state, self.state)
@@ -103,17 +146,20 @@ class Interpreter:
         self.tick = int(state["tick"])
         for i, placed in enumerate(self.plan.blocks):
             if isinstance(placed.block, HostBlock):
-                self._states[i].restore(state["hosts"][placed.identity])
+                self.states[i].restore(state["hosts"][placed.identity])
                 kept = state["last"].get(placed.identity, {})
             else:
                 own = state["blocks"].get(placed.identity, {"state": (), "held": {}})
-                self._states[i] = jax.tree.map(lambda x: jnp.array(x[0]), own["state"])
+                self.states[i] = jax.tree.map(lambda x: jnp.array(x[0]), own["state"])
                 kept = own["held"]
-            self._values |= {(i, name): jnp.array(value[0]) for name, value in kept.items()}
+                if i in self.above:
+                    self.above[i] = jnp.array(own["above"][0])
+            self.values |= {(i, name): jnp.array(value[0]) for name, value in kept.items()}
+        self.pace = {name: jnp.array(state["pace"][name][0]) for name in self.pace}
 
     def _bind(self) -> None:
         """Bind the current parameters to the blocks."""
-        self._blocks = [
+        self.blocks = [
             placed.block.bound({name: jnp.asarray(value) for name, value in self._parameters.arrays(i).items()})
             for i, placed in enumerate(self.plan.blocks)
         ]
@@ -121,57 +167,39 @@ class Interpreter:
     def _kept(self, i: int) -> dict[str, np.ndarray]:
         """The held outputs of a block, which are zero before the first tick."""
         ports = self.plan.blocks[i].block.outputs
-        return {n: np.array(self._values.get((i, n), jnp.zeros(p.shape, p.dtype)))[None] for n, p in ports.items()}
+        return {n: np.array(self.values.get((i, n), jnp.zeros(p.shape, p.dtype)))[None] for n, p in ports.items()}
 
     def _advance(self) -> dict[str, np.ndarray]:
         """One tick: outputs in order, then the new states."""
-        time = self.tick * self.plan.tick
-        for i in self.plan.order:
-            if self._due(i):
-                self._evaluate(i, self._values, self._states[i], time)
+        due = [i for i in self.plan.order if self._due(i)]
+
+        def evaluate(values: Values) -> None:
+            for i in due:
+                self.evaluate(i, values, self.states[i], self.now(i))
+
+        self.settle(self.values, evaluate, [i for i in due if i in self.plan.torn])
         record = {}
-        for i, block in enumerate(self._blocks):
+        for i, block in enumerate(self.blocks):
             if isinstance(block, Sink) and self._due(i):
-                inputs = self._inputs(i, self._values)
+                inputs = self.inputs(i, self.values)
                 record |= {address_of(self.plan.blocks[i], port): np.asarray(v) for port, v in inputs.items()}
-        ends = self._integrated()
-        for i, block in enumerate(self._blocks):
+        ends, self.above = Tick(self).advance()
+        for i, block in enumerate(self.blocks):
             if not self._due(i):
                 continue
-            inputs, now = self._inputs(i, self._values), self._now(i, time)
+            inputs, now = self.inputs(i, self.values), self.now(i)
             if isinstance(block, HostBlock):
-                self._states[i].update(block, _rows(inputs), _host_moment(self.tick, now))
+                self.states[i].update(block, _rows(inputs), _host_moment(self.tick, now))
             else:
-                after = block.update(ends.get(i, self._states[i]), inputs, now)
-                self._states[i] = jax.tree.map(lambda new, old: jnp.asarray(new, old.dtype), after, self._states[i])
+                after = ends[i] if i in self.modes else block.update(ends.get(i, self.states[i]), inputs, now)
+                self.states[i] = jax.tree.map(lambda new, old: jnp.asarray(new, old.dtype), after, self.states[i])
         self.tick += 1
         return record
 
-    def _integrated(self) -> dict[int, Any]:
-        """The continuous states at the end of the tick: RK4 on the moving blocks, with all others held."""
-        movers = {i: self._states[i] for i, block in enumerate(self._blocks) if block.is_continuous}
-        step = self.plan.tick / self.plan.substeps
-        for substep in range(self.plan.substeps if movers else 0):
-            time = self.tick * self.plan.tick + substep * step
-            movers = integrated(self._slopes, self._next_jump if self._jumping else None, movers, time, step, _while)
-        return movers
-
-    def _slopes(self, movers: dict[int, Any], time: float, start: float) -> dict[int, Any]:
-        values = dict(self._values)
-        for i in self.plan.order:
-            if i in self.plan.moving:
-                self._evaluate(i, values, movers.get(i, self._states[i]), time, start)
-        return {
-            i: self._blocks[i].derivative(state, self._inputs(i, values), self._now(i, time, start))
-            for i, state in movers.items()
-        }
-
-    def _next_jump(self, time: float) -> float:
-        return min(float(self._blocks[i].next_jump(self._now(i, time))) for i in self._jumping)
-
-    def _evaluate(self, i: int, values: Values, state: Any, time: float, start: float | None = None) -> None:
-        block, ports = self._blocks[i], self.plan.blocks[i].block.outputs
-        inputs, now = self._inputs(i, values, feedthrough=True), self._now(i, time, start)
+    def evaluate(self, i: int, values: Values, state: Any, now: Moment) -> None:
+        """Compute the outputs of a block from those of others."""
+        block, ports = self.blocks[i], self.plan.blocks[i].block.outputs
+        inputs = self.inputs(i, values, feedthrough=True)
         if isinstance(block, HostBlock):
             given = self._host(i).output(block, _rows(inputs), _host_moment(self.tick, now))
             given = {name: value[0] for name, value in given.items()}
@@ -181,10 +209,41 @@ class Interpreter:
             value = jnp.asarray(given[name])
             values[i, name] = value if value.dtype == port.dtype else value.astype(port.dtype)
 
-    def _host(self, i: int) -> Host:
-        return self._states[i]
+    def settle(self, values: Values, evaluate: Callable[[Values], None], torn: list[int]) -> None:
+        """Evaluate blocks, updating `values`, such that the outputs of the `torn` ones agree with what was read of
+        them: by Newton's method, as an independent reference of the compiled form.
+        """
+        ports = {f"{i}.{n}": ((i, n), p) for i in torn for n, p in self.plan.blocks[i].block.outputs.items()}
+        if not ports:
+            return evaluate(values)
+        kept = {name: values.get(key, jnp.zeros(port.shape, port.dtype)) for name, (key, port) in ports.items()}
+        guess, unravel = ravel_pytree(kept)
 
-    def _inputs(self, i: int, values: Values, feedthrough: bool = False) -> dict[str, Any]:
+        def after(guess: Any) -> Values:
+            there = values | {ports[name][0]: value for name, value in unravel(guess).items()}
+            evaluate(there)
+            return there
+
+        def residual(guess: Any) -> Any:
+            there = after(guess)
+            return ravel_pytree({name: there[key] for name, (key, _) in ports.items()})[0] - guess
+
+        guess = jnp.where(jnp.isfinite(guess), guess, 0.0)
+        for _ in range(MOST_TRIES):
+            change = jnp.linalg.solve(jax.jacfwd(residual)(guess), residual(guess))
+            guess = guess - change
+            if jnp.max(jnp.abs(change)) <= tolerance() * (1 + jnp.max(jnp.abs(guess))):
+                break
+        else:
+            guess = jnp.full_like(guess, jnp.nan)
+        values |= after(guess)
+        return None
+
+    def _host(self, i: int) -> Host:
+        return self.states[i]
+
+    def inputs(self, i: int, values: Values, feedthrough: bool = False) -> dict[str, Any]:
+        """The values at a block's inputs: at those with feedthrough, or at all."""
         placed = self.plan.blocks[i]
         return {
             name: self._read(placed.sources.get(name), port, values)
@@ -202,28 +261,24 @@ class Interpreter:
     def _due(self, i: int) -> bool:
         return self.tick % self.plan.blocks[i].ticks == 0
 
-    def _now(self, i: int, time: float, start: float | None = None) -> Moment:
-        start = time if start is None else start
-        if self._clock[0] != (self.tick, time, start):  # shared by all blocks: making small arrays is slow
-            seconds = (jnp.asarray(each, jnp.result_type(float)) for each in (time, start))
-            self._clock = (self.tick, time, start), jnp.uint32(self.tick), *seconds
-        _, tick, now, begun = self._clock
-        return Moment(tick, now, self._steps[i], self._uniforms(i), begun)
+    def now(self, i: int, within: Any = 0.0, start: Any = None, above: Any = None) -> Moment:
+        """The moment `within` seconds of the tick, for a block."""
+        key = self.tick, float(within), None if start is None else float(start)
+        if self._clock[0] != key:  # shared by all blocks: making small arrays is slow
+            tick = jnp.uint32(self.tick)
+            time, rest = clock(tick, self.plan.tick, within)
+            begun = time if start is None else clock(tick, self.plan.tick, start)[0]
+            self._clock = key, tick, time, begun, rest, jnp.asarray(within, time.dtype)
+        _, tick, time, begun, rest, within = self._clock
+        return Moment(tick, time, self._steps[i], self._uniforms(i), begun, rest, within, above)
 
     def _uniforms(self, i: int) -> Any:
-        span, size = self.tick // SPAN, self._blocks[i].uniforms
+        span, size = self.tick // SPAN, self.blocks[i].uniforms
         if size == 0:
             return self._none
         if self._drawn.get(i, (None, None))[0] != span:
             self._drawn[i] = span, np.asarray(draw_span(self.seed, self.plan.blocks[i].stream, span, size))
         return jnp.asarray(self._drawn[i][1][self.tick % SPAN])
-
-
-def _while(condition: Any, body: Any, value: Any) -> Any:
-    """`jax.lax.while_loop`, uncompiled."""
-    while condition(value):
-        value = body(value)
-    return value
 
 
 def _lead(tree: Any) -> Any:

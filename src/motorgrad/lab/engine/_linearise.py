@@ -10,8 +10,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, unknown
-from motorgrad.lab.compiler import SPAN, Carry, Step
-from motorgrad.lab.diagram import HostBlock
+from motorgrad.lab.compiler import SPAN, Carry, Continuous, Step
+from motorgrad.lab.diagram import HostBlock, in_precision
 from motorgrad.lab.engine._run import Run
 
 
@@ -60,6 +60,11 @@ def linearise(
         if isinstance(placed.block, HostBlock):
             raise ValueError(f"{placed.path}: runs on the host and has no derivative: linearise the diagram without it")
     check(0 <= seed < len(run.seeds), "seed", seed, f"a row of the run, 0 … {len(run.seeds) - 1}")
+    with in_precision(run.plan.solver.precision):
+        return _linearised(run, inputs, outputs, discrete, seed)
+
+
+def _linearised(run: Run, inputs: Sequence[str], outputs: Sequence[str], discrete: bool, seed: int) -> Linear:
     widths = [np.size(run[address]) for address in inputs]
     step, values, carry = run.functions_at(seed)
     tick, number = jnp.uint32(run.tick), jnp.int32(run.seeds[seed])
@@ -80,7 +85,7 @@ def linearise(
             after = step.finish(own, now, tick, numbers, environment).states
         else:
             movers = {k: now.states[k] for k in step.movers}
-            after = step.slopes(movers, own, now, tick, step.time(tick), numbers, environment)
+            after = Continuous(step, own, now, tick, numbers, environment).slopes(movers, 0.0)
         return states.packed(after), ravel_pytree(
             [environment[batch][port][row] * 1.0 for batch, row, port, _ in sources]
         )[0]

@@ -1,5 +1,6 @@
 """Compiled runs of a diagram, with many seeds, that can be advanced, saved and restored."""
 
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
@@ -22,7 +23,15 @@ from motorgrad.lab.compiler import (
 )
 from motorgrad.lab.diagram import Diagram, Host, HostBlock, Record, join, sampled
 from motorgrad.lab.engine._parameters import Parameters
-from motorgrad.lab.engine._state import State, check_state, mismatches, not_finite, split_by_block, stack_by_kind
+from motorgrad.lab.engine._state import (
+    State,
+    check_state,
+    mismatches,
+    not_finite,
+    precisely,
+    split_by_block,
+    stack_by_kind,
+)
 
 MOST_SEEDS = 1_000_000
 MOST_TICKS = 2**32 - 2**16
@@ -61,12 +70,17 @@ class Run:
         self.plan = with_watched(plan(diagram), watch)
         self.tick = 0
         """Number of completed ticks."""
-        self._threads = threads
-        self._stacks = stack(self.plan, stacked)
-        self._parameters = Parameters(self._stacks, sweep or {}, len(self.seeds))
-        self._loop = cached_program(self._stacks, self.seeds, self._parameters.axes)
+        self._threads, self._warned = threads, False
+        self._begin(sweep or {}, stacked)
         self._start()
 
+    @precisely
+    def _begin(self, sweep: Mapping[str, Any], stacked: bool) -> None:
+        self._stacks = stack(self.plan, stacked)
+        self._parameters = Parameters(self._stacks, sweep, len(self.seeds))
+        self._loop = cached_program(self._stacks, self.seeds, self._parameters.axes)
+
+    @precisely
     def _start(self) -> None:
         values, loop = self._parameters.values, self._loop
         self._carry = loop.init(values, self.seeds)
@@ -80,6 +94,7 @@ class Run:
         """How often the loop was compiled: once, whatever parameters change during the run."""
         return self._loop.compilations
 
+    @precisely
     def compile(self) -> None:
         """Compile now what the first ticks would otherwise wait for."""
         self._carry = self._loop.compile(self._parameters.values, self._carry, self.seeds)
@@ -88,6 +103,7 @@ class Run:
         """The paths of the blocks in whose state a number is NaN or infinite."""
         return [self.plan.blocks[i].path for i in not_finite(self._stacks, self._carry)]
 
+    @precisely
     def advance(self, ticks: int) -> Record:
         """Run a number of ticks.
 
@@ -109,22 +125,52 @@ class Run:
 
     def _pieces(self, ticks: int) -> Iterator[Record]:
         while ticks > 0:
-            now, first = min(ticks, self._loop.longest), self.tick
-            values = self._parameters.values
-            if isinstance(self._loop, HostLoop):
-                self._carry, seen = self._loop.advance(
-                    values, self._carry, self.seeds, first, now, self._hosts, self._last
-                )
-            else:
-                self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now)
-            self.tick += now
-            ticks -= now
-            yield self._record(first, now, seen)
+            record = self._piece(ticks)
+            ticks -= record.ticks
+            yield record
+
+    @precisely
+    def _piece(self, most: int) -> Record:
+        """As many ticks as one call can run, at most so many."""
+        now, first = min(most, self._loop.longest), self.tick
+        values = self._parameters.values
+        if isinstance(self._loop, HostLoop):
+            self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now, self._hosts, self._last)
+        else:
+            self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now)
+        self.tick += now
+        self._warn()
+        return self._record(first, now, seen)
+
+    def _warn(self) -> None:
+        """Warn, once, where fixed steps that are unstable made a continuous state infinite."""
+        step = self._loop.step
+        if self._warned or self.plan.solver.adapts or not step.movers:
+            return
+        moving = {self.plan.blocks[i].path for k in step.movers for i in step.kinds[k].members}
+        lost = [path for path in self.not_finite() if path in moving]
+        if lost:
+            from motorgrad.lab.engine._stability import unstable_steps  # it linearises runs
+
+            self._warned = True
+            lines = [] if self._hosts else unstable_steps(self._begun())
+            if lines:
+                more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+                what = f"{lost[0]}{more}: not finite at tick {self.tick}"
+                warnings.warn("; ".join([what, *lines]), RuntimeWarning, stacklevel=5)
+
+    def _begun(self) -> Self:
+        """Another run at the start, without hosts."""
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        other.tick, other._carry = 0, self._loop.init(self._parameters.values, self.seeds)
+        return other
 
     def __getitem__(self, address: str) -> Any:
         """The current value of a parameter, by its address `"block.parameter"`."""
         return self._parameters[address]
 
+    @precisely
     def __setitem__(self, address: str, value: Any) -> None:
         """Set a parameter for all seeds, from the next tick on. Nothing is compiled."""
         self._parameters[address] = value
@@ -151,8 +197,11 @@ class Run:
         last = {self._identity(k): {n: v.copy() for n, v in outputs.items()} for k, outputs in self._last.items()}
         blocks = split_by_block(self._stacks, self._carry)
         parameters = self._parameters.by_block()
-        return {"tick": self.tick, "blocks": blocks, "parameters": parameters, "hosts": hosts, "last": last}
+        pace = {name: np.array(array) for name, array in self._carry.pace.items()}
+        state = {"tick": self.tick, "blocks": blocks, "parameters": parameters, "hosts": hosts, "last": last}
+        return state | ({"pace": pace} if pace else {})
 
+    @precisely
     def restore(self, state: State) -> None:
         """Return to a `state`. What follows is bit for bit what followed it before.
 
@@ -161,6 +210,7 @@ class Run:
         check_state(state, self.state)
         self._set_state(state)
 
+    @precisely
     def restore_matching(self, state: State) -> list[str]:
         """Continue from the state of an earlier version of the diagram, for all blocks that are still the same.
 
@@ -168,7 +218,7 @@ class Run:
         """
         own = self.state
         fresh: list[str] = []
-        mixed: State = {"tick": state["tick"], "last": {}}
+        mixed: State = {"tick": state["tick"], "last": {}, "pace": own.get("pace", {})}
         for part in ("blocks", "hosts"):
             wrong = mismatches(state[part], own[part])
             fresh += wrong
@@ -178,6 +228,7 @@ class Run:
         self._set_state(mixed)
         return sorted(set(fresh))
 
+    @precisely
     def functions_at(self, row: int) -> tuple[Step, Values, Carry]:
         """The functions of a tick with the current parameters and state of one seed, for differentiating them."""
         axes = self._parameters.axes
@@ -191,6 +242,7 @@ class Run:
         """Wait until all ticks are computed. Where no sink records them, `advance` may return earlier."""
         jax.block_until_ready(self._carry)
 
+    @precisely
     def peek(self) -> Record:
         """What the sinks would record at the next tick, without advancing.
 
@@ -232,8 +284,11 @@ class Run:
         for host in self._hosts.values():
             host.close()
 
+    @precisely
     def _set_state(self, state: State) -> None:
-        self._carry = stack_by_kind(self._stacks, state["blocks"], self._carry)
+        carry = stack_by_kind(self._stacks, state["blocks"], self._carry)
+        pace = {name: jnp.asarray(state["pace"][name]) for name in carry.pace}
+        self._carry = carry._replace(pace=pace)
         self._parameters.restore(state["parameters"])
         kinds = {self._identity(k): k for k in self._hosts}
         for identity, snapshot in state["hosts"].items():

@@ -4,7 +4,8 @@ Inside the loop, rows lead and seeds come last. Outside, states go by the blocks
 they survive an edit of the diagram and fit the interpreter too.
 """
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -13,18 +14,38 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.lab.compiler import Carry, Stacks
+from motorgrad.lab.diagram import in_precision
 
 State = dict[str, Any]
-"""The state of a diagram: `tick`; by identity `blocks`, `parameters`, `hosts` and the hosts' `last` outputs."""
+"""The state of a diagram: `tick`; by identity `blocks`, `parameters`, `hosts` and the hosts' `last` outputs; with a
+solver that adapts its steps, the length of the next one as `pace`."""
 BlockState = dict[str, Any]
-"""`"state"`, a pytree, and `"held"`, the outputs of a block that is not evaluated at every tick."""
+"""`"state"`, a pytree; `"held"`, the outputs of a block that is not evaluated at every tick; and where the block has
+any, `"above"`, which of its zero crossings count as not negative."""
+
+
+def _parts(carry: Carry, k: int) -> BlockState:
+    """The state of a kind."""
+    parts: BlockState = {"state": carry.states.get(k, ()), "held": carry.held.get(k, {})}
+    return parts | ({"above": carry.above[k]} if k in carry.above else {})
+
+
+def precisely(method: Callable[..., Any]) -> Any:
+    """A method of a run that computes in the precision of its plan."""
+
+    @functools.wraps(method)
+    def wrapped(self: Any, *arguments: Any, **named: Any) -> Any:
+        with in_precision(self.plan.solver.precision):
+            return method(self, *arguments, **named)
+
+    return wrapped
 
 
 def split_by_block(stacks: Stacks, carry: Carry) -> dict[str, BlockState]:
     """The state of each block that has one, by its identity, as NumPy copies."""
     found: dict[str, BlockState] = {}
     for k, kind in enumerate(stacks.kinds):
-        parts: BlockState = {"state": carry.states.get(k, ()), "held": carry.held.get(k, {})}
+        parts = _parts(carry, k)
         if not jax.tree.leaves(parts):
             continue
         parts = jax.tree.map(lambda x: np.moveaxis(np.asarray(x), -1, 0), parts)
@@ -46,9 +67,9 @@ def not_finite(stacks: Stacks, carry: Carry) -> list[int]:
 
 def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry) -> Carry:
     """The inverse of `split_by_block`, in the dtypes of `like`."""
-    states, held = dict(like.states), dict(like.held)
+    states, held, above = dict(like.states), dict(like.held), dict(like.above)
     for k, kind in enumerate(stacks.kinds):
-        own: BlockState = {"state": like.states.get(k, ()), "held": like.held.get(k, {})}
+        own = _parts(like, k)
         if not jax.tree.leaves(own):
             continue
         rows = [blocks[stacks.plan.blocks[i].identity] for i in kind.members]
@@ -58,7 +79,9 @@ def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry)
         states[k] = whole["state"]
         if k in held:
             held[k] = whole["held"]
-    return Carry(states, held)
+        if k in above:
+            above[k] = whole["above"]
+    return Carry(states, held, above, like.pace)
 
 
 def mismatches(given: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:

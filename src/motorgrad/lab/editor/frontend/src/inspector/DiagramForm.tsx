@@ -5,7 +5,7 @@ import { useScope } from "../session/useScope";
 import { useUi } from "../ui/ui";
 import { FieldRow } from "./FieldRow";
 
-const field = (name: string, type: string, help: string, unit = ""): Field => ({
+const field = (name: string, type: string, help: string, unit = "", choices?: string[]): Field => ({
   name,
   type,
   help,
@@ -13,10 +13,24 @@ const field = (name: string, type: string, help: string, unit = ""): Field => ({
   required: false,
   default: null,
   role: "setting",
+  choices,
 });
 
 const TEXTS = [field("title", "str", ""), field("comment", "str", "")];
-const TIMES = [field("tick", "float", "length of a tick", "s"), field("substeps", "int", "RK4 steps per tick")];
+const TIMES = [
+  field("tick", "float", "length of a tick", "s"),
+  field("solver", "str", "how continuous states are integrated; all but rk4 adapt their steps", "", [
+    "rk4",
+    "tsit5",
+    "dopri8",
+    "rodas5p",
+  ]),
+  field("substeps", "int", "RK4 steps per tick"),
+  field("relative_tolerance", "float", "error of an adapted step, relative to the state"),
+  field("absolute_tolerance", "float", "error of an adapted step, in addition"),
+  field("precision", "str", "precision of the signals", "", ["single", "double"]),
+  field("loops", "str", "what is done with algebraic loops", "", ["refuse", "solve"]),
+];
 
 /** The form of the diagram that is open. */
 export function DiagramForm() {

@@ -40,6 +40,11 @@ export interface Scope {
   comment: string;
   tick: number;
   substeps: number;
+  solver: string;
+  relative_tolerance: number;
+  absolute_tolerance: number;
+  precision: string;
+  loops: string;
   nodes: Record<string, BlockView>;
   /** The source of every connected input, both as "block.port". */
   wires: Record<string, string>;

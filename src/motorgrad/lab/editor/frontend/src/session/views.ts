@@ -11,7 +11,7 @@ interface Wire {
 
 /** The whole view of a diagram, as the session gives it. */
 export interface View {
-  head: Pick<Scope, "title" | "comment" | "tick" | "substeps">;
+  head: Omit<Scope, "nodes" | "wires" | "comments">;
   nodes: Record<string, BlockView & { inner?: View }>;
   wires: Wire[];
   layout: Layout;

@@ -1,0 +1,104 @@
+"""The systems in PathSim."""
+
+# pyright: reportMissingImports=false, reportArgumentType=false, reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
+# (PathSim is in the extra peers, and its types do not fit its own examples)
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from pathsim import Connection, Simulation
+from pathsim.blocks import Adder, Amplifier, Constant, Function, Integrator, Relay, SampleHold, Scope
+from pathsim.events import ZeroCrossing, ZeroCrossingUp
+from pathsim.solvers import GEAR52A, RK4, RKDP87
+
+from tools.accuracy._systems import System, python_of
+
+SOLVERS = {"RK4": RK4, "RKDP87": RKDP87, "GEAR52A": GEAR52A}
+Parts = tuple[list[Any], list[Any], list[Any], Any]
+"""Blocks, connections, events and the scope."""
+
+
+def from_equations(system: System, tick: float) -> Parts:
+    """Differential equations: an integrator and a function for each state."""
+    names, scope = tuple(system.equations), Scope(sampling_period=tick)
+    states = [Integrator(initial) for _, initial in system.equations.values()]
+    slopes = [Function(python_of(formula, names)) for formula, _ in system.equations.values()]
+    wires = [
+        Connection(state, *(slope[n] for slope in slopes), *([scope] if n == 0 else []))
+        for n, state in enumerate(states)
+    ]
+    wires += [Connection(slope, state) for slope, state in zip(slopes, states, strict=True)]
+    return [*states, *slopes, scope], wires, [], scope
+
+
+def ball(system: System, tick: float) -> Parts:
+    """The bouncing ball."""
+    gravity, speed, height, scope = Constant(-9.81), Integrator(0.0), Integrator(1.0), Scope(sampling_period=tick)
+
+    def bounce(now: float) -> None:
+        height.engine.set(np.abs(height.engine.get()))
+        speed.engine.set(-0.8 * speed.engine.get())
+
+    hit = ZeroCrossing(func_evt=lambda now: float(height.engine.get()[0]), func_act=bounce, tolerance=1e-10)
+    wires = [Connection(gravity, speed), Connection(speed, height), Connection(height, scope)]
+    return [gravity, speed, height, scope], wires, [hit], scope
+
+
+def relay(system: System, tick: float) -> Parts:
+    """The lag under a relay."""
+    switch, gain, level = Relay(0.5, -0.5, -2.0, 2.0), Amplifier(-1.0), Integrator(0.0)
+    total, scope = Adder(), Scope(sampling_period=tick)
+    wires = [Connection(switch, total[0]), Connection(gain, total[1]), Connection(total, level)]
+    wires += [Connection(level, switch, gain, scope)]
+    return [switch, gain, level, total, scope], wires, [], scope
+
+
+def sampled(system: System, tick: float) -> Parts:
+    """The controller that samples."""
+    wanted, error, gain, hold = Constant(1.0), Adder("+-"), Amplifier(5.0), SampleHold(0.1)
+    net, level, scope = Adder("+-"), Integrator(0.0), Scope(sampling_period=tick)
+    wires = [Connection(wanted, error[0]), Connection(level, error[1], net[1], scope), Connection(error, gain)]
+    wires += [Connection(gain, hold), Connection(hold, net[0]), Connection(net, level)]
+    return [wanted, error, gain, hold, net, level, scope], wires, [], scope
+
+
+def spiking(system: System, tick: float) -> Parts:
+    """The neuron."""
+    current, net, level, scope = Constant(1.5), Adder("+-"), Integrator(0.0), Scope(sampling_period=tick)
+    fires = ZeroCrossingUp(
+        func_evt=lambda now: float(level.engine.get()[0]) - 1.0,
+        func_act=lambda now: level.engine.set(np.zeros(1)),
+        tolerance=1e-10,
+    )
+    wires = [Connection(current, net[0]), Connection(level, net[1], scope), Connection(net, level)]
+    return [current, net, level, scope], wires, [fires], scope
+
+
+BUILDERS = {
+    "bouncing ball": ball,
+    "relay": relay,
+    "sampled controller": sampled,
+    "integrate and fire": spiking,
+}
+
+
+def measured(system: System, solver: str, tolerance: float | None) -> dict[str, Any] | None:
+    """The error and the processor seconds of one run; `None` if there is no such model in PathSim here."""
+    build = BUILDERS.get(system.name, from_equations if system.equations else None)
+    if build is None:
+        return None
+    blocks, wires, events, scope = build(system, system.tick)
+    settings = {} if tolerance is None else {"tolerance_lte_rel": tolerance, "tolerance_lte_abs": tolerance * 1e-3}
+    step = system.tick / 10 if tolerance is None else min(system.tick / 10, 1e-3)
+    simulation = Simulation(blocks, wires, events=events, dt=step, Solver=SOLVERS[solver], log=False, **settings)
+    begin = time.process_time()
+    try:
+        simulation.run(system.tick * (system.ticks - 1), adaptive=tolerance is not None)
+        took = time.process_time() - begin
+        times, values = scope.read()
+        error = system.error(np.asarray(times), np.asarray(values)[0])
+    except (FloatingPointError, OverflowError, ValueError, RuntimeError):
+        took, error = time.process_time() - begin, math.inf
+    return {"solver": solver, "tolerance": tolerance, "error": error, "seconds": took}
