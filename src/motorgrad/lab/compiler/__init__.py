@@ -4,7 +4,7 @@
 from motorgrad.lab.compiler._adaptive import advanced, begin
 from motorgrad.lab.compiler._continuous import Continuous
 from motorgrad.lab.compiler._host_loop import HostLoop
-from motorgrad.lab.compiler._integrate import integrated
+from motorgrad.lab.compiler._integrate import integrated, rk4_growth
 from motorgrad.lab.compiler._loops import MOST_TRIES, tolerance
 from motorgrad.lab.compiler._methods import METHODS
 from motorgrad.lab.compiler._plan import Plan, address_of, is_mode, plan, problems, with_watched

@@ -23,6 +23,11 @@ def rk4(slope: Callable[[Any, Any], Any], state: Any, time: Any, step: Any) -> A
     return _add_scaled(state, step, total)
 
 
+def rk4_growth(z: Any) -> Any:
+    r"""By how much a step of `rk4` multiplies $x$ where $\dot x = \lambda x$, for $z = \lambda h$ with a step $h$."""
+    return abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+
+
 def integrated(
     slope: Callable[[Any, Any, Any], Any],
     next_jump: Callable[[Any], Any] | None,

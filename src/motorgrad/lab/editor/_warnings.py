@@ -8,7 +8,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from motorgrad.lab.blocks import DiscreteLag
-from motorgrad.lab.compiler import plan
+from motorgrad.lab.compiler import plan, rk4_growth
 from motorgrad.lab.diagram import Block, Diagram, DiagramError, Moment, Problem
 
 LARGEST = 64  # numbers of a state whose rates are looked at
@@ -25,9 +25,9 @@ def warnings(diagram: Diagram) -> list[Problem]:
         made = plan(diagram)
     except DiagramError:
         return []
-    step, found = made.tick / made.substeps, []
+    step, found = made.tick / made.solver.substeps, []
     for placed in made.blocks:
-        if placed.block.is_continuous:
+        if placed.block.is_continuous and not made.solver.adapts:
             message = _too_fast(_rates(placed.block), step)
         elif isinstance(placed.block, DiscreteLag):
             message = _follows(placed.block, placed.ticks * made.tick)
@@ -41,11 +41,11 @@ def _too_fast(rates: tuple[complex, ...], step: float) -> str | None:
     fastest = max(map(abs, rates), default=0.0)
     if fastest * step <= 1:
         return None
-    grows = any(rate.real < 0 and abs(_rk4_factor(rate * step)) > 1 for rate in rates)
+    grows = any(rate.real < 0 and rk4_growth(rate * step) > 1 for rate in rates)
     worse = ", and the integration is unstable" if grows else ""
     return (
         f"is faster than the tick: its shortest time constant, {1 / fastest:.3g} s, is below the integration step of "
-        f"{step:.3g} s{worse}: shorten the tick, or give more substeps"
+        f"{step:.3g} s{worse}: shorten the tick, give more substeps, or choose a solver that adapts its steps"
     )
 
 
@@ -57,11 +57,6 @@ def _follows(block: DiscreteLag, period: float) -> str | None:
         f"is faster than the tick: its time constant, {shortest:.3g} s, is below its sample period of {period:.3g} s, "
         "so it follows its input at once"
     )
-
-
-def _rk4_factor(z: complex) -> complex:
-    r"""The factor by which a Runge–Kutta step of $\dot x = \lambda x$ multiplies $x$, for $z = \lambda h$."""
-    return 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
 
 
 @functools.lru_cache(maxsize=2048)

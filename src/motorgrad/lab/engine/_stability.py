@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad.lab.compiler import rk4_growth
 from motorgrad.lab.engine._linearise import Linear, linearise
 from motorgrad.lab.engine._run import Run
 
@@ -37,7 +38,7 @@ def _lines(linear: Linear, step: float) -> list[str]:
     rates, right = np.linalg.eig(matrix)
     left = np.linalg.pinv(right)
     z: Any = step * rates
-    growth = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+    growth = rk4_growth(z)
     lines: dict[str, str] = {}
     for n in np.flatnonzero((rates.real < 0) & (growth > 1 + 1e-5)):
         block = linear.states[int(np.argmax(np.abs(right[:, n] * left[n])))].partition("[")[0]
