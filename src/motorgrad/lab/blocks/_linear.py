@@ -62,7 +62,7 @@ class Integrator(_Memory):
         reset = Port((), "bool", feedthrough=False, default=0.0, help="the condition whose changes restart it")
         initial = Port(self.shape, feedthrough=False, help="the value after a reset")
         more = {"reset": reset} if self.reset != "none" else {}
-        return super().inputs | more | ({"initial": initial} if self.external and more else {})
+        return {**super().inputs, **more, **({"initial": initial} if self.external and more else {})}
 
     def _clipped(self, value: Any) -> Any:
         return jnp.clip(value, self.low, self.high) if self.limited else value
@@ -90,9 +90,11 @@ class Integrator(_Memory):
         state = self._clipped(state)
         if self.reset == "none":
             return state
+        assert now.turned is not None  # in `crossed` it is known
         rises, turned = now.rising[-1], now.turned[-1]
         restarts = {"rising": rises, "falling": turned & ~rises, "either": turned}[self.reset]
-        return jnp.where(restarts, self._clipped(self.filled(inputs.get("initial", self.initial))), state)
+        begun: Any = inputs.get("initial", self.initial)
+        return jnp.where(restarts, self._clipped(self.filled(begun)), state)
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         return self._clipped(state)

@@ -24,6 +24,7 @@ class System(Protocol):
         """The slope of the continuous `state`; the levels of all zero crossings; and a function of which of them turned
         that returns the state and the modes after it.
         """
+        ...
 
     tick: Any
     """Its number, the same for all seeds."""

@@ -108,6 +108,7 @@ def _rodas5p(evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any)
     jacobian, rate = jax.jacfwd(slope, (0, 1))(x, within)
     inverse = _inverted(jnp.eye(len(x), dtype=x.dtype) / (GAMMA * step) - jacobian)
     stages: list[Array] = []
+    there = x
     for place, weight, inside, outside in STAGES:
         there = x + sum(a * u for a, u in zip(inside, stages, strict=True))
         f = slope(there, within + place * step) if stages else ravel_pytree(first)[0]

@@ -1,6 +1,7 @@
 """Parts of a diagram: as a diagram of their own, or as a subsystem."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from motorgrad._errors import check, unknown
 from motorgrad.lab.diagram._declarations import Port
@@ -46,7 +47,8 @@ def _extracted(diagram: Diagram, names: Iterable[str]) -> tuple[Diagram, dict[En
     for each in chosen:
         if each not in diagram.nodes:
             raise unknown("block", each, diagram.nodes)
-    inner = Diagram(**diagram.head | {"title": "", "comment": ""})
+    head: dict[str, Any] = diagram.head | {"title": "", "comment": ""}
+    inner = Diagram(**head)
     for each, node in diagram.nodes.items():
         if each in chosen:
             block = node.block.copy() if isinstance(node.block, Diagram) else node.block

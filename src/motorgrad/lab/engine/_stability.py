@@ -35,10 +35,10 @@ def _lines(linear: Linear, step: float) -> list[str]:
     matrix = linear.A.astype(float)
     if not np.isfinite(matrix).all():
         return []
+    rates: Any
     rates, right = np.linalg.eig(matrix)
     left = np.linalg.pinv(right)
-    z: Any = step * rates
-    growth = rk4_growth(z)
+    growth = rk4_growth(step * rates)
     lines: dict[str, str] = {}
     for n in np.flatnonzero((rates.real < 0) & (growth > 1 + 1e-5)):
         block = linear.states[int(np.argmax(np.abs(right[:, n] * left[n])))].partition("[")[0]
