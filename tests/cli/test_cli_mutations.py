@@ -48,6 +48,8 @@ def sound(tmp_path_factory):
             ("reproduce", {"experiments": ["all"], "quick": True}),
             ("demo", {"out": "demo", "seconds": 10.0, "seeds": 2}),
             ("bench", {"quick": True}),
+            ("completion", {"shell": "bash"}),
+            ("export", {"run": str(runs["hopper"]), "file": "policy.c"}),
             ("lab", {"gallery": "chain", "port": 0, "browser": False}),
             ("list", {"json": "-"}),
             ("sim", {"run": str(runs["hopper"]), "frozen": True, "agent": {"learning_rate": 0.1}}),

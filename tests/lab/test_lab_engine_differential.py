@@ -60,7 +60,7 @@ def test_every_block_is_the_same_compiled(category):
 
 def test_few_blocks_have_no_default():
     # they are tested where their examples are
-    assert {name for name, kind in BLOCKS.items() if default(kind) is None} == {"data file"}
+    assert {name for name, kind in BLOCKS.items() if default(kind) is None} == {"data file", "fmu"}
 
 
 def random_diagram(seed: int, size: int) -> Diagram:

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 
 import tyro
 
+from motorgrad._commands import COMMANDS
 from motorgrad._commands._configuration import HELP_ALL, parse
 from motorgrad.experiments import EXPERIMENTS
 from motorgrad.learning import Agent
@@ -41,8 +42,6 @@ class Words(NamedTuple):
 
 
 def run(arguments: list[str]) -> int:
-    from motorgrad.cli import COMMANDS
-
     options = parse(Completion, arguments, "completion")
     words = {name: Words(_names(name), _options(name)) for name in COMMANDS}
     print({"bash": _bash, "zsh": _zsh, "fish": _fish}[options.shell](COMMANDS, words), end="")

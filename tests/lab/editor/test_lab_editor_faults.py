@@ -97,6 +97,7 @@ def test_where_it_began_is_found_among_many_ticks_seeds_and_changes(open_client)
     assert [each["path"] for each in others] == ["scope", "integrator"]
 
 
+@pytest.mark.filterwarnings("ignore:lag.* RK4 steps of")
 def test_a_state_that_grows_without_bound_is_where_it_began(open_client):
     client = open_client(chain(lab.Constant(1.0), lab.Lag(0.001), lab.Gain(2.0), lab.Scope()))
     client.do("tick", n=300)

@@ -9,7 +9,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.export import Program, traced
-from motorgrad.lab.compiler import Carry, Step
+from motorgrad.lab.compiler import Step
 from motorgrad.lab.diagram import Diagram, HostBlock, Inlet, Outlet, Port
 from motorgrad.lab.engine import Run
 from motorgrad.lab.fmi._random import draw
@@ -38,11 +38,14 @@ class TickProgram:
 def tick_program(source: Diagram | Run) -> TickProgram:
     """The program of a diagram, from its first tick, or of a run of one seed, from its present state.
 
-    **Raises:** `ValueError` for a run of several seeds, and for a block that runs on the host; `Untranslatable` for a
+    **Raises:** `ValueError` for a run of several seeds, a solver other than RK4, double precision, and a block that runs
+    on the host; `Untranslatable` for a
     block that uses an operation which an export does not know; `DiagramError` for a diagram that cannot run.
     """
     run = Run(source) if isinstance(source, Diagram) else source
     check(len(run.seeds) == 1, "seeds", run.seeds.tolist(), "a single one, to be exported")
+    check(not run.plan.solver.adapts, "solver", run.plan.solver.name, "'rk4', to be exported")
+    check(run.plan.solver.precision == "single", "precision", run.plan.solver.precision, "'single', to be exported")
     blocks = run.plan.blocks
     for placed in blocks:
         check(not isinstance(placed.block, HostBlock), placed.path, type(placed.block).__name__, NO_HOST)
@@ -55,20 +58,20 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     }
     step, values, carry = run.functions_at(0)
     rows = step.stacks.rows
-    leaves, structure = jax.tree.flatten((carry.states, carry.held))
+    leaves, structure = jax.tree.flatten(carry)
     names = [f"state{n}" for n in range(len(leaves))]
     seed = int(run.seeds[0])
 
     def ticked(tick: Any, **given: Any) -> dict[str, Any]:
         inputs = [given[f"u{n}"] for n in range(len(places[Inlet]))]
         now = _with_inlets(step, values, {rows[i]: u for i, u in zip(places[Inlet], inputs, strict=True)})
-        before = Carry(*jax.tree.unflatten(structure, [given[name] for name in names]))
+        before = jax.tree.unflatten(structure, [given[name] for name in names])
         numbers = _numbers(step, seed, tick)
         environment = step.outputs(range(len(step.stacks.batches)), now, before, tick, numbers, step.empty())
         after = step.finish(now, before, tick, numbers, environment)
         seen = step.recorded(environment)
         outputs = {f"y{n}": seen[rows[i][0]]["u"][rows[i][1]] for n, i in enumerate(places[Outlet])}
-        return outputs | dict(zip(names, jax.tree.leaves((after.states, after.held)), strict=True)) | {"tick": tick + 1}
+        return outputs | dict(zip(names, jax.tree.leaves(after), strict=True)) | {"tick": tick + 1}
 
     start = dict(zip(names, map(np.asarray, leaves), strict=True)) | {"tick": np.asarray(run.tick, np.uint32)}
     inlets = {blocks[i].path: blocks[i].block.outputs["y"] for i in places[Inlet]}
