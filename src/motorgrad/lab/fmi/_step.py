@@ -38,9 +38,9 @@ class TickProgram:
 def tick_program(source: Diagram | Run) -> TickProgram:
     """The program of a diagram, from its first tick, or of a run of one seed, from its present state.
 
-    **Raises:** `ValueError` for a run of several seeds, a solver other than RK4, double precision, and a block that runs
-    on the host; `Untranslatable` for a
-    block that uses an operation which an export does not know; `DiagramError` for a diagram that cannot run.
+    **Raises:** `ValueError` for a run of several seeds, a solver other than RK4, double precision, and a block that
+    runs on the host; `Untranslatable` for a block that uses an operation which an export does not know; `DiagramError`
+    for a diagram that cannot run.
     """
     run = Run(source) if isinstance(source, Diagram) else source
     check(len(run.seeds) == 1, "seeds", run.seeds.tolist(), "a single one, to be exported")
