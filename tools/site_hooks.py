@@ -136,6 +136,11 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     return markdown
 
 
+def on_post_page(output: str, **_: Any) -> str:
+    """Leave out what the offline plugin would fetch from elsewhere: a shim for workers of pages on the disk."""
+    return output.replace('<script src="https://unpkg.com/iframe-worker/shim"></script>', "")
+
+
 def on_page_content(html: str, **_: Any) -> str:
     """Formulas as MathML, which browsers draw by themselves."""
     return FORMULA.sub(lambda found: formula(found[2], found[1] == "div"), html)

@@ -7,10 +7,8 @@ every policy can be exported, also one of your own. `Policy.export` is the way i
 from motorgrad.export._c import c_source
 from motorgrad.export._c_numbers import literal as c_literal
 from motorgrad.export._c_numbers import type_of as c_type
-from motorgrad.export._numpy import LACKS as NUMPY_LACKS
-from motorgrad.export._numpy import numpy_file
-from motorgrad.export._onnx import LACKS as ONNX_LACKS
-from motorgrad.export._onnx import onnx_model
+from motorgrad.export._numpy import NUMPY_LACKS, numpy_file
+from motorgrad.export._onnx import ONNX_LACKS, onnx_model
 from motorgrad.export._program import Operation, Program, Untranslatable
 from motorgrad.export._reader import read
 from motorgrad.export._trace import traced

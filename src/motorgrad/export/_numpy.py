@@ -21,7 +21,8 @@ SAME = (
     *("add", "abs", "sign", "floor", "ceil", "exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh"),
     *("cosh", "tanh", "rint", "reshape", "take", "argmax", "argmin"),
 )
-LACKS = ("erf", "erfc")
+NUMPY_LACKS = ("erf", "erfc")
+"""Functions that NumPy lacks: `traced` makes them of others."""
 REDUCTIONS = ("sum", "prod", "max", "min", "any", "all")
 
 

@@ -16,7 +16,8 @@ NODES = {
     **{"select": "Where"},
 }
 REDUCTIONS = {"sum": "ReduceSum", "prod": "ReduceProd", "max": "ReduceMax", "min": "ReduceMin"}
-LACKS = ("erfc", "expm1", "log1p")
+ONNX_LACKS = ("erfc", "expm1", "log1p")
+"""Functions that ONNX lacks: `traced` makes them of others."""
 INSTALL = "an ONNX model needs the package onnx: pip install 'motorgrad[onnx]'"
 
 

@@ -106,7 +106,7 @@ def test_nan_is_named_in_the_page_and_leaves_a_gap(opened):
     expect(editor.page.get_by_role("list", name="problems")).to_contain_text("scope.u")
     expect(editor.page.get_by_role("list", name="problems")).to_contain_text("is NaN at tick 31 (0.31 s)")
     expect(editor.page.get_by_text("No problems")).to_have_count(0)
-    editor.told("scope.u: is NaN at tick 31")
+    editor.told("root.y: becomes NaN at tick 31")
 
 
 def test_no_line_is_drawn_where_a_signal_was_nan(opened):
