@@ -61,6 +61,8 @@ class Task:
         return self.make().period
 
 
+CLASSIC = {"olgarb-natural": {"decay": 0.98, "learning_rate": 1e-4}}
+"""Of Gymnasium's tasks: the best of 18 settings on InvertedPendulum, seeds 100 to 103."""
 TASKS = {
     "hopper": Task(
         "motorgrad/Hopper-v0",
@@ -80,11 +82,11 @@ TASKS = {
             "olgarb-natural": {"decay": 0.98, "learning_rate": 0.0003},
         },
     ),
-    "inverted-pendulum": Task("InvertedPendulum-v5", 50_000),
-    "inverted-double-pendulum": Task("InvertedDoublePendulum-v5", 50_000),
-    "swimmer": Task("Swimmer-v5", 50_000),
-    "hopper-v5": Task("Hopper-v5", 50_000),
-    "half-cheetah": Task("HalfCheetah-v5", 50_000),
+    "inverted-pendulum": Task("InvertedPendulum-v5", 50_000, ours=CLASSIC),
+    "inverted-double-pendulum": Task("InvertedDoublePendulum-v5", 50_000, ours=CLASSIC),
+    "swimmer": Task("Swimmer-v5", 50_000, ours=CLASSIC),
+    "hopper-v5": Task("Hopper-v5", 50_000, ours=CLASSIC),
+    "half-cheetah": Task("HalfCheetah-v5", 50_000, ours=CLASSIC),
     "hexapod-synergy": Task("motorgrad/HexapodSynergy-v0", 50_000, "hexapod-synergy", "speed"),
     "hexapod": Task("motorgrad/Hexapod-v0", 50_000, "hexapod", "speed"),
 }
