@@ -358,7 +358,7 @@ def test_true_online_weights_are_those_of_the_online_forward_view():
     features, rewards = rng.normal(size=(steps + 1, 3)), rng.normal(size=steps)
     fit, forward = TrueOnlineTemporalDifference(rate), [np.zeros(3)]
     with jax.enable_x64(True):
-        weights, state = jnp.zeros(3), fit.init(jnp.zeros(3))
+        weights, state = jnp.zeros(3), fit.init(jnp.zeros(3), 3)
         for now in range(1, steps + 1):
             phi, after = features[now - 1], features[now]
             error = rewards[now - 1] + discount * weights @ after - weights @ phi

@@ -102,7 +102,7 @@ class ActionTransitions(Baseline):
         check(few, "policy", f"{name} of {policy.outputs} {kind} outputs", f"one of at most {MOST_ACTIONS} actions")
         size = self._seen(jnp.zeros(policy.inputs, dtype)).size * len(policy.enumerate())
         weights = jnp.zeros(size, dtype)
-        fit = self.fit.start(weights, size)
+        fit = self.fit.init(weights, size)
         return TransitionState(weights, running_mean(jnp.zeros((), dtype)), fit, jnp.full((), -1, jnp.int32))
 
     def level(self, state: TransitionState) -> Float[Array, ""]:
@@ -142,7 +142,7 @@ class ActionTransitions(Baseline):
         return Advantage(worth, jnp.zeros_like(worth), worth), TransitionState(weights, mean, fit, taken)
 
     def solve(self, state: TransitionState) -> TransitionState:
-        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state))
+        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state), self)
         return state._replace(weights=weights, fit=fit)
 
     def rest(self, state: TransitionState) -> Int[Array, ""]:

@@ -1,7 +1,6 @@
 """How the weights of a critic are learned: temporal differences, and least squares."""
 
 import abc
-from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -49,12 +48,8 @@ class CriticFit(Part):
     solves for the weights have the mean 0 at any level."""
 
     @abc.abstractmethod
-    def init(self, weights: Any) -> Any:
-        """The state before any decision, for weights of this structure; `weights` are all 0."""
-
-    def start(self, weights: Any, features: int) -> Any:
-        """As `init`, which it calls by default, for rules that keep what is seen: so many `features`."""
-        return self.init(weights)
+    def init(self, weights: Any, features: int) -> Any:
+        """The state before any decision, for a critic with so many `features` and weights of this structure, all 0."""
 
     @abc.abstractmethod
     def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
@@ -69,15 +64,12 @@ class CriticFit(Part):
     def mean_rate(self) -> Any:
         """One over the memory of the mean of rewards: the n-th moves it by at least this share of the distance."""
 
-    def solve(self, weights: Any, state: Any, level: Float[Array, ""]) -> tuple[Any, Any]:
-        """Do the work that is due once in many decisions, with rewards compared with the `level`."""
-        return weights, state
+    def solve(self, weights: Any, state: Any, level: Float[Array, ""], critic: Any) -> tuple[Any, Any]:
+        """Do the work that is due once in many decisions, with rewards compared with the `level`.
 
-    def solve_for(
-        self, value: Callable[..., Any], discount: Any, decay: Any, weights: Any, state: Any, level: Float[Array, ""]
-    ) -> tuple[Any, Any]:
-        """As `solve`, which it calls by default, for rules that need the function `value(weights, features)`."""
-        return self.solve(weights, state, level)
+        The `critic` whose weights they are has a function `value(weights, features)`, a `horizon` and a `decay`.
+        """
+        return weights, state
 
     def rest(self, state: Any) -> Int[Array, ""]:
         """For how many decisions at least `solve` changes nothing."""
@@ -107,7 +99,7 @@ class TemporalDifference(CriticFit):
     def mean_rate(self) -> Any:
         return self.level_rate
 
-    def init(self, weights: Any) -> Any:
+    def init(self, weights: Any, features: int) -> Any:
         return weights
 
     def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
@@ -173,7 +165,7 @@ class LeastSquares(CriticFit):
     def mean_rate(self) -> Any:
         return self.rate  # the mean of rewards has the memory of the other means
 
-    def init(self, weights: Weights) -> LeastSquaresState:
+    def init(self, weights: Weights, features: int) -> LeastSquaresState:
         matrix = self.initial * jnp.eye(weights.size, dtype=weights.dtype)
         started = running_mean((matrix, weights, weights))._replace(mean=(matrix, weights, weights))
         started = started._replace(count=started.count + 1)
@@ -198,7 +190,7 @@ class LeastSquares(CriticFit):
         return weights, state._replace(trace=e, waiting=waiting, gathered=where(dropped, place, place + 1))
 
     def solve(
-        self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""]
+        self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""], critic: Any
     ) -> tuple[Weights, LeastSquaresState]:
         def solve(old: Any) -> Any:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.

@@ -117,7 +117,7 @@ class Critic(Baseline):
         check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")
         weights = self.first_weights(shape[0], dtype, key)
         learned = split(weights)[0] if isinstance(weights, eqx.Module) else weights
-        fit = self.fit.start(jax.tree.map(jnp.zeros_like, learned), shape[0])
+        fit = self.fit.init(jax.tree.map(jnp.zeros_like, learned), shape[0])
         return CriticState(weights, jnp.zeros(shape, dtype), previous, running_mean(jnp.zeros((), dtype)), fit)
 
     def level(self, state: CriticState) -> Float[Array, ""]:
@@ -150,8 +150,7 @@ class Critic(Baseline):
         return Advantage(error, error), CriticState(weights, state.features, previous, mean, fit)
 
     def solve(self, state: CriticState) -> CriticState:
-        given = (state.weights, state.fit, self._compared(state))
-        weights, fit = self.fit.solve_for(self.value, self.horizon, self.decay, *given)
+        weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state), self)
         return state._replace(weights=weights, fit=fit)
 
     def rest(self, state: CriticState) -> Int[Array, ""]:

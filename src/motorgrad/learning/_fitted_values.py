@@ -1,6 +1,5 @@
 """A critic fitted to λ-returns, batch by batch."""
 
-from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -63,10 +62,7 @@ class FittedReturns(CriticFit):
     def mean_rate(self) -> Any:
         return self.rate
 
-    def init(self, weights: Any) -> FittedState:
-        return self.start(weights, jax.tree.leaves(weights)[0].size)
-
-    def start(self, weights: Any, features: int) -> FittedState:
+    def init(self, weights: Any, features: int) -> FittedState:
         dtype = jax.tree.leaves(weights)[0].dtype
         numbers, rows = jnp.zeros(self.interval, dtype), jnp.zeros((self.interval, features), dtype)
         rule = optax.scale_by_adam().init(weights)
@@ -95,9 +91,7 @@ class FittedReturns(CriticFit):
     def rest(self, state: FittedState) -> Int[Array, ""]:
         return self.interval - 1 - state.waiting
 
-    def solve_for(
-        self, value: Callable[..., Any], discount: Any, decay: Any, weights: Any, state: FittedState, level: Any
-    ) -> tuple[Any, FittedState]:
+    def solve(self, weights: Any, state: FittedState, level: Any, critic: Any) -> tuple[Any, FittedState]:
         def fit(old: Any) -> Any:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             weights, rule = old
@@ -106,14 +100,14 @@ class FittedReturns(CriticFit):
 
             def values(parameters: Any, seen: Any) -> Float[Array, " interval"]:
                 whole = parameters if settings is None else eqx.combine(parameters, settings)
-                return jax.vmap(lambda x: value(whole, x))(seen)
+                return jax.vmap(lambda x: critic.value(whole, x))(seen)
 
             later = batch.live * values(learned, batch.following)
 
             def back(following: Any, decision: Any) -> Any:
                 reward, later, end = decision
-                expected = jnp.where(end, later, (1 - decay) * later + decay * following)
-                found = (reward - mean + discount * expected).astype(reward.dtype)
+                expected = jnp.where(end, later, (1 - critic.decay) * later + critic.decay * following)
+                found = (reward - mean + critic.horizon * expected).astype(reward.dtype)
                 return found, found
 
             last = batch.end.at[-1].set(True)

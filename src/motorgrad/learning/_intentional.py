@@ -93,7 +93,7 @@ class IntentionalTemporalDifference(CriticFit):
     def mean_rate(self) -> Any:
         return self.level_rate
 
-    def init(self, weights: Any) -> IntentionalFit:
+    def init(self, weights: Any, features: int) -> IntentionalFit:
         zero = jnp.zeros((), jax.tree.leaves(weights)[0].dtype)
         return IntentionalFit(weights, weights, zero, zero)
 

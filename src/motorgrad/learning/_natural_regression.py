@@ -100,7 +100,7 @@ class LeastSquaresNatural(RegressionMetric):
         zeros = self.zeros(policy)
         seen = self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
         weights = jnp.zeros(seen.size + zeros.size, zeros.dtype)
-        return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights))
+        return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights, weights.size))
 
     def observe(self, state: CompatibleState, policy: Policy, transition: Transition) -> CompatibleState:
         dtype, horizon = state.weights.dtype, 1.0 if self.discount is None else self.discount
@@ -118,7 +118,7 @@ class LeastSquaresNatural(RegressionMetric):
         return CompatibleState(weights, where(transition.diverged, state.reward, mean), fit)
 
     def solve(self, state: CompatibleState, policy: Policy, due: Flag) -> CompatibleState:
-        weights, fit = self.fit.solve(state.weights, state.fit, self._level(state))
+        weights, fit = self.fit.solve(state.weights, state.fit, self._level(state), self)
         return state._replace(weights=weights, fit=fit)
 
     def rest(self, state: CompatibleState) -> Any:

@@ -77,7 +77,7 @@ class SwiftTemporalDifference(CriticFit):
     def mean_rate(self) -> Any:
         return self.level_rate
 
-    def init(self, weights: Weights) -> SwiftState:
+    def init(self, weights: Weights, features: int) -> SwiftState:
         rates = jnp.full_like(weights, 1) * jnp.log(jnp.asarray(self.initial, weights.dtype))
         return SwiftState(rates, weights, jnp.zeros((), weights.dtype), *[weights] * 4)
 

@@ -48,7 +48,7 @@ class TrueOnlineTemporalDifference(CriticFit):
     def mean_rate(self) -> Any:
         return self.level_rate
 
-    def init(self, weights: Weights) -> TrueOnlineState:
+    def init(self, weights: Weights, features: int) -> TrueOnlineState:
         return TrueOnlineState(weights, jnp.zeros((), weights.dtype))
 
     def update(
