@@ -38,6 +38,7 @@ from motorgrad.lab.diagram._files import (
 )
 from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, flatten
 from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
+from motorgrad.lab.diagram._gates import Enable, Gate, Trigger
 from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
@@ -55,8 +56,10 @@ __all__ = [
     "Block",
     "Diagram",
     "DiagramError",
+    "Enable",
     "End",
     "Foreign",
+    "Gate",
     "Host",
     "HostBlock",
     "HostMoment",
@@ -76,6 +79,7 @@ __all__ = [
     "Sink",
     "Source",
     "Timing",
+    "Trigger",
     "block",
     "checked_shape",
     "clock",

@@ -10,6 +10,7 @@ import numpy as np
 from motorgrad._errors import check, choice, unknown
 from motorgrad.lab.diagram._block import Block, Moment, Ports, Signals, Sink
 from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting
+from motorgrad.lab.diagram._gates import Gate
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,7 +95,8 @@ class Diagram:
         diagram.connect("input", "level")
 
     `Inlet` and `Outlet` blocks are the ports of a diagram that is part of another one. In the outermost diagram an
-    inlet is a number that can be set during a run, and an outlet is a recorded signal.
+    inlet is a number that can be set during a run, and an outlet is a recorded signal. A subsystem with an `Enable` or
+    a `Trigger` is evaluated only under a condition.
 
     **Arguments:**
 
@@ -236,8 +238,8 @@ class Diagram:
 
     @property
     def inputs(self) -> Ports:
-        """Its input ports: the inlets by name."""
-        return {name: block.port for name, block in self._blocks_of(Inlet)}
+        """Its input ports: the inlets and gates by name."""
+        return {name: block.port for name, block in self._blocks_of((Inlet, Gate))}
 
     @property
     def outputs(self) -> Ports:
@@ -269,7 +271,7 @@ class Diagram:
     def _content(self) -> tuple[Any, ...]:
         return self.head, list(self.nodes.items()), self.wires, self.layout
 
-    def _blocks_of(self, kind: type[Any]) -> Iterator[tuple[str, Any]]:
+    def _blocks_of(self, kind: type[Any] | tuple[type[Any], ...]) -> Iterator[tuple[str, Any]]:
         return ((name, node.block) for name, node in self.nodes.items() if isinstance(node.block, kind))
 
     def _node(self, name: str) -> Node:

@@ -5,8 +5,10 @@ import zlib
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from motorgrad.lab.diagram._block import Block
+from motorgrad.lab.diagram._block import Block, HostBlock, Sink
 from motorgrad.lab.diagram._diagram import Diagram, End, Inlet, Outlet, port_mismatch
+from motorgrad.lab.diagram._foreign import Foreign
+from motorgrad.lab.diagram._gates import Condition, Gate, Gated
 
 
 class DiagramError(ValueError):
@@ -94,6 +96,21 @@ class _Scope:
         inlet = isinstance(self.diagram.nodes[name].block, Inlet)
         return inlet and self.above is not None and (self.name, name) in self.above.diagram.wires
 
+    def gates(self) -> list[str]:
+        """The paths of all gates that its blocks are behind."""
+        if self.above is None:
+            return []
+        own = [self.path(name) for name, node in self.diagram.nodes.items() if isinstance(node.block, Gate)]
+        return [*self.above.gates(), *own]
+
+    def wire(self, name: str, port: str) -> tuple["_Scope", End] | None:
+        """The output that a wire brings to a block's input, and the diagram of the wire. A gate's is outside."""
+        scope, at = self, (name, port)
+        if self.above is not None and isinstance(self.diagram.nodes[name].block, Gate):
+            scope, at = self.above, (self.name, name)
+        source = scope.diagram.wires.get(at)
+        return None if source is None else scope.origin(source)
+
     def origin(self, end: End, seen: frozenset[str] = frozenset()) -> tuple["_Scope", End]:
         """The output of a block from which a signal of this diagram comes."""
         name, port = end
@@ -129,12 +146,14 @@ def flatten(diagram: Diagram) -> tuple[list[Placed], list[Problem]]:
     for scope, name in leaves:
         node, path = scope.diagram.nodes[name], scope.path(name)
         assert isinstance(node.block, Block)
-        sources, ticks = {}, 1
-        for port, declared in node.block.inputs.items():
-            wire = scope.diagram.wires.get((name, port))
+        block, sources, ticks = node.block, {}, 1
+        if isinstance(block, Gate) and scope.above is not None:
+            block = Condition(getattr(block, "on", ""))
+        for port, declared in block.inputs.items():
             try:
-                if wire is not None:
-                    origin, end = scope.origin(wire)
+                found = scope.wire(name, port)
+                if found is not None:
+                    origin, end = found
                     given = origin.diagram.nodes[end[0]].block.outputs[end[1]]
                     source = origin.path(end[0])
                     sources[port] = Source(index[source], end[1])
@@ -144,13 +163,21 @@ def flatten(diagram: Diagram) -> tuple[list[Placed], list[Problem]]:
                     problems.append(Problem(path, port, "not connected"))
             except DiagramError as error:
                 problems += error.problems
+        gates = [] if isinstance(block, Condition | Sink) else scope.gates()
+        if gates and isinstance(block, HostBlock | Foreign):
+            problems.append(
+                Problem(path, None, "runs on the host: it must not be in an enabled or triggered subsystem")
+            )
+        elif gates:
+            block = Gated(block, len(gates), every=block.every, period=block.period)
+            sources |= {Gated.port(number): Source(index[gate], "y") for number, gate in enumerate(gates)}
         try:
             ticks = node.block.ticks(diagram.tick)
         except ValueError as error:
             problems.append(Problem(path, None, str(error)))
         if node.block.is_continuous and ticks > 1:
             problems.append(Problem(path, None, f"every = {ticks} ticks: must be 1 for a continuous state"))
-        placed.append(Placed(path, scope.identity(node.id), node.block, sources, ticks))
+        placed.append(Placed(path, scope.identity(node.id), block, sources, ticks))
     problems += _loose_wires(top)
     problems += _same_identity(placed)
     return placed, problems

@@ -14,6 +14,7 @@ from motorgrad.lab.diagram import (
     SUBSYSTEM,
     Block,
     Diagram,
+    Gate,
     Inlet,
     Node,
     Outlet,
@@ -328,7 +329,7 @@ def _update_outer_wires(outer: Diagram, edit: Edit) -> None:
     """Adjust the wires at a subsystem whose ports changed: follow a renamed port, drop wires at removed ones."""
     name = edit.at[-1]
     inner = outer.nodes[name].block
-    if isinstance(edit, Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet):  # type: ignore[union-attr]
+    if isinstance(edit, Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet | Gate):  # type: ignore[union-attr]
 
         def renamed(end: tuple[str, str]) -> tuple[str, str]:
             return (name, edit.to) if end == (name, edit.name) else end

@@ -5,7 +5,7 @@ from typing import Any
 
 from motorgrad._errors import check
 from motorgrad.lab.blocks import Constant
-from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Inlet, Node, Outlet, numbered_names
+from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Gate, Inlet, Node, Outlet, numbered_names
 from motorgrad.lab.diagram import group as group_blocks
 
 
@@ -34,8 +34,8 @@ BELOW = 70.0  # between one inlet and the next
 def group(scope: Diagram, document: Diagram, names: list[str], name: str | None) -> None:
     """Turn blocks into a subsystem at their centre. Each keeps its id, and with it its random numbers and its state."""
     for each in names:
-        boundary = isinstance(scope.nodes[each].block, Inlet | Outlet)
-        check(not boundary, "names", each, "neither an inlet nor an outlet: these stay in their diagram")
+        boundary = isinstance(scope.nodes[each].block, Inlet | Outlet | Gate)
+        check(not boundary, "names", each, "no inlet, outlet or gate: these stay in their diagram")
     title = fresh_name(scope, "subsystem") if name is None else name
     made = group_blocks(scope, names, title)
     scope.nodes = {each: scope.nodes.get(each, node) for each, node in made.nodes.items()}
@@ -64,6 +64,8 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
     """
     node = scope.nodes[name]
     inner: Any = node.block
+    gates = [each for each, part in inner.nodes.items() if isinstance(part.block, Gate)]
+    check(not gates, name, f"a subsystem with {', '.join(gates)}", "without a condition, to be replaced by its blocks")
     around = {t: s for t, s in scope.wires.items() if name in (t[0], s[0])}
     fed = {t[1]: s for t, s in around.items() if t[0] == name}
     places, outer = inner.layout.get("positions", {}), dict(scope.layout.get("positions", {}))
