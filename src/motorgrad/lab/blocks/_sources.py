@@ -129,13 +129,17 @@ class Chirp(TimeSource):
         check(different or self.sweep == "linear", "last", self.last, "different from first in a logarithmic sweep")
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        part = now.time / self.duration
-        if self.sweep == "linear":
-            cycles = now.time * (self.first + 0.5 * (self.last - self.first) * part)
-        else:
-            rate = jnp.log(self.last / self.first)
-            cycles = self.first * self.duration / rate * jnp.expm1(rate * part)
-        return {"y": self.filled(self.amplitude * jnp.sin(2 * jnp.pi * (cycles % 1.0) + self.phase))}
+        def cycles(time: Any, first: Any, last: Any, duration: Any) -> Any:
+            part = time / duration
+            if self.sweep == "linear":
+                passed = time * (first + 0.5 * (last - first) * part)
+            else:
+                rate = jnp.log(last / first)
+                passed = first * duration / rate * jnp.expm1(rate * part)
+            return passed % 1.0
+
+        phase = 2 * jnp.pi * now.exactly(cycles, self.first, self.last, self.duration) + self.phase
+        return {"y": self.filled(self.amplitude * jnp.sin(phase))}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The time of an evaluation, exact also where signals have single precision."""
 
 import contextlib
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -36,11 +37,14 @@ class Moment(NamedTuple):
         """The cycles of this frequency (Hz) since the start, without the whole ones: from 0 to 1, exact to single
         precision after years, where `frequency * time` is not.
         """
+        return self.exactly(lambda time, frequency: frequency * time % 1.0, frequency)
+
+    def exactly(self, function: Callable[..., Any], *values: Any) -> Any:
+        """A function of the seconds since the start, and of `values`, computed in double precision."""
         real = jnp.result_type(float)
         with jax.enable_x64(True):
-            wide = [jnp.asarray(each).astype(jnp.float64) for each in (frequency, self.time, self.rest)]
-            cycles = wide[0] * (wide[1] + wide[2])
-            return (cycles - jnp.floor(cycles)).astype(real)
+            time, rest, *wide = (jnp.asarray(each).astype(jnp.float64) for each in (self.time, self.rest, *values))
+            return function(time + rest, *wide).astype(real)
 
     def sides(self, levels: Any) -> Any:
         """Whether each of `levels`, the block's crossings in their shape, is at least 0, held during a step."""

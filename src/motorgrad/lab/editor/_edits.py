@@ -112,7 +112,8 @@ class Rename(Edit):
 @dataclasses.dataclass(frozen=True)
 class Set(Edit):
     """Set a field of a block, or several at once in `fields`. Without a name it sets fields of the diagram itself:
-    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops.
+    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops, parameters, uses;
+    or of a subsystem one of its parameters.
     """
 
     name: str | None = None
@@ -129,9 +130,15 @@ class Set(Edit):
         node = _node(scope, self.name)
         if isinstance(node.block, Diagram):
             inner = shallow_copy(node.block)
-            _set_head(inner, values)
+            own = {name: value for name, value in values.items() if name in inner.parameters}
+            rest = {name: value for name, value in values.items() if name not in own}
+            _set_head(inner, {"parameters": {**inner.parameters, **own}} | rest)
             scope.nodes[self.name] = Node(inner, node.id)
         else:
+            for name, used in scope.uses_of(self.name).items():
+                check(
+                    name not in values, name, values.get(name), f"unset: the diagram's parameter {used!r} stands for it"
+                )
             scope.replace(self.name, with_fields(node.block, values))
 
 
@@ -251,8 +258,9 @@ class SetParameter(Change, op="parameter"):
         path, _, name = self.address.partition(".")
         *at, block = path.split("/")
         node = _node(opened(document, at)[-1], block)
-        block_type = type(node.block)
-        known = {} if isinstance(node.block, Diagram) else {**parameters_of(block_type), **node.block.parameters}
+        block_type: Any = type(node.block)
+        inner = isinstance(node.block, Diagram)
+        known = node.block.parameters if inner else {**parameters_of(block_type), **node.block.parameters}
         if name not in known:
             raise unknown(f"parameter of {path}:", name, known)
         return Set(tuple(at), block, name, self.value).apply(document)

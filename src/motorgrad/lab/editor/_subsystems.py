@@ -40,7 +40,7 @@ def group(scope: Diagram, document: Diagram, names: list[str], name: str | None)
     made = group_blocks(scope, names, title)
     scope.nodes = {each: scope.nodes.get(each, node) for each, node in made.nodes.items()}
     inner: Any = made.nodes[title].block
-    scope.nodes[title] = Node(inner, "")
+    scope.nodes[title], scope.uses = Node(inner, ""), made.uses
     places = scope.layout.get("positions", {})
     own = {each: place for each, place in places.items() if each in names}
     left, right, top = _extent(own)
@@ -71,6 +71,8 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
     places, outer = inner.layout.get("positions", {}), dict(scope.layout.get("positions", {}))
     corner = _extent(places)[0], _extent(places)[2]
     at = outer.pop(name, None) or corner
+    outside = scope.uses_of(name)
+    values = inner.parameters | {own: scope.parameters[used] for own, used in outside.items()}
     scope.remove(name)
     named = {}
     for each, part in sorted(inner.nodes.items(), key=lambda item: isinstance(item[1].block, Inlet)):
@@ -82,6 +84,10 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
             block = Constant(block.value, block.shape)
         named[each] = fresh_name(scope, each)
         keeps = node.id == "" and block is part.block
+        for own, used in inner.uses_of(each).items():
+            block = _with_parameter(block, own, values[used])
+            if used in outside:
+                scope.uses = scope.uses | {f"{named[each]}.{own}": outside[used]}
         scope.nodes[named[each]] = Node(block, part.id if keeps else fresh_id(document, named[each]))
         if each in places:
             outer[named[each]] = [places[each][n] - corner[n] + at[n] for n in (0, 1)]
@@ -106,6 +112,15 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
                 scope.wires[target] = found
     if outer or "positions" in scope.layout:
         scope.layout = scope.layout | {"positions": outer}
+
+
+def _with_parameter(block: Any, name: str, value: Any) -> Any:
+    """A block or a subsystem with another value of a parameter."""
+    if not isinstance(block, Diagram):
+        return block.retuned({name: value})
+    other = block.copy()
+    other.parameters[name] = value
+    return other
 
 
 def _extent(places: dict[str, Any]) -> tuple[float, float, float]:
