@@ -39,7 +39,7 @@ def from_equations(system: System, tick: float, seen: Function | None = None) ->
     states = [Integrator(initial) for _, initial in system.equations.values()]
     slopes = [Function(python_of(formula, names)) for formula, _ in system.equations.values()]
     wires = [
-        Connection(state, *(slope[n] for slope in slopes), *([seen[n]] if seen else [scope] if n == 0 else []))
+        Connection(state, *(slope[n] for slope in slopes), *([scope] * (n == 0) if seen is None else [seen[n]]))
         for n, state in enumerate(states)
     ]
     wires += [Connection(slope, state) for slope, state in zip(slopes, states, strict=True)]
