@@ -98,16 +98,16 @@ def test_wires_in_a_circle_are_refused():
     ("diagram", "path", "port", "says"),
     [
         (
-            lambda: chain(Constant(), Gain(shape=(2,))),
+            lambda: chain(Constant(shape=(3,)), Gain(shape=(2,))),
             "b",
             "u",
-            "accepts floats of shape (2,), but a.y outputs one float",
+            "accepts floats of shape (2,), but a.y outputs floats of shape (3,)",
         ),
         (
-            lambda: chain(Chance((2,), "float"), Gain()),
+            lambda: chain(Chance((2,), "float"), Gain(shape=(3,))),
             "b",
             "u",
-            "accepts one float, but a.y outputs floats of shape (2,)",
+            "accepts floats of shape (3,), but a.y outputs floats of shape (2,)",
         ),
         (lambda: chain(Constant(), Outlet(kind="bool")), "b", "u", "accepts one bool, but a.y outputs one float"),
         (lambda: chain(Gain()), "a", "u", "not connected"),
@@ -129,7 +129,7 @@ def test_what_does_not_fit_is_named_by_block_and_port(diagram, path, port, says)
 
 
 def test_all_problems_are_told_at_once():
-    diagram = chain(Gain(), Gain(shape=(3,)))
+    diagram = chain(Gain(shape=(2,)), Gain(shape=(3,)))
     inner = _with(Diagram(), gain=Gain(), y=Outlet())
     diagram.add("inner", inner)
     diagram.add("end", Outlet())
@@ -141,8 +141,8 @@ def test_all_problems_are_told_at_once():
 
 
 def test_misfits_are_seen_while_a_wire_is_drawn():
-    diagram = chain(Constant(), Gain(shape=(2,)))
-    assert diagram.mismatch("a", "b") == "b.u: accepts floats of shape (2,), but a.y outputs one float"
+    diagram = chain(Constant(shape=(3,)), Gain(shape=(2,)))
+    assert diagram.mismatch("a", "b") == "b.u: accepts floats of shape (2,), but a.y outputs floats of shape (3,)"
     assert "unknown block 'x'" in diagram.mismatch("x", "b")
     diagram.add("yes", Chance(kind="bool"))
     diagram.add("gain", Gain())

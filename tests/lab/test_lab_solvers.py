@@ -7,6 +7,7 @@ import pytest
 from lab_examples import same, wire
 
 from motorgrad.lab import (
+    Chirp,
     Compare,
     Constant,
     Delay,
@@ -21,6 +22,7 @@ from motorgrad.lab import (
     Lag,
     Not,
     Outlet,
+    Pulse,
     Ramp,
     Relay,
     Run,
@@ -198,12 +200,21 @@ def test_a_sine_keeps_its_phase_for_hours():
     """10 Hz near 9,000 s, in single precision; it was off by 0.07."""
     diagram = Diagram(0.001)
     diagram.add("wave", Sine(1.0, 10.0))
-    run = Run(diagram, watch=["wave.y"])
+    diagram.add("chirp", Chirp(1.0, 10.0, 10.0))
+    diagram.add("pulse", Pulse(10.0, 0.25))
+    diagram.add("integral", Integrator())
+    diagram.connect("pulse", "integral")
+    run = Run(diagram, watch=["wave.y", "chirp.y", "pulse.y", "integral.y"])
     state = run.state
     run.restore(state | {"tick": 9_000_037})
     record = run.advance(200)
     exact = np.sin(2 * np.pi * 10 * (np.arange(9_000_037, 9_000_237) % 100) * 0.001)
     np.testing.assert_allclose(record["wave.y"][0], exact, atol=1e-6)
+    np.testing.assert_allclose(record["chirp.y"][0], exact, atol=1e-6)
+    high = np.arange(9_000_037, 9_000_237) % 100 < 25
+    np.testing.assert_array_equal(record["pulse.y"][0], high)
+    integral = 0.001 * np.cumsum(high)[:-1]
+    np.testing.assert_allclose(record["integral.y"][0, 1:] - record["integral.y"][0, 0], integral, atol=1e-6)
 
 
 def looped(**settings) -> Diagram:

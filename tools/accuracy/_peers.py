@@ -9,28 +9,48 @@ from typing import Any
 
 import numpy as np
 from pathsim import Connection, Simulation
-from pathsim.blocks import Adder, Amplifier, Constant, Function, Integrator, Relay, SampleHold, Scope
-from pathsim.events import ZeroCrossing, ZeroCrossingUp
+from pathsim.blocks import (
+    Adder,
+    Amplifier,
+    Constant,
+    Delay,
+    Function,
+    Integrator,
+    Relay,
+    SampleHold,
+    Scope,
+    Source,
+    WhiteNoise,
+)
+from pathsim.events import ZeroCrossing, ZeroCrossingDown, ZeroCrossingUp
 from pathsim.solvers import GEAR52A, RK4, RKDP87
 
-from tools.accuracy._systems import System, python_of
+from tools.accuracy._systems import ENERGY, KINETIC, PULL, START, STATIC, STIFFNESS, System, python_of
 
 SOLVERS = {"RK4": RK4, "RKDP87": RKDP87, "GEAR52A": GEAR52A}
 Parts = tuple[list[Any], list[Any], list[Any], Any]
 """Blocks, connections, events and the scope."""
 
 
-def from_equations(system: System, tick: float) -> Parts:
-    """Differential equations: an integrator and a function for each state."""
+def from_equations(system: System, tick: float, seen: Function | None = None) -> Parts:
+    """Differential equations: an integrator and a function for each state. The scope sees the first state, or what
+    function of all of them is `seen`."""
     names, scope = tuple(system.equations), Scope(sampling_period=tick)
     states = [Integrator(initial) for _, initial in system.equations.values()]
     slopes = [Function(python_of(formula, names)) for formula, _ in system.equations.values()]
     wires = [
-        Connection(state, *(slope[n] for slope in slopes), *([scope] if n == 0 else []))
+        Connection(state, *(slope[n] for slope in slopes), *([scope] * (n == 0) if seen is None else [seen[n]]))
         for n, state in enumerate(states)
     ]
     wires += [Connection(slope, state) for slope, state in zip(slopes, states, strict=True)]
     return [*states, *slopes, scope], wires, [], scope
+
+
+def pendulum(system: System, tick: float) -> Parts:
+    """The double pendulum, of which the energy is recorded."""
+    energy = Function(python_of(f"{ENERGY} - ({START})", tuple(system.equations)))
+    blocks, wires, events, scope = from_equations(system, tick, energy)
+    return [*blocks, energy], [*wires, Connection(energy, scope)], events, scope
 
 
 def ball(system: System, tick: float) -> Parts:
@@ -76,7 +96,60 @@ def spiking(system: System, tick: float) -> Parts:
     return [current, net, level, scope], wires, [fires], scope
 
 
+def stick_slip(system: System, tick: float) -> Parts:
+    """The mass on the floor: one event begins a slip, the other ends it."""
+    pull, stretch, spring = Source(lambda now: PULL * now), Adder("+-"), Amplifier(STIFFNESS)
+    slips = [False]
+    push, speed, place = Function(lambda force: force - KINETIC if slips[0] else 0.0), Integrator(0.0), Integrator(0.0)
+    scope = Scope(sampling_period=tick)
+
+    def slip(now: float) -> None:
+        slips[0] = True
+        begins.off()
+        ends.on()
+
+    def stick(now: float) -> None:
+        slips[0] = False
+        speed.engine.set(np.zeros(1))
+        ends.off()
+        begins.on()
+
+    begins = ZeroCrossingUp(
+        func_evt=lambda now: STIFFNESS * (PULL * now - float(place.engine.get()[0])) - STATIC,
+        func_act=slip,
+        tolerance=1e-10,
+    )
+    ends = ZeroCrossingDown(func_evt=lambda now: float(speed.engine.get()[0]), func_act=stick, tolerance=1e-10)
+    ends.off()
+    wires = [Connection(pull, stretch[0]), Connection(place, stretch[1], scope), Connection(stretch, spring)]
+    wires += [Connection(spring, push), Connection(push, speed), Connection(speed, place)]
+    return [pull, stretch, spring, push, speed, place, scope], wires, [begins, ends], scope
+
+
+def delayed(system: System, tick: float) -> Parts:
+    """The level less 1, because PathSim's `Delay` begins with 0."""
+    level, past, back = Integrator(0.0), Delay(1.0), Function(lambda past: -1 - past)
+    above, scope = Function(lambda level: level + 1), Scope(sampling_period=tick)
+    wires = [Connection(level, past, above), Connection(past, back), Connection(back, level), Connection(above, scope)]
+    return [level, past, back, above, scope], wires, [], scope
+
+
+def noise(ticks: int, tick: float, seed: int) -> tuple[np.ndarray, float]:
+    """A run of white noise through a lag of 1 s by RK4 steps of a tenth of a tick, and its processor seconds."""
+    source, net = WhiteNoise(spectral_density=1.0, sampling_period=tick, seed=seed), Adder("+-")
+    level, scope = Integrator(0.0), Scope(sampling_period=tick)
+    wires = [Connection(source, net[0]), Connection(level, net[1], scope), Connection(net, level)]
+    simulation = Simulation([source, net, level, scope], wires, dt=tick / 10, Solver=RK4, log=False)
+    begin = time.process_time()
+    simulation.run((ticks - 1) * tick, adaptive=False)
+    took = time.process_time() - begin
+    return np.asarray(scope.read()[1])[0], took
+
+
 BUILDERS = {
+    "double pendulum, energy": pendulum,
+    "stick–slip": stick_slip,
+    "transport delay": delayed,
     "bouncing ball": ball,
     "relay": relay,
     "sampled controller": sampled,
@@ -84,12 +157,9 @@ BUILDERS = {
 }
 
 
-def measured(system: System, solver: str, tolerance: float | None) -> dict[str, Any] | None:
-    """The error and the processor seconds of one run; `None` if there is no such model in PathSim here."""
-    build = BUILDERS.get(system.name, from_equations if system.equations else None)
-    if build is None:
-        return None
-    blocks, wires, events, scope = build(system, system.tick)
+def measured(system: System, solver: str, tolerance: float | None) -> dict[str, Any]:
+    """The error and the processor seconds of one run."""
+    blocks, wires, events, scope = BUILDERS.get(system.name, from_equations)(system, system.tick)
     settings = {} if tolerance is None else {"tolerance_lte_rel": tolerance, "tolerance_lte_abs": tolerance * 1e-3}
     step = system.tick / 10 if tolerance is None else min(system.tick / 10, 1e-3)
     simulation = Simulation(blocks, wires, events=events, dt=step, Solver=SOLVERS[solver], log=False, **settings)

@@ -127,13 +127,17 @@ PENDULUM = {  # two masses of 1 kg on rods of 1 m; p and q are their angular vel
 }
 
 
+ENERGY, START = (
+    "p^2 + 0.5*q^2 + p*q*cos(a - b) - 9.81*(2*cos(a) + cos(b))",
+    -9.81 * (2 * math.cos(1.2) + math.cos(-0.5)),
+)
+
+
 def pendulum(tick: float = 0.05, **settings: Any) -> lab.Diagram:
     """The double pendulum; its output is the change of its energy, in joules."""
     diagram = from_equations(PENDULUM, tick, **settings)
     names = ("a", "b", "p", "q")
-    energy = "p^2 + 0.5*q^2 + p*q*cos(a - b) - 9.81*(2*cos(a) + cos(b))"
-    start = -9.81 * (2 * math.cos(1.2) + math.cos(-0.5))
-    diagram.add("energy", lab.Expression(f"{energy} - start", names, ("start",), start))
+    diagram.add("energy", lab.Expression(f"{ENERGY} - start", names, ("start",), START))
     diagram.disconnect("out")
     return wire(diagram, *(f"{name} energy.{name}" for name in names), "energy out")
 
@@ -313,7 +317,9 @@ SYSTEMS = (
     System("sampled controller", sampled, sampled_exact, 0.1, 51),
     System("relay", relay, relay_exact, 0.1, 51),
     System("stick–slip", stick_slip, stick_slip_exact, 0.1, 201),
-    System("double pendulum, energy", pendulum, lambda t: np.zeros(len(t)), 0.05, 101, scale=10.0, by="conserved"),
+    System(
+        "double pendulum, energy", pendulum, lambda t: np.zeros(len(t)), 0.05, 101, False, PENDULUM, 10.0, "conserved"
+    ),
     System("transport delay", delayed, delayed_exact, 0.02, 251),
     System("integrate and fire", spiking, spiking_exact, 0.1, 101),
 )

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from motorgrad import lab
 from motorgrad.lab import gallery
 from motorgrad.lab.compiler import plan
+from motorgrad.lab.diagram import blocks_of
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._edits import SetParameter, selection
-from motorgrad.lab.editor._program import leaves
 from motorgrad.lab.editor._protocol import operation_from
 from motorgrad.lab.editor._views import difference, view
 
@@ -157,14 +157,14 @@ def test_pasted_blocks_are_new_ones_with_their_own_chance():
 
 def test_parameters_and_single_units_by_address():
     diagram = gallery.example("motoneuron-pool")
-    assert leaves(SetParameter("payoff.numbers", [1.0, 0.0]).apply(diagram))["payoff"].numbers == (1.0, 0.0)
+    assert blocks_of(SetParameter("payoff.numbers", [1.0, 0.0]).apply(diagram))["payoff"].numbers == (1.0, 0.0)
     one = edited(diagram, operation("freeze", address="policy", on=True, unit=2))
-    assert leaves(one)["policy"].frozen == (False, False, True, False)
+    assert blocks_of(one)["policy"].frozen == (False, False, True, False)
     both = edited(one, operation("freeze", address="policy", on=True, unit=0))
-    assert leaves(edited(both, operation("freeze", address="policy", on=False, unit=2)))["policy"].frozen == (
+    assert blocks_of(edited(both, operation("freeze", address="policy", on=False, unit=2)))["policy"].frozen == (
         (True, False, False, False)
     )
-    assert leaves(edited(diagram, operation("freeze", address="optimizer", on=True)))["optimizer"].frozen is True
+    assert blocks_of(edited(diagram, operation("freeze", address="optimizer", on=True)))["optimizer"].frozen is True
     for wrong, message in [
         ({"address": "load", "on": True}, "load.*must be a block that learns"),
         ({"address": "policy", "on": True, "unit": 4}, "unit = 4: must be an integer from 0 to 3"),

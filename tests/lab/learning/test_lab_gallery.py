@@ -75,6 +75,12 @@ def test_the_lorenz_system_follows_its_equations_and_forgets_its_start():
     assert apart[1500:].max() > 10
 
 
+def test_the_ball_bounces_at_last_as_high_as_its_plate_throws_it():
+    height = lab.Run(example("ball")).advance(1500)["flight.height"][0]
+    assert height.min() > -1e-4  # hits are located between ticks
+    np.testing.assert_allclose(height[-200:].max(), 2.0**2 / (2 * 9.81), rtol=1e-3)
+
+
 def test_the_pendulum_is_balanced_and_swings_freely_without_its_regulator():
     run = lab.Run(example("pendulum"), watch=["position.y", "speed.y", "angle.y", "rate.y"])
     assert np.abs(run.advance(600)["angle.y"][0, 500:]).max() < 0.1

@@ -80,8 +80,12 @@ from motorgrad.lab.blocks.worlds._tasks import Body as Body
 from motorgrad.lab.blocks.worlds._tasks import Environment as Environment
 from motorgrad.lab.blocks.worlds._tasks import World as World
 from motorgrad.lab.diagram import BLOCKS, Block
+from motorgrad.lab.diagram import Enable as Enable
+from motorgrad.lab.diagram import From as From
+from motorgrad.lab.diagram import Goto as Goto
 from motorgrad.lab.diagram import Inlet as Inlet
 from motorgrad.lab.diagram import Outlet as Outlet
+from motorgrad.lab.diagram import Trigger as Trigger
 
 BLOCKS.update(
     (kind.name, kind)

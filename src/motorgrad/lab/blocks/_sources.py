@@ -93,17 +93,20 @@ class Pulse(TimeSource):
     high: Annotated[Any, Parameter("output during a pulse")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": self.filled(jnp.where(self._cycles(now) % 1.0 < self.duty, self.high, self.low))}
+        return {"y": self.filled(jnp.where(self._phase(now) < self.duty, self.high, self.low))}
 
     def next_jump(self, now: Moment) -> Any:
-        cycles = self._cycles(now)
-        next = jnp.floor(cycles) + jnp.where(cycles % 1.0 < self.duty, self.duty, 1.0)
-        return jnp.min(jnp.where(self.frequency > 0, self.delay + next / self.frequency, jnp.inf))
+        phase = self._phase(now)
+        left = jnp.where(phase < self.duty, self.duty, 1.0) - phase + self._margin(now)
+        return now.later(jnp.min(jnp.where(self.frequency > 0, left / self.frequency, jnp.inf)))
 
-    def _cycles(self, now: Moment) -> Any:
-        """The cycles since the first began."""
-        cycles = self.frequency * (now.start - self.delay)
-        return cycles + 2 * rounding() * (1 + jnp.abs(cycles))
+    def _phase(self, now: Moment) -> Any:
+        """The part of a cycle that has passed since the step began; what misses a jump by rounding counts as on it."""
+        cycles = now.exactly(lambda at, f, delay: f * (at - delay) % 1.0, self.frequency, self.delay, at="start")
+        return (cycles + self._margin(now)) % 1.0
+
+    def _margin(self, now: Moment) -> Any:
+        return 2 * rounding() * (1 + self.frequency * (now.step + jnp.abs(self.delay)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,13 +132,17 @@ class Chirp(TimeSource):
         check(different or self.sweep == "linear", "last", self.last, "different from first in a logarithmic sweep")
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        part = now.time / self.duration
-        if self.sweep == "linear":
-            cycles = now.time * (self.first + 0.5 * (self.last - self.first) * part)
-        else:
-            rate = jnp.log(self.last / self.first)
-            cycles = self.first * self.duration / rate * jnp.expm1(rate * part)
-        return {"y": self.filled(self.amplitude * jnp.sin(2 * jnp.pi * (cycles % 1.0) + self.phase))}
+        def cycles(time: Any, first: Any, last: Any, duration: Any) -> Any:
+            part = time / duration
+            if self.sweep == "linear":
+                passed = time * (first + 0.5 * (last - first) * part)
+            else:
+                rate = jnp.log(last / first)
+                passed = first * duration / rate * jnp.expm1(rate * part)
+            return passed % 1.0
+
+        phase = 2 * jnp.pi * now.exactly(cycles, self.first, self.last, self.duration) + self.phase
+        return {"y": self.filled(self.amplitude * jnp.sin(phase))}
 
 
 @dataclasses.dataclass(frozen=True)

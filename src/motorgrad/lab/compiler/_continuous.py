@@ -70,8 +70,12 @@ class Continuous:
 
     def next_jump(self, within: Any) -> Any:
         """As `_adaptive.System` requires."""
-        times = [self._next_jump(k, within) for k in self.step.jumping]
-        return jnp.min(jnp.stack(times)) - self.time[0] - self.time[1] if times else jnp.inf
+        if not self.step.jumping:
+            return jnp.inf
+        times, real = [self._next_jump(k, within) for k in self.step.jumping], jnp.result_type(float)
+        with jax.enable_x64(True):  # blocks may give times in double precision
+            first = jnp.min(jnp.concatenate([each.astype(jnp.float64) for each in times]))
+            return (first - self.time[0].astype(jnp.float64) - self.time[1].astype(jnp.float64)).astype(real)
 
     def _evaluated(self, state: Any, modes: Any, sides: Any, within: Any, start: Any, there: Environment) -> Any:
         own, step, values = state | modes, self.step, self.values
@@ -116,12 +120,11 @@ class Continuous:
         return self.step.now(k, self.tick, self.numbers, within, start, sides.get(k))
 
     def _next_jump(self, k: int, within: Any) -> Any:
-        """The time of the first jump of any block of a kind."""
+        """The times of the first jumps of the blocks of a kind."""
         from motorgrad.lab.compiler._step import ROWS
 
         block, now = self.step.kinds[k].block, self._now(k, within, within, {})
-        times = jax.vmap(lambda v, n: block.bound(v).next_jump(n), in_axes=(0, ROWS))(dict(self.values[k]), now)
-        return jnp.min(times)
+        return jax.vmap(lambda v, n: block.bound(v).next_jump(n), in_axes=(0, ROWS))(dict(self.values[k]), now)
 
     def _joined(self, by_kind: dict[int, Any]) -> Any:
         """Crossings as one vector."""

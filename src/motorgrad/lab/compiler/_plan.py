@@ -1,7 +1,7 @@
 """Plans: the checked, flat form of a diagram from which both the compiler and the interpreter start."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from motorgrad._errors import unknown
 from motorgrad.lab.diagram import (
@@ -15,6 +15,7 @@ from motorgrad.lab.diagram import (
     Source,
     flatten,
     in_precision,
+    shared,
     verify,
 )
 
@@ -134,6 +135,8 @@ class Plan:
     moving: frozenset[int]
     torn: frozenset[int]
     """Blocks whose outputs are guessed and then found by iteration, because an algebraic loop leads through them."""
+    shared: Mapping[str, tuple[str, ...]]
+    """The addresses of blocks' parameters that parameters of diagrams stand for."""
 
 
 def plan(diagram: Diagram) -> Plan:
@@ -162,7 +165,8 @@ def _checked(diagram: Diagram) -> tuple[Plan | None, list[Problem]]:
     tolerances = (diagram.relative_tolerance, diagram.absolute_tolerance)
     solver = Solver(diagram.solver, diagram.substeps, tolerances, diagram.precision, diagram.loops)
     moving = moving_blocks(flat, order, solver.adapts)
-    return Plan(diagram.tick, solver, tuple(flat), tuple(order), frozenset(moving), frozenset(torn)), []
+    parts = tuple(flat), tuple(order), frozenset(moving), frozenset(torn)
+    return Plan(diagram.tick, solver, *parts, shared(diagram)), []
 
 
 WATCHED = "/"

@@ -45,7 +45,7 @@ Numbers = dict[int, Array]
 """By kind: numbers from U[0, 1), one row per block."""
 Values = Mapping[int, Mapping[str, Any]]
 """By kind: the parameters by name; rows lead."""
-ROWS: Any = Moment(None, None, 0, 0, None, None, None, 0, 0)  # type: ignore[arg-type]  # what differs between rows
+ROWS: Any = Moment(None, None, 0, 0, None, None, None, 0, 0, None)  # type: ignore[arg-type]  # what differs between rows
 
 
 class Carry(NamedTuple):
@@ -227,10 +227,11 @@ class Step:
         rows, real = len(self.kinds[k].members), jnp.result_type(float)
         step = jnp.asarray(self._ticks[k] * self.plan.tick, real)
         time, rest = clock(tick, self.plan.tick, within)
-        begun = time if start is None else clock(tick, self.plan.tick, start)[0]
-        return Moment(
-            tick, time, step, numbers.get(k, jnp.zeros((rows, 0))), begun, rest, jnp.asarray(within, real), above
-        )
+        begins = within if start is None else start
+        began = time if start is None else clock(tick, self.plan.tick, start)[0]
+        within, begins = (jnp.asarray(each, real) for each in (within, begins))
+        own = numbers.get(k, jnp.zeros((rows, 0)))
+        return Moment(tick, time, step, own, began, rest, within, above, begun=begins)
 
     def _crosses(self, kind: Kind) -> bool:
         """Whether zero crossings of a kind matter: fixed steps look for them at ticks, to change continuous states."""

@@ -36,13 +36,15 @@ from motorgrad.lab.diagram._files import (
     save,
     with_fields,
 )
-from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, flatten
+from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, blocks_of, flatten, shared
 from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
+from motorgrad.lab.diagram._gates import Enable, Gate, Trigger
 from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
 from motorgrad.lab.diagram._subsystem import extract, group
+from motorgrad.lab.diagram._tags import From, Goto
 from motorgrad.lab.diagram._verify import crossings_of, function_problems, kind_of, verify
 
 __all__ = [
@@ -55,8 +57,12 @@ __all__ = [
     "Block",
     "Diagram",
     "DiagramError",
+    "Enable",
     "End",
     "Foreign",
+    "From",
+    "Gate",
+    "Goto",
     "Host",
     "HostBlock",
     "HostMoment",
@@ -76,7 +82,9 @@ __all__ = [
     "Sink",
     "Source",
     "Timing",
+    "Trigger",
     "block",
+    "blocks_of",
     "checked_shape",
     "clock",
     "crossings_of",
@@ -102,6 +110,7 @@ __all__ = [
     "sampled",
     "save",
     "settings_of",
+    "shared",
     "to_python",
     "verify",
     "whole_ticks",

@@ -1,7 +1,7 @@
 """Diagrams: named blocks, and wires from outputs to inputs. A diagram is itself a block of other diagrams."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 import jax.numpy as jnp
@@ -9,7 +9,9 @@ import numpy as np
 
 from motorgrad._errors import check, choice, unknown
 from motorgrad.lab.diagram._block import Block, Moment, Ports, Signals, Sink
-from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting
+from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting, nested
+from motorgrad.lab.diagram._gates import Gate
+from motorgrad.lab.diagram._shapes import fitted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +72,7 @@ SOLVERS = ("rk4", "tsit5", "dopri8", "rodas5p")
 HEAD: dict[str, Any] = {
     **{"title": "", "comment": "", "tick": 0.01, "substeps": 1},
     **{"solver": "rk4", "relative_tolerance": 1e-6, "absolute_tolerance": 1e-9, "precision": "single"},
-    "loops": "refuse",
+    **{"loops": "refuse", "parameters": {}, "uses": {}},
 }
 """The settings of a diagram, and their defaults."""
 
@@ -93,8 +95,11 @@ class Diagram:
         diagram.add("level", Integrator())
         diagram.connect("input", "level")
 
+    A block whose `shape` is left at `()` takes the one that its wires have, when the diagram is compiled.
+
     `Inlet` and `Outlet` blocks are the ports of a diagram that is part of another one. In the outermost diagram an
-    inlet is a number that can be set during a run, and an outlet is a recorded signal.
+    inlet is a number that can be set during a run, and an outlet is a recorded signal. A subsystem with an `Enable` or
+    a `Trigger` is evaluated only under a condition.
 
     **Arguments:**
 
@@ -109,8 +114,12 @@ class Diagram:
       20 roundings, 2.4e-6 in single precision.
     - `precision`: `"single"`, or `"double"` for this diagram alone, whatever the precision of the process.
     - `loops`: `"refuse"` or `"solve"` algebraic loops.
+    - `parameters`: numbers, or arrays of numbers, that several blocks may use, by name. Those of a subsystem are set
+      from outside like those of a block.
+    - `uses`: which parameter of the diagram stands for a parameter of a block, `{"block.parameter": "name"}`; see
+      `use`.
 
-    All but `title` and `comment` count for the outermost diagram only.
+    `tick`, `substeps`, `loops` and what concerns the solver count for the outermost diagram only.
 
     `nodes` (by name), `wires` (the source of every connected input) and `layout` (block positions and other data of an
     editor, ignored by the engine) are plain dictionaries to read.
@@ -127,6 +136,8 @@ class Diagram:
         absolute_tolerance: float = 1e-9,
         precision: str = "single",
         loops: str = "refuse",
+        parameters: Mapping[str, Any] | None = None,
+        uses: Mapping[str, str] | None = None,
     ):
         numbers = {"tick": tick, "relative_tolerance": relative_tolerance, "absolute_tolerance": absolute_tolerance}
         for name, value in numbers.items():
@@ -142,6 +153,13 @@ class Diagram:
         self.title, self.comment = title, comment
         self.solver, self.precision, self.loops = solver, precision, loops
         self.relative_tolerance, self.absolute_tolerance = float(relative_tolerance), float(absolute_tolerance)
+        self.parameters: dict[str, Any] = {}
+        for name, value in _table("parameters", parameters):
+            self._declare(name, value)
+        self.uses: dict[str, str] = {}
+        for address, name in _table("uses", uses):
+            check(name in self.parameters, f"uses: {address}", name, "one of the parameters of the diagram")
+            self.uses[address] = name
         self.nodes: dict[str, Node] = {}
         self.wires: dict[End, End] = {}
         self.layout: dict[str, Any] = {}
@@ -180,6 +198,7 @@ class Diagram:
         """Remove a block and its wires."""
         self._node(name)
         del self.nodes[name]
+        self.uses = {address: own for address, own in self.uses.items() if address.partition(".")[0] != name}
         self.wires = {to: source for to, source in self.wires.items() if name not in (to[0], source[0])}
 
     def rename(self, old: str, new: str) -> None:
@@ -191,6 +210,8 @@ class Diagram:
         def renamed(end: End) -> End:
             return (new, end[1]) if end[0] == old else end
 
+        own = {f"{old}.{field}": f"{new}.{field}" for field in self.uses_of(old)}
+        self.uses = {own.get(address, address): name for address, name in self.uses.items()}
         self.nodes = {new if name == old else name: node for name, node in self.nodes.items()}
         self.wires = {renamed(to): renamed(source) for to, source in self.wires.items()}
 
@@ -220,14 +241,61 @@ class Diagram:
         check(end in self.wires, "target", target, "an input with a wire")
         del self.wires[end]
 
+    def use(self, address: str, name: str) -> None:
+        """Let a parameter of the diagram stand for one of a block, or of a subsystem, at an address
+        `"block.parameter"`. A parameter that the diagram does not have yet begins with the block's value.
+
+            plant.use("inertia.gain", "mass")
+            plant.use("weight.gain", "mass")
+            run["plant.mass"] = 2.0  # sets both
+        """
+        block, _, own = address.partition(".")
+        inner = self._node(block).block
+        known = inner.parameters
+        if own not in known:
+            raise unknown(f"parameter of {block}:", own, known)
+        if name not in self.parameters:
+            self._declare(name, inner.parameters[own] if isinstance(inner, Diagram) else getattr(inner, own))
+        self.uses[address] = name
+
+    def _declare(self, name: Any, value: Any) -> None:
+        _check_name(name)
+        check(name not in HEAD, "parameters", name, "another name: a setting of the diagram has it")
+        Parameter().plain(name, value)
+        self.parameters[name] = nested(np.asarray(value).tolist())
+
+    def uses_of(self, block: str) -> dict[str, str]:
+        """The parameters of the diagram that a block uses, by the name of its own parameter."""
+        ends = ((address.partition("."), name) for address, name in self.uses.items())
+        return {end[2]: name for end, name in ends if end[0] == block}
+
     def mismatch(self, source: str, target: str) -> str | None:
         """Why an output cannot be connected to an input; `None` if it can."""
         try:
             start, end = self.end(source, "outputs"), self.end(target, "inputs")
         except ValueError as error:
             return str(error)
-        given, wanted = self.nodes[start[0]].block.outputs[start[1]], self.nodes[end[0]].block.inputs[end[1]]
+        given, wanted = self.meeting(start, end)
         return port_mismatch(".".join(start), given, ".".join(end), wanted)
+
+    def meeting(self, start: End, end: End) -> tuple[Port, Port]:
+        """The ports at both ends of a wire; one whose shape follows from the other has that one's."""
+        given, wanted = self.nodes[start[0]].block.outputs[start[1]], self.nodes[end[0]].block.inputs[end[1]]
+        if given.shape == wanted.shape:
+            return given, wanted
+        if self._fits(end, "inputs", given.shape):
+            return given, dataclasses.replace(wanted, shape=given.shape)
+        if self._fits(start, "outputs", wanted.shape):
+            return dataclasses.replace(given, shape=wanted.shape), wanted
+        return given, wanted
+
+    def _fits(self, end: End, side: str, shape: tuple[int, ...]) -> bool:
+        """Whether a port can take a shape."""
+        block, port = self.nodes[end[0]].block, end[1]
+        if not isinstance(block, Diagram):
+            return fitted(block, side, port, shape) is not None
+        inner: Any = block.nodes[port].block  # an inlet, an outlet or a gate
+        return any(fitted(inner, *own, shape) for own in (("outputs", "y"), ("inputs", "u")))
 
     @property
     def head(self) -> dict[str, Any]:
@@ -236,8 +304,8 @@ class Diagram:
 
     @property
     def inputs(self) -> Ports:
-        """Its input ports: the inlets by name."""
-        return {name: block.port for name, block in self._blocks_of(Inlet)}
+        """Its input ports: the inlets and gates by name."""
+        return {name: block.port for name, block in self._blocks_of((Inlet, Gate))}
 
     @property
     def outputs(self) -> Ports:
@@ -269,7 +337,7 @@ class Diagram:
     def _content(self) -> tuple[Any, ...]:
         return self.head, list(self.nodes.items()), self.wires, self.layout
 
-    def _blocks_of(self, kind: type[Any]) -> Iterator[tuple[str, Any]]:
+    def _blocks_of(self, kind: type[Any] | tuple[type[Any], ...]) -> Iterator[tuple[str, Any]]:
         return ((name, node.block) for name, node in self.nodes.items() if isinstance(node.block, kind))
 
     def _node(self, name: str) -> Node:
@@ -303,6 +371,12 @@ def numbered_names(name: str) -> Iterator[str]:
     while True:
         yield f"{name} {number}"
         number += 1
+
+
+def _table(name: str, value: Any) -> list[tuple[Any, Any]]:
+    """The entries of a table."""
+    check(value is None or isinstance(value, Mapping), name, value, "a table")
+    return list((value or {}).items())
 
 
 def _check_name(name: Any, what: str = "name") -> None:

@@ -1,6 +1,7 @@
 """The time of an evaluation, exact also where signals have single precision."""
 
 import contextlib
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -31,16 +32,32 @@ class Moment(NamedTuple):
     crossings; elsewhere `None`, and the block goes by its inputs."""
     turned: Bool[Array, " crossings"] | None = None
     """In `crossed`: which of them have just changed."""
+    begun: Float[Array, ""] | float = 0.0
+    """Seconds from the tick to `start`."""
 
     def cycles(self, frequency: Any) -> Any:
         """The cycles of this frequency (Hz) since the start, without the whole ones: from 0 to 1, exact to single
         precision after years, where `frequency * time` is not.
         """
+        return self.exactly(lambda time, frequency: frequency * time % 1.0, frequency)
+
+    def exactly(self, function: Callable[..., Any], *values: Any, at: str = "time") -> Any:
+        """A function of the seconds since the start, and of `values`, computed in double precision: the seconds `at`
+        `"time"`, or at the `"start"` of the step.
+        """
         real = jnp.result_type(float)
         with jax.enable_x64(True):
-            wide = [jnp.asarray(each).astype(jnp.float64) for each in (frequency, self.time, self.rest)]
-            cycles = wide[0] * (wide[1] + wide[2])
-            return (cycles - jnp.floor(cycles)).astype(real)
+            return function(self._seconds(at), *(jnp.asarray(each).astype(jnp.float64) for each in values)).astype(real)
+
+    def later(self, seconds: Any) -> Any:
+        """The time so many seconds after `start`, in double precision: what `next_jump` returns."""
+        with jax.enable_x64(True):
+            return self._seconds("start") + jnp.asarray(seconds).astype(jnp.float64)
+
+    def _seconds(self, at: str) -> Any:
+        parts = (self.time, self.rest, self.within, self.begun)
+        time, rest, within, begun = (jnp.asarray(each).astype(jnp.float64) for each in parts)
+        return time + rest if at == "time" else time + rest - within + begun
 
     def sides(self, levels: Any) -> Any:
         """Whether each of `levels`, the block's crossings in their shape, is at least 0, held during a step."""

@@ -31,6 +31,8 @@ def group(diagram: Diagram, names: Iterable[str], name: str) -> Diagram:
     other = diagram.copy()
     for each in chosen:
         other.remove(each)
+    own = {f"{name}.{used}": used for used in inner.parameters}
+    other.uses |= own
     other.add(name, inner, id="")  # its blocks keep their ids, and with them their random numbers and states
     for source, inlet in inlets.items():
         other.connect(".".join(source), f"{name}.{inlet}")
@@ -47,7 +49,9 @@ def _extracted(diagram: Diagram, names: Iterable[str]) -> tuple[Diagram, dict[En
     for each in chosen:
         if each not in diagram.nodes:
             raise unknown("block", each, diagram.nodes)
-    head: dict[str, Any] = diagram.head | {"title": "", "comment": ""}
+    uses = {address: used for address, used in diagram.uses.items() if address.partition(".")[0] in chosen}
+    parameters = {used: value for used, value in diagram.parameters.items() if used in uses.values()}
+    head: dict[str, Any] = diagram.head | {"title": "", "comment": "", "parameters": parameters, "uses": uses}
     inner = Diagram(**head)
     for each, node in diagram.nodes.items():
         if each in chosen:

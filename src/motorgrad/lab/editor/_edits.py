@@ -14,6 +14,7 @@ from motorgrad.lab.diagram import (
     SUBSYSTEM,
     Block,
     Diagram,
+    Gate,
     Inlet,
     Node,
     Outlet,
@@ -111,7 +112,8 @@ class Rename(Edit):
 @dataclasses.dataclass(frozen=True)
 class Set(Edit):
     """Set a field of a block, or several at once in `fields`. Without a name it sets fields of the diagram itself:
-    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops.
+    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops, parameters, uses;
+    or of a subsystem one of its parameters.
     """
 
     name: str | None = None
@@ -128,9 +130,15 @@ class Set(Edit):
         node = _node(scope, self.name)
         if isinstance(node.block, Diagram):
             inner = shallow_copy(node.block)
-            _set_head(inner, values)
+            own = {name: value for name, value in values.items() if name in inner.parameters}
+            rest = {name: value for name, value in values.items() if name not in own}
+            _set_head(inner, {"parameters": {**inner.parameters, **own}} | rest)
             scope.nodes[self.name] = Node(inner, node.id)
         else:
+            for name, used in scope.uses_of(self.name).items():
+                check(
+                    name not in values, name, values.get(name), f"unset: the diagram's parameter {used!r} stands for it"
+                )
             scope.replace(self.name, with_fields(node.block, values))
 
 
@@ -250,8 +258,9 @@ class SetParameter(Change, op="parameter"):
         path, _, name = self.address.partition(".")
         *at, block = path.split("/")
         node = _node(opened(document, at)[-1], block)
-        block_type = type(node.block)
-        known = {} if isinstance(node.block, Diagram) else {**parameters_of(block_type), **node.block.parameters}
+        block_type: Any = type(node.block)
+        inner = isinstance(node.block, Diagram)
+        known = node.block.parameters if inner else {**parameters_of(block_type), **node.block.parameters}
         if name not in known:
             raise unknown(f"parameter of {path}:", name, known)
         return Set(tuple(at), block, name, self.value).apply(document)
@@ -328,7 +337,7 @@ def _update_outer_wires(outer: Diagram, edit: Edit) -> None:
     """Adjust the wires at a subsystem whose ports changed: follow a renamed port, drop wires at removed ones."""
     name = edit.at[-1]
     inner = outer.nodes[name].block
-    if isinstance(edit, Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet):  # type: ignore[union-attr]
+    if isinstance(edit, Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet | Gate):  # type: ignore[union-attr]
 
         def renamed(end: tuple[str, str]) -> tuple[str, str]:
             return (name, edit.to) if end == (name, edit.name) else end

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 from motorgrad._errors import check
 from motorgrad.lab.compiler import problems
-from motorgrad.lab.diagram import SUBSYSTEM, Diagram, Record, dumps
-from motorgrad.lab.editor._program import leaves
+from motorgrad.lab.diagram import SUBSYSTEM, Diagram, Record, blocks_of, dumps
 from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 from motorgrad.lab.editor._traces import Traces
 from motorgrad.lab.editor._views import declarations, view
@@ -73,7 +72,7 @@ def page_of(diagram: Diagram, record: Record) -> str:
     signals = list(record.signals.values())
     seeds = list(range(len(signals[0]) if signals else 1))
     last = record.first + record.ticks
-    sinks = {f"{path}.{port}" for path, block in leaves(diagram).items() for port in block.inputs}
+    sinks = {f"{path}.{port}" for path, block in blocks_of(diagram).items() for port in block.inputs}
     run: Event = {"branch": "main", "tick": last, "time": last * record.tick, "head": last, "seeds": seeds}
     run |= {"speed": 1.0, "achieved": None, "waited": None, "overrides": {}, "fresh": [], "faults": []}
     run |= {"watch": [address for address in record.signals if address not in sinks]}
@@ -85,6 +84,6 @@ def page_of(diagram: Diagram, record: Record) -> str:
 
 def _declared(diagram: Diagram) -> Event:
     """The declarations of the blocks that a diagram has, and none of the gallery."""
-    whole, used = declarations(), {SUBSYSTEM, *(block.name for block in leaves(diagram).values())}
+    whole, used = declarations(), {SUBSYSTEM, *(block.name for block in blocks_of(diagram).values())}
     blocks = {name: declared for name, declared in whole["blocks"].items() if name in used}
     return {**whole, "blocks": blocks, "gallery": []}

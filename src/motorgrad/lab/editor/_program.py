@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 from motorgrad.lab.compiler import Plan, plan
-from motorgrad.lab.diagram import Diagram, Outlet, Sink, dumps, kind_of
+from motorgrad.lab.diagram import Diagram, Outlet, Sink, blocks_of, dumps, kind_of
 from motorgrad.lab.engine import Run, State
 
 Values = dict[str, Any]
@@ -45,26 +45,17 @@ def signature(diagram: Diagram) -> Any:
     return made.tick, made.solver, made.moving, placed
 
 
-def leaves(diagram: Diagram, prefix: str = "") -> dict[str, Any]:
-    """All blocks that are not subsystems, by path."""
-    found: dict[str, Any] = {}
-    for name, node in diagram.nodes.items():
-        if isinstance(node.block, Diagram):
-            found |= leaves(node.block, f"{prefix}{name}/")
-        else:
-            found[f"{prefix}{name}"] = node.block
-    return found
-
-
 def learns(diagram: Diagram) -> bool:
     """Whether a block of the diagram learns."""
-    return any(block.category == "learning" for block in leaves(diagram).values())
+    return any(block.category == "learning" for block in blocks_of(diagram).values())
 
 
 def parameters(diagram: Diagram) -> Values:
     """All parameters by address."""
     return {
-        f"{path}.{name}": getattr(block, name) for path, block in leaves(diagram).items() for name in block.parameters
+        f"{path}.{name}": getattr(block, name)
+        for path, block in blocks_of(diagram).items()
+        for name in block.parameters
     }
 
 
@@ -75,7 +66,7 @@ def outputs(diagram: Diagram) -> list[str]:
 
 def sink_at(diagram: Diagram, path: str) -> Any:
     """The sink at a path, if it draws; outlets draw lines."""
-    block = leaves(diagram).get(path)
+    block = blocks_of(diagram).get(path)
     return block if isinstance(block, Sink) and not isinstance(block, Outlet) else None
 
 

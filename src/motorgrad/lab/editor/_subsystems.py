@@ -5,7 +5,7 @@ from typing import Any
 
 from motorgrad._errors import check
 from motorgrad.lab.blocks import Constant
-from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Inlet, Node, Outlet, numbered_names
+from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Gate, Inlet, Node, Outlet, numbered_names
 from motorgrad.lab.diagram import group as group_blocks
 
 
@@ -34,13 +34,13 @@ BELOW = 70.0  # between one inlet and the next
 def group(scope: Diagram, document: Diagram, names: list[str], name: str | None) -> None:
     """Turn blocks into a subsystem at their centre. Each keeps its id, and with it its random numbers and its state."""
     for each in names:
-        boundary = isinstance(scope.nodes[each].block, Inlet | Outlet)
-        check(not boundary, "names", each, "neither an inlet nor an outlet: these stay in their diagram")
+        boundary = isinstance(scope.nodes[each].block, Inlet | Outlet | Gate)
+        check(not boundary, "names", each, "no inlet, outlet or gate: these stay in their diagram")
     title = fresh_name(scope, "subsystem") if name is None else name
     made = group_blocks(scope, names, title)
     scope.nodes = {each: scope.nodes.get(each, node) for each, node in made.nodes.items()}
     inner: Any = made.nodes[title].block
-    scope.nodes[title] = Node(inner, "")
+    scope.nodes[title], scope.uses = Node(inner, ""), made.uses
     places = scope.layout.get("positions", {})
     own = {each: place for each, place in places.items() if each in names}
     left, right, top = _extent(own)
@@ -64,11 +64,15 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
     """
     node = scope.nodes[name]
     inner: Any = node.block
+    gates = [each for each, part in inner.nodes.items() if isinstance(part.block, Gate)]
+    check(not gates, name, f"a subsystem with {', '.join(gates)}", "without a condition, to be replaced by its blocks")
     around = {t: s for t, s in scope.wires.items() if name in (t[0], s[0])}
     fed = {t[1]: s for t, s in around.items() if t[0] == name}
     places, outer = inner.layout.get("positions", {}), dict(scope.layout.get("positions", {}))
     corner = _extent(places)[0], _extent(places)[2]
     at = outer.pop(name, None) or corner
+    outside = scope.uses_of(name)
+    values = inner.parameters | {own: scope.parameters[used] for own, used in outside.items()}
     scope.remove(name)
     named = {}
     for each, part in sorted(inner.nodes.items(), key=lambda item: isinstance(item[1].block, Inlet)):
@@ -80,6 +84,10 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
             block = Constant(block.value, block.shape)
         named[each] = fresh_name(scope, each)
         keeps = node.id == "" and block is part.block
+        for own, used in inner.uses_of(each).items():
+            block = _with_parameter(block, own, values[used])
+            if used in outside:
+                scope.uses = scope.uses | {f"{named[each]}.{own}": outside[used]}
         scope.nodes[named[each]] = Node(block, part.id if keeps else fresh_id(document, named[each]))
         if each in places:
             outer[named[each]] = [places[each][n] - corner[n] + at[n] for n in (0, 1)]
@@ -104,6 +112,15 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
                 scope.wires[target] = found
     if outer or "positions" in scope.layout:
         scope.layout = scope.layout | {"positions": outer}
+
+
+def _with_parameter(block: Any, name: str, value: Any) -> Any:
+    """A block or a subsystem with another value of a parameter."""
+    if not isinstance(block, Diagram):
+        return block.retuned({name: value})
+    other = block.copy()
+    other.parameters[name] = value
+    return other
 
 
 def _extent(places: dict[str, Any]) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ import dataclasses
 import functools
 import inspect
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,9 @@ def view_of_node(diagram: Diagram, name: str, inner: bool = True) -> View:
 
 
 def _subsystem(diagram: Diagram, inner: bool) -> View:
-    own = {"type": SUBSYSTEM, "category": "subsystems", "fields": head(diagram)}
+    own: View = {"type": SUBSYSTEM, "category": "subsystems", "fields": head(diagram) | diagram.parameters}
+    if diagram.parameters:
+        own["parameters"] = _added_fields({name: Parameter() for name in diagram.parameters}, diagram.parameters)
     return own | {"inner": view(diagram)} if inner else own
 
 
@@ -79,14 +81,18 @@ def _block(block: Block) -> View:
     fields |= {name: getattr(block, name) for name in more}
     own: View = {"type": block.name, "category": block.category, "fields": fields}
     if more:  # parameters that settings add to those of the type
-        usual = {"type": "float", "required": False}
-        own["parameters"] = [
-            {"name": name, **usual, **_parameter_field(declared), "default": fields[name]}
-            for name, declared in more.items()
-        ]
+        own["parameters"] = _added_fields(more, fields)
     drawing = getattr(type(block), "drawing", None)
     own |= {} if drawing is None else {"drawing": drawing}
     return own | {"frozen": block.values()["frozen"].tolist()} if "frozen" in fields else own
+
+
+def _added_fields(declared: Mapping[str, Parameter], values: Mapping[str, Any]) -> list[View]:
+    """The declarations of parameters that a block's type does not declare."""
+    usual = {"type": "float", "required": False}
+    return [
+        {"name": name, **usual, **_parameter_field(each), "default": values[name]} for name, each in declared.items()
+    ]
 
 
 def _parameter_field(declared: Parameter) -> View:

@@ -267,10 +267,12 @@ class Interpreter:
         if self._clock[0] != key:  # shared by all blocks: making small arrays is slow
             tick = jnp.uint32(self.tick)
             time, rest = clock(tick, self.plan.tick, within)
-            begun = time if start is None else clock(tick, self.plan.tick, start)[0]
-            self._clock = key, tick, time, begun, rest, jnp.asarray(within, time.dtype)
-        _, tick, time, begun, rest, within = self._clock
-        return Moment(tick, time, self._steps[i], self._uniforms(i), begun, rest, within, above)
+            began = time if start is None else clock(tick, self.plan.tick, start)[0]
+            begins = within if start is None else start
+            seconds = (jnp.asarray(each, time.dtype) for each in (within, begins))
+            self._clock = key, tick, time, began, rest, *seconds
+        _, tick, time, began, rest, within, begins = self._clock
+        return Moment(tick, time, self._steps[i], self._uniforms(i), began, rest, within, above, begun=begins)
 
     def _uniforms(self, i: int) -> Any:
         span, size = self.tick // SPAN, self.blocks[i].uniforms

@@ -26,7 +26,8 @@ class Parameters:
         """By kind: the arrays by name. Rows lead; seeds come last in arrays that differ between seeds."""
         self._swept: set[tuple[int, str]] = set()
         for address, rows in swept.items():
-            self._sweep(address, rows)
+            for each in self._addresses(address):
+                self._sweep(each, rows)
 
     @property
     def axes(self) -> dict[int, dict[str, int | None]]:
@@ -37,13 +38,21 @@ class Parameters:
 
     def __getitem__(self, address: str) -> Any:
         """The current value of a parameter: plain numbers, or `(seeds, …)` where it differs between seeds."""
-        i, name = self._find(address)
+        i, name = self._find(self._addresses(address)[0])
         k, row = self._stacks.rows[i]
         if (k, name) in self._swept:
             return np.moveaxis(self.values[k][name][row], -1, 0).copy()
         return getattr(self._blocks[i], name)
 
     def __setitem__(self, address: str, value: Any) -> None:
+        for each in self._addresses(address):
+            self._set(each, value)
+
+    def _addresses(self, address: str) -> tuple[str, ...]:
+        """The addresses of blocks' parameters that an address stands for."""
+        return self._stacks.plan.shared.get(address, (address,))
+
+    def _set(self, address: str, value: Any) -> None:
         i, name = self._find(address)
         k, row = self._stacks.rows[i]
         changed = self._with_value(i, name, value, address)

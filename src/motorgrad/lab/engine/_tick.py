@@ -60,7 +60,7 @@ class Tick:
         """As `evaluate`."""
         now = {i: self.all.now(i, within, within) for i in self.all.jumping}
         times = [float(self.all.blocks[i].next_jump(now[i])) for i in now]
-        return jnp.asarray(min(times, default=np.inf)) - self.time[0] - self.time[1]
+        return jnp.asarray(min(times, default=np.inf) - float(self.time[0]) - float(self.time[1]))
 
     def _evaluated(self, state: Any, modes: Any, sides: Any, within: Any, start: Any, values: Any) -> Any:
         every, own = self.all, state | modes

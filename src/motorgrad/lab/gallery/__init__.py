@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from motorgrad._errors import unknown
 from motorgrad.lab.diagram import Diagram
-from motorgrad.lab.gallery._dynamics import anti_windup, lorenz, pendulum, spiking
+from motorgrad.lab.gallery._dynamics import anti_windup, bouncing_ball, lorenz, pendulum, spiking
 from motorgrad.lab.gallery._plain_blocks import leg_controller, motoneuron_pool
 from motorgrad.lab.gallery._tasks import chain, constructive_pool, hopper, linear_recruitment, network, orbit, particle
 from motorgrad.lab.gallery._wiring import learner
@@ -21,6 +21,7 @@ GALLERY: dict[str, Callable[[], Diagram]] = {
     "leg-controller": leg_controller,
     "pid": anti_windup,
     "lorenz": lorenz,
+    "ball": bouncing_ball,
     "pendulum": pendulum,
     "spiking": spiking,
 }

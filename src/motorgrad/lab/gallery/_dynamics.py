@@ -1,4 +1,4 @@
-"""Diagrams that do not learn: a controller, an attractor, a pendulum, spiking neurons."""
+"""Diagrams that do not learn: a controller, an attractor, a ball, a pendulum, spiking neurons."""
 
 import numpy as np
 from scipy.linalg import solve_continuous_are
@@ -93,6 +93,39 @@ def lorenz() -> Diagram:
     for rate, reads in (("dx", "xy"), ("dy", "xyz"), ("dz", "xyz")):
         connect(diagram, *((state, f"{rate}.{state}") for state in reads), (rate, rate[1]))
     connect(diagram, ("x", "butterfly.x"), ("z", "butterfly.y"), ("x", "over time.x"))
+    return diagram
+
+
+def bouncing_ball() -> Diagram:
+    """A ball that bounces at instants which the solver locates."""
+    diagram = Diagram(
+        tick=0.01,
+        solver="tsit5",
+        title="Bouncing ball",
+        comment="A ball falls on a plate and rises again with four fifths of its speed ('bounce'), but never with less "
+        "than the plate gives it ('least'). The solver locates every hit, between two ticks, and resets the speed "
+        "there; with solver = rk4 hits happen at ticks, and heights are a matter of luck. With 'least' at 0 the ball "
+        "hits ever faster, infinitely often in a finite time, and then falls through the plate.",
+    )
+    diagram.add("gravity", Constant(-GRAVITY))
+    diagram.add("speed", Integrator(reset="rising", external=True))
+    diagram.add("height", Integrator(2.0))
+    diagram.add("hit", Compare("<="))
+    diagram.add("plate", Expression("max(-bounce * speed, least)", ("speed",), ("bounce", "least"), (0.8, 2.0)))
+    diagram.add("flight", Scope(("height",), window=10.0))
+    diagram.add("height and speed", Portrait(across=(-0.2, 2.2), up=(-7.0, 7.0)))
+    connect(
+        diagram,
+        ("gravity", "speed.u"),
+        ("speed", "height"),
+        ("height", "hit.u1"),
+        ("hit", "speed.reset"),
+        ("speed", "plate.speed"),
+        ("plate", "speed.initial"),
+        ("height", "flight.height"),
+        ("height", "height and speed.x"),
+        ("speed", "height and speed.y"),
+    )
     return diagram
 
 

@@ -1,0 +1,191 @@
+"""Subsystems: evaluated under a condition, with parameters of their own; and signals that are named."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from motorgrad import lab
+from motorgrad.lab.editor._edits import Set, Ungroup
+from motorgrad.lab.editor._views import view
+
+
+def conditional(gate: lab.Block, solver: str = "rk4") -> lab.Diagram:
+    """A subsystem behind a gate that is driven by a pulse, which is high in the first half of every second."""
+    inner = lab.Diagram()
+    blocks = {
+        **{"go": gate, "u": lab.Inlet(), "twice": lab.Gain(2.0), "level": lab.Integrator(1.0)},
+        **{"noise": lab.UniformNoise(), "before": lab.UnitDelay(), "high": lab.Compare(">=", 1.05)},
+        **{"a": lab.Outlet(), "b": lab.Outlet(), "c": lab.Outlet(), "d": lab.Outlet(kind="bool")},
+    }
+    for name, block in blocks.items():
+        inner.add(name, block)
+    wires = ("u twice", "twice level", "level a", "noise before", "noise b", "before c", "level high.u1", "high d")
+    for wire in wires:
+        inner.connect(*wire.split())
+    diagram = lab.Diagram(0.1, solver=solver)
+    diagram.add("inner", inner)
+    for name, block in {"pulse": lab.Pulse(), "high": lab.Compare(">", 0.5), "one": lab.Sine(0.0, offset=0.5)}.items():
+        diagram.add(name, block)
+    for wire in ("pulse high.u1", "high inner.go", "one inner.u"):
+        diagram.connect(*wire.split())
+    for name in "abcd":
+        diagram.add(name, lab.Outlet(kind="bool" if name == "d" else "float"))
+        diagram.connect(f"inner.{name}", name)
+    return diagram
+
+
+@pytest.mark.parametrize("solver", ["rk4", "tsit5"])
+def test_an_enabled_subsystem_rests_while_its_condition_does_not_hold(solver):
+    diagram = conditional(lab.Enable(), solver)
+    run = lab.Run(diagram)
+    record, again = run.advance(25), lab.Interpreter(diagram).advance(7)
+    seen = {name: record[f"{name}.u"][0] for name in "abcd"}
+    for name, values in seen.items():
+        np.testing.assert_allclose(values[:7], again[f"{name}.u"][0], rtol=1e-6)
+    ticks = np.arange(25)
+    open_ticks = 5 * (ticks // 10) + np.minimum(ticks % 10, 5)  # before each tick
+    np.testing.assert_allclose(seen["a"], 1 + 0.1 * open_ticks, rtol=1e-6)
+    opened = ticks % 10 < 5
+    assert len(set(seen["b"][opened])) == opened.sum()  # other numbers in every open tick
+    np.testing.assert_array_equal(seen["b"][1:][~opened[1:]], seen["b"][:-1][~opened[1:]])
+    np.testing.assert_array_equal(seen["c"][opened][1:], seen["b"][opened][:-1])
+    np.testing.assert_array_equal(seen["d"], open_ticks - (~opened).astype(int) >= 1)  # the last value, not a new one
+
+
+@pytest.mark.parametrize(
+    ("on", "opens"), [("rising", (0, 10, 20)), ("falling", (5, 15)), ("either", (0, 5, 10, 15, 20))]
+)
+def test_a_triggered_subsystem_is_evaluated_when_its_condition_changes(on, opens):
+    seen = lab.Interpreter(conditional(lab.Trigger(on))).advance(25)["b.u"][0]
+    assert tuple(np.flatnonzero(np.diff(seen, prepend=0.0))) == opens
+
+
+def test_a_gate_that_is_not_wired_is_open_and_hosts_must_not_stand_behind_one():
+    inner = lab.Diagram()
+    inner.add("go", lab.Enable())
+    inner.add("level", lab.Integrator(1.0))
+    inner.add("one", lab.Constant(1.0))
+    inner.connect("one", "level")
+    diagram = lab.Diagram(0.1)
+    diagram.add("inner", inner)
+    run = lab.Run(diagram, watch=["inner/level.y"])
+    np.testing.assert_allclose(run.advance(11)["inner/level.y"][0, -1], 2.0, rtol=1e-6)
+    assert lab.loads(lab.dumps(diagram)) == diagram
+    inner.add("body", lab.Body("hopper"))
+    assert "inner/body: runs on the host: it must not be in an enabled or triggered subsystem" in map(
+        str, lab.problems(diagram)
+    )
+
+
+def plant() -> lab.Diagram:
+    """A mass in a subsystem, whose weight and inertia use one parameter; its speed goes to the scope by name."""
+    inner = lab.Diagram()
+    blocks = {"weight": lab.Gain(2.0), "one": lab.Constant(1.0), "inertia": lab.Gain(2.0), "out": lab.Outlet()}
+    for name, block in {**blocks, "named": lab.Goto("sum"), "sum": lab.Sum(), "again": lab.From("sum")}.items():
+        inner.add(name, block)
+    for wire in ("one weight", "one inertia", "weight sum.u1", "inertia sum.u2", "sum named", "again out"):
+        inner.connect(*wire.split())
+    inner.use("weight.gain", "mass")
+    inner.use("inertia.gain", "mass")
+    diagram = lab.Diagram(parameters={"kilograms": 3.0})
+    diagram.add("plant", inner)
+    diagram.add("speed", lab.Outlet())
+    diagram.connect("plant.out", "speed")
+    diagram.use("plant.mass", "kilograms")
+    return diagram
+
+
+def test_a_subsystem_has_parameters_that_its_blocks_use():
+    diagram = plant()
+    assert diagram.nodes["plant"].block.parameters == {"mass": 2.0}
+    run = lab.Run(diagram)
+
+    def seen(run):
+        return run.advance(1)["speed.u"][0, 0]
+
+    assert seen(run) == 6.0  # the outer diagram's value counts
+    run["plant.mass"] = 5.0
+    assert (run["kilograms"], run["plant/weight.gain"], seen(run)) == (5.0, 5.0, 10.0)
+    run["kilograms"] = 4.0
+    assert seen(run) == 8.0
+    swept = lab.Run(diagram, 2, sweep={"kilograms": [1.0, 7.0]})
+    np.testing.assert_array_equal(swept.advance(1)["speed.u"][:, 0], [2.0, 14.0])
+    assert seen(lab.Interpreter(diagram)) == 6.0
+
+    again = lab.loads(lab.dumps(diagram))
+    assert again == diagram == diagram.copy()
+    scope: dict = {}
+    exec(lab.to_python(diagram), scope)
+    assert scope["diagram"] == diagram
+    again.rename("plant", "other")
+    assert again.uses == {"other.mass": "kilograms"}
+    again.remove("other")
+    assert again.uses == {}
+    opened = Ungroup((), "plant").apply(diagram)
+    assert opened.uses == {"weight.gain": "kilograms", "inertia.gain": "kilograms"}
+    assert seen(lab.Run(opened)) == 6.0
+    changed = Set((), "plant", "mass", 9.0).apply(diagram)
+    (field,) = view(changed)["nodes"]["plant"]["parameters"]
+    assert (field["name"], field["role"], view(changed)["nodes"]["plant"]["fields"]["mass"]) == (
+        "mass",
+        "parameter",
+        9.0,
+    )
+    grouped = lab.group(diagram, ["plant"], "all")
+    assert grouped.uses == {"all.kilograms": "kilograms"}
+    assert seen(lab.Run(grouped)) == 6.0
+
+
+def test_wrong_uses_and_names_are_refused():
+    diagram = plant()
+    with pytest.raises(ValueError, match="'gian'"):
+        diagram.use("plant.gian", "mass")
+    with pytest.raises(ValueError, match="'tick'"):
+        lab.Diagram(parameters={"tick": 1.0})
+    with pytest.raises(ValueError, match="'b'"):
+        lab.Diagram(parameters={"a": 1.0}, uses={"gain.gain": "b"})
+    inner: Any = diagram.nodes["plant"].block
+    inner.uses["weight.gian"] = "mass"
+    inner.uses["weihgt.gain"] = "mass"
+    found = list(map(str, lab.problems(diagram)))
+    assert any(line.startswith("plant/weight: unknown parameter 'gian'") for line in found)
+    assert "plant/weihgt: a parameter is set for its 'gain', which does not exist" in found
+    inner.uses.clear()
+    inner.replace("named", lab.Goto("total"))
+    assert "plant/again: there is no goto with the tag 'sum'" in map(str, lab.problems(diagram))
+    inner.replace("again", lab.From("total"))
+    inner.add("second", lab.Goto("total"))
+    assert "plant/second: has the same tag, 'total', as named" in map(str, lab.problems(diagram))
+
+
+def test_shapes_follow_from_wires_through_subsystems():
+    inner = lab.Diagram()
+    blocks = {"u": lab.Inlet(), "level": lab.Integrator(), "twice": lab.Gain(2.0), "y": lab.Outlet()}
+    for name, block in blocks.items():
+        inner.add(name, block)
+    for wire in ("u level", "level twice", "twice y"):
+        inner.connect(*wire.split())
+    diagram = lab.Diagram(0.5)
+    total = lab.Sum("++", shape=(3,))
+    for name, block in {"three": lab.Constant((1.0, 2.0, 3.0), (3,)), "inner": inner, "sum": total}.items():
+        diagram.add(name, block)
+    for name, block in {"one": lab.Constant(1.0), "seen": lab.Outlet(), "scope": lab.Scope()}.items():
+        diagram.add(name, block)
+    for wire in ("three inner.u", "inner.y sum.u1", "one sum.u2", "sum seen", "inner.y scope"):
+        diagram.connect(*wire.split())
+    assert diagram.mismatch("three", "inner.u") is None
+    record = lab.Run(diagram).advance(3)
+    np.testing.assert_allclose(record["seen.u"][0, -1], [3.0, 5.0, 7.0])  # the source is broadcast
+    assert record["scope.u"].shape == (1, 3, 3)
+    assert diagram.nodes["one"].block == lab.Constant(1.0)  # the diagram stays as it is
+
+
+def test_shapes_that_cannot_follow_are_named_with_both_blocks():
+    diagram = lab.Diagram()
+    for name, block in {"three": lab.Constant(0.0, (3,)), "two": lab.Gain(shape=(2,))}.items():
+        diagram.add(name, block)
+    diagram.connect("three", "two")
+    (problem,) = lab.problems(diagram)
+    assert str(problem) == "two.u: accepts floats of shape (2,), but three.y outputs floats of shape (3,)"
+    assert diagram.mismatch("three", "two") == str(problem)
