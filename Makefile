@@ -3,8 +3,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# What is installed beside the library: dev for tests, docs for the site, and others (CONTRIBUTING.md).
-EXTRAS ?= dev
+# What is installed beside the library: dev for tests, all for TimSim, TimLab and films, and others (CONTRIBUTING.md).
+EXTRAS ?= dev,all
 comma := ,
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
