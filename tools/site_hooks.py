@@ -71,6 +71,7 @@ START: dict[str, list[tuple[str, str]]] = {
 }
 """What most people need of the API, by topic."""
 FROM_ROOT = {f"{name}.md": f"{name.lower()}.md" for name in ("README", "CONTRIBUTING", "SECURITY", "CHANGELOG")}
+WORKER = "assets/iframe-worker.js"
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
@@ -85,9 +86,13 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add a page of the API for each room, one for each block, and the pages at the root of the repository."""
+    """Add pages of the API, of TimLab's blocks and from the root of the repository, and the script for search from the
+    disk."""
     for path, text in block_pages().items():
         files.append(File.generated(config, path, content=text))
+    files.append(
+        File.generated(config, WORKER, content=(ROOT / "tools" / "iframe-worker.js").read_text(encoding="utf-8"))
+    )
     for room in ROOMS:
         text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n"
         if room == "lab":  # its list of names is made from the registry of blocks, which is not run to make a page
@@ -134,11 +139,6 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     for name, path in FROM_ROOT.items():
         markdown = re.sub(rf"\]\({re.escape(f'{up}../{name}')}(?=[)#])", f"]({up}{path}", markdown)
     return markdown
-
-
-def on_post_page(output: str, **_: Any) -> str:
-    """Leave out what the offline plugin would fetch from elsewhere: a shim for workers of pages on the disk."""
-    return output.replace('<script src="https://unpkg.com/iframe-worker/shim"></script>', "")
 
 
 def on_page_content(html: str, **_: Any) -> str:
