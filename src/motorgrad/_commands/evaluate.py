@@ -45,7 +45,7 @@ class Evaluate:
     trust: bool = False
     """Run code that the run directory names: the module of its task."""
     allow_changed: bool = False
-    """Evaluate with the settings in config.toml, where they are not those with which the run was made."""
+    """Evaluate with the settings in config.toml even if they were changed since the run was made."""
     json: Path | None = None
     """Also write the result to this file, as JSON; - for the standard output."""
 
