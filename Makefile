@@ -3,8 +3,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-# What is installed beside the library: dev for tests, docs for the site, and others (CONTRIBUTING.md).
-EXTRAS ?= dev
+# What is installed beside the library: dev for tests, all for TimSim, TimLab and films, and others (CONTRIBUTING.md).
+EXTRAS ?= dev,all
 comma := ,
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
@@ -17,7 +17,7 @@ KEPT_MEMORY := MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_TOP_PAD_=67108864 MALLOC
 PYTEST := $(QUIET_THREADS) $(KEPT_MEMORY) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-share test-all lint format bench torture docs figures notebooks clean
+.PHONY: help install demo editor test test-share test-all lint format bench torture docs figures gallery notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -78,6 +78,10 @@ docs: $(STAMP)  ## the documentation site, in build/site
 
 figures: $(STAMP)  ## draw the figures of the documentation again
 	$(BIN)/python -m tools.figures
+
+gallery: $(STAMP) $(BUILT)  ## make the films and the pictures of diagrams of the documentation again
+	$(BIN)/python -m tools.figures --films
+	$(BIN)/python -m tools.lab_pictures
 
 notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
 	@$(BIN)/python -c 'import nbclient, ipykernel, ipywidgets' 2>/dev/null || \

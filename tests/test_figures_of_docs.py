@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from motorgrad import bodies, learning, policies
+from motorgrad.lab import GALLERY
 from motorgrad.tasks import TASKS
 
 ROOT = Path(__file__).parents[1]
@@ -68,12 +69,15 @@ def test_a_film_is_in_place_and_moves(name):
     assert 0 < path.stat().st_size <= LIGHT_FILM
     with Image.open(path) as film:
         assert film.n_frames > 50
-    for page in (ROOT / "README.md", ROOT / "docs" / "index.md"):
+    front = ["README.md", "docs/index.md"] if name == FILMS[0] else []
+    for page in (ROOT / path for path in ("docs/gallery.md", *front)):
         assert re.search(rf"!\[[^\]]{{20,}}\]\([^)]*images/{name}\.webp\)", page.read_text(encoding="utf-8")), page.name
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize("name", FILMS)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.ci if name == FILMS[0] else ()) for name in FILMS]
+)
 def test_a_film_is_made(name, tmp_path):
     from tools.figures._registry import FILMS
     from tools.figures._work import Work
@@ -81,6 +85,12 @@ def test_a_film_is_made(name, tmp_path):
     before, after = FILMS[name](Work(most=200))
     assert before.seconds == after.seconds > 4
     assert (before.position != after.position).any()
+
+
+def test_every_diagram_of_the_gallery_has_a_picture_that_shows_its_blocks():
+    for name, make in GALLERY.items():
+        picture = (ROOT / "docs" / "images" / f"lab-{name}.svg").read_text(encoding="utf-8")
+        assert [block for block in make().nodes if f">{block}</text>" not in picture] == [], name
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,59 +1,112 @@
-"""A wheel built from the checkout installs where nothing of the checkout is, and trains there."""
+"""A source distribution, and a wheel built from it that installs and trains where nothing of the checkout is."""
 
+import importlib.metadata
 import json
 import os
+import re
 import shutil
 import site
 import subprocess
 import sys
+import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
 
 pytestmark = [pytest.mark.slow, pytest.mark.ci]
 
 
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PYTHONS = [  # that the package names
+    name.rpartition(" ")[2] for name in PROJECT["project"]["classifiers"] if re.search(r":: 3\.\d+$", name)
+]
+HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    """The wheel, built from a copy of what the checkout holds (without what git ignores)."""
+def built(tmp_path_factory):
+    """The folder with the source distribution and the wheel built from it, as a release makes them."""
     copy = tmp_path_factory.mktemp("checkout")
-    for name in ("src", "pyproject.toml", "README.md", "LICENSE"):
+    for name in (".gitignore", "pyproject.toml", *PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]):
         whole, target = ROOT / name, copy / name
         if whole.is_dir():
             shutil.copytree(whole, target, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
-        else:
+        elif whole.exists():
             shutil.copy(whole, target)
-    shutil.copytree(ROOT / "tests", copy / "tests", ignore=shutil.ignore_patterns("__pycache__"))
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(copy / "dist")]
+    build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(copy / "dist")]
     done = subprocess.run(build, cwd=copy, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    (built,) = (copy / "dist").glob("*.whl")
-    return built
+    return copy / "dist"
 
 
 @pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory):
-    """An environment that holds the wheel alone; its dependencies, gigabytes of them, are looked up where they are."""
-    path = tmp_path_factory.mktemp("environment")
+def wheel(built):
+    (built,) = built.glob("*.whl")
+    return built
+
+
+def environment(path, wheel, dependencies):
+    """A new environment that holds the wheel. `dependencies` puts into its folder of packages what the wheel needs."""
     venv.create(path, with_pip=False, symlinks=os.name != "nt")
     python = path / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     where = "import sysconfig; print(sysconfig.get_path('purelib'))"
     packages = Path(subprocess.run([python, "-c", where], capture_output=True, text=True, check=True).stdout.strip())
     assert path in packages.parents
-    # The folders that a .pth file names are searched, but their own .pth files, the checkout's among them, not read.
-    (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))
+    dependencies(packages)
     install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps", "--no-index", str(wheel)]
     subprocess.run(install, check=True, capture_output=True)
     return python
 
 
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """An environment that holds the wheel alone; its dependencies, gigabytes of them, are looked up where they are."""
+
+    def everything(packages):
+        # Folders named by a .pth file are searched, but their own .pth files, the checkout's among them, are not read.
+        (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))
+
+    return environment(tmp_path_factory.mktemp("environment"), wheel, everything)
+
+
+@pytest.fixture(scope="module")
+def light(wheel, tmp_path_factory):
+    """An environment with the wheel and links to what it requires without any extra, and to nothing else."""
+
+    def required(packages):
+        for name in closure(PROJECT["project"]["dependencies"]):
+            distribution = importlib.metadata.distribution(name)
+            for top in {Path(file).parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
+                link = packages / top
+                if not link.exists():
+                    link.symlink_to(Path(str(distribution.locate_file(top))).resolve())
+
+    return environment(tmp_path_factory.mktemp("light"), wheel, required)
+
+
+def closure(requirements):
+    """The names of all packages that `requirements` ask for here, directly or not."""
+    names, left = set(), [(Requirement(text), "") for text in requirements]
+    while left:
+        requirement, extra = left.pop()
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": extra}):
+            continue
+        for each in ("", *requirement.extras):
+            if (requirement.name, each) not in names:
+                names.add((requirement.name, each))
+                left += [(Requirement(text), each) for text in importlib.metadata.requires(requirement.name) or ()]
+    return {name for name, _ in names}
+
+
 @pytest.fixture
-def run(installed, process_environment, tmp_path):
-    """Run something in the new environment, in an empty folder."""
+def run(process_environment, tmp_path):
+    """Run something in an empty folder, with nothing of the checkout in its environment."""
     clean = {name: value for name, value in process_environment.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
 
     def run(*arguments, **environment):
@@ -64,6 +117,15 @@ def run(installed, process_environment, tmp_path):
         return done.stdout
 
     return run
+
+
+def test_the_source_distribution_holds_what_builds_and_tests_it(built):
+    (source,) = built.glob("*.tar.gz")
+    with tarfile.open(source) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "Makefile"} <= names
+    assert {"src/motorgrad/__init__.py", "tests/test_wheel.py", "tools/build_editor.py", "docs/index.md"} <= names
+    assert not [name for name in names if name.endswith(".pyc") or "node_modules" in name]
 
 
 def test_the_wheel_holds_the_package_and_nothing_else(wheel):
@@ -97,6 +159,62 @@ def test_it_trains_a_body_and_films_it(run, installed, tmp_path):
     run(command, "train", "hopper", "--steps", 100, "--seeds", 2, "--out", "run")
     run(command, "evaluate", "run", "--steps", 20, "--seconds", 0.2)
     assert (tmp_path / "run" / "figures" / "evaluation.mp4").stat().st_size > 1000
+
+
+WITHOUT_EXTRAS = """
+import sys
+import motorgrad as mg
+from motorgrad.cli import main
+
+assert main(["train", "hopper", "--steps", "20", "--seeds", "1", "--out", "run"]) == 0
+for line in ("sim hopper", "lab", "demo", "evaluate run --steps 5 --video film.mp4", "evaluate run --steps 5", "bench"):
+    print(line, main(line.split()), file=sys.stderr)
+for room in ("lab", "search", "studies", "experiments", "environments", "export"):
+    try:
+        getattr(mg, room)
+    except RuntimeError as error:
+        print(error, file=sys.stderr)
+"""
+
+
+def test_without_extras_it_trains_and_names_the_extra_that_is_missing(run, light):
+    said = run(light, "-c", "import sys; sys.stderr = sys.stdout\n" + WITHOUT_EXTRAS)
+    lines = [line for line in said.splitlines() if "pip install" in line]
+    assert lines == [
+        "motorgrad sim: TimSim's page needs the package viser: pip install '.[sim]'",
+        "motorgrad lab: TimLab needs the package diffrax: pip install '.[lab]'",
+        "motorgrad demo: a film needs the package imageio_ffmpeg: pip install '.[video]'",
+        "motorgrad evaluate: a film needs the package imageio_ffmpeg: pip install '.[video]'",
+        "not filmed: a film needs the package imageio_ffmpeg: pip install '.[video]'",
+        "motorgrad bench: TimLab needs the package diffrax: pip install '.[lab]'",
+        "TimLab needs the package diffrax: pip install '.[lab]'",
+    ]
+
+
+@pytest.mark.parametrize("version", [PYTHONS[0], PYTHONS[-1]])
+def test_it_installs_on_the_oldest_and_the_newest_python(wheel, run, version, tmp_path):
+    if version == HERE:
+        pytest.skip(f"the other tests of this file run on Python {version}")
+    python = interpreter(version)
+    if python is None:
+        pytest.skip(f"no Python {version} is at hand")
+    place = tmp_path / "environment"
+    subprocess.run([python, "-m", "venv", place], check=True)
+    own = place / "bin" / "python"
+    run(own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", ROOT / "constraints.txt", wheel)
+    run(own.with_name("motorgrad"), "train", "hopper", "--steps", 20, "--seeds", 2, "--out", "run")
+    assert (tmp_path / "run" / "config.toml").exists()
+    shutil.rmtree(place)  # more than a gigabyte
+
+
+def interpreter(version):
+    """A Python of this version, on the path or of pyenv; `None` without one."""
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"), "versions")
+    for python in (shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python"))):
+        tell = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+        if python and subprocess.run(tell, capture_output=True, text=True).stdout.strip() == version:
+            return python
+    return None
 
 
 SERVES = """

@@ -40,10 +40,18 @@ def _index() -> str:
 
 
 def _gallery() -> str:
-    lines = ["# Gallery", "", "Ready diagrams, each with what to try: `motorgrad.lab.example(name)`.", ""]
+    lines = [
+        "# Gallery",
+        "",
+        "Ready diagrams, each with what to try. Open one with `motorgrad lab --gallery NAME`; in Python,",
+        "`motorgrad.lab.example(name)` returns it.",
+        "",
+    ]
     for name, make in GALLERY.items():
         diagram = make()
-        lines += [f"## {diagram.title or name}", "", f"`{name}`, {len(diagram.nodes)} blocks. {diagram.comment}", ""]
+        title = diagram.title or name
+        lines += [f"## {title}", "", f"`{name}`, {len(diagram.nodes)} blocks. {diagram.comment}", ""]
+        lines += [f"![The diagram {title}](../images/lab-{name}.svg)", ""]
     return "\n".join(lines)
 
 

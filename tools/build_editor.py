@@ -1,5 +1,5 @@
-"""Build the pages of TimLab's editor: `python tools/build_editor.py`. With the Node that is there, if it is new enough,
-else with one from the Python registry; users of a wheel need neither."""
+"""Build the pages of TimLab's editor: `python tools/build_editor.py`. It uses the installed Node.js if that is
+recent enough, and otherwise one from the Python registry. Users of a wheel need neither."""
 
 import os
 import re

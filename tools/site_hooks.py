@@ -3,9 +3,12 @@ formulas as MathML."""
 
 # pyright: reportMissingImports=false
 # (mkdocs and latex2mathml are of the extra `docs`)
+import ast
+import inspect
 import re
 import sys
 from html import unescape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,6 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # MkDocs runs this file by itself
 
-from motorgrad import lab  # noqa: E402
 from tools.block_pages import GALLERY_PAGE, block_pages, navigation  # noqa: E402
 
 ROOMS = [
@@ -71,6 +73,7 @@ START: dict[str, list[tuple[str, str]]] = {
 }
 """What most people need of the API, by topic."""
 FROM_ROOT = {f"{name}.md": f"{name.lower()}.md" for name in ("README", "CONTRIBUTING", "SECURITY", "CHANGELOG")}
+WORKER = "assets/iframe-worker.js"
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
@@ -85,19 +88,39 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add a page of the API for each room, one for each block, and the pages at the root of the repository."""
+    """Add pages of the API, of TimLab's blocks and from the root of the repository, and the script for search from the
+    disk."""
     for path, text in block_pages().items():
         files.append(File.generated(config, path, content=text))
+    files.append(
+        File.generated(config, WORKER, content=(ROOT / "tools" / "iframe-worker.js").read_text(encoding="utf-8"))
+    )
     for room in ROOMS:
-        text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n"
-        if room == "lab":  # its list of names is made from the registry of blocks, which is not run to make a page
-            text += f"    options:\n      members: {lab.__all__}\n"
+        text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n{_options(room)}"
         files.append(File.generated(config, f"api/{room.replace('.', '-')}.md", content=text))
     files.append(File.generated(config, "api/index.md", content=_start_of_api()))
     for name, path in FROM_ROOT.items():
         text = LINK.sub(_in_site, (ROOT / name).read_text(encoding="utf-8"))
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def _options(room: str) -> str:
+    """The order of a room's page: first what most people need, then module by module as the room imports them, so that
+    what belongs together stands together; constants and exceptions last."""
+    module = import_module(f"motorgrad.{room}")
+    if not hasattr(module, "__all__"):
+        return ""
+    imports = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.ImportFrom)]
+    order = dict.fromkeys(alias.asname or alias.name for node in imports for alias in node.names)
+    start = [name.removeprefix(f"{room}.") for entries in START.values() for name, _ in entries]
+    names = [name for name in (*start, *order, *module.__all__) if name in module.__all__]
+
+    def stands_last(name: str) -> bool:
+        thing = getattr(module, name)
+        return name.isupper() or (isinstance(thing, type) and issubclass(thing, BaseException))
+
+    return f"    options:\n      members: {sorted(dict.fromkeys(names), key=stands_last)}\n"
 
 
 def _start_of_api() -> str:
@@ -134,11 +157,6 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     for name, path in FROM_ROOT.items():
         markdown = re.sub(rf"\]\({re.escape(f'{up}../{name}')}(?=[)#])", f"]({up}{path}", markdown)
     return markdown
-
-
-def on_post_page(output: str, **_: Any) -> str:
-    """Leave out what the offline plugin would fetch from elsewhere: a shim for workers of pages on the disk."""
-    return output.replace('<script src="https://unpkg.com/iframe-worker/shim"></script>', "")
 
 
 def on_page_content(html: str, **_: Any) -> str:

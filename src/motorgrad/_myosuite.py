@@ -8,7 +8,6 @@ from typing import Any
 from motorgrad._errors import unknown
 
 _FAMILIES = re.compile(r"myo[A-Z]|motorFinger")
-_INSTALL = "pip install '.[myosuite]'"
 
 
 def is_of_myosuite(env_id: str) -> bool:
@@ -26,7 +25,7 @@ def register() -> None:
             warnings.simplefilter("ignore")  # of its own dependencies
             import myosuite  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        raise ValueError(f"MyoSuite is not installed ({error}): {_INSTALL}") from None
+        raise ValueError(f"MyoSuite is not installed ({error}): pip install '.[myosuite]'") from None
 
 
 def ids() -> list[str]:

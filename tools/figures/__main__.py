@@ -26,6 +26,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(NAMES)}; by default all")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images", help="the folder of the pictures")
     parser.add_argument("--reproduced", type=Path, help="take the figures of experiments from this folder, and no more")
+    parser.add_argument("--films", action="store_true", help="make all films, and no figure")
     options = parser.parse_args()
     for name in options.names:
         if name not in NAMES:
@@ -35,7 +36,7 @@ def main() -> None:
         for figure in sorted(options.reproduced.glob("*/figure.png")):
             lighten(figure, options.out / f"{figure.parent.name}.png")
         return
-    for name in options.names or NAMES:
+    for name in FILMS if options.films else options.names or NAMES:
         started = time.monotonic()
         work, path = Work(runs=ROOT / "runs" / "figures"), options.out / f"{name}{'.webp' if name in FILMS else '.png'}"
         draw(name, work, path)

@@ -127,6 +127,9 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
 
 FILMS: dict[str, Callable[[Work], list[Motion]]] = {
     "hexapod-learns-to-walk": films.hexapod_walk,
+    "hexapod-walks-with-four-units": films.hexapod_synergies,
+    "hopper-learns-to-hop": films.hopper_hop,
+    "arm-learns-to-reach": films.arm_reach,
 }
 """Films of bodies that learn, as animated WebP: the motions that they show side by side."""
 

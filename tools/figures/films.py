@@ -1,21 +1,41 @@
-"""The film of the front page: a hexapod before and after its 24 muscles learned to walk."""
+"""Short films of what motorgrad can do: bodies before and after learning.
+
+Each shows seed 0, with sampled actions. No seed was chosen; the pages of the tasks have the results of many.
+"""
 
 from motorgrad.experiments import motion_of
 from motorgrad.sim import Motion
+from motorgrad.tasks import Task
 from motorgrad.training import evaluate
 from tools.figures._work import Work
-
-STEPS, SECONDS = 192_000, 5.0
+from tools.figures.composed import reach
 
 
 def hexapod_walk(work: Work) -> list[Motion]:
-    """Seed 0 of the task's own learner, with sampled actions: before learning, and after 192,000 decisions.
+    """A hexapod learns to walk with 24 independent muscles."""
+    return _before_and_after(work, "hexapod", 192_000, "hexapod-walk")
 
-    No seed was chosen: `docs/reproduction-muscles.md` has the results of all.
-    """
-    run = work.train("hexapod", None, STEPS, seeds=1, keep="hexapod-walk")
-    steps = round(SECONDS / run.task.period)
+
+def hexapod_synergies(work: Work) -> list[Motion]:
+    """A hexapod learns to walk with four units that drive its muscles in groups."""
+    return _before_and_after(work, "hexapod-synergy", 100_000, "hexapod-synergy")
+
+
+def hopper_hop(work: Work) -> list[Motion]:
+    """A hopper learns to hop."""
+    return _before_and_after(work, "hopper", 100_000, "hopper-hop")
+
+
+def arm_reach(work: Work) -> list[Motion]:
+    """An arm with six muscles learns to reach for targets: any MJCF body, with a task of terms."""
+    return _before_and_after(work, reach(), 60_000, "arm-reach", seconds=8.0)
+
+
+def _before_and_after(work: Work, task: Task | str, steps: int, keep: str, seconds: float = 5.0) -> list[Motion]:
+    """The motion of the task's own learner before learning and after `steps` decisions."""
+    run = work.train(task, None, steps, seeds=1, keep=keep)
+    shown = round(seconds / run.task.period)
     return [
-        motion_of(run, evaluate(run, steps, untrained=untrained), run.seeds[0], label, SECONDS)
+        motion_of(run, evaluate(run, shown, untrained=untrained), run.seeds[0], label, seconds)
         for untrained, label in ((True, "before learning"), (False, "after learning"))
     ]

@@ -12,6 +12,7 @@ import tyro
 
 from motorgrad._commands import COMMANDS
 from motorgrad._commands._configuration import HELP_ALL, parse
+from motorgrad._extras import MissingExtra
 from motorgrad.experiments import EXPERIMENTS
 from motorgrad.learning import Agent
 from motorgrad.policies import INITIAL
@@ -60,7 +61,7 @@ def _options(command: str) -> tuple[str, ...]:
     """The options in a command's own help; of a learner only the short names, as the others depend on the task."""
     said = io.StringIO()
     subject = ["hopper", HELP_ALL] if command in ABOUT_TASK else ["--help"]
-    with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
+    with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit, MissingExtra):
         importlib.import_module(f"motorgrad._commands.{command}").run(subject)
     found = {word for line in OPTION.findall(said.getvalue()) for word in re.findall(r"--[\w.-]+", line)}
     own = {word for word in found if not word.startswith(("--task.", "--agent."))}

@@ -9,6 +9,7 @@ from pathlib import Path
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import summary, write_json
 from motorgrad._errors import check
+from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad.experiments import demo
 from motorgrad.tasks import Hopper
@@ -40,6 +41,7 @@ class Demo:
         check(right, "film_seconds", self.film_seconds, f"positive, at most {LONGEST:g} s")
         check_training(task, None, round(self.seconds / task.period), self.seeds)
         check_writable("out", self.out, folder=True)
+        require(*FILM)
 
 
 def run(arguments: list[str]) -> int:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,6 +11,7 @@ import tyro
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._errors import check
+from motorgrad._extras import FILM, installed, missing, require
 from motorgrad._files import check_writable
 from motorgrad.experiments import motion_of
 from motorgrad.tasks import BodyTask
@@ -37,13 +39,13 @@ class Evaluate:
     video: Path | None = None
     """The file of the film, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 and the like."""
     film: bool = True
-    """Whether to film."""
+    """Whether to film. Without the extra video nothing is filmed, and --video is refused."""
     seconds: float = 10.0
     """Length of the film."""
     trust: bool = False
     """Run code that the run directory names: the module of its task."""
     allow_changed: bool = False
-    """Evaluate with the settings in config.toml, where they are not those with which the run was made."""
+    """Evaluate with the settings in config.toml even if they were changed since the run was made."""
     json: Path | None = None
     """Also write the result to this file, as JSON; - for the standard output."""
 
@@ -57,6 +59,8 @@ class Evaluate:
         if self.film and body:
             check(self.film_path.suffix == ".mp4", "video", str(self.film_path), "a path that ends in .mp4")
             check_writable("video", self.film_path)
+            if self.video is not None:
+                require(*FILM)
 
     def load(self) -> Run:
         return load(self.run, trust=self.trust, allow_changed=self.allow_changed)
@@ -88,7 +92,10 @@ def run(arguments: list[str]) -> int:
         for name, value in values.items():
             print(_text(name, value))
     outcome = outcomes[modes[0]]
-    if outcome.position is not None and options.film:
+    filmed = outcome.position is not None and options.film
+    if filmed and not installed("imageio_ffmpeg"):
+        print(f"not filmed: {missing(*FILM)}", file=sys.stderr)
+    elif filmed:
         from motorgrad.sim import write_film
 
         path = options.film_path

@@ -20,9 +20,9 @@ class Export:
     seed: int | None = None
     """The seed whose policy is exported; by default the first."""
     only: tuple[str, ...] | None = None
-    """The functions that the file has, such as mode; by default all."""
+    """The functions to write to the file, such as mode; by default all."""
     allow_changed: bool = False
-    """Export also where the settings in config.toml are not those with which the run was made."""
+    """Export even if config.toml was changed since the run was made."""
 
 
 def run(arguments: list[str]) -> int:

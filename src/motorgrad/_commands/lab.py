@@ -21,8 +21,8 @@ class Lab:
     gallery: str | None = None
     """Open a diagram of the gallery, such as chain or hopper, in place of a file."""
     trust: bool = False
-    """Let code run that the diagram's file brings, or that is written in the page: Python functions and Functional
-    Mock-up Units. Whoever has the page's address can then run programs."""
+    """Run code that the diagram's file contains or that is typed into the page: Python functions and Functional
+    Mock-up Units. Anyone who has the page's address can then run programs."""
     port: int = 0
     """The port on 127.0.0.1; 0 for a free port."""
     browser: bool = True

@@ -29,7 +29,7 @@ class Plot:
     labels: tuple[str, ...] | None = None
     """Names of the runs; by default the settings in which they differ, or their folders."""
     out: Path | None = None
-    """The file of the figure (.png, .svg, .pdf); by default figures/QUANTITY.png of the first run."""
+    """The file of the figure (.png, .svg, .pdf); by default figures/QUANTITY.png in the directory of the first run."""
     format: Literal["svg", "png", "pdf"] | None = None
     """The figure's format, where --out has no suffix."""
     tensorboard: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[DIR]")] = None

@@ -11,6 +11,7 @@ from motorgrad._commands._configuration import Arguments, read_arguments, resolv
 from motorgrad._commands._places import Places
 from motorgrad._commands._results import write_json
 from motorgrad._errors import check
+from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad.experiments import (
     EXPERIMENTS,
@@ -49,6 +50,8 @@ class Reproduce(Places):
         check(self.experiments, "experiments", self.experiments, allowed)
         select_experiments(self.experiments, EXPERIMENTS)
         check_writable("out", self.folder, folder=True)
+        if self.animate:
+            require(*FILM)
 
     @property
     def folder(self) -> Path:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
+from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES
@@ -81,6 +82,7 @@ class Options:
         if self.record is not None:
             check(self.record.suffix == ".mp4", "record", str(self.record), "a path that ends in .mp4")
             check_writable("record", self.record)
+            require(*FILM)
         if self.autosave is not None:
             live.Save(str(self.autosave))
             check_writable("autosave", self.autosave)

@@ -56,11 +56,11 @@ class Options:
     workers: int = 0
     """The number of processes that step Gymnasium environments; 0 for this one. It changes no result."""
     give_up_after: float = 3600.0
-    """The time in seconds after which a run that cannot be saved ends; until then it learns on and tries again."""
+    """End a run that could not be saved for this many seconds; until then it goes on learning and tries again."""
     trust: bool = False
     """Run code that the run directory or the file of options names: the module of its task, pickled environments."""
     allow_changed: bool = False
-    """Continue a run whose settings, or version of motorgrad, are not those with which it was made."""
+    """Continue a run even if its settings or the version of motorgrad changed since it was made."""
     tensorboard: bool = False
     """Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint."""
     common: ClassVar[tuple[str, ...]] = ("steps", "seeds", "out", "resume", "preset", "sweep", "envs", "tensorboard")

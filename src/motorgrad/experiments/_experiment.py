@@ -3,7 +3,6 @@
 import abc
 import dataclasses
 import hashlib
-import importlib.util
 import inspect
 import json
 import re
@@ -16,6 +15,7 @@ import filelock
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad._extras import installed, missing
 from motorgrad._files import read_arrays, write_arrays
 from motorgrad._settings import table
 from motorgrad.experiments._claims import Claim
@@ -119,9 +119,9 @@ class Experiment(abc.ABC):
     @classmethod
     def lacks(cls) -> str:
         """The missing package and how to install it, or nothing if the experiment can run."""
-        if cls.needs is None or importlib.util.find_spec(cls.needs[0]) is not None:
+        if cls.needs is None or installed(cls.needs[0]):
             return ""
-        return f"{cls.name} needs the package {cls.needs[0]}: pip install '.[{cls.needs[1]}]'"
+        return str(missing(f"{cls.name} needs", *cls.needs))
 
     @property
     def part(self) -> str:

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import time
 import tomllib
 import warnings
@@ -13,7 +14,7 @@ from typing import Any
 import filelock
 import tomli_w
 
-from motorgrad._errors import unknown
+from motorgrad._errors import check, unknown
 from motorgrad._files import read_arrays, read_json, write_arrays, write_atomically
 from motorgrad._settings import table
 from motorgrad.experiments._claims import Claim
@@ -209,6 +210,8 @@ def select_experiments(names: Sequence[str], registry: dict[str, type[Experiment
     wanted: set[str] = set()
     for given in names:
         name = given.lower()
+        if re.fullmatch(r"(chapter|appendix)-\w", name) and name not in parts:
+            check(False, "experiments", given, f"a part with experiments: {', '.join(sorted(set(parts) - {'all'}))}")
         if name not in registry and name not in parts:
             raise unknown("experiment", given, [*registry, *parts])
         wanted |= set(parts.get(name, [name]))

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._extras import missing
 from motorgrad.export._program import Operation, Program, Untranslatable
 
 OPSET, IR = 18, 9  # what runtimes of the last years read
@@ -18,7 +19,6 @@ NODES = {
 REDUCTIONS = {"sum": "ReduceSum", "prod": "ReduceProd", "max": "ReduceMax", "min": "ReduceMin"}
 ONNX_LACKS = ("erfc", "expm1", "log1p")
 """Functions that ONNX lacks: `traced` makes them of others."""
-INSTALL = "an ONNX model needs the package onnx: pip install 'motorgrad[onnx]'"
 
 
 def onnx_model(program: Program, name: str = "policy", about: str = "") -> Any:
@@ -31,7 +31,7 @@ def onnx_model(program: Program, name: str = "policy", about: str = "") -> Any:
     try:
         import onnx
     except ImportError:
-        raise RuntimeError(INSTALL) from None
+        raise missing("an ONNX model needs", "onnx", "onnx") from None
     return _Graph(onnx, program).model(name, about)
 
 

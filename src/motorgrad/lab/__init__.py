@@ -22,8 +22,13 @@ steps; the others adapt them to the error and locate zero crossings.
 To write a block of your own, see the page on TimLab's engine (`docs/lab.md`).
 """
 
+# ruff: noqa: E402
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from motorgrad._extras import require as _require
+
+_require("TimLab needs", "diffrax", "lab")  # before anything imports it
 
 import motorgrad.lab.blocks as _blocks
 from motorgrad.lab._analysis import (

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from motorgrad._errors import check
+from motorgrad._extras import require
 from motorgrad.lab.engine import Linear, Run, linearise
 
 if TYPE_CHECKING:
@@ -289,6 +290,7 @@ def _single(linear: Linear, input: int, output: int) -> Any:
 
 def _control() -> Any:
     """The library python-control, whose types a checker cannot follow; it is loaded when first needed."""
+    require("the analysis of a linear system needs", "control", "lab")
     return importlib.import_module("control")
 
 

@@ -1,7 +1,6 @@
 """Bayesian optimisation: a Gaussian process over the scores so far says what to try next."""
 
 import dataclasses
-import importlib.util
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 from motorgrad._errors import check, check_integer, check_not_negative, choice
+from motorgrad._extras import require
 from motorgrad.search._methods import Method, Places, State
 
 if TYPE_CHECKING:
@@ -67,8 +67,7 @@ class BayesianOptimisation(Method):
             pair = getattr(self, name)
             right = isinstance(pair, tuple) and len(pair) == 2 and 0.0 < pair[0] <= pair[1] < np.inf
             check(right, f"BayesianOptimisation.{name}", pair, "two finite numbers above 0, the lower first")
-        if importlib.util.find_spec("tinygp") is None:
-            raise RuntimeError("Bayesian optimisation needs the package tinygp: pip install '.[search]'")
+        require("Bayesian optimisation needs", "tinygp", "search")
 
     def batch(self, size: int) -> int:
         return self.candidates

@@ -6,7 +6,6 @@
 import abc
 import dataclasses
 import functools
-import importlib.util
 import math
 from typing import Any, ClassVar
 
@@ -18,6 +17,7 @@ from jaxtyping import Float
 from scipy.stats import rankdata
 
 from motorgrad._errors import check, check_integer
+from motorgrad._extras import require
 from motorgrad._tree import path_of
 from motorgrad.search._methods import Method, Places, State
 from motorgrad.search._space import reflected
@@ -29,8 +29,7 @@ class _Evosax(Method):
     title: ClassVar[str]
 
     def _check_installed(self) -> None:
-        if importlib.util.find_spec("evosax") is None:
-            raise RuntimeError(f"{self.title} needs the package evosax: pip install '.[search]'")
+        require(f"{self.title} needs", "evosax", "search")
 
     @abc.abstractmethod
     def _strategy(self, size: int) -> tuple[Any, Any]:

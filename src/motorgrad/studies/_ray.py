@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check_integer
+from motorgrad._extras import missing
 from motorgrad.studies._jobs import AnyJob, Work, work
 from motorgrad.studies._places import Place, processors, thread_settings
 
@@ -30,7 +31,7 @@ class Ray(Place):
             import ray  # type: ignore[import-not-found]
             from ray import exceptions as errors  # type: ignore[import-not-found]
         except ImportError:
-            raise RuntimeError("Ray needs the package ray: pip install '.[ray]'") from None
+            raise missing("running jobs on Ray needs", "ray", "ray") from None
         check_integer("workers", workers, 0, 1_000_000)
         self._ray, self._ours = ray, not ray.is_initialized()
         if self._ours:

@@ -20,6 +20,7 @@ import numpy as np
 import tomli_w
 
 from motorgrad._errors import check, check_integer, choice
+from motorgrad._extras import missing
 from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build, table
 from motorgrad.studies._driver import run_study
@@ -267,6 +268,6 @@ def _optuna() -> Any:
             warnings.simplefilter("ignore")
             import optuna  # type: ignore[import-not-found]
     except ImportError:
-        raise RuntimeError("a search needs the package optuna: pip install '.[search]'") from None
+        raise missing("a search needs", "optuna", "search") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, check_integer
+from motorgrad._extras import missing
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 from motorgrad.studies._places import Place, process_environment, thread_settings
 
@@ -39,7 +40,7 @@ class Slurm(Place):
             import submitit  # type: ignore[import-not-found]
             from submitit.core import utils  # type: ignore[import-not-found]
         except ImportError:
-            raise RuntimeError("Slurm needs the package submitit: pip install '.[slurm]'") from None
+            raise missing("running jobs on Slurm needs", "submitit", "slurm") from None
         check_integer("workers", workers, 0, 100_000)
         check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
         self._workers, self._errors = workers or AT_ONCE, utils

@@ -7,7 +7,12 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-import anywidget
+from motorgrad._extras import missing
+
+try:
+    import anywidget
+except ImportError:
+    raise missing("the editor in a notebook needs", "anywidget", "lab") from None
 
 from motorgrad.lab.diagram import Diagram
 from motorgrad.lab.editor._session import Session

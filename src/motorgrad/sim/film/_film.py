@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad._extras import FILM, require
 from motorgrad._files import write_atomically
 from motorgrad.sim.film._framing import frame_motions
 from motorgrad.sim.film._motion import Motion, resample
@@ -168,6 +169,8 @@ def output_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
     target = Path(path)
     check(target.suffix.lower() in suffixes, "path", str(path), f"a file name ending in {' or '.join(suffixes)}")
     check(not target.is_dir(), "path", str(path), "a file, not a folder")
+    if target.suffix.lower() == ".mp4":
+        require(*FILM)
     return target
 
 

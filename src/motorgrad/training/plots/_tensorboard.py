@@ -5,7 +5,6 @@ all. So a file is updated by appending what is missing, whatever a killed proces
 follows.
 """
 
-import importlib.util
 import io
 import math
 import time
@@ -16,6 +15,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from motorgrad._extras import require
 from motorgrad._files import read_json, write_atomically
 from motorgrad.training.plots._plot_curves import Plotted
 
@@ -44,8 +44,7 @@ def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
 
 def check_tensorboard() -> None:
     """**Raises** `RuntimeError` where the package tensorboard is missing; it names the extra."""
-    if importlib.util.find_spec("tensorboard") is None:
-        raise RuntimeError("event files need the package tensorboard: pip install '.[tensorboard]'")
+    require("event files need", "tensorboard", "tensorboard")
 
 
 class EventFiles:

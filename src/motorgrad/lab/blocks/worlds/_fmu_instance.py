@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad._extras import missing
 
-INSTALL = "Functional Mock-up Units need the package fmpy: pip install 'motorgrad[fmi]'"
 MOST_EVENTS = 1000  # within a tick
 BISECTIONS = 50
 SMALLEST = 1e-12  # of a step: what is shorter is not integrated
@@ -22,7 +22,7 @@ def fmpy_module() -> Any:
         import fmpy
         import fmpy.simulation
     except ImportError:
-        raise ValueError(INSTALL) from None
+        raise ValueError(missing("Functional Mock-up Units need", "fmpy", "fmi")) from None
     return fmpy
 
 
