@@ -1,5 +1,8 @@
 """The page in the browser: a session, its scene and its panels, at an address."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
 import contextlib
 import io
 import logging
@@ -12,6 +15,8 @@ import warnings
 import webbrowser
 from pathlib import Path
 from typing import Any, Self
+
+import mujoco
 
 from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
@@ -83,6 +88,8 @@ class Page:
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
+        if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a file into the user's folder
+            mujoco.set_mju_user_warning(log.debug)
         session = self.session
         self.scene, self.panels = Scene(), Panels()
         self.failures, self.spent = 0, 0.0
@@ -100,7 +107,7 @@ class Page:
         drawn = [self.scene, *([] if planet is None else [planet])]
         for part in (*drawn, self.panels, drag):
             part.build(self.server, session)
-        with self.panels.tabs.add_tab(View.title, View.icon):
+        with self.panels.tabs.add_tab(View.title):
             self.view.build(self.server, session)
         self.parts: list[Any] = [*drawn, self.view, self.panels, drag]
 

@@ -26,7 +26,6 @@ class LearningPanel(Panel):
     """Learning curve, reward, baseline and gradient norm; settings with a log of changes; policies."""
 
     title: ClassVar[str] = "Learning"
-    icon: ClassVar[str] = "chart-line"
     rate: ClassVar[float] = 2.0
 
     @classmethod
@@ -38,7 +37,7 @@ class LearningPanel(Panel):
         self._moments: deque[tuple[float, ...]] = deque(maxlen=KEPT)
         self._said = gui.add_html("")
         names = ("reward", *self.session.readings)
-        self._which = gui.add_dropdown("Curve", names, initial_value=names[0], hint="Of a decision, mean; of the task.")
+        self._which = gui.add_dropdown("Curve", names, initial_value=_first_of(names), hint="Of a decision, mean; of the task.")
         self._which.on_update(self.renew)
         self._curve = CurvePlot(gui)
         self._traces = [TracePlot(gui, ("reward", "baseline")), TracePlot(gui, ("gradient norm",))]
@@ -112,6 +111,11 @@ class LearningPanel(Panel):
 
         path = str(confined(self._path.value.strip(), self.session.folders))
         self.order(Save(path) if button == "Save" else Load(path))
+
+
+def _first_of(names: tuple[str, ...]) -> str:
+    """The curve that is shown at first: the return of episodes where the task reports it."""
+    return "return" if "return" in names else names[0]
 
 
 def _lines(lines: list[str] | tuple[str, ...]) -> str:

@@ -62,6 +62,7 @@ KEYS = {
     "space": "play or pause",
     "N": "one decision",
     "P": "push the body",
+    "U": "undo the last push or edit",
     "drag": "turn the camera; when walking, look around",
     "right drag": "move the camera sideways",
     "wheel": "zoom",
@@ -97,11 +98,10 @@ class View:
 
     **Arguments:** `scene`, already built; `ground_at`, as of `Cameras`.
 
-    **Attributes:** `cameras`; `title` and `icon` of the tab.
+    **Attributes:** `cameras`; `title` of the tab.
     """
 
     title: ClassVar[str] = "View"
-    icon: ClassVar[str] = "eye"
 
     def __init__(self, scene: Scene, ground_at: GroundAt | None = None) -> None:
         self._scene = scene
