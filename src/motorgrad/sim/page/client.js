@@ -1,5 +1,10 @@
 // What viser's page lacks: names of inputs for screen readers, Escape for dialogs, and room for an overlay on the scene.
 (() => {
+  // viser's page is dark where its address says so; it reads the address after this script
+  if (matchMedia("(prefers-color-scheme: dark)").matches && !new URLSearchParams(location.search).has("darkMode")) {
+    history.replaceState(null, "", `${location.pathname}${location.search ? `${location.search}&` : "?"}darkMode`);
+  }
+
   const nameInputs = () => {
     for (const label of document.querySelectorAll("label[for]")) {
       const row = label.closest(".mantine-Flex-root");

@@ -100,8 +100,8 @@ def draw_operating(
     units: tuple[str, str] = ("m", "N"),
 ) -> str:
     """Force against length and against velocity as SVG: faint at full activation, strong at the present one, with the
-    operating point at the force `now`. `units` are those of length and of force. While a tendon changes its length, the point leaves the
-    curves of a Hill-type muscle.
+    operating point at the force `now`. `units` are those of length and of force. While a tendon changes its length, the
+    point leaves the curves of a Hill-type muscle.
     """
     lengths = np.linspace(*where.length, POINTS)
     speeds = np.linspace(-where.speed, where.speed, POINTS)

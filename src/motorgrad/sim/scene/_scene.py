@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._annotations import Ghost, ScaleBar, Trail
 from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites, Targets
 from motorgrad.sim.scene._cameras import Cameras, GroundAt
 from motorgrad.sim.scene._contacts import Balance, Contacts
@@ -32,7 +33,7 @@ class Scene:
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
         usual = [Sky(), Ground(), Bodies(), Meshes(), Muscles(), Contacts(), Balance(), Sites(), JointAxes(), Labels()]
-        usual += [Targets(), Plane(), PlaneUnits()]
+        usual += [Targets(), Plane(), PlaneUnits(), Trail(), Ghost(), ScaleBar()]
         self.layers = usual if layers is None else layers
         self._drawn: tuple[object, ...] = ()
 
