@@ -45,11 +45,14 @@ def test_programs_add_texts_and_plots_and_remove_them(page):
 
 def test_a_function_that_fails_is_told_and_hinders_no_other(page):
     page.overlay("bad", plot=lambda moment: 1 / 0)
-    page.overlay("good", text="well")
+    page.overlay("good", text="well", arrow=((0, 0, 1), (0, 0, 2)), colour="#d9730d")
     page.overlay.update(page.session.snapshot(), Pose(None))
     said = content(page)
     assert "bad: ZeroDivisionError" in said
     assert "well" in said
+    ((_, (arrow, label)),) = page.overlay._arrows.values()
+    np.testing.assert_array_equal(arrow.points, [[(0, 0, 1), (0, 0, 3)]])
+    np.testing.assert_array_equal(label.position, (0, 0, 3))
     page.overlay("bad")
     page.overlay("good")
 

@@ -141,7 +141,7 @@ def march():
 
 def test_a_simulation_that_breaks_down_leaves_no_file_and_comes_back(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    body = '<body name="ball"><freejoint/><geom size=".1" mass=".001"/></body>'
+    body = '<body name="ball"><freejoint/><geom size=".1" mass="1e-8"/></body>'
     ball = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     with Session(Setup("ball", model=ball)) as session:
         session.order(Push("ball", (0.0, 0.0, 1e6), 20.0))

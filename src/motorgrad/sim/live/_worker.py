@@ -1,5 +1,8 @@
 """The worker process of a run: it advances the subject, obeys orders and publishes snapshots, and never waits."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
 import logging
 import signal
 import time

@@ -128,7 +128,7 @@ class _Front:
                 return None
             page = serve_page(connection, dataclasses.replace(request, path="/"))
             if page is not None:
-                page.body = _completed(page.body, page.headers.get("Content-Encoding") == "gzip")
+                page.body = _completed(bytes(page.body), page.headers.get("Content-Encoding") == "gzip")
                 del page.headers["Content-Length"]
                 page.headers["Content-Length"] = str(len(page.body))
                 policy = POLICY.format(host=request.headers["Host"])

@@ -237,7 +237,7 @@ class Overlay:
                     handle.remove()
             thick, rgb = SHAFT * pose.size, _linear(colour)
             node = f"/overlay/{next(_numbers)}"  # a name of the user's may have slashes
-            shape = {"shaft_radius": thick, "head_radius": 2.5 * thick, "head_length": 6 * thick}
+            shape: Any = {"shaft_radius": thick, "head_radius": 2.5 * thick, "head_length": 6 * thick}
             arrow = self._server.scene.add_arrows(node, ends[None].astype(np.float32), rgb, **shape)
             label = self._server.scene.add_label(f"{node}/label", name, position=ends[1])
             self._arrows[name] = ((ends, colour), (arrow, label))
@@ -297,9 +297,9 @@ def _ends(arrow: Any) -> np.ndarray:
     return np.stack([start, start + way])
 
 
-def _linear(colour: str) -> tuple[int, ...]:
+def _linear(colour: str) -> np.ndarray:
     """A colour in linear light, which viser expects of arrows, as RGB from 0 to 255."""
-    return tuple(round(255 * (each / 255) ** 2.2) for each in bytes.fromhex(colour[1:]))
+    return np.round(255 * (np.array([*bytes.fromhex(colour[1:])]) / 255) ** 2.2).astype(np.uint8)
 
 
 def _is_colour(text: Any) -> bool:
