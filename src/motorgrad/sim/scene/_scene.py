@@ -24,7 +24,7 @@ class Scene:
     """Everything that is drawn of a run: bodies, muscles, their surroundings, and annotations.
 
     Build it once on a server, then update it every frame. Nodes are created once; afterwards only changes are sent: for
-    a hexapod with 24 muscles about 12 kB a frame with every layer on, which does not grow.
+    a hexapod with 24 muscles about 14 kB a frame with every layer on, which does not grow.
 
     **Arguments:** `layers` instead of the usual ones, in the order in which they are built.
 
