@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from motorgrad._playback import Clock, History, Playback
+from motorgrad._playback import Change, Clock, History, Playback
 
 
 class Map:
@@ -156,3 +156,21 @@ def test_the_nearest_state_is_restored_and_states_lie_farther_apart_as_the_run_g
     assert playback.run.made == 5
     playback.seek(40)
     assert playback.run.made == 8
+
+
+def test_the_last_change_is_taken_back_with_what_followed():
+    playback = Playback(Map(), set_gain, every=7)
+    playback.advance(20)
+    playback.change(3.7)
+    playback.advance(5)
+    playback.change(3.2)
+    playback.advance(10)
+    assert playback.undo() == 3.2
+    assert (playback.tick, playback.end) == (25, 25)
+    playback.advance(10)
+    assert (playback.run.x, playback.run.gain) == replayed([Change(20, 3.7)], 35)
+    playback.undo()
+    playback.advance(15)
+    assert (playback.run.x, playback.run.gain) == replayed([], 35)
+    with pytest.raises(ValueError, match="changes = 0: must be at least one"):
+        playback.undo()

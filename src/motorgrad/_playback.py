@@ -300,6 +300,22 @@ class Playback(Generic[R]):
         self._made += 1
         return found
 
+    def undo(self) -> Any:
+        """Go back to before the last change, and forget it with what followed. **Returns** what was changed.
+
+        **Raises** `ValueError` where nothing has been changed so far, or where no state from before it is kept.
+        """
+        number = self._made - 1
+        check(number >= 0, "changes", self._made, "at least one to take back")
+        change = self._log[number]
+        kept = self.history.before(change.tick)
+        check(kept.changes <= number, "changes", kept.changes, f"at most {number} in the state before the last one")
+        del self._log[number:]
+        self.rewind(change.tick)
+        self.advance(change.tick - self.tick)
+        self.forget()
+        return change.what
+
     def forget(self) -> None:
         """Forget the known future, so that another one may follow."""
         del self._log[self._made :]

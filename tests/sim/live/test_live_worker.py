@@ -268,3 +268,19 @@ def test_a_run_is_gone_on_with(tmp_path, driven):
         live.setup_of("chain", run=tmp_path / "run", seed=7)
     with pytest.raises(ValueError, match="seed = 3: must be one of the run's seeds"):
         live.setup_of("hopper", run=tmp_path / "run", seed=3)
+
+
+def test_a_push_that_throws_the_body_away_is_told_and_taken_back(hopper):
+    watched = hopper
+    watched(live.Reset(), live.Step(20))
+    before = {name: watched.seen()[name].copy() for name in KEYS}
+    watched(live.Push("load", (0.0, 0.0, 1e6), 5.0))
+    said = watched(live.Step(300))
+    assert [kind for kind, _ in said] == ["lost"]
+    assert "after decision 20; Undo" in said[0][1]
+    assert watched(live.Undo()) == [("change", "took back: push")]
+    now = watched.seen()
+    assert (now["decision"], now["newest"]) == (20, 20)
+    for name in ("position", "velocity", "parameters"):
+        np.testing.assert_array_equal(now[name][0], before[name][0])
+    assert watched(live.Undo())[0] == ("error", "changes = 0: must be at least one to take back")

@@ -77,6 +77,25 @@ def shown(place):
     place.get_by_text("simulated time", exact=True).wait_for()
 
 
+def as_a_demanding_user(seen, page):
+    """Tabs in one row, a name on every input of the page, Escape for dialogs, and the overlay over the picture."""
+    tabs = seen.get_by_role("tab").all()
+    assert len({round(tab.bounding_box()["y"]) for tab in tabs}) == 1
+    unnamed = """() => [...document.querySelectorAll("[role=tabpanel] :is(input:not([type=hidden]), [role=slider])")]
+      .filter(each => !each.getAttribute("aria-label") && !(each.labels && each.labels.length)).length"""
+    assert until(lambda: seen.evaluate(unnamed) == 0)
+    seen.keyboard.press("Shift+?")
+    seen.get_by_role("dialog").wait_for()
+    seen.keyboard.press("Escape")
+    seen.get_by_role("dialog").wait_for(state="detached")
+    page.overlay("note", text="<b>from</b> Python")
+    overlay = seen.locator(".motorgrad-overlay")
+    overlay.get_by_text("<b>from</b> Python", exact=True).wait_for()
+    box, canvas = overlay.bounding_box(), seen.locator("canvas").first.bounding_box()
+    assert box == canvas
+    page.overlay("note")
+
+
 @pytest.mark.journey
 def test_the_owner_sees_the_page_and_no_token_in_its_address(browser, page):
     token = page._gate.token
@@ -87,6 +106,7 @@ def test_the_owner_sees_the_page_and_no_token_in_its_address(browser, page):
         seen.reload()
         shown(seen)
         assert token not in seen.url
+        as_a_demanding_user(seen, page)
         assert token not in seen.evaluate("document.cookie + JSON.stringify(localStorage)")  # no script may read it
         ours = tuple(f"{kind}localhost:{page.server.get_port()}/" for kind in ("http://", "blob:http://"))
         assert [url for url in asked if not url.startswith((*ours, "data:"))] == []

@@ -2,11 +2,12 @@
 
 import csv
 import io
+import itertools
 
 import numpy as np
 import pytest
 
-from motorgrad.sim.panels._charts import smoothed
+from motorgrad.sim.panels._charts import SIZE, fitting_ticks, smoothed, tick_label
 from motorgrad.sim.panels._panel import brief, columns_of, csv_of, table
 from motorgrad.sim.panels._settings_form import number_of, words_of
 from motorgrad.training import agent_for
@@ -20,6 +21,19 @@ def test_a_table_can_be_read_back():
     assert float(found[0]["level, in % a"]) == 0.1
     assert float(found[1]["level, in % a"]) == 2.5e-7
     assert found[0]["level, in % b"] == ""
+    text = csv_of({"seconds": np.float32([52.66]), "metres": np.array([52.660000000000004]), "far": np.array([1e300])})
+    assert text == b"seconds,metres,far\n52.66,52.66,1e+300\n"
+
+
+@pytest.mark.parametrize("limits", [(0.0751, 0.1012), (-0.00123, 0.00456), (61_000.0, 62_900.0), (0.0, 1.0)])
+def test_the_texts_of_ticks_do_not_overlap(limits):
+    for room in (90.0, 120.0, 290.0):
+        ends = []
+        for value in fitting_ticks(*limits, room):
+            middle, half = (value - limits[0]) / (limits[1] - limits[0]) * room, 0.28 * SIZE * len(tick_label(value))
+            ends.append((middle - half, middle + half))
+        assert ends
+        assert all(left[1] < right[0] for left, right in itertools.pairwise(ends))
 
 
 def test_columns_of_different_lengths_are_refused():

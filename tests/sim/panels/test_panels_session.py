@@ -4,13 +4,14 @@ import csv
 import io
 import types
 
+import mujoco
 import numpy as np
 import pytest
 import viser
 from panel_studio import until
 
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
-from motorgrad.sim.live import Edit, Pause, Trail
+from motorgrad.sim.live import Edit, Pause, Push, Session, Setup, Trail, Undo
 from motorgrad.sim.panels import Panels
 from motorgrad.sim.panels._gait import GaitReader, is_hexapod
 from motorgrad.sim.panels._panel import csv_of
@@ -136,6 +137,21 @@ def march():
     reading = type(recorded.reading)(*(part[late] for part in recorded.reading))
     feet = [model.sensor(i).name for i in range(model.nsensor) if "contact_" in model.sensor(i).name]
     return recorded, late, model, reading, feet
+
+
+def test_a_simulation_that_breaks_down_leaves_no_file_and_comes_back(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    body = '<body name="ball"><freejoint/><geom size=".1" mass="1e-8"/></body>'
+    ball = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    with Session(Setup("ball", model=ball)) as session:
+        session.order(Push("ball", (0.0, 0.0, 1e6), 20.0))
+        assert until(lambda: any(event.kind == "lost" for event in session.log))
+        assert "broke down" in session.log[-1].text
+        assert not session.snapshot().playing
+        session.order(Undo())
+        assert until(lambda: session.log[-1].text == "took back: push")
+        assert np.abs(session.snapshot().position).max() < 1e3
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_gait_is_what_the_recording_of_the_walk_says(march):

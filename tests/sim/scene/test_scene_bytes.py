@@ -9,7 +9,7 @@ from scene_moments import moment, walk
 from websockets.sync.client import connect
 
 MOST = 14_000
-"""Bytes of one moment of a hexapod with 24 muscles and all layers on; `Scene` says some 12 kB."""
+"""Bytes of one moment of a hexapod with 24 muscles and all layers on; `Scene` says some 14 kB."""
 
 
 def received(socket, seconds):

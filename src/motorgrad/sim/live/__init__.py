@@ -25,6 +25,7 @@ from motorgrad.sim.live._messages import (
     Speed,
     Step,
     Thaw,
+    Undo,
 )
 from motorgrad.sim.live._policy import confined
 from motorgrad.sim.live._session import Session
@@ -56,6 +57,7 @@ __all__ = [
     "Step",
     "Thaw",
     "Trail",
+    "Undo",
     "acting",
     "confined",
     "is_path",

@@ -27,6 +27,7 @@ class BareModel:
     """
 
     frozen = False
+    diverged = 0
 
     def __init__(self, setup: Setup):
         self.model: Any = setup.model
@@ -62,6 +63,7 @@ class BareModel:
                 self._data.xfrc_applied[:] = 0
             if self._data.warning.number[BAD].any():  # diverged, and reset by MuJoCo to its reference pose
                 self._data.warning.number[:] = 0
+                self.diverged += 1
                 self._to_start()
 
     def step(self) -> Sample:

@@ -32,7 +32,7 @@ class Learner:
         assert setup.task is not None
         assert setup.agent is not None
         self._setup, self.task, self.agent = setup, setup.task, setup.agent
-        self.frozen = setup.frozen
+        self.frozen, self.diverged = setup.frozen, 0
         self._changes: dict[str, float] = {}
         self._engines: dict[Any, Stepper] = {}
         self._probes: dict[Stepper, Any] = {}
@@ -99,6 +99,7 @@ class Learner:
             stepper.harvest()
         reports = self.task.reports
         lost = int(record["diverged"][0]) if "diverged" in record else 0
+        self.diverged += lost
         values = [record["reward"][0] / max(count - lost, 1), *(record[name][0] for name in reports)]
         counts = [count, *(record[f"{name}_count"][0] for name in reports)]
         return Tally(np.asarray(values, float), np.asarray(counts, float))

@@ -39,9 +39,11 @@ class Subject(Protocol):
 
     - `tick`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
     - `settings`: what can be edited, with its present value; `fields`: the model's arrays that edits change.
+    - `diverged`: how often the simulation has broken down, and was set to its start.
     """
 
     frozen: bool
+    diverged: int
     settings: dict[str, float]
 
     @property
@@ -171,6 +173,11 @@ class Save(Order):
 
     def __post_init__(self) -> None:
         _check_npz(self.path)
+
+
+@dataclasses.dataclass(frozen=True)
+class Undo(Order):
+    """Go back to before the last intervention, forget it with all that followed, and pause there."""
 
 
 class Intervention(Order):
@@ -319,7 +326,8 @@ class Event(NamedTuple):
     """The outcome of an order, or something that happened by itself.
 
     - `wall`: time of day, s since the epoch; `decision`: when it happened in the run.
-    - `kind`: `"change"`, `"error"`, `"saved"`, `"loaded"`, or `"ended"` where the worker is gone.
+    - `kind`: `"change"`, `"error"`, `"saved"`, `"loaded"`, `"lost"` where the simulation broke down or the body is out
+      of this world after an intervention, or `"ended"` where the worker is gone.
     - `text`: one line.
     """
 

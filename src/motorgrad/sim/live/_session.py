@@ -21,7 +21,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import Policy, split
-from motorgrad.sim.live._messages import Event, Order, Ready, Reply
+from motorgrad.sim.live._messages import Event, Order, Ready, Reply, Speed
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, SharedArrays, Sizes, Snapshot, Trail, layout
 from motorgrad.sim.live._worker import work
@@ -40,7 +40,7 @@ class Session:
     - `model`: the `mujoco.MjModel` of the body in view, with edits of muscles applied; None for worlds in JAX.
     - `task`, `agent`: None for a model without a learner.
     - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
-    - `period`: simulated seconds of a decision.
+    - `period`: simulated seconds of a decision; `speed`: simulated seconds per second of wall time, as wanted.
     - `settings`: what `Edit` can change, by name, with its present value.
     - `log`: the last events, whether or not `events` has returned them.
     - `folders`: where a page may save and load policies: the working folder, and that of the run it began with.
@@ -49,7 +49,7 @@ class Session:
     """
 
     def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0):
-        self.setup, self.name = setup, setup.name
+        self.setup, self.name, self.speed = setup, setup.name, speed
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
         self.folders = [Path.cwd(), *([] if setup.folder is None else [setup.folder])]
         self._events: deque[Event] = deque(maxlen=KEPT)
@@ -139,6 +139,8 @@ class Session:
             raise RuntimeError(f"{self.name}: the simulation has ended")
         with self._lock:
             self._pipe.send(order)
+        if isinstance(order, Speed):
+            self.speed = order.factor
 
     def events(self) -> list[Event]:
         """The events since the last call, oldest first; a page calls it to show them."""

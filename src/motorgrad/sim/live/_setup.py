@@ -20,7 +20,7 @@ from motorgrad.bodies import BODIES, Body, Mjcf, Terrain, WrappedBody, compile_m
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import load_policy, policy_of_run
-from motorgrad.tasks import TASKS, BodyTask, Composed, Task
+from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task
 from motorgrad.training import Run, check_training
 
 if TYPE_CHECKING:
@@ -243,7 +243,9 @@ def _of_task(
 
 
 def _title(task: Task) -> str:
-    """The name of a task, or of the body of a composed one."""
+    """The name of a task, of the environment behind it, or of the body of a composed one."""
+    if isinstance(task, Gymnasium):
+        return task.env_id
     name = task.body.spec().modelname if isinstance(task, Composed) else ""
     return task.name if name in ("", "MuJoCo Model") else name  # MuJoCo's own name for a model without one
 

@@ -1,11 +1,16 @@
 """The worker process of a run: it advances the subject, obeys orders and publishes snapshots, and never waits."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
+import logging
 import signal
 import time
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
 
 import cloudpickle
+import mujoco
 import numpy as np
 
 from motorgrad._playback import Clock, Playback
@@ -24,6 +29,7 @@ from motorgrad.sim.live._messages import (
     Speed,
     Step,
     Subject,
+    Undo,
 )
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, CurveRecorder, Sample, SharedArrays, TrailRecorder, layout
@@ -33,13 +39,18 @@ KEEP_EVERY = 1.0  # s of wall time at work between two states kept
 CURVE_EVERY = 0.1  # s of wall time, at least, between two additions to the learning curve
 SLICE = 1 / 60  # s of wall time between two samples at the pipe
 LOOKS = 150.0  # decisions a second that are sampled one by one
+FAR = 1e5  # m or rad, by which nothing moves after an intervention unless it was thrown
+WATCHED = 60.0  # s of simulated time after an intervention
 STRETCH = 600  # decisions sampled in a row, after which a faster run pauses sampling
 REFUSED = (ValueError, OSError, RuntimeError)
+
+log = logging.getLogger(__name__)
 
 
 def work(pipe: Connection, payload: bytes) -> None:
     """Run a worker. An error at the start is sent to the session, which raises it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the page, which ends this process
+    mujoco.set_mju_user_warning(log.debug)  # by default MuJoCo writes a file into the user's folder
     try:
         setup, playing, speed = cloudpickle.loads(payload)
         worker = Worker(setup, pipe, playing, speed)
@@ -75,6 +86,8 @@ class Worker:
         self._framed = self._counted = 0.0
         self._kept = time.perf_counter()
         self._resets = self._tallied = 0
+        self._watched: tuple[int, np.ndarray, int] | None = None
+        """Of the last intervention: its decision, the position, and how often the simulation had broken down."""
         self._latest = self.subject.tick, self.subject.sample()
         self._publish()
 
@@ -122,11 +135,15 @@ class Worker:
                 case Save():
                     subject.save(order.path)
                     text, kind = "" if order.quiet else f"policy saved to {order.path}", "saved"
+                case Undo():
+                    text = f"took back: {self._undo()}"
                 case Intervention():
+                    if self.playback.history.before(subject.tick).tick < subject.tick:
+                        self._keep()  # the state before, for `Undo`
                     text, kind = self.playback.change(order.resolve(subject)), order.kind
                     self._drop_after(subject.tick)
-                    self._keep()
                     self._latest = subject.tick, subject.sample()
+                    self._watched = subject.tick, self._latest[1]["position"].copy(), subject.diverged
                 case _:
                     raise ValueError(f"unknown order {order!r}")
         except REFUSED as error:
@@ -167,7 +184,7 @@ class Worker:
         if subject.tick - self._tallied >= self._curve.window and start - self._counted >= CURVE_EVERY:
             self._curve.add(subject.tick, subject.tally(), subject.frozen)
             self._tallied, self._counted = subject.tick, start
-        if start - self._kept >= KEEP_EVERY:
+        if start - self._kept >= KEEP_EVERY and self.playback.history.newest < subject.tick:
             self._keep()
 
     def _sample(self, count: int) -> list[Sample]:
@@ -202,8 +219,36 @@ class Worker:
         subject.tally()  # the repeated decisions are in the curve already
         self._latest = decision, samples[-1] if samples else subject.sample()
         self.clock.pause()
-        self._tallied = decision
+        self._tallied, self._watched = decision, None
         self._resets += 1
+
+    def _undo(self) -> str:
+        """Go back to before the last intervention, pause there, and return its name."""
+        what = self.playback.undo()
+        self.subject.tally()
+        self._drop_after(self.subject.tick)
+        self._latest = self.subject.tick, self.subject.sample()
+        self.clock.pause()
+        self._tallied, self._watched = self.subject.tick, None
+        self._resets += 1
+        return type(what).__name__.lower()
+
+    def _watch(self) -> None:
+        """Pause, and tell of it, where an intervention has broken the simulation or thrown the body away."""
+        if self._watched is None:
+            return
+        decision, position, diverged = self._watched
+        subject, now = self.subject, self._latest[1]["position"]
+        if subject.tick < decision or (subject.tick - decision) * subject.period > WATCHED:
+            self._watched = None
+            return
+        moved = np.abs(now[0] - position[0]).max(initial=0.0)
+        broken = subject.diverged > diverged or not np.isfinite(moved)
+        if broken or moved > FAR:
+            self._watched = None
+            self.clock.pause()
+            how = "the simulation broke down" if broken else f"the body was thrown away, by {moved:.1e} m or rad"
+            self.send(f"{how} after decision {decision:,}; Undo goes back to before it", "lost")
 
     def _drop_after(self, decision: int) -> None:
         """Drop what the trail and the curve have of later decisions, after the known future was forgotten."""
@@ -215,7 +260,7 @@ class Worker:
         self.playback.begin()
         self._trail.drop_after(-1)
         self._curve.clear()
-        self._tallied = 0
+        self._tallied, self._watched = 0, None
         self._resets += 1
         self.clock.restart()
         self._latest = 0, self.subject.sample()
@@ -223,6 +268,7 @@ class Worker:
     def _publish(self) -> None:
         """Write the present moment to shared memory."""
         subject = self.subject
+        self._watch()
         seen, sample = self._latest
         if seen != subject.tick:
             sample = subject.sample()

@@ -1,5 +1,8 @@
 """The page in the browser: a session, its scene and its panels, at an address."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
 import contextlib
 import io
 import logging
@@ -13,11 +16,13 @@ import webbrowser
 from pathlib import Path
 from typing import Any, Self
 
+import mujoco
+
 from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.live import Session
 from motorgrad.sim.page._server import gated_server
-from motorgrad.sim.panels import DragPush, FilmRecorder, Panels
+from motorgrad.sim.panels import DragPush, FilmRecorder, Overlay, Panels
 from motorgrad.sim.scene import Pose, Scene, View
 
 HERE = "127.0.0.1"
@@ -60,7 +65,9 @@ class Page:
     **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one.
 
     **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `server`, viser's; `session`;
-    `scene` and `panels`; `failures`: how many frames a part could not draw; `spent`: seconds spent drawing in all.
+    `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
+    `motorgrad.sim.panels.Overlay`); `failures`: how many frames a part could not draw; `spent`: seconds
+    spent drawing in all.
 
     **Raises** `ValueError` for a port that is in use.
     """
@@ -83,8 +90,10 @@ class Page:
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
+        if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a file into the user's folder
+            mujoco.set_mju_user_warning(log.debug)
         session = self.session
-        self.scene, self.panels = Scene(), Panels()
+        self.scene, self.panels, self.overlay = Scene(), Panels(), Overlay()
         self.failures, self.spent = 0, 0.0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
@@ -98,11 +107,12 @@ class Page:
         self._stop = threading.Event()
         drag = DragPush(self.scene.draggable)
         drawn = [self.scene, *([] if planet is None else [planet])]
-        for part in (*drawn, self.panels, drag):
+        for part in (*drawn, self.panels, self.overlay, drag):
             part.build(self.server, session)
-        with self.panels.tabs.add_tab(View.title, View.icon):
+        with self.panels.tabs.add_tab(View.title):
             self.view.build(self.server, session)
-        self.parts: list[Any] = [*drawn, self.view, self.panels, drag]
+            self.overlay.add_switch()
+        self.parts: list[Any] = [*drawn, self.view, self.panels, self.overlay, drag]
 
     @property
     def url(self) -> str:

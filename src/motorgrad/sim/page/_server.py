@@ -3,12 +3,15 @@
 import asyncio
 import contextlib
 import dataclasses
+import functools
+import gzip
 import http
 import io
 import logging
 import math
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -125,6 +128,9 @@ class _Front:
                 return None
             page = serve_page(connection, dataclasses.replace(request, path="/"))
             if page is not None:
+                page.body = _completed(bytes(page.body), page.headers.get("Content-Encoding") == "gzip")
+                del page.headers["Content-Length"]
+                page.headers["Content-Length"] = str(len(page.body))
                 policy = POLICY.format(host=request.headers["Host"])
                 page.headers.update({**HEADERS, "Content-Security-Policy": policy})
                 if verdict.framed:
@@ -143,6 +149,15 @@ class _Front:
             found = [api._gui_input_handle_from_uuid.get(message.uuid) for api in apis]
             for handle in filter(None, found):
                 check_value(handle, message.updates)
+
+
+@functools.cache
+def _completed(page: bytes, packed: bool) -> bytes:
+    """viser's page with this room's style and script, which stand in files of their own."""
+    style, script = (Path(__file__).with_name(f"client.{kind}").read_text("utf-8") for kind in ("css", "js"))
+    whole = gzip.decompress(page) if packed else page
+    whole += f"<style>{style}</style><script>{script}</script>".encode()
+    return gzip.compress(whole) if packed else whole
 
 
 class _Client:

@@ -5,8 +5,9 @@ Each panel is a tab that adds its own elements and updates them. Panels do not k
 """
 
 from motorgrad.sim.panels._capture import FilmRecorder
+from motorgrad.sim.panels._overlay import Overlay
 from motorgrad.sim.panels._panel import Panel
 from motorgrad.sim.panels._panels import PANELS, Panels
 from motorgrad.sim.panels._run import DragPush
 
-__all__ = ["PANELS", "DragPush", "FilmRecorder", "Panel", "Panels"]
+__all__ = ["PANELS", "DragPush", "FilmRecorder", "Overlay", "Panel", "Panels"]

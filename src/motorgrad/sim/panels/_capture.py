@@ -227,7 +227,6 @@ class CapturePanel(Panel):
     """Film (MP4), snapshot (PNG) and scene recording (HTML); the browser that asked for it saves the file."""
 
     title: ClassVar[str] = "Capture"
-    icon: ClassVar[str] = "camera"
     rate: ClassVar[float] = 2.0
 
     def fill(self, gui: Any) -> None:

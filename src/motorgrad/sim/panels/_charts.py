@@ -15,6 +15,7 @@ WIDTH = 340.0
 """Width of a diagram in its own units; on the page it is as wide as the panel."""
 INK = "currentColor"
 SIZE = 10.5
+LETTER = 0.56  # width of a digit, as a share of its size
 
 
 def document(width: float, height: float, parts: Sequence[str], label: str) -> str:
@@ -121,7 +122,7 @@ class Chart:
     def _ticks(self) -> list[str]:
         left, top, right, bottom = self.box
         found, pale = [], 'opacity=".8"'
-        for value in ticks(*self.across, 5 if right - left > 200 else 2):
+        for value in fitting_ticks(*self.across, right - left):
             place = float(self.x(value))
             found.append(f'<path d="M{place:.1f} {bottom}v3" stroke="{INK}" stroke-opacity=".5"/>')
             found.append(text(place, bottom + 10, tick_label(value), "middle", pale))
@@ -145,6 +146,18 @@ def ticks(low: float, high: float, count: int) -> list[float]:
     values = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)
     room = 1e-9 * (high - low)
     return [float(value) for value in values if low - room <= value <= high + room]
+
+
+def fitting_ticks(low: float, high: float, room: float) -> list[float]:
+    """Round values between two limits, at most five steps, whose texts have `room` side by side in diagram units."""
+    values: list[float] = []
+    for count in (5, 3, 2, 1):
+        values = ticks(low, high, count)
+        places = [(value - low) / (high - low) * room for value in values]
+        widths = [LETTER * SIZE * (len(tick_label(value)) + 1) for value in values]
+        if all(b - a >= (v + w) / 2 for a, b, v, w in zip(places, places[1:], widths, widths[1:], strict=False)):
+            return values
+    return values[:1]
 
 
 def tick_label(value: float) -> str:

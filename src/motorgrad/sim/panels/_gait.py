@@ -135,7 +135,6 @@ class GaitPanel(Panel):
     """Footfall diagram; gait class, speed, phase between the tripods, stride frequency, duty factor."""
 
     title: ClassVar[str] = "Gait"
-    icon: ClassVar[str] = "shoe"
     rate: ClassVar[float] = 2.0
 
     @classmethod

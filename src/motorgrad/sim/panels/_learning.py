@@ -12,6 +12,7 @@ import numpy as np
 from motorgrad.sim.panels._charts import CurvePlot, TracePlot
 from motorgrad.sim.panels._panel import Numbers, Panel, brief, table
 from motorgrad.sim.panels._settings_form import SettingsForm
+from motorgrad.sim.panels._units import with_unit
 
 if TYPE_CHECKING:
     from motorgrad.sim.live import Event, Session, Snapshot
@@ -26,7 +27,6 @@ class LearningPanel(Panel):
     """Learning curve, reward, baseline and gradient norm; settings with a log of changes; policies."""
 
     title: ClassVar[str] = "Learning"
-    icon: ClassVar[str] = "chart-line"
     rate: ClassVar[float] = 2.0
 
     @classmethod
@@ -38,7 +38,9 @@ class LearningPanel(Panel):
         self._moments: deque[tuple[float, ...]] = deque(maxlen=KEPT)
         self._said = gui.add_html("")
         names = ("reward", *self.session.readings)
-        self._which = gui.add_dropdown("Curve", names, initial_value=names[0], hint="Of a decision, mean; of the task.")
+        self._which = gui.add_dropdown(
+            "Curve", names, initial_value=_first_of(names), hint="Of a decision, mean; of the task."
+        )
         self._which.on_update(self.renew)
         self._curve = CurvePlot(gui)
         self._traces = [TracePlot(gui, ("reward", "baseline")), TracePlot(gui, ("gradient norm",))]
@@ -67,7 +69,7 @@ class LearningPanel(Panel):
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
         curve = self.session.curve()
-        self._curve.show(curve.seconds, curve.values[self._which.value], self._which.value)
+        self._curve.show(curve.seconds, curve.values[self._which.value], with_unit(self._which.value))
         moments = np.array(self._moments).reshape(-1, 4)
         self._traces[0].show(moments[:, 0], moments[:, 1:3])
         self._traces[1].show(moments[:, 0], moments[:, 3:])
@@ -112,6 +114,11 @@ class LearningPanel(Panel):
 
         path = str(confined(self._path.value.strip(), self.session.folders))
         self.order(Save(path) if button == "Save" else Load(path))
+
+
+def _first_of(names: tuple[str, ...]) -> str:
+    """The curve that is shown at first: the return of episodes where the task reports it."""
+    return "return" if "return" in names else names[0]
 
 
 def _lines(lines: list[str] | tuple[str, ...]) -> str:

@@ -1,10 +1,14 @@
 """Muscles: their activation over time, and where one of them works on its force–length–velocity curves."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
+import mujoco
 import numpy as np
 
 from motorgrad.sim.film import muscle_colour
@@ -86,10 +90,18 @@ class Range(NamedTuple):
         return Range((low, high), max(self.speed, 1.15 * abs(velocity), LEAST))
 
 
-def draw_operating(law: Law, activation: float, length: float, velocity: float, where: Range, now: float) -> str:
+def draw_operating(
+    law: Law,
+    activation: float,
+    length: float,
+    velocity: float,
+    where: Range,
+    now: float,
+    units: tuple[str, str] = ("m", "N"),
+) -> str:
     """Force against length and against velocity as SVG: faint at full activation, strong at the present one, with the
-    operating point at the force `now`, in N. While a tendon changes its length, the point leaves the
-    curves of a Hill-type muscle.
+    operating point at the force `now`. `units` are those of length and of force. While a tendon changes its length, the
+    point leaves the curves of a Hill-type muscle.
     """
     lengths = np.linspace(*where.length, POINTS)
     speeds = np.linspace(-where.speed, where.speed, POINTS)
@@ -101,8 +113,8 @@ def draw_operating(law: Law, activation: float, length: float, velocity: float, 
     up = (float(every.min()) - room, float(every.max()) + room)
     parts: list[str] = []
     for x, curves, here, words, box, side in (
-        (lengths, along, length, "length (m)", HALF, "force (N)"),
-        (speeds, across, velocity, "velocity (m/s)", OTHER, ""),
+        (lengths, along, length, f"length ({units[0]})", HALF, f"force ({units[1]})"),
+        (speeds, across, velocity, f"velocity ({units[0]}/s)", OTHER, ""),
     ):
         chart = _charts.Chart((float(x[0]), float(x[-1])), up, words, side, (box[0] + 12, *box[1:]) if side else box)
         chart.line(np.array([x[0], x[-1]]), np.zeros(2), _charts.INK, 0.6, 'stroke-opacity=".4"')
@@ -115,6 +127,15 @@ def draw_operating(law: Law, activation: float, length: float, velocity: float, 
     return _charts.document(_charts.WIDTH, 190, parts, "force against length and against velocity")
 
 
+def units_of(model: Any, actuator: int) -> tuple[str, str]:
+    """The units of an actuator's length and force: of a path m and N, about a hinge rad and N·m."""
+    kind, of = model.actuator_trntype[actuator], model.actuator_trnid[actuator, 0]
+    if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        turns = model.jnt_type[of] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL)
+        return ("rad", "N·m") if turns else ("m", "N")
+    return "m", "N"
+
+
 ARMS = 3  # joints whose moment arm is shown
 
 
@@ -122,7 +143,6 @@ class MusclesPanel(Panel):
     """Activations over time; length, velocity, force, moment arms, operating point and settings of one muscle."""
 
     title: ClassVar[str] = "Muscles"
-    icon: ClassVar[str] = "wave-sine"
     rate: ClassVar[float] = 5.0
 
     @classmethod
@@ -163,7 +183,7 @@ class MusclesPanel(Panel):
         length, velocity = float(data.actuator_length[row]), float(data.actuator_velocity[row])
         activation = float(pose.activation[0, row])
         arms = [(f"moment arm, {arm.joint}", f"{brief(1e3 * arm.metres)} mm") for arm in law.moment_arms(data)[:ARMS]]
-        unit, hill = "m" if law.pulls else "", law.hill_now(data)
+        (unit, of_force), hill = units_of(self.model, row), law.hill_now(data)
         inside = []
         if hill is not None:
             share = f"{hill.fiber_length / law.optimal:.0%} of the optimal"
@@ -177,13 +197,14 @@ class MusclesPanel(Panel):
                 ("activation", f"{activation:.0%}"),
                 ("length", f"{brief(length)} {unit}"),
                 ("velocity", f"{brief(velocity)} {unit}/s"),
-                ("force", f"{brief(force)} N"),
+                ("force", f"{brief(force)} {of_force}"),
                 *inside,
                 *arms,
             ]
         )
         self._range = self._range.holding(length, velocity, law.rest_length)
-        self._curve.content = draw_operating(law, activation, length, velocity, self._range, force)
+        units = unit, of_force
+        self._curve.content = draw_operating(law, activation, length, velocity, self._range, force, units)
         if self._editable:
             self._form.refresh()
 

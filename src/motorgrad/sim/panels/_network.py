@@ -19,7 +19,6 @@ class NetworkPanel(Panel):
     """Activations of the hidden units; the activation of one of them over two of the observations."""
 
     title: ClassVar[str] = "Network"
-    icon: ClassVar[str] = "sitemap"
     rate: ClassVar[float] = 2.0
 
     @classmethod

@@ -17,6 +17,7 @@ from motorgrad.sim.live import Event, Order, Session, Snapshot
 from motorgrad.sim.scene import Pose
 
 NOTHING = 1e-12  # smaller numbers are rounding errors of zero
+SINGLE = 1e38  # the largest number of single precision is 3.4e38
 
 
 def csv_of(columns: Mapping[str, np.ndarray]) -> bytes:
@@ -25,8 +26,16 @@ def csv_of(columns: Mapping[str, np.ndarray]) -> bytes:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     for row in zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True):
-        writer.writerow(["" if isinstance(value, float) and math.isnan(value) else value for value in row])
+        writer.writerow([_cell(value) if isinstance(value, float) else value for value in row])
     return text.getvalue().encode()
+
+
+def _cell(value: float) -> str:
+    """The shortest text of a number, which most often was one of single precision; of the others twelve digits."""
+    if math.isnan(value):
+        return ""
+    single = np.float32(value) if abs(value) < SINGLE else None
+    return str(single) if single == value else f"{value:.12g}"
 
 
 def columns_of(name: str, names: Sequence[str], rows: np.ndarray) -> dict[str, np.ndarray]:
@@ -66,12 +75,11 @@ class Panel:
     """A tab of the page. A subclass adds its elements in `fill`, updates them in `show`, and may return the numbers
     behind them from `numbers`.
 
-    **Attributes:** `title` of the tab; `icon`, one of viser's; `rate` of updates in Hz. Nothing is drawn without a
+    **Attributes:** `title` of the tab; `rate` of updates in Hz. Nothing is drawn without a
     browser or without a change.
     """
 
     title: ClassVar[str]
-    icon: ClassVar[str]
     rate: ClassVar[float] = 4.0
 
     server: viser.ViserServer

@@ -33,6 +33,7 @@ NOTIFIED = {
     "loaded": ("Loaded", "green"),
     "error": ("Refused", "red"),
     "ended": ("Ended", "red"),
+    "lost": ("Stopped", "orange"),
 }
 
 
@@ -56,7 +57,7 @@ class Panels:
         for kind in PANELS:
             if kind.applies(session):
                 panel = kind()
-                with self.tabs.add_tab(kind.title, kind.icon):
+                with self.tabs.add_tab(kind.title):
                     panel.build(server, session)
                 self.panels[kind.title] = panel
 

@@ -20,7 +20,6 @@ class PolicyPanel(Panel):
     """Weights as arrows; a phase portrait over the probability of firing; ellipses of local units."""
 
     title: ClassVar[str] = "Policy"
-    icon: ClassVar[str] = "brain"
     rate: ClassVar[float] = 2.0
 
     @classmethod

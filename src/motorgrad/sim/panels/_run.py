@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import viser
 
-from motorgrad.sim.live import Pause, Play, Push, Reset, Scrub, Session, Snapshot, Speed, Step
+from motorgrad.sim.live import Pause, Play, Push, Reset, Scrub, Session, Snapshot, Speed, Step, Undo
 from motorgrad.sim.panels._panel import Numbers, Panel, brief, columns_of, command, notify, table
 from motorgrad.sim.scene import Pose
 
@@ -149,7 +149,6 @@ class RunPanel(Panel):
     """Play, pause, single decisions, reset, speed, going back in time, and pushes."""
 
     title: ClassVar[str] = "Run"
-    icon: ClassVar[str] = "player-play"
     rate: ClassVar[float] = 8.0
 
     def fill(self, gui: Any) -> None:
@@ -163,7 +162,7 @@ class RunPanel(Panel):
             min=math.log10(MARKS[0]),
             max=math.log10(FASTEST),
             step=0.01,
-            initial_value=(self._place(1.0),),
+            initial_value=(self._place(self.session.speed),),
             marks=(*((math.log10(mark), f"{mark:g}×") for mark in MARKS), (math.log10(FASTEST), "max")),
             hint="Simulated seconds per second; the right end is as fast as possible.",
         )
@@ -175,15 +174,24 @@ class RunPanel(Panel):
             self._back.on_update(self._scrub)
             go = gui.add_button("Continue from here", icon="player-play")
             go.on_click(self.guarded(lambda _: self._press("Play")))
+        self._undo = gui.add_button(
+            "Undo the last change",
+            icon="arrow-back-up",
+            color="gray",
+            hint="Goes back to before the last push or edit. Key: U.",
+        )
+        self._undo.on_click(self.guarded(lambda _: self.order(Undo())))
         reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Returns body and learner to the start.")
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
         self._touched, self._wanted, self._limits = -math.inf, None, (-1.0, 0.0)
+        self._paced = -math.inf
         self._push = PushFolder(self) if self.model is not None else None
         if self._push is not None:
             self._push.fill(gui)
         for label, key, action in (
             ("Play or pause", "space", lambda _: self._press("Pause" if self.session.snapshot().playing else "Play")),
             ("One decision", "N", lambda _: self.order(Step())),
+            ("Undo the last change", "U", lambda _: self.order(Undo())),
         ):
             command(gui, label, key, self.guarded(action))
 
@@ -205,6 +213,9 @@ class RunPanel(Panel):
             ("speed", f"{brief(snapshot.speed)}×" if snapshot.playing else "–"),
         ]
         self._summary.content = table(rows)
+        pace = round(self._place(self.session.speed), 2)
+        if abs(self._speed.value[0] - pace) > 0.02 and time.monotonic() - self._paced > HELD:
+            self._speed.value = (pace,)  # set from Python or by another browser
         if time.monotonic() - self._touched > HELD:
             low = min(-self._step, (snapshot.oldest - snapshot.newest) * self.session.period)
             if not math.isclose(low, self._limits[0]):
@@ -233,6 +244,9 @@ class RunPanel(Panel):
         self.order({"Play": Play, "Pause": Pause, "Step": Step, "Reset": Reset}[button]())
 
     def _set_speed(self, event: Any) -> None:
+        if event.client is None:  # this panel itself
+            return
+        self._paced = time.monotonic()
         factor = 10 ** event.target.value[0]
         self.order(Speed(math.inf if factor > FASTEST * 0.97 else max(factor, MARKS[0])))
 

@@ -38,6 +38,10 @@ class Pieces(NamedTuple):
     shift: np.ndarray
     size: np.ndarray
 
+    def take(self, chosen: np.ndarray) -> Pieces:
+        """Some of the copies."""
+        return Pieces(*(column[chosen] for column in self))
+
 
 class Bodies(Layer):
     """Draws geoms as copies of three unit meshes; a capsule is a rod and two balls.
@@ -51,12 +55,12 @@ class Bodies(Layer):
         if model is None:
             return
         colours = geom_colours(model)
-        for kind, shape, pieces in _pieces(model):
+        for kind, shape, pieces in unit_pieces(model):
             for clear in (False, True):
                 chosen = (colours[pieces.geom, 3] < 1) == clear
                 if not chosen.any():
                     continue
-                some = Pieces(*(column[chosen] for column in pieces))
+                some = pieces.take(chosen)
                 node = f"/bodies/{kind}{'/clear' if clear else ''}"
                 pool = MeshPool(server.scene, node, shape, len(some.geom), shadow=not clear, faded=clear)
                 self._parts.append((pool, some, colours[some.geom]))
@@ -76,12 +80,17 @@ class Bodies(Layer):
 
 
 def _placed(data: mujoco.MjData, offset: np.ndarray, pieces: Pieces, colours: np.ndarray) -> tuple[np.ndarray, ...]:
+    return *placed_pieces(data, offset, pieces), colours[:, :3], colours[:, 3]
+
+
+def placed_pieces(data: mujoco.MjData, offset: np.ndarray, pieces: Pieces) -> tuple[np.ndarray, ...]:
+    """Positions, rotations and sizes of copies, moved by `offset`."""
     turn = data.geom_xmat[pieces.geom].reshape(-1, 3, 3)
     place = data.geom_xpos[pieces.geom] + pieces.shift[:, None] * turn[:, :, 2] + offset
-    return place, quaternions_from_matrices(turn), pieces.size, colours[:, :3], colours[:, 3]
+    return place, quaternions_from_matrices(turn), pieces.size
 
 
-def _pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
+def unit_pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
     """The copies of each unit shape."""
     kinds = mujoco.mjtGeom
     seen = visible_geoms(model)

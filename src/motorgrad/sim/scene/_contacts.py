@@ -92,6 +92,11 @@ class Contacts(Layer):
         arrows.show(point[seen], quaternions_from_z(force[seen]), size, np.tile(FORCE, (len(size), 1)))
 
 
+def weight_arrow(size: float) -> float:
+    """The length in m of the arrow of a force as large as the body's weight, of a body of `size` m."""
+    return LONGEST * -float(np.expm1(-1)) * size
+
+
 def support_polygon(points: np.ndarray, up: np.ndarray) -> np.ndarray:
     """The corners of the smallest convex polygon around points, seen along `up`.
 

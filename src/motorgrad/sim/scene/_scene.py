@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._annotations import Ghost, ScaleBar, Trail
 from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites, Targets
 from motorgrad.sim.scene._cameras import Cameras, GroundAt
 from motorgrad.sim.scene._contacts import Balance, Contacts
@@ -23,7 +24,7 @@ class Scene:
     """Everything that is drawn of a run: bodies, muscles, their surroundings, and annotations.
 
     Build it once on a server, then update it every frame. Nodes are created once; afterwards only changes are sent: for
-    a hexapod with 24 muscles about 12 kB a frame with every layer on, which does not grow.
+    a hexapod with 24 muscles about 14 kB a frame with every layer on, which does not grow.
 
     **Arguments:** `layers` instead of the usual ones, in the order in which they are built.
 
@@ -32,7 +33,7 @@ class Scene:
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
         usual = [Sky(), Ground(), Bodies(), Meshes(), Muscles(), Contacts(), Balance(), Sites(), JointAxes(), Labels()]
-        usual += [Targets(), Plane(), PlaneUnits()]
+        usual += [Targets(), Plane(), PlaneUnits(), Trail(), Ghost(), ScaleBar()]
         self.layers = usual if layers is None else layers
         self._drawn: tuple[object, ...] = ()
 
@@ -62,6 +63,7 @@ KEYS = {
     "space": "play or pause",
     "N": "one decision",
     "P": "push the body",
+    "U": "undo the last push or edit",
     "drag": "turn the camera; when walking, look around",
     "right drag": "move the camera sideways",
     "wheel": "zoom",
@@ -97,11 +99,10 @@ class View:
 
     **Arguments:** `scene`, already built; `ground_at`, as of `Cameras`.
 
-    **Attributes:** `cameras`; `title` and `icon` of the tab.
+    **Attributes:** `cameras`; `title` of the tab.
     """
 
     title: ClassVar[str] = "View"
-    icon: ClassVar[str] = "eye"
 
     def __init__(self, scene: Scene, ground_at: GroundAt | None = None) -> None:
         self._scene = scene

@@ -28,6 +28,7 @@ from motorgrad.tasks.gymnasium._batch import (
     is_pickle,
 )
 from motorgrad.tasks.gymnasium._making import id_of, make_environment
+from motorgrad.tasks.gymnasium._names import documented_names
 from motorgrad.tasks.gymnasium._spaces import (
     ActionCode,
     Code,
@@ -69,6 +70,9 @@ class _Facts(NamedTuple):
     """The keys of `info` that are read, that of success first where there is one."""
     succeeds: bool
     """Whether there is one."""
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    """What the environment's documentation calls its observations and actions; empty where it names none."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,12 +144,15 @@ class Gymnasium(HostTask):
             step: Any = getattr(environment.unwrapped, "dt", None)
             limit = environment.spec.max_episode_steps if environment.spec else None
             info = self._info(environment)
+            doc = type(environment.unwrapped).__doc__
+            inputs = documented_names(doc, "observation", len(scaling.centre))
+            outputs = documented_names(doc, "action", code.size)
         finally:
             environment.close()
         timed = isinstance(step, int | float | np.number) and 0 < step < np.inf
         period = self.repeat * float(step) if timed else 1.0
         longest = None if limit is None else math.ceil(limit / self.repeat)
-        return _Facts(scaling, code, period, longest, info, any(key in SUCCESS for key in info))
+        return _Facts(scaling, code, period, longest, info, any(key in SUCCESS for key in info), inputs, outputs)
 
     def _info(self, environment: "gymnasium.Env") -> tuple[str, ...]:
         """The keys of `info` to be read, that of success first. **Raises** `ValueError` for one that is not there."""
@@ -192,8 +199,19 @@ class Gymnasium(HostTask):
         return len(self._facts.scaling.centre) + (self.actions == "discrete")
 
     @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Names of the observed numbers, as the environment's documentation has them."""
+        named = self._facts.inputs or super().observation_names
+        return named if len(named) == self.observation_size else (*named, "constant")
+
+    @property
     def action_size(self) -> int:
         return self._facts.code.size
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Names of the actions, as the environment's documentation has them; empty where it names none."""
+        return self._facts.outputs
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:

@@ -1,0 +1,61 @@
+// What viser's page lacks: names of inputs for screen readers, Escape for dialogs, and room for an overlay on the scene.
+(() => {
+  // viser's page is dark where its address says so; it reads the address after this script
+  if (matchMedia("(prefers-color-scheme: dark)").matches && !new URLSearchParams(location.search).has("darkMode")) {
+    history.replaceState(null, "", `${location.pathname}${location.search ? `${location.search}&` : "?"}darkMode`);
+  }
+
+  const nameInputs = () => {
+    for (const label of document.querySelectorAll("label[for]")) {
+      const row = label.closest(".mantine-Flex-root");
+      const words = label.textContent.replace(/\s+/g, " ").trim();
+      if (!row || !words) continue;
+      for (const input of row.querySelectorAll("input, textarea, [role=slider], .multi-slider-thumb")) {
+        if (input.tagName === "DIV") input.setAttribute("role", "slider");
+        if (!input.getAttribute("aria-label")) input.setAttribute("aria-label", words);
+      }
+      const group = row.querySelectorAll("button");
+      if (group.length > 1 && !row.getAttribute("role")) {
+        row.setAttribute("role", "group");
+        row.setAttribute("aria-label", words);
+      }
+    }
+  };
+
+  window.addEventListener("keydown", event => {
+    if (event.key !== "Escape") return;
+    const dialog = [...document.querySelectorAll(".mantine-Modal-content")].pop();
+    const close = dialog && [...dialog.querySelectorAll("button")].find(each => each.textContent.trim() === "Close");
+    if (close) close.click();
+  });
+
+  // the overlay's elements stand in the panel, which may be folded away; on the scene stands a copy of them
+  const copy = document.createElement("div");
+  copy.className = "motorgrad-overlay";
+  let shown = null;
+  const overlay = () => {
+    const source = document.querySelector(".motorgrad-overlay-source");
+    const canvas = document.querySelector("canvas");
+    if (!source || !canvas) return;
+    if (!copy.isConnected) document.body.append(copy);
+    if (source.innerHTML !== shown) copy.innerHTML = shown = source.innerHTML;
+    const box = canvas.getBoundingClientRect();
+    Object.assign(copy.style, { left: `${box.left}px`, top: `${box.top}px`, width: `${box.width}px` });
+    copy.style.height = `${box.height}px`;
+    copy.classList.toggle("motorgrad-narrow", box.width < 560);
+  };
+
+  let due = false;
+  const renew = () => {
+    due = false;
+    nameInputs();
+    overlay();
+  };
+  const later = () => {
+    if (!due) { due = true; setTimeout(renew, 30); }
+  };
+  new MutationObserver(changes => {
+    if (changes.some(change => !copy.contains(change.target))) later();
+  }).observe(document.body, { childList: true, subtree: true, characterData: true });
+  window.addEventListener("resize", later);
+})();

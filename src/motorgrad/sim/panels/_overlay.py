@@ -1,0 +1,308 @@
+"""The overlay on the scene: what is going on in words and a small curve, and what a program adds to it."""
+
+from __future__ import annotations
+
+import html
+import inspect
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import viser
+
+from motorgrad._docstrings import description_of
+from motorgrad._errors import check
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.panels import _charts
+from motorgrad.sim.panels._panel import brief
+from motorgrad.sim.panels._run import weight_of
+from motorgrad.sim.panels._units import with_unit
+from motorgrad.sim.scene import Pose, weight_arrow
+
+Moment = Snapshot
+Text = str | Callable[[Moment], str]
+Plotted = Callable[[Moment], float] | tuple[Sequence[float], Sequence[float]]
+Arrow = Callable[[Moment], Any] | tuple[Sequence[float], Sequence[float]]
+
+RATE = 5.0  # Hz
+WIDE, HIGH = 250.0, 118.0
+"""Size of a plot in its own units, which are pixels where there is room."""
+POINTS = 160  # of a plot, at most
+SECONDS = 10.0  # of simulated time that the plot of a function shows
+SHAFT = 0.012  # of an arrow, as a share of the body's size
+
+
+class Item:
+    """One entry of the overlay: a text, a plot and an arrow, each of which may be left out."""
+
+    def __init__(self, text: Text | None, plot: Plotted | None, arrow: Arrow | None, unit: str, colour: str) -> None:
+        self.text, self.plot, self.arrow, self.unit, self.colour = text, plot, arrow, unit, colour
+        self.seen: deque[tuple[float, float]] = deque(maxlen=2_000)
+        self.failed = ""
+
+    def follow(self, moment: Moment) -> None:
+        """Take note of the number that a plot shows."""
+        if not callable(self.plot) or (self.seen and self.seen[-1][0] == moment.seconds):
+            return
+        if self.seen and moment.seconds < self.seen[-1][0]:
+            self.seen.clear()
+        self.seen.append((moment.seconds, float(self.plot(moment))))
+        while self.seen[0][0] < moment.seconds - SECONDS:
+            self.seen.popleft()
+
+    def html(self, name: str, moment: Moment) -> str:
+        """The entry as HTML; empty for an arrow alone."""
+        if self.failed:
+            return _card(f"{html.escape(name)}: {html.escape(self.failed)}")
+        parts = []
+        if self.text is not None:
+            parts.append(html.escape(self.text(moment) if callable(self.text) else self.text))
+        if self.plot is not None:
+            x, y = np.array(self.seen).reshape(-1, 2).T if callable(self.plot) else map(np.asarray, self.plot)
+            parts.append(small_plot(x, y, with_unit(name, self.unit), self.colour))
+        return _card("".join(parts)) if parts else ""
+
+
+class Overlay:
+    """What stands on the scene: the task and its goal, the state of the run, a small learning curve, a legend of
+    colours and forces; and texts, plots and arrows that a program adds by calling it.
+
+    Browsers show it over the picture, at any size; a switch in the tab "View" hides it.
+
+    ```py
+    page.overlay("height", text=lambda moment: f"the load is at {moment.position[0, 0]:.2f} m")
+    page.overlay("height of the load", plot=lambda moment: moment.position[0, 0], unit="m")
+    page.overlay("speed", arrow=lambda moment: ((0, 0, 1.2), (0, 0, 0.2 * moment.velocity[0, 0])))
+    page.overlay("height")                          # removed again
+    ```
+
+    **Attributes:** `shown`: whether it is switched on.
+    """
+
+    def __init__(self) -> None:
+        self._items: dict[str, Item] = {}
+        self._arrows: dict[str, tuple[Any, Any]] = {}
+        self._lock = threading.Lock()
+        self._shown, self._due, self._content = True, 0.0, ""
+
+    def __call__(
+        self,
+        name: str,
+        *,
+        text: Text | None = None,
+        plot: Plotted | None = None,
+        arrow: Arrow | None = None,
+        unit: str = "",
+        colour: str = _charts.STRONG,
+    ) -> None:
+        """Put an entry on the scene, in place of any other of this name; with a name alone, remove it.
+
+        Functions are called with the present `Snapshot` five times a second, those of plots thirty times, in the page's
+        process: they may read anything but must be quick. One that fails is shown with its error and not called again.
+
+        **Arguments:**
+
+        - `name`: of the entry; a plot and an arrow show it.
+        - `text`: a line, or a function that returns one.
+        - `plot`: a function that returns a number, which is drawn over the last ten simulated seconds; or x and y, of
+          equal lengths.
+        - `arrow`: from where, and how far: two triples in m, in world coordinates; or a function that returns them.
+        - `unit`: of the plotted number, such as "m/s".
+        - `colour`: of plot and arrow, as `"#d9730d"`.
+
+        **Raises** `ValueError` for anything else.
+        """
+        check(isinstance(name, str) and bool(name), "name", name, "a text that is not empty")
+        check(text is None or callable(text) or isinstance(text, str), "text", text, "a text or a function")
+        check(_is_colour(colour), "colour", colour, 'six hexadecimal digits, as in "#d9730d"')
+        if plot is not None and not callable(plot):
+            sizes = [np.shape(part) for part in plot]
+            check(len(sizes) == 2 and sizes[0] == sizes[1] and len(sizes[0]) == 1, "plot", sizes, "x and y, alike long")
+        if arrow is not None and not callable(arrow):
+            _ends(arrow)
+        with self._lock:
+            if text is None and plot is None and arrow is None:
+                self._items.pop(name, None)
+            else:
+                self._items[name] = Item(text, plot, arrow, unit, colour)
+            self._due = 0.0
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        """Add the element that browsers copy onto the scene."""
+        self._server, self._session = server, session
+        self._handle = server.gui.add_html("", order=1e6)
+        self._weight = None if session.model is None else weight_of(session.model)
+
+    def add_switch(self) -> None:
+        """Add the switch to the open container."""
+        box = self._server.gui.add_checkbox("Text on the scene", self._shown, hint="Task, state, curve and legend.")
+        box.on_update(lambda event: setattr(self, "shown", event.target.value))
+
+    @property
+    def shown(self) -> bool:
+        """Whether it is switched on."""
+        return self._shown
+
+    @shown.setter
+    def shown(self, value: bool) -> None:
+        self._shown, self._due = value, 0.0
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
+        """Show the present moment."""
+        with self._lock:
+            items = dict(self._items)
+        for item in items.values():
+            _tried(item, item.follow, snapshot)
+        self._draw_arrows(items if self._shown else {}, snapshot, pose)
+        now = time.monotonic()
+        if now < self._due or not self._server.get_clients():
+            return
+        self._due = now + 1 / RATE
+        content = self._html(items, snapshot, pose) if self._shown else ""
+        if content != self._content:
+            self._content = content
+            self._handle.content = f'<div class="motorgrad-overlay-source">{content}</div>'
+
+    def _html(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> str:
+        added = "".join(_tried(item, item.html, name, snapshot) or "" for name, item in items.items())
+        corners = {
+            "top-left": _card(self._state(snapshot)) + self._curve(),
+            "top-right": added,
+            "bottom-left": self._legend(pose),
+        }
+        return "".join(f'<div class="{place}">{parts}</div>' for place, parts in corners.items() if parts)
+
+    def _state(self, snapshot: Snapshot) -> str:
+        session = self._session
+        lines = [f"<b>{html.escape(session.name)}</b>"]
+        if session.task is not None:
+            lines.append(f"<span>{html.escape(goal_of(session.task))}</span>")
+        learns = session.agent is not None
+        doing = "acts, learning frozen" if snapshot.frozen else "learns" if learns else "moves"
+        pace = f"{brief(snapshot.speed)}×" if snapshot.playing else "paused"
+        lines.append(f'<span class="pale value">{doing} · {snapshot.seconds:,.1f} s · {pace}</span>')
+        if learns and np.isfinite(snapshot.reward[0]):
+            lines.append(f'<span class="value">reward {brief(float(snapshot.reward[0]))}</span>')
+        return "<br>".join(lines)
+
+    def _curve(self) -> str:
+        if self._session.agent is None:
+            return ""
+        curve = self._session.curve()
+        name = next((name for name in ("return", *self._session.readings) if name in curve.values), "reward")
+        values = curve.values[name]
+        known = np.isfinite(values)
+        if np.count_nonzero(known) < 3:
+            return ""
+        words = with_unit("reward of a decision" if name == "reward" else name)
+        return _card(small_plot(curve.seconds[known], _charts.smoothed(values[known]), words, "var(--line)"))
+
+    def _legend(self, pose: Pose) -> str:
+        if self._weight is None or not self._session.muscles:
+            return ""
+        colours = "linear-gradient(90deg, #f2d3cf, #d0021b)"
+        bar = f'<span style="display:inline-block;width:44px;height:8px;border-radius:4px;background:{colours}"></span>'
+        words = [f"activation 0 {bar} 1"]
+        if pose.model is not None and pose.model.ngeom:
+            long = brief(weight_arrow(pose.size), 2)
+            words.append(f"arrow of {long} m: contact force of the body's weight, {brief(self._weight)} N")
+        return f'<div class="card wide">{"<br>".join(words)}</div>'
+
+    def _draw_arrows(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> None:
+        """Draw arrows that are new or have moved, and remove those that are gone."""
+        wanted = {}
+        for name, item in items.items():
+            if item.arrow is not None and not item.failed:
+                given = _tried(item, item.arrow, snapshot) if callable(item.arrow) else item.arrow
+                ends = None if given is None else _tried(item, _ends, given)
+                if ends is not None:
+                    wanted[name] = (ends, item.colour)
+        for name in [*self._arrows]:
+            if name not in wanted:
+                for handle in self._arrows.pop(name)[1]:
+                    handle.remove()
+        for name, (ends, colour) in wanted.items():
+            known = self._arrows.get(name)
+            if known is not None and known[0][1] == colour:
+                if not np.array_equal(known[0][0], ends):
+                    known[1][0].points, known[1][1].position = ends[None], ends[1]
+                    self._arrows[name] = ((ends, colour), known[1])
+                continue
+            if known is not None:
+                for handle in known[1]:
+                    handle.remove()
+            thick, rgb = SHAFT * pose.size, _linear(colour)
+            node = f"/overlay/{next(_numbers)}"  # a name of the user's may have slashes
+            shape: Any = {"shaft_radius": thick, "head_radius": 2.5 * thick, "head_length": 6 * thick}
+            arrow = self._server.scene.add_arrows(node, ends[None].astype(np.float32), rgb, **shape)
+            label = self._server.scene.add_label(f"{node}/label", name, position=ends[1])
+            self._arrows[name] = ((ends, colour), (arrow, label))
+
+
+_numbers = itertools.count()
+
+
+def goal_of(task: Any) -> str:
+    """What a task is about: the first sentence of its documentation, without what stands in brackets."""
+    if hasattr(task, "env_id"):
+        return "Gather the reward of a Gymnasium environment"
+    first = " ".join(description_of(type(task)).split("\n\n")[0].split()) or inspect.getdoc(type(task)) or ""
+    end = min((place for mark in (" (", ". ", " as in ", ":") if (place := first.find(mark)) > 0), default=len(first))
+    return first[:end].rstrip(".")
+
+
+def small_plot(x: np.ndarray, y: np.ndarray, label: str, colour: str) -> str:
+    """A line as SVG, small enough to stand on the scene: x is simulated time in s."""
+    step = max(1, -(-len(x) // POINTS))
+    x, y = np.asarray(x, float)[::-1][::step][::-1], np.asarray(y, float)[::-1][::step][::-1]
+    good = y[np.isfinite(y)]
+    if not len(good):
+        return html.escape(label)
+    room = 0.08 * (float(np.ptp(good)) or abs(float(good[0])) or 1.0)
+    box = (44.0, 18.0, WIDE - 8, HIGH - 18)
+    chart = _charts.Chart((float(x[0]), float(x[-1])), (float(good.min()) - room, float(good.max()) + room), box=box)
+    chart.line(x, y, colour, 2.0)
+    title = [_charts.text(4, 8, label), _charts.text(WIDE - 8, 8, "time (s)", "end", 'opacity=".7"')]
+    return (
+        f'<svg role="img" aria-label="{html.escape(label)}" viewBox="0 0 {WIDE:g} {HIGH:g}" '
+        f'font-size="{_charts.SIZE}" fill="currentColor">{"".join([*title, *chart.elements()])}</svg>'
+    )
+
+
+def _card(words: str) -> str:
+    return f'<div class="card">{words}</div>'
+
+
+def _tried(item: Item, act: Callable[..., Any], *arguments: Any) -> Any:
+    """The result of an entry's function; None once it has failed."""
+    if item.failed:
+        return act(*arguments) if act == item.html else None
+    try:
+        return act(*arguments)
+    except Exception as error:  # a user's function may raise anything
+        item.failed = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        return None
+
+
+def _ends(arrow: Any) -> np.ndarray:
+    """Start and end of an arrow, `(2, 3)` m."""
+    check(len(arrow) == 2, "arrow", arrow, "two triples: from where, and how far")
+    start, way = (np.asarray(part, float) for part in arrow)
+    fine = start.shape == way.shape == (3,) and np.isfinite(start).all() and np.isfinite(way).all()
+    check(fine, "arrow", arrow, "two triples of finite numbers in m: from where, and how far")
+    return np.stack([start, start + way])
+
+
+def _linear(colour: str) -> np.ndarray:
+    """A colour in linear light, which viser expects of arrows, as RGB from 0 to 255."""
+    return np.round(255 * (np.array([*bytes.fromhex(colour[1:])]) / 255) ** 2.2).astype(np.uint8)
+
+
+def _is_colour(text: Any) -> bool:
+    return (
+        isinstance(text, str) and len(text) == 7 and text[0] == "#" and set(text[1:]) <= set("0123456789abcdefABCDEF")
+    )
