@@ -70,7 +70,7 @@ KEYS = {
     "← → ↑ ↓": "turn the camera",
     "O": "camera: orbit",
     "G": "camera: walk on the ground, at eye height",
-    "F": "camera: follow the body",
+    "F": "camera: follow the body; again: frame its motion anew",
     "1 2 …": "camera: those of the model",
     "Ctrl K": "search all commands",
     "?": "this list",
