@@ -381,4 +381,4 @@ class Cameras:
         return np.array([place[0], place[1], level]), np.array([0.0, 0.0, 1.0])
 
 
-HINT = "Keys: O orbit, G walk on the ground, F follow the body, and frame it again, 1, 2, … the model's cameras; ? lists all keys."
+HINT = "Keys: O orbit, G walk on the ground, F follow and frame again, 1, 2, … the model's cameras; ? lists all keys."

@@ -67,8 +67,10 @@ class History:
 
 
 class Framing:
-    """The frame of a motion so far. Along each axis it is the whole range of the motion while that is short; a body that
-    goes farther, or `travels`, is followed, and its frame is what it needs around its centre of mass.
+    """The frame of a motion so far.
+
+    Along each axis it is the whole range of the motion while that is short. A body that goes farther, or `travels`, is
+    followed, and its frame is what it needs around its centre of mass.
 
     **Arguments:** `size` of one body, in m; `travels`: whether the body is free to go away.
 
