@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import dataclasses
+import gzip
 import http
 import io
 import logging
@@ -22,6 +23,7 @@ from websockets.http11 import Request, Response
 
 from motorgrad._errors import check, choice, shown
 from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
+from motorgrad.sim.page._loading import with_cover
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind
@@ -57,7 +59,7 @@ _opening = threading.Lock()
 
 def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserServer:
     """Start viser's server behind a gate. It takes the next free port if `port` is in use."""
-    front, serve = _Front(gate), websockets.asyncio.server.serve
+    front, serve = _Front(gate, label), websockets.asyncio.server.serve
 
     def gated(handler: Any, *arguments: Any, **settings: Any) -> Any:
         if getattr(handler, "__module__", "") != _infra.__name__:
@@ -82,8 +84,9 @@ def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserSer
 class _Front:
     """What stands before viser's server: the gate for handshakes and pages, and bounds for messages."""
 
-    def __init__(self, gate: Gate):
-        self._gate, self._clients, self.used = gate, 0, False
+    def __init__(self, gate: Gate, label: str):
+        self._gate, self._label, self._clients, self.used = gate, label, 0, False
+        self._pages: dict[bool, bytes] = {}
         self.server: viser.ViserServer | None = None
 
     def settings(self, given: dict[str, Any]) -> dict[str, Any]:
@@ -123,8 +126,9 @@ class _Front:
                 return Response(status, status.phrase, headers, body)
             if upgrade:
                 return None
-            page = serve_page(connection, dataclasses.replace(request, path="/"))
+            page = serve_page(connection, Request("/", Headers()))
             if page is not None:
+                self._cover(page, "gzip" in request.headers.get("Accept-Encoding", ""))
                 policy = POLICY.format(host=request.headers["Host"])
                 page.headers.update({**HEADERS, "Content-Security-Policy": policy})
                 if verdict.framed:
@@ -134,6 +138,16 @@ class _Front:
             return page
 
         return process
+
+    def _cover(self, page: Response, zipped: bool) -> None:
+        """Add to viser's page what this page shows while it loads."""
+        if zipped not in self._pages:
+            body = with_cover(page.body, self._label)
+            self._pages[zipped] = gzip.compress(body) if zipped else body
+        page.body = self._pages[zipped]
+        del page.headers["Content-Length"], page.headers["Content-Encoding"]
+        page.headers["Content-Length"] = str(len(page.body))
+        page.headers["Content-Encoding"] = "gzip" if zipped else "identity"
 
     def _check(self, raw: Any) -> None:
         """Check a message before viser reads it. **Raises** `ValueError`."""
