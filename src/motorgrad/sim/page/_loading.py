@@ -31,7 +31,7 @@ SCRIPT = """
     for (const message of messages) {
       if (software && message.type === "DirectionalLightMessage") message.props.cast_shadow = false;
       if (software && message.type === "EnvironmentMapMessage") message.hdri_data = null;
-      if (!shown && /Mesh|Glb/.test(message.type)) { shown = true; count(FRAMES); }
+      if (!shown && /Mesh|Glb|Label/.test(message.type)) { shown = true; count(FRAMES); }
     }
   };
   window.Worker = class extends Worker {
@@ -68,7 +68,8 @@ DETAIL = 0.6  # pixels drawn for each of the screen's, along a side, by software
 def with_cover(page: bytes, name: str) -> bytes:
     """viser's page, which says `name` and that it loads until there is a picture.
 
-    Where the browser renders without a graphics card, lights cast no shadows and reflect nothing, and the picture is coarser.
+    Where the browser renders without a graphics card, lights cast no shadows and reflect nothing, and the picture is
+    coarser.
     """
     before, mark, after = page.partition(b"<body>")
     cover = COVER.replace("NAME", html.escape(name)) + SCRIPT.replace("DETAIL", str(DETAIL))
