@@ -18,11 +18,11 @@ HEADROOM = 0.7  # body sizes above the bodies for their labels, while two are co
 
 
 class Moment(NamedTuple):
-    """Where bodies are: their `centre` `(3,)` of mass and the `box` `(2, 3)` around them, in m; how many they are."""
+    """Where bodies are: their `centre` `(3,)` of mass and the `box` `(2, 3)` around them, in m; how many `bodies`."""
 
     centre: np.ndarray
     box: np.ndarray
-    count: int
+    bodies: int
 
 
 def moment_of(pose: Pose) -> Moment | None:
@@ -61,7 +61,7 @@ class History:
         self._last, self.now = here, moment_of(pose)
         if (now := self.now) is None:
             return
-        if self._moments and self._moments[-1].count != now.count:
+        if self._moments and self._moments[-1].bodies != now.bodies:
             self._moments.clear()
         self._moments.append(now)
 
@@ -85,8 +85,8 @@ class Framing:
         """Widen the frame for a moment; another number of bodies begins a new frame."""
         centre, (low, high) = moment.centre, moment.box
         around = np.minimum(np.maximum(high - centre, centre - low), MOST * self._size)
-        if moment.count != self._count:
-            self._count, self._low, self._high, self._around = moment.count, low, high, around
+        if moment.bodies != self._count:
+            self._count, self._low, self._high, self._around = moment.bodies, low, high, around
         self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
         self._around = np.maximum(self._around, around)
         room = STILL * max(self._size, float(np.linalg.norm(high - low)))
