@@ -45,7 +45,7 @@ class Options:
     frozen: bool = False
     """Start without learning."""
     paused: bool = False
-    """Start paused."""
+    """Start paused, as a model without a learner does unless it is filmed."""
     speed: float | Literal["max"] = 1.0
     """Simulated seconds per second, at least 0.05; max for as fast as possible."""
     host: str = HERE
@@ -162,8 +162,10 @@ def _show(setup: Any, options: Options) -> int:
     warn_of(options.host)
     until = math.inf if options.seconds is None else time.monotonic() + options.seconds
     print(f"{setup.name}: starting …", file=sys.stderr)
+    # a model that nobody drives would fall before anyone has seen it
+    playing = not options.paused and (setup.task is not None or options.record is not None)
     with (
-        live.Session(setup, playing=not options.paused, speed=options.pace) as session,
+        live.Session(setup, playing=playing, speed=options.pace) as session,
         Page(session, options.host, options.port) as page,
     ):
         print(f"{setup.name}: {page.url}   (Ctrl-C ends it)", flush=True)

@@ -29,7 +29,7 @@ def view(
     frozen: bool = False,
     stage: Stage | None = None,
     planet: Planet | None = None,
-    playing: bool = True,
+    playing: bool | None = None,
     speed: float = 1.0,
     host: str = "127.0.0.1",
     port: int | None = None,
@@ -47,7 +47,7 @@ def view(
     - `stage`: gravity, physics step, terrain and cameras (`motorgrad.sim.live.Stage`).
     - `planet`: a round world (`motorgrad.sim.planet.Planet`), for a task on level ground whose body is free to move,
       such as `"hexapod"`.
-    - `playing`: whether it starts at once.
+    - `playing`: whether it starts at once; by default a learner does, and a model waits in its keyframe for Play.
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
     - `host`, `port`: where the page listens. Other machines reach a host other than 127.0.0.1; whoever knows the whole
       address can drive the simulation. The default port is 8080, or the next free one.
@@ -69,6 +69,7 @@ def view(
     check_port(host, port)
     setup = setup_of(task, agent, seed, run=run, frozen=frozen, stage=stage, planet=planet)
     warn_of(host)
+    playing = setup.task is not None if playing is None else playing
     session = Session(setup, playing=playing, speed=speed)
     try:
         return Page(session, host, port)

@@ -101,8 +101,13 @@ def test_the_owner_sees_the_page_and_no_token_in_its_address(browser, page):
     token = page._gate.token
     with opened(browser) as (seen, asked):
         seen.goto(page.url)
+        assert seen.locator("#motorgrad-cover").get_by_text("chain", exact=True).is_visible()  # at once
         shown(seen)
         assert token not in seen.url
+        seen.locator("#motorgrad-cover").wait_for(state="detached")
+        # rendered in software: a coarser picture, and no notice before it
+        assert "fixedDpr" in seen.url
+        assert seen.get_by_text("Software WebGL").count() == 0
         seen.reload()
         shown(seen)
         assert token not in seen.url

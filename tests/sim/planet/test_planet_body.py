@@ -195,3 +195,15 @@ def test_a_hexapod_walks_right_around():
     # and goes around once in about as many seconds as it would need on a plane
     around = np.argmax(east > 360.0) * walking.batch.period
     assert around == pytest.approx(2 * np.pi * 2.69 / 0.53, rel=0.15)
+
+
+def test_the_ground_weighs_nothing_and_is_not_where_a_camera_looks():
+    plain, model = compile_model(WALKER), compile_model(OnPlanet(WALKER, Planet()))
+    assert model.body_mass.sum() == pytest.approx(plain.body_mass.sum(), rel=1e-5)
+    centres = []
+    for each in (plain, model):
+        data = mujoco.MjData(each)
+        mujoco.mj_resetDataKeyframe(each, data, 0)
+        mujoco.mj_forward(each, data)
+        centres.append(data.subtree_com[0].copy())
+    np.testing.assert_allclose(*centres, atol=1e-4)

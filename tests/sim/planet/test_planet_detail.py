@@ -269,3 +269,19 @@ def test_a_browser_never_shows_holes_or_overlaps_or_more_than_is_wanted(seed, ch
         needed = {each for key in wanted for each in (key, *key.ancestors)}
         assert len(cover.plan(wanted, now).drop) == 0
         assert len(sent) <= len(needed) + 10
+
+
+def test_neighbouring_tiles_are_lit_and_textured_alike_along_their_seam():
+    surface = PLANETS[0].surface
+    one, other = (make_tile(surface, key, 0.01, 0.1) for key in (Key(4, 0, 3, 3), Key(4, 0, 4, 3)))
+    rows = np.arange(HEM, HEM + CELLS + 1)
+    end, begin = rows * (SIDE + 1) + HEM + CELLS, rows * (SIDE + 1) + HEM  # the seam in each of the two grids
+    places = [tile.centre + tile.vertices[at] for tile, at in ((one, end), (other, begin))]
+    np.testing.assert_allclose(*places, atol=1e-5)
+    np.testing.assert_allclose(one.normals[end], other.normals[begin], atol=1e-9)
+    # under the neighbour, where the meshes cross, the light is the neighbour's too
+    np.testing.assert_allclose(one.normals[end + 1], other.normals[begin + 1], atol=0.02)
+    apart = one.uv[end] - other.uv[begin]
+    np.testing.assert_allclose(apart, np.round(apart), atol=1e-4)  # whole repeats
+    out = np.sum(one.normals * (one.centre + one.vertices), axis=1)
+    assert (out > 0).all()

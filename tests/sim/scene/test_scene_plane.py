@@ -1,13 +1,16 @@
 """The plane of a particle, of a real run."""
 
 import time
+import types
 
 import numpy as np
 import pytest
 
 from motorgrad.sim.live import Session, Step, setup_of
-from motorgrad.sim.scene import Pose, Scene
+from motorgrad.sim.scene import Pose, Scene, View
+from motorgrad.sim.scene._abstract import MotoneuronPool, States
 from motorgrad.sim.scene._plane import BALL, Board, Plane, PlaneUnits
+from motorgrad.sim.scene._surroundings import Sky
 from motorgrad.worlds import Walls
 
 
@@ -48,3 +51,43 @@ def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server)
         # the policy is looked at four times a second, and learns meanwhile
         centre = board.place(np.asarray(policy.centre)[:1, :2])[0]
         np.testing.assert_allclose(discs.batched_positions[0, [0, 2]], centre[[0, 2]], atol=1e-3)
+
+
+def drawn(scene, task, **known):
+    """A scene's layers of one kind after a task's moment was shown."""
+    setup = setup_of(task)
+    scene.build(known.pop("server"), setup)
+    pose = Pose(setup.model)
+    snapshot = types.SimpleNamespace(decision=1, reset_count=0, **known)
+    pose.place(snapshot)
+    scene.update(snapshot, pose)
+    return [pool.handle for layer in scene.layers for pool in layer.pools]
+
+
+def test_a_chain_shows_its_states_and_where_it_is(server):
+    scene = Scene([Sky(), States()])
+    (balls,) = drawn(scene, "chain", server=server, position=np.array([[2.0]]))
+    assert scene.draws
+    assert np.argmax(balls.batched_scales[:, 0]) == 2
+    assert np.all(np.diff(balls.batched_positions[:, 0]) > 0)  # in a row
+
+
+def test_recruitment_shows_its_pool_and_which_units_are_likely_to_fire(server):
+    known = {
+        "position": np.zeros((1, 1)),
+        "observation": np.array([[0.5]]),
+        "probability": np.array([[0, 0.2, 0.6, 1]]),
+    }
+    scene = Scene([Sky(), MotoneuronPool()])
+    (units,) = drawn(scene, "arm-recruitment", server=server, **known)
+    assert np.all(np.diff(units.batched_colors[:, 1].astype(int)) < 0)  # redder and redder
+
+
+def test_a_task_without_a_picture_says_so_and_offers_no_cameras(server):
+    scene = Scene([Sky()])
+    drawn(scene, "chain", server=server, position=np.zeros((1, 1)))
+    assert not scene.draws
+    view = View(scene)
+    with server.gui.add_tab_group().add_tab("View"):
+        view.build(server, setup_of("chain"))
+    assert view.cameras.names == []

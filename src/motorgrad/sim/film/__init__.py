@@ -20,7 +20,7 @@ from motorgrad.sim.film._appearance import (
 )
 from motorgrad.sim.film._drawing import Drawing, draw, ground_height
 from motorgrad.sim.film._film import GAP, Film, output_path, still, write_film, write_gif, write_mp4
-from motorgrad.sim.film._framing import bounding_box, camera_axes, natural_angles, visible_geoms
+from motorgrad.sim.film._framing import Outline, bounding_box, camera_axes, natural_angles, visible_geoms
 from motorgrad.sim.film._gl import gl_problem
 from motorgrad.sim.film._motion import Motion
 from motorgrad.sim.film._painter import Painter, caption, check_picture
@@ -35,6 +35,7 @@ __all__ = [
     "Drawing",
     "Film",
     "Motion",
+    "Outline",
     "Painter",
     "bounding_box",
     "camera_axes",

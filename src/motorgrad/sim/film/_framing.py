@@ -106,38 +106,64 @@ def frame_motions(
     return View(chosen, azimuth, elevation, centres, half)
 
 
+class Outline:
+    """Which parts of a model a picture must contain: all that moves, muscles included, and the still parts that are no
+    larger than it, such as a shoulder; not the ground, and not a rail.
+
+    **Arguments:** `model`.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        import mujoco
+
+        seen = visible_geoms(model)
+        flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+        solid = seen[~np.isin(model.geom_type[seen], flat)]
+        moves = model.body_weldid[model.geom_bodyid[solid]] != 0
+        self._model = model
+        self._geoms = solid[moves] if moves.any() else solid
+        self._sites = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
+        if moves.any() and not moves.all():
+            data = mujoco.MjData(model)
+            if model.nkey:
+                mujoco.mj_resetDataKeyframe(model, data, 0)
+            mujoco.mj_kinematics(model, data)
+            size = np.linalg.norm(np.ptp(self.box(data), axis=0))
+            still = solid[~moves]
+            small = 2 * np.linalg.norm(model.geom_aabb[still, 3:], axis=1) <= size
+            self._geoms = np.concatenate([self._geoms, still[small]])
+
+    def box(self, data: mujoco.MjData, marks: np.ndarray = NO_MARKS[0]) -> np.ndarray:
+        """The lowest and highest corner `(2, 3)` in m, after `mj_kinematics`, of these parts and of `marks`."""
+        turn = data.geom_xmat[self._geoms].reshape(-1, 3, 3)
+        middle, size = self._model.geom_aabb[self._geoms, :3], self._model.geom_aabb[self._geoms, 3:]
+        centre = data.geom_xpos[self._geoms] + np.einsum("gij,gj->gi", turn, middle)
+        reach = np.einsum("gij,gj->gi", np.abs(turn), size)
+        points = np.concatenate([centre - reach, centre + reach, data.site_xpos[self._sites]])
+        points = points if len(points) else data.xpos
+        ball, radius = marks[:, :3], marks[:, 3:]
+        points = np.concatenate([points, ball - radius, ball + radius])
+        return np.stack([points.min(0), points.max(0)])
+
+
 def bounding_box(model: mujoco.MjModel, position: np.ndarray, marks: np.ndarray = NO_MARKS[0]) -> np.ndarray:
-    """The lowest and highest corner of everything that moves in one posture `(nq,)` and of its marks: `(2, 3)` m."""
+    """The lowest and highest corner `(2, 3)` in m of what a picture must contain in one posture `(nq,)`, with marks."""
     return _survey(model, position[None], marks[None], -1)[0][0]
 
 
 def _survey(
     model: mujoco.MjModel, positions: np.ndarray, marks: np.ndarray, camera: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Boxes `(frames, 2, 3)` around what moves and marks; the places `(frames, 3)` and axes of the camera."""
+    """Boxes `(frames, 2, 3)` around bodies and marks; the places `(frames, 3)` and axes of the camera."""
     import mujoco
 
-    data = mujoco.MjData(model)
-    seen = visible_geoms(model)
-    flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
-    solid = seen[~np.isin(model.geom_type[seen], flat)]
-    moving = solid[model.body_weldid[model.geom_bodyid[solid]] != 0]
-    geoms = moving if moving.size else solid
-    sites = model.wrap_objid[model.wrap_type == mujoco.mjtWrap.mjWRAP_SITE]
-    middle, size = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
+    data, outline = mujoco.MjData(model), Outline(model)
     boxes = np.empty((len(positions), 2, 3))
     places, turns = np.zeros((len(positions), 3)), np.zeros((len(positions), 3, 3))
     for row, position in enumerate(positions):
         data.qpos[:] = position
         mujoco.mj_kinematics(model, data)
-        turn = data.geom_xmat[geoms].reshape(-1, 3, 3)
-        centre = data.geom_xpos[geoms] + np.einsum("gij,gj->gi", turn, middle)
-        reach = np.einsum("gij,gj->gi", np.abs(turn), size)
-        points = np.concatenate([centre - reach, centre + reach, data.site_xpos[sites]])
-        points = points if len(points) else data.xpos
-        ball, radius = marks[row, :, :3], marks[row, :, 3:]
-        points = np.concatenate([points, ball - radius, ball + radius])
-        boxes[row] = points.min(0), points.max(0)
+        boxes[row] = outline.box(data, marks[row])
         if camera >= 0:
             mujoco.mj_comPos(model, data)
             mujoco.mj_camlight(model, data)

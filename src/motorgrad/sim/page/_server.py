@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import dataclasses
-import functools
 import gzip
 import http
 import io
@@ -11,7 +10,6 @@ import logging
 import math
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -25,6 +23,7 @@ from websockets.http11 import Request, Response
 
 from motorgrad._errors import check, choice, shown
 from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
+from motorgrad.sim.page._additions import with_additions
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind
@@ -60,7 +59,7 @@ _opening = threading.Lock()
 
 def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserServer:
     """Start viser's server behind a gate. It takes the next free port if `port` is in use."""
-    front, serve = _Front(gate), websockets.asyncio.server.serve
+    front, serve = _Front(gate, label), websockets.asyncio.server.serve
 
     def gated(handler: Any, *arguments: Any, **settings: Any) -> Any:
         if getattr(handler, "__module__", "") != _infra.__name__:
@@ -85,8 +84,9 @@ def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserSer
 class _Front:
     """What stands before viser's server: the gate for handshakes and pages, and bounds for messages."""
 
-    def __init__(self, gate: Gate):
-        self._gate, self._clients, self.used = gate, 0, False
+    def __init__(self, gate: Gate, label: str):
+        self._gate, self._label, self._clients, self.used = gate, label, 0, False
+        self._pages: dict[bool, bytes] = {}
         self.server: viser.ViserServer | None = None
 
     def settings(self, given: dict[str, Any]) -> dict[str, Any]:
@@ -126,11 +126,9 @@ class _Front:
                 return Response(status, status.phrase, headers, body)
             if upgrade:
                 return None
-            page = serve_page(connection, dataclasses.replace(request, path="/"))
+            page = serve_page(connection, Request("/", Headers()))
             if page is not None:
-                page.body = _completed(bytes(page.body), page.headers.get("Content-Encoding") == "gzip")
-                del page.headers["Content-Length"]
-                page.headers["Content-Length"] = str(len(page.body))
+                self._complete(page, "gzip" in request.headers.get("Accept-Encoding", ""))
                 policy = POLICY.format(host=request.headers["Host"])
                 page.headers.update({**HEADERS, "Content-Security-Policy": policy})
                 if verdict.framed:
@@ -141,6 +139,16 @@ class _Front:
 
         return process
 
+    def _complete(self, page: Response, zipped: bool) -> None:
+        """Add this page's own style and scripts to viser's."""
+        if zipped not in self._pages:
+            body = with_additions(page.body, self._label)
+            self._pages[zipped] = gzip.compress(body) if zipped else body
+        page.body = self._pages[zipped]
+        del page.headers["Content-Length"], page.headers["Content-Encoding"]
+        page.headers["Content-Length"] = str(len(page.body))
+        page.headers["Content-Encoding"] = "gzip" if zipped else "identity"
+
     def _check(self, raw: Any) -> None:
         """Check a message before viser reads it. **Raises** `ValueError`."""
         message = read_message(raw)
@@ -149,15 +157,6 @@ class _Front:
             found = [api._gui_input_handle_from_uuid.get(message.uuid) for api in apis]
             for handle in filter(None, found):
                 check_value(handle, message.updates)
-
-
-@functools.cache
-def _completed(page: bytes, packed: bool) -> bytes:
-    """viser's page with this room's style and script, which stand in files of their own."""
-    style, script = (Path(__file__).with_name(f"client.{kind}").read_text("utf-8") for kind in ("css", "js"))
-    whole = gzip.decompress(page) if packed else page
-    whole += f"<style>{style}</style><script>{script}</script>".encode()
-    return gzip.compress(whole) if packed else whole
 
 
 class _Client:

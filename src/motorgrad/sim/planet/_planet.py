@@ -83,6 +83,7 @@ class Patch:
         field.size = (self.axis[-1], self.axis[-1], high - low, 0.1)
         body = spec.worldbody.add_body(name=FIELD, mocap=True, pos=(0.0, 0.0, low))
         geom = body.add_geom(name=FIELD, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=FIELD, group=_HIDDEN)
+        geom.mass = 0.0  # or the viewers' weight and centre of mass would be those of the ground
         for property_ in ("contype", "conaffinity", "friction", "solref", "solimp"):
             setattr(geom, property_, getattr(like, property_))
 

@@ -3,11 +3,14 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
+from PIL import Image
+from scipy.ndimage import zoom
 
 from motorgrad.sim.planet._elevation import Surface, hills
 from motorgrad.sim.planet._geometry import unit
@@ -113,6 +116,7 @@ TRIANGLES = 2 * SIDE * SIDE + 8 * SIDE
 _FIRST = 0.06  # how far the hem's middle sinks, as a share of its end
 _SAMPLES = 1000  # cells that are sampled for the error of a level
 _LOW, _MIDDLE, _HIGH = np.array([(104, 122, 92), (171, 160, 132), (226, 224, 218)], float)
+REPEAT, SQUARES, PIXELS = 0.8, 4, 128  # m of ground that the texture covers, its squares a side, and its pixels
 _TINT = 0.16  # variation of brightness, which makes motion visible
 
 
@@ -120,13 +124,17 @@ class Tile(NamedTuple):
     """A mesh.
 
     - `centre` (3,): in the planet's coordinates, m; `vertices` (n, 3) are relative to it.
+    - `normals` (n, 3): of the ground, outwards; those of neighbours agree along their seam, so that it does not show.
     - `faces` (m, 3): indices of vertices, facing outwards.
+    - `uv` (n, 2): places in the repeated texture, which continues from tile to tile.
     - `colours` (n, 3) of vertices, red, green and blue in linear light.
     """
 
     centre: Float[np.ndarray, " 3"]
     vertices: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "n 3"]
     faces: Int[np.ndarray, "m 3"]
+    uv: Float[np.ndarray, "n 2"]
     colours: UInt8[np.ndarray, "n 3"]
 
 
@@ -144,14 +152,25 @@ def make_tile(surface: Surface, key: Key, hem: float, skirt: float) -> Tile:
     tile = np.array([[key.face, key.column, key.row]])
     ways = places(key.level, tile, across, up)[0]
     ground, heights = surface.points_and_heights(ways)
-    colours = _colours(surface, ground, heights)
+    colours, normals = _colours(surface, ground, heights), _normals(ground)
+    repeats = max(1, round(surface.ellipsoid.least * np.pi / 2.0 / REPEAT))  # whole along a face, to join at its edges
+    uv = repeats / 2**key.level * np.stack([key.column + across, key.row + up], axis=1)
+    uv -= np.floor(uv.min(axis=0))  # small numbers, for single precision
     centre = surface.ellipsoid.points(places(key.level, tile, np.array([0.5]), np.array([0.5]))[0, 0])
     down = -surface.ellipsoid.normals(ways[RIM])
     ground[RIM] += hem * down
     ground[BESIDE] -= _FIRST * hem * surface.ellipsoid.normals(ways[BESIDE])
     top = ground[RIM]
     vertices = np.concatenate([ground, top, top + skirt * down]) - centre
-    return Tile(centre, vertices.astype(np.float32), FACES, np.concatenate([colours, colours[RIM], colours[RIM]]))
+    normals, uv, colours = (np.concatenate([each, each[RIM], each[RIM]]) for each in (normals, uv, colours))
+    return Tile(centre, vertices.astype(np.float32), normals, FACES, uv.astype(np.float32), colours)
+
+
+def _normals(ground: Points) -> Points:
+    """The normals of a grid of points, row by row."""
+    grid = ground.reshape(SIDE + 1, SIDE + 1, 3)
+    across, up = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
+    return unit(np.cross(across, up).reshape(-1, 3))
 
 
 def mesh_errors(surface: Surface, deepest: int) -> Float[np.ndarray, " levels"]:
@@ -211,11 +230,26 @@ def _colours(surface: Surface, points: np.ndarray, heights: np.ndarray) -> UInt8
     return np.round(255.0 * shades**2.2).astype(np.uint8)  # vertex colours are in linear light
 
 
+@functools.cache
+def ground_texture() -> Image.Image:
+    """The repeated detail of the ground: squares, and a grain that is visible near by."""
+    noise = np.random.default_rng(0).normal(size=(PIXELS, PIXELS))
+    grain = sum(zoom(noise[::step, ::step], step, order=1, mode="grid-wrap", grid_mode=True) for step in (1, 2, 4))
+    square = np.arange(PIXELS) * SQUARES // PIXELS
+    shade = 0.93 + 0.02 * grain / np.std(grain) - 0.06 * ((square[:, None] + square) % 2)
+    picture = np.round(255 * np.clip(shade, 0, 1)).astype(np.uint8)
+    image = Image.fromarray(np.repeat(picture[..., None], 3, axis=2))
+    image.format = "JPEG"
+    return image
+
+
 def tile_glb(tile: Tile) -> bytes:
-    """A tile as GLB, coloured by vertices and smoothly shaded."""
-    mesh = trimesh.Trimesh(tile.vertices, tile.faces, process=False)
-    material = trimesh.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.95, doubleSided=False)
-    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    """A tile as GLB, coloured by vertices times a texture, and smoothly shaded."""
+    mesh = trimesh.Trimesh(tile.vertices, tile.faces, vertex_normals=tile.normals, process=False)
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=ground_texture(), metallicFactor=0.0, roughnessFactor=0.95, doubleSided=False
+    )
+    mesh.visual = trimesh.visual.TextureVisuals(uv=tile.uv, material=material)
     opaque = np.full(len(tile.colours), 255, np.uint8)
     mesh.visual.vertex_attributes["color"] = np.c_[tile.colours, opaque]
     return mesh.export(file_type="glb", include_normals=True)  # type: ignore[return-value]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -16,12 +17,16 @@ import viser
 from motorgrad._errors import check
 from motorgrad.sim.film import camera_axes, ground_height, natural_angles
 from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._framing import Framing, History
 from motorgrad.sim.scene._pose import Pose
 
 GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A function from a place `(3,)` to the point of the ground under it and the upward direction there."""
 DAMPING = 0.25  # s in which a following camera makes up 63 % of its lag
+LAG = 0.15  # most that it lags, as a share of half the picture's height, however fast the body goes
 HANDS_OFF = 0.25  # s for which a camera that the user turns is left alone
+AFRESH = 1.0  # s between two changes of the view of the next browser
+STALE = 3.0  # s for which a browser may still report where the camera was
 NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance to its target
 
 
@@ -43,33 +48,96 @@ class CameraMode:
 
 
 class Orbit(CameraMode):
-    """Turns about a fixed target by the user's hand."""
+    """Turns about a fixed target by the user's hand.
+
+    **Arguments:** `history` of the motion, in the middle of which the target is.
+    """
+
+    def __init__(self, history: History, travels: bool) -> None:
+        self._history, self._travels = history, travels
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
-        aim(camera, camera.position, pose.centre)
+        aim(camera, camera.position, framing_of(self._history, pose, self._travels).target)
 
 
 class Follow(CameraMode):
-    """Orbits the first body and follows its centre of mass with damping, so that it does not shake with the body."""
+    """Keeps the range of the bodies' motion in the picture, from where the user looks at it.
+
+    A body that goes far is followed, with damping, so that the camera does not shake with it, but never by more than
+    the margin of the picture. Where the motion grows, the camera moves away; what the user zooms, it keeps.
+
+    **Arguments:** `history` of the motion so far; `travels`: whether the body is free to go away.
+    """
+
+    def __init__(self, history: History, travels: bool) -> None:
+        self._history, self._travels = history, travels
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
-        self._target = pose.centre.copy()
-        away = camera.position - self._target
-        distance = np.clip(np.linalg.norm(away), 0.8 * pose.size, 3 * pose.size)
-        away = away * distance / max(float(np.linalg.norm(away)), 1e-9)
-        self._away, self._then, self._turned = away, time.monotonic(), 0.0
-        aim(camera, self._target + away, self._target)
+        self._framing = framing_of(self._history, pose, self._travels)
+        self._target = self._framing.target.copy()
+        away = camera.position - camera.look_at
+        self._towards = away / max(float(np.linalg.norm(away)), 1e-9)
+        self._zoom, self._distance = 1.0, self._needed(camera)
+        self._then, self._turned = time.monotonic(), -np.inf
+        self._sent: deque[tuple[float, float]] = deque()
+        self._aim(camera)
 
     def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
         now = time.monotonic()
-        self._target += (pose.centre - self._target) * (1 - np.exp(-(now - self._then) / DAMPING))
+        if self._history.now is not None:
+            self._framing.see(self._history.now)
+        self._heed(camera, now)
+        part = 1 - np.exp(-(now - self._then) / DAMPING)
         self._then = now
+        wanted = self._zoom * self._needed(camera)
+        self._distance = max(wanted, self._distance + part * (wanted - self._distance))
+        goal = self._framing.target
+        lag = (1 - part) * (goal - self._target)
+        most = LAG * np.tan(camera.fov / 2) * self._distance
+        lag *= min(1.0, most / max(float(np.linalg.norm(lag)), 1e-9))
+        self._target = goal - lag
+        # sending now would undo a movement that has not been reported yet, but must not lose the body
+        lost = np.linalg.norm(camera.look_at - goal) > 2 * most
+        if lost or now - self._turned > HANDS_OFF:
+            self._aim(camera)
+
+    def _needed(self, camera: viser.CameraHandle) -> float:
+        return self._framing.distance(self._towards, camera.fov, camera.aspect)
+
+    def _heed(self, camera: viser.CameraHandle, now: float) -> None:
+        """Take over how the user has turned the camera and zoomed; reports of what was sent before do not count."""
+        told = camera.update_timestamp
+        if told == self._told:  # no report since the last movement, which another thread may have torn
+            return
         away = camera.position - camera.look_at
-        if np.linalg.norm(away - self._away) > 1e-3 * np.linalg.norm(self._away):
-            self._away, self._turned = away, now
-        # sending now would undo a movement that has not been reported yet
-        if now - self._turned > HANDS_OFF:
-            aim(camera, self._target + self._away, self._target)
+        distance = float(np.linalg.norm(away))
+        if camera.update_timestamp != told:
+            return
+        self._told = told
+        while self._sent and now - self._sent[0][0] > STALE:
+            self._sent.popleft()
+        sent = [self._distance, *(length for _, length in self._sent)]
+        zoomed = not 0.999 * min(sent) < distance < 1.001 * max(sent)
+        if distance > 1e-9 and (zoomed or np.linalg.norm(away / distance - self._towards) > 1e-3):
+            self._towards, self._turned = away / distance, now
+            if zoomed:
+                self._zoom, self._distance = distance / self._needed(camera), distance
+                self._sent.clear()
+
+    def _aim(self, camera: viser.CameraHandle) -> None:
+        if not self._sent or self._sent[-1][1] != self._distance:
+            self._sent.append((time.monotonic(), self._distance))
+        aim(camera, self._target + self._distance * self._towards, self._target)
+        self._told = camera.update_timestamp
+
+
+def framing_of(history: History, pose: Pose, travels: bool) -> Framing:
+    """The frame of a motion so far."""
+    framing = Framing(pose.size, travels)
+    framing.target = pose.centre
+    for moment in history:
+        framing.see(moment)
+    return framing
 
 
 class Walk(CameraMode):
@@ -81,6 +149,7 @@ class Walk(CameraMode):
     **Arguments:** `ground_at`; `height` of the eyes in m.
     """
 
+    START = 2.5  # least distance from the body at the beginning, in its sizes
     REACH = 0.02  # distance of the target, as a share of the height
     LOOSE = 0.03  # tolerance of the height, as a share of it
 
@@ -90,7 +159,12 @@ class Walk(CameraMode):
         self._speed = np.zeros(3)
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
-        ground, up = self.ground_at(camera.position)
+        # at a distance from which the body is seen as a whole
+        away = camera.position - pose.centre
+        flat = away - (away @ camera.up_direction) * camera.up_direction
+        length = float(np.linalg.norm(flat))
+        flat = flat / length if length > 1e-9 else np.array([0.0, -1.0, 0.0])
+        ground, up = self.ground_at(pose.centre + max(length, self.START * pose.size) * flat)
         eye = ground + self.height * up
         ahead = pose.centre - eye
         ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
@@ -183,8 +257,7 @@ class Viewer:
 class Cameras:
     """Orbit, walk, follow and the model's fixed cameras, independently for every browser.
 
-    A body that can travel is followed at first; for others the camera stands still. Build it inside the GUI container
-    for its list.
+    At first the camera follows the body. Build it inside the GUI container for its list.
 
     **Arguments:** `ground_at`: where the ground is, if it is not the model's own.
 
@@ -196,6 +269,7 @@ class Cameras:
         self._viewers: dict[int, Viewer] = {}
         self._lock = threading.Lock()
         self._pose: Pose | None = None
+        self._history, self._kept = History(), -np.inf
         self.names: list[str] = []
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -203,8 +277,8 @@ class Cameras:
         self._server, model = server, session.model
         self._fixed = [] if model is None else [model.camera(index).name or str(index) for index in range(model.ncam)]
         self.names = [ORBIT, WALK, FOLLOW, *(f"Fixed: {name}" for name in self._fixed)]
-        goes = model is not None and bool(np.any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE))
-        self._first = FOLLOW if goes else ORBIT
+        self._travels = model is not None and bool(np.any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE))
+        self._first = ORBIT if model is None else FOLLOW
         start = Pose(model)
         self._tall = float(np.clip(0.75 * start.size, 0.25, 1.7))
         self._start(server, start)
@@ -216,6 +290,8 @@ class Cameras:
         """Move the cameras."""
         del snapshot
         self._pose = pose
+        self._history.add(pose)
+        self._keep_start(pose)
         here = self._server.get_clients()
         with self._lock:
             viewers = [viewer for client, viewer in self._viewers.items() if client in here]
@@ -241,7 +317,7 @@ class Cameras:
 
     def _switch(self, viewer: Viewer, pose: Pose) -> None:
         name, viewer.wanted = viewer.wanted, None
-        if name is None or name == viewer.name:
+        if name is None or (name == viewer.name and name != FOLLOW):
             return
         camera = viewer.client.camera
         if not viewer.name:  # it has just connected, and the body may have gone far
@@ -254,7 +330,7 @@ class Cameras:
         if name == WALK:
             return Walk(self._ground_at, height)
         if name in (ORBIT, FOLLOW):
-            return Orbit() if name == ORBIT else Follow()
+            return (Orbit if name == ORBIT else Follow)(self._history, self._travels)
         return Fixed(self.names.index(name) - 3)
 
     def _start(self, server: viser.ViserServer, pose: Pose) -> None:
@@ -265,6 +341,13 @@ class Cameras:
         first = server.initial_camera
         first.look_at, first.position = pose.middle, pose.middle + self._away
         first.up, first.fov = np.array([0.0, 0.0, 1.0]), np.radians(FIELD_OF_VIEW)
+
+    def _keep_start(self, pose: Pose) -> None:
+        """Let the view of the next browser, and viser's "Reset view", begin where the body is."""
+        first, now = self._server.initial_camera, time.monotonic()
+        if now > self._kept + AFRESH and np.linalg.norm(pose.centre - first.look_at) > pose.size:
+            self._kept = now
+            first.look_at, first.position = pose.centre, pose.centre + self._away
 
     def _connect(self, client: Any) -> None:
         """Give a browser its list, its slider and its keys."""
@@ -298,4 +381,4 @@ class Cameras:
         return np.array([place[0], place[1], level]), np.array([0.0, 0.0, 1.0])
 
 
-HINT = "Keys: O orbit, G walk on the ground, F follow the body, 1, 2, … the model's cameras; ? lists all keys."
+HINT = "Keys: O orbit, G walk on the ground, F follow and frame again, 1, 2, … the model's cameras; ? lists all keys."

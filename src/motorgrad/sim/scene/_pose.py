@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from motorgrad.bodies import actuator_levels, install_muscle_callback
-from motorgrad.sim.film import bounding_box
+from motorgrad.sim.film import Outline, bounding_box
 from motorgrad.sim.live import Snapshot
 
 APART = 1.6  # distance of bodies side by side, in widths of one
@@ -40,6 +40,7 @@ class Pose:
             return
 
         install_muscle_callback(model)
+        self._outline = Outline(model)
         start = model.key_qpos[0] if model.nkey else model.qpos0
         low, high = bounding_box(model, start)
         self.size, self.middle = float(np.linalg.norm(high - low)), (low + high) / 2
@@ -71,6 +72,19 @@ class Pose:
     def centre(self) -> np.ndarray:
         """The centre of mass of the first body, `(3,)`, as drawn."""
         return self.bodies[0].subtree_com[0] + self.offset[0] if self.bodies else self.middle
+
+    @property
+    def centres(self) -> np.ndarray:
+        """The centres of mass of all bodies in view, `(bodies, 3)`, as drawn."""
+        return np.array([data.subtree_com[0] for data in self.bodies]) + self.offset
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """The boxes around the bodies in view and what their tasks mark, `(bodies, 2, 3)`, as drawn."""
+        assert self.snapshot is not None
+        marks = self.snapshot.marks.reshape(len(self.bodies), -1, 4)
+        found = [self._outline.box(data, marked) for data, marked in zip(self.bodies, marks, strict=True)]
+        return np.array(found) + self.offset[:, None]
 
 
 def _side_step(model: mujoco.MjModel, extent: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.scene._abstract import MotoneuronPool, States
 from motorgrad.sim.scene._annotations import Ghost, ScaleBar, Trail
 from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites, Targets
 from motorgrad.sim.scene._cameras import Cameras, GroundAt
@@ -33,7 +34,7 @@ class Scene:
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
         usual = [Sky(), Ground(), Bodies(), Meshes(), Muscles(), Contacts(), Balance(), Sites(), JointAxes(), Labels()]
-        usual += [Targets(), Plane(), PlaneUnits(), Trail(), Ghost(), ScaleBar()]
+        usual += [Targets(), Plane(), PlaneUnits(), States(), MotoneuronPool(), Trail(), Ghost(), ScaleBar()]
         self.layers = usual if layers is None else layers
         self._drawn: tuple[object, ...] = ()
 
@@ -42,6 +43,14 @@ class Scene:
         self._server = server
         for layer in self.layers:
             layer.build(server, session)
+        if not self.draws:
+            text = f"{session.name} has no picture: its panels show what it does"
+            server.scene.add_label("/no-picture", text, position=(0.0, 0.0, 0.55))
+
+    @property
+    def draws(self) -> bool:
+        """Whether there is anything to see but the surroundings, after `build`."""
+        return any(layer.applies for layer in self.layers if not isinstance(layer, Sky))
 
     def draggable(self) -> list[tuple[Any, np.ndarray]]:
         """viser's handles of what can be dragged in all layers, and the geoms of their copies."""
@@ -72,7 +81,7 @@ KEYS = {
     "← → ↑ ↓": "turn the camera",
     "O": "camera: orbit",
     "G": "camera: walk on the ground, at eye height",
-    "F": "camera: follow the body",
+    "F": "camera: follow the body; again: frame its motion anew",
     "1 2 …": "camera: those of the model",
     "Ctrl K": "search all commands",
     "?": "this list",
@@ -110,7 +119,10 @@ class View:
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the elements to the open container."""
-        self.cameras.build(server, session)
+        if self._scene.draws:
+            self.cameras.build(server, session)
+        else:
+            server.gui.add_markdown(f"{session.name} has no picture, and so no cameras: its panels show what it does.")
         with server.gui.add_folder("Show"):
             for layer in self._scene.layers:
                 if layer.name and layer.applies:
@@ -125,4 +137,5 @@ class View:
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Move the cameras."""
-        self.cameras.update(snapshot, pose)
+        if self._scene.draws:
+            self.cameras.update(snapshot, pose)

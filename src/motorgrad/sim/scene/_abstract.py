@@ -1,0 +1,104 @@
+"""Pictures of tasks without a body: the states of a finite world, and the pool of motoneurons of a recruitment task."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from motorgrad.sim.film import FIRING, SILENT
+from motorgrad.sim.live import Session
+from motorgrad.sim.scene._geometry import ball, identity_quaternions, rod
+from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._plane import FLOOR
+from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._surroundings import floor_glb
+from motorgrad.tasks import FiniteTask
+from motorgrad.tasks import Recruitment as RecruitmentTask
+
+MOST = 3_000  # states or units that are drawn
+NUMBERED = 30  # states up to which each has its number
+WIDE, LOW, HIGH = 1.1, 0.2, 0.95  # m, of the space that the picture fills
+GOOD, BAD, PLAIN, PRESENT = (0.15, 0.55, 0.30), (0.75, 0.25, 0.20), (0.62, 0.65, 0.68), (0.98, 0.74, 0.10)
+"""Colours of states with a reward above and below 0 and without one, and of the present state."""
+LINE = (0.45, 0.48, 0.52)
+
+
+class States(Layer):
+    """Draws the states of a finite world as balls, in rows from the first to the last, with lines for transitions.
+
+    A ball's colour tells the reward of the state, green above 0 and red below; the present state is larger and yellow.
+    """
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        task: Any = session.task
+        world = task.dynamics if isinstance(task, FiniteTask) else None
+        self.applies = world is not None and len(world.observations) <= MOST
+        if world is None or not self.applies:
+            return
+        count = len(world.observations)
+        columns = count if count <= 12 else int(np.ceil(np.sqrt(1.5 * count)))
+        rows = -(-count // columns)
+        row, column = np.divmod(np.arange(count), columns)
+        step = min(WIDE / max(columns - 1, 1), (HIGH - LOW) / max(rows - 1, 1), 0.25)
+        across = (column - (columns - 1) / 2) * step
+        up = (LOW + HIGH) / 2 - (row - (rows - 1) / 2) * step
+        self._place = np.stack([across, np.zeros(count), up], axis=1)
+        self._radius = 0.22 * step
+        rewards = world.rewards if world.rewards.ndim == 1 else world.rewards.max(axis=0)
+        self._colours = np.array([GOOD if each > 0 else BAD if each < 0 else PLAIN for each in rewards])
+        scene = server.scene
+        scene.add_glb("/states/floor", floor_glb(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
+        self.pools = [MeshPool(scene, "/states/balls", ball() if count <= NUMBERED else ball(8), count)]
+        if count <= NUMBERED:
+            for state, place in enumerate(self._place):
+                scene.add_label(f"/states/{state}", str(state), position=place - [0.0, 0.0, 1.8 * self._radius])
+            leads = np.argwhere(world.transitions.max(axis=0) > 0)
+            ends = leads[leads[:, 0] != leads[:, 1]]
+            lines = MeshPool(scene, "/states/lines", rod(), max(len(ends), 1), shadow=False)
+            start, end = self._place[ends[:, 0]], self._place[ends[:, 1]]
+            lines.show_rods(start, end, 0.05 * self._radius, np.broadcast_to(LINE, start.shape))
+
+    def draw(self, pose: Pose) -> None:
+        assert pose.snapshot is not None
+        colours, radius = self._colours.copy(), np.full(len(self._colours), self._radius)
+        here = pose.snapshot.position[:, 0]
+        present = here[np.isfinite(here)].astype(int)
+        colours[present], radius[present] = PRESENT, 1.5 * self._radius
+        self.pools[0].show_balls(self._place, radius, colours)
+
+
+class MotoneuronPool(Layer):
+    """Draws the pool of a recruitment task as columns, of a height by each unit's share of the pool's force.
+
+    A column is the redder, the more probably the unit fires at the load that a label tells.
+    """
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        task = session.task
+        if not isinstance(task, RecruitmentTask):
+            return
+        self.applies = True
+        sizes = task.sizes[:MOST]
+        count, scene = len(sizes), server.scene
+        step = min(WIDE / count, 0.2)
+        self._across = (np.arange(count) - (count - 1) / 2) * step
+        self._tall = (HIGH - LOW) * sizes / sizes.max()
+        self._wide = 0.4 * step
+        scene.add_glb("/pool/floor", floor_glb(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
+        self.pools = [MeshPool(scene, "/pool/units", rod(), count)]
+        self._word = scene.add_label("/pool/load", "", position=(0.0, 0.0, HIGH + 0.1), anchor="bottom-center")
+
+    def draw(self, pose: Pose) -> None:
+        snapshot = pose.snapshot
+        assert snapshot is not None
+        count = len(self._across)
+        part = np.nan_to_num(snapshot.probability[0, :count])[:, None]
+        colour = np.array(SILENT) + part * (np.array(FIRING) - np.array(SILENT))
+        place = np.stack([self._across, np.zeros(count), LOW / 2 + self._tall / 2], axis=1)
+        size = np.stack([np.full(count, self._wide), np.full(count, self._wide), self._tall], axis=1)
+        self.pools[0].show(place, identity_quaternions(count), size, colour)
+        word = f"load {snapshot.observation[0, 0]:.2f}"
+        if self._word.text != word:
+            self._word.text = word

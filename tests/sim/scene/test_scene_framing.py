@@ -1,0 +1,157 @@
+"""A following camera keeps the whole body in its picture: the silhouette is rendered from where the camera is."""
+
+import types
+
+import mujoco
+import numpy as np
+import pytest
+from scene_moments import moment
+
+from motorgrad.bodies import Arm, compile_model
+from motorgrad.sim import gl_problem
+from motorgrad.sim.film._gl import backend, make_context
+from motorgrad.sim.scene import Pose
+from motorgrad.sim.scene import _cameras as cameras
+from motorgrad.sim.scene._framing import History
+
+WIDE, HIGH = 320, 240
+EDGE = 4  # pixels of margin
+LEAST = 0.08  # of the picture's height, or width, that a body fills at least
+
+
+class Silhouette:
+    """What pixels of a picture show a body, or a part of it."""
+
+    def __init__(self, model):
+        self.context = make_context(backend(), WIDE, HIGH)
+        self.context.make_current()
+        self.model, self.scene = model, mujoco.MjvScene(model, 1000)
+        model.vis.global_.offwidth, model.vis.global_.offheight = WIDE, HIGH
+        model.vis.map.zfar = 1000.0
+        self.resources = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self.resources)
+
+    def close(self):
+        self.resources.free()
+        self.context.free()
+
+    def of(self, data, camera, names=()):
+        """Which pixels `(height, width)` show geoms of these names, by default all that move."""
+        eye, away = mujoco.MjvCamera(), camera.position - camera.look_at
+        eye.lookat[:], eye.distance = camera.look_at, np.linalg.norm(away)
+        eye.azimuth = np.degrees(np.arctan2(-away[1], -away[0]))
+        eye.elevation = np.degrees(np.arcsin(-away[2] / eye.distance))
+        self.model.vis.global_.fovy = np.degrees(camera.fov)
+        scene, option = self.scene, mujoco.MjvOption()
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self.model, data, option, None, eye, every, scene)
+        scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
+        pixels = np.empty((HIGH, WIDE, 3), np.uint8)
+        frame = mujoco.MjrRect(0, 0, WIDE, HIGH)
+        mujoco.mjr_render(frame, scene, self.resources)
+        mujoco.mjr_readPixels(pixels, None, frame, self.resources)
+        number = pixels.astype(int) @ [1, 256, 65536]  # one more than the place in the scene
+        moving = [
+            geom.name if names else self.model.body_weldid[self.model.geom_bodyid[geom.id]]
+            for geom in map(self.model.geom, range(self.model.ngeom))
+        ]
+        wanted = [i for i, value in enumerate(moving) if (value in names if names else value != 0)]
+        places = [
+            each.segid + 1
+            for each in scene.geoms[: scene.ngeom]
+            if each.objtype == mujoco.mjtObj.mjOBJ_GEOM and each.objid in wanted
+        ]
+        return np.isin(number, places)
+
+
+@pytest.fixture
+def silhouette():
+    if gl_problem():
+        pytest.skip(f"no OpenGL here: {gl_problem()}")
+    made = []
+
+    def of(model):
+        made.append(Silhouette(model))
+        return made[-1]
+
+    yield of
+    for each in made:
+        each.close()
+
+
+def whole(seen):
+    """Whether a silhouette is in the picture as a whole, with a margin, and large enough."""
+    rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
+    if not len(rows):
+        return False
+    inside = rows[0] >= EDGE and rows[-1] < HIGH - EDGE and columns[0] >= EDGE and columns[-1] < WIDE - EDGE
+    return bool(inside and max(np.ptp(rows) / HIGH, np.ptp(columns) / WIDE) >= LEAST)
+
+
+def eye_of(pose, travels, away=(-0.6, -1.8, 0.7)):
+    """A camera as a browser has it, in the mode Follow."""
+    here = np.array([3.0, 3.0, 3.0])  # wherever it was before
+    camera = types.SimpleNamespace(
+        position=here + away, look_at=here, fov=np.radians(45), aspect=WIDE / HIGH, update_timestamp=0.0
+    )
+    history = History()
+    history.add(pose)
+    mode = cameras.Follow(history, travels)
+    mode.begin(camera, pose)
+    return camera, mode, history
+
+
+def test_a_hopper_that_hops_higher_and_higher_stays_in_the_picture(hopper, silhouette):
+    pose, sight = Pose(hopper), silhouette(hopper)
+    start = hopper.key_qpos[0]
+    pose.place(moment(start, model=hopper))
+    camera, mode, history = eye_of(pose, travels=False)
+    for decision in range(1, 60):
+        position = start.copy()
+        position[0] += 0.02 * decision * abs(np.sin(0.7 * decision))  # up to 1.2 m, far between two pictures
+        pose.place(moment(position, model=hopper, decision=decision))
+        history.add(pose)
+        mode.move(camera, pose)
+        if decision % 5 == 0:
+            assert whole(sight.of(pose.bodies[0], camera)), decision
+
+
+@pytest.mark.parametrize("speed", [0.3, 6.0, 120.0])
+def test_a_hexapod_is_followed_from_the_first_moment_at_every_speed(hexapod, silhouette, speed):
+    """Metres a second of wall time: 120 is four metres between two pictures."""
+    pose, sight = Pose(hexapod), silhouette(hexapod)
+    position = hexapod.key_qpos[0].copy()
+    position[0] += 50.0
+    pose.place(moment(position, model=hexapod))
+    camera, mode, history = eye_of(pose, travels=True)
+    assert whole(sight.of(pose.bodies[0], camera))
+    for decision in range(1, 20):
+        position[:2] += speed / 30 * np.array([0.8, 0.6])
+        pose.place(moment(position, model=hexapod, decision=decision))
+        history.add(pose)
+        mode.move(camera, pose)
+        if decision % 4 == 0:
+            assert whole(sight.of(pose.bodies[0], camera)), decision
+
+
+def test_the_arm_is_in_the_picture_with_its_shoulder(silhouette):
+    model = compile_model(Arm())
+    pose, sight = Pose(model), silhouette(model)
+    pose.place(moment(model.key_qpos[0], model=model))
+    camera, *_ = eye_of(pose, travels=False)
+    assert whole(sight.of(pose.bodies[0], camera))
+    assert whole(sight.of(pose.bodies[0], camera, names=("upper_arm", "harness")))
+
+
+def test_what_the_user_turns_and_zooms_stays_so(hopper):
+    pose = Pose(hopper)
+    pose.place(moment(hopper.key_qpos[0], model=hopper))
+    camera, mode, _ = eye_of(pose, travels=False)
+    length = np.linalg.norm(camera.position - camera.look_at)
+    camera.position = camera.look_at + np.array([0.0, -0.7 * length, 0.0])
+    camera.update_timestamp += 1.0
+    for _ in range(3):
+        mode.move(camera, pose)
+    mode._turned = -np.inf  # the hand has let go
+    mode.move(camera, pose)
+    np.testing.assert_allclose(camera.position - camera.look_at, [0.0, -0.7 * length, 0.0], atol=1e-6)
