@@ -234,7 +234,8 @@ def _colours(surface: Surface, points: np.ndarray, heights: np.ndarray) -> UInt8
 def ground_texture() -> Image.Image:
     """The repeated detail of the ground: squares, and a grain that is visible near by."""
     noise = np.random.default_rng(0).normal(size=(PIXELS, PIXELS))
-    grain = sum(zoom(noise[::step, ::step], step, order=1, mode="grid-wrap", grid_mode=True) for step in (1, 2, 4))
+    sizes = (zoom(noise[::n, ::n], n, order=1, mode="grid-wrap", grid_mode=True) for n in (1, 2, 4))
+    grain = np.sum([*sizes], axis=0)
     square = np.arange(PIXELS) * SQUARES // PIXELS
     shade = 0.93 + 0.02 * grain / np.std(grain) - 0.06 * ((square[:, None] + square) % 2)
     picture = np.round(255 * np.clip(shade, 0, 1)).astype(np.uint8)
