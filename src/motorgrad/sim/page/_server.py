@@ -142,7 +142,7 @@ class _Front:
     def _complete(self, page: Response, zipped: bool) -> None:
         """Add this page's own style and scripts to viser's."""
         if zipped not in self._pages:
-            body = with_additions(page.body, self._label)
+            body = with_additions(bytes(page.body), self._label)
             self._pages[zipped] = gzip.compress(body) if zipped else body
         page.body = self._pages[zipped]
         del page.headers["Content-Length"], page.headers["Content-Encoding"]

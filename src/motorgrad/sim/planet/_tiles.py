@@ -234,8 +234,9 @@ def _colours(surface: Surface, points: np.ndarray, heights: np.ndarray) -> UInt8
 def ground_texture() -> Image.Image:
     """The repeated detail of the ground: squares, and a grain that is visible near by."""
     noise = np.random.default_rng(0).normal(size=(PIXELS, PIXELS))
-    sizes = (zoom(noise[::n, ::n], n, order=1, mode="grid-wrap", grid_mode=True) for n in (1, 2, 4))
-    grain = np.sum([*sizes], axis=0)
+    grain = noise.copy()
+    for step in (2, 4):
+        grain += np.asarray(zoom(noise[::step, ::step], step, order=1, mode="grid-wrap", grid_mode=True))
     square = np.arange(PIXELS) * SQUARES // PIXELS
     shade = 0.93 + 0.02 * grain / np.std(grain) - 0.06 * ((square[:, None] + square) % 2)
     picture = np.round(255 * np.clip(shade, 0, 1)).astype(np.uint8)
