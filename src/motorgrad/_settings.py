@@ -245,8 +245,7 @@ def _one_of(hint: Any, options: tuple[Any, ...], value: Any, where: str, default
     if (value is None or value == "none") and type(None) in options:
         return None
     for option in options:
-        # What is wrong in a dataclass's table is worth saying. A part's has a `kind`, and is not read here.
-        if dataclasses.is_dataclass(option) and not parts_in(option) and isinstance(value, Mapping):
+        if dataclasses.is_dataclass(option) and isinstance(value, Mapping):  # what is wrong in it is worth saying
             return as_hinted(option, value, where, default)
     lists = [option for option in options if typing.get_origin(option) is tuple]
     if len(lists) == 1 and isinstance(value, tuple | list):

@@ -11,6 +11,7 @@ import numpy as np
 from motorgrad.lab import (
     Block,
     Diagram,
+    From,
     Gain,
     Host,
     HostBlock,
@@ -145,7 +146,7 @@ def outputs(diagram: Diagram, prefix: str = "") -> list[str]:
     for name, node in diagram.nodes.items():
         if isinstance(node.block, Diagram):
             found += outputs(node.block, f"{prefix}{name}/")
-        elif not (isinstance(node.block, Inlet) and prefix):
+        elif not isinstance(node.block, From) and not (isinstance(node.block, Inlet) and prefix):
             found += [f"{prefix}{name}.{port}" for port in node.block.outputs]
     return found
 

@@ -6,7 +6,7 @@ import numpy as np
 import optax
 import pytest
 
-from motorgrad.learning import SGD, Adam, Agent, Annealed, olpomdp
+from motorgrad.learning import SGD, Adam, Agent, olpomdp
 from motorgrad.policies import Factored, Hyperplanes, LocalGaussians, trainable
 
 # Our own, and any optax transformation; each must climb.
@@ -46,24 +46,16 @@ def test_every_optimizer_ascends(name):
     assert after.policy.prob(observation)[0] > 0.9
 
 
-def one_step(optimizer, policy, steps=None):
+def one_step(optimizer, policy):
     """What a gradient of ones makes of the parameters."""
     chain = learner(optimizer, policy).chain
-    return chain.update(jax.tree.map(jnp.ones_like, trainable(policy)), chain.init(policy), policy, steps)[0]
+    return chain.update(jax.tree.map(jnp.ones_like, trainable(policy)), chain.init(policy), policy, None)[0]
 
 
 def test_sgd_is_the_rate_times_the_gradient():
     step = one_step(SGD(0.25), PLANES)
     np.testing.assert_array_equal(step.weights, 0.25)
     np.testing.assert_array_equal(step.bias, 0.25)
-
-
-@pytest.mark.parametrize("kind", [SGD, Adam])
-def test_an_annealed_rate_falls_with_the_steps_of_the_parameters(kind):
-    # Adam's first step is its rate, whatever the gradient; a decision of an online learner is a step.
-    rates = [one_step(kind(Annealed(0.5, 0.1, 4)), PLANES, jnp.asarray(n)).bias[0] for n in (0, 1, 4, 9)]
-    np.testing.assert_allclose(rates, [0.5, 0.4, 0.1, 0.1], rtol=1e-5)
-    assert learner(kind(Annealed(0.5, 0.1, 4))).init(jax.random.key(0)).steps == 0
 
 
 def test_each_group_moves_at_its_own_rate():

@@ -12,7 +12,7 @@ def follow(fit, features, targets, decay, discount=0.9):
     """The weights and the state after decisions whose temporal difference is a target less the value, in double
     precision; with `discount` of 1 less nothing bootstraps."""
     weights = jnp.zeros(features.shape[1], jnp.float64)
-    state = fit.init(weights)
+    state = fit.init(weights, weights.size)
     for now, target in enumerate(targets):
         phi, after = features[now], features[now + 1]
         error = target - weights @ phi
@@ -42,7 +42,7 @@ def test_the_slopes_are_the_derivatives_of_the_weight_by_the_step_size(decay):
 
     def weight(log_rate):
         fit = SwiftTemporalDifference(0.1, 0.0, bound=1.0)
-        start = fit.init(jnp.zeros(1, jnp.float64))
+        start = fit.init(jnp.zeros(1, jnp.float64), 1)
         state, weights = start._replace(log_rates=log_rate * jnp.ones(1)), jnp.zeros(1)
         for phi, after, target in zip(0.5 * features, 0.5 * features[1:], targets, strict=False):
             error = target - weights @ phi
@@ -63,7 +63,7 @@ def test_a_step_takes_away_no_more_than_the_bound_of_an_error():
     fit = SwiftTemporalDifference(0.1, 0.0, bound=0.1, shrinkage=0.5)
     phi = jnp.array([3.0, 4.0])  # Σ α φ² = 2.5
     step = CriticStep(phi, 0 * phi, jnp.ones(()), jnp.zeros(()), jnp.ones(()), 0.9, 0.8)
-    weights, state = fit.update(jnp.zeros(2), fit.init(jnp.zeros(2)), step)
+    weights, state = fit.update(jnp.zeros(2), fit.init(jnp.zeros(2), 2), step)
     assert float(weights @ phi) == pytest.approx(0.1, rel=1e-5)
     np.testing.assert_allclose(jnp.exp(state.log_rates), 0.1 * 0.5 ** np.square([3.0, 4.0]), rtol=1e-4)
     assert np.abs(state.slopes).max() == np.abs(state.trace_slopes).max() == 0
@@ -81,7 +81,7 @@ def test_it_learns_which_features_predict():
         error = reward - weights @ phi
         return fit.update(weights, state, CriticStep(phi, after, reward, jnp.zeros(()), error, 0.0, 0.0)), None
 
-    first = jnp.zeros(10), fit.init(jnp.zeros(10))
+    first = jnp.zeros(10), fit.init(jnp.zeros(10), 10)
     _, state = jax.jit(lambda: jax.lax.scan(decide, first, (features[:-1], features[1:], rewards))[0])()
     rates = np.exp(state.log_rates)
     assert rates[0] > 0.05

@@ -9,9 +9,10 @@ import motorgrad as mg
 from motorgrad import lab, learning
 from motorgrad._tree import KINDS
 from motorgrad.lab.blocks.learning import PART_BLOCKS
+from motorgrad.lab.diagram import blocks_of
 from motorgrad.lab.diagram._verify import function_problems
 from motorgrad.lab.editor._edits import SetParameter
-from motorgrad.lab.editor._program import leaves, signature
+from motorgrad.lab.editor._program import signature
 from motorgrad.lab.editor._views import declaration, view_of_node
 
 SIZE = 3
@@ -130,8 +131,8 @@ def test_presence_does_not_change_while_it_runs():
     with pytest.raises(ValueError, match="unknown parameter of optimizer: 'weight_decay'"):
         run["optimizer.weight_decay"] = 0.1
     present = SetParameter("optimizer.weight_decay", 0.1).apply(made)
-    assert leaves(present)["optimizer"].weight_decay == 0.1
-    assert leaves(SetParameter("optimizer.weight_decay", None).apply(present))["optimizer"].weight_decay is None
+    assert blocks_of(present)["optimizer"].weight_decay == 0.1
+    assert blocks_of(SetParameter("optimizer.weight_decay", None).apply(present))["optimizer"].weight_decay is None
 
 
 SETTINGS = "policy = 'softmax'\nlearning_rate = 0.01\ndecay = 0.8\nmetric = 'fisher'\n"
@@ -195,7 +196,7 @@ def test_learners_of_one_structure_are_compiled_as_one_and_swept():
     assert moved[1] > 0
     again = SetParameter("policy.optimizer.learning_rate", 0.5).apply(made)
     assert signature(again) == signature(made)
-    assert "learning_rate = 0.5" in leaves(again)["policy"].settings
+    assert "learning_rate = 0.5" in blocks_of(again)["policy"].settings
 
 
 def test_the_editor_is_told_of_a_learners_numbers():

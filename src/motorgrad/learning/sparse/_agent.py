@@ -26,7 +26,6 @@ from motorgrad._errors import check
 from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._branching import Flag, where_any
 from motorgrad.learning._chain import SGD
-from motorgrad.learning._schedules import changes
 from motorgrad.learning._traces import Episodic, Exponential
 from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
@@ -94,10 +93,8 @@ class SparseAgent(Agent):
         words = "one that does not see the eligibility, such as MeanReward, with a spatial index"
         check(not weighted, "estimator.baseline", baseline, words)
         check(estimator.online, "estimator.improve", estimator.improve, "1, at every decision, with a spatial index")
-        optimizer = self.optimizer
-        plain = type(optimizer) is SGD and optimizer.weight_decay is None and not changes(optimizer)
-        words = "SGD with a constant learning rate and without weight decay, with a spatial index"
-        check(plain, "optimizer", optimizer, words)
+        plain = type(self.optimizer) is SGD and self.optimizer.weight_decay is None
+        check(plain, "optimizer", self.optimizer, "SGD without weight decay with a spatial index")
         for name in ("metric", "growth", "averaging"):
             check(getattr(self, name) is None, name, getattr(self, name), "None with a spatial index")
         for name in ("bound", "reward_scaling", "reuse"):

@@ -48,7 +48,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
             "reward_sum": jnp.stack([tally.sums[0], tally.carry[0]]),
             "baseline": learner.estimator.level(agent.estimator),
             "parameters": flat,
-            "rates": _learning_rates(learner.optimizer, parameters, agent.steps, flat),
+            "rates": _learning_rates(learner.optimizer, parameters, flat),
             "marks": jnp.ravel(engine.task.marks(cycle.memory, state)),
             "batch": jnp.full_like(flat, jnp.nan) if batch is None else ravel_pytree(batch)[0],
         }
@@ -92,9 +92,8 @@ def _wide(action: Array, size: int) -> Array:
     return jnp.pad(numbers, (0, size - numbers.shape[0]), constant_values=jnp.nan)
 
 
-def _learning_rates(optimizer: Any, parameters: Any, steps: Any, flat: Array) -> Array:
-    """The learning rates of the last step of the parameters; NaN where the optimizer has none."""
+def _learning_rates(optimizer: Any, parameters: Any, flat: Array) -> Array:
     if not isinstance(optimizer, SGD):
         return jnp.full_like(flat, jnp.nan)
-    rates = optimizer.learning_rates(parameters, None if steps is None else steps - 1)
+    rates = optimizer.learning_rates(parameters)
     return ravel_pytree(jax.tree.map(lambda p, rate: jnp.broadcast_to(rate, p.shape), parameters, rates))[0]
