@@ -85,8 +85,10 @@ def body_of(value: Any) -> Any:
         return BODIES[value]()
     if isinstance(value, str) and re.fullmatch(r"[\w-]*", value) and value not in BUNDLED:
         raise unknown("body", value, [*BODIES, *BUNDLED, "or the path of an MJCF file"])
-    if isinstance(value, str | Path | mujoco.MjSpec):
+    if isinstance(value, mujoco.MjSpec):
         return Mjcf(value)  # type: ignore[arg-type]
+    if isinstance(value, str | Path):
+        return build(Mjcf, {"source": value}, "body")
     if isinstance(value, Mapping):
         settings = dict(value)
         kind = settings.pop("kind", "mjcf")
