@@ -137,7 +137,7 @@ def test_a_diagram_of_the_gallery_learns_as_fast_as_possible_when_played(opened)
     editor.play_until(5_000)  # ticks of a second each
     editor.press("g")
     others = editor.dialog.get_by_role("region", name="Dynamics and control").get_by_role("button")
-    expect(others).to_have_count(4)
+    expect(others).to_have_count(5)
     editor.dialog.get_by_role("button", name="Open Lorenz attractor").click()
     expect(editor.page.get_by_label("speed")).to_have_value("1")
     editor.button("One tick").click()
