@@ -32,6 +32,18 @@ def test_reported_seeds_are_not_those_on_which_settings_were_chosen(tool):
         )
 
 
+def test_runs_of_the_same_learner_are_one_row(tool, tmp_path, monkeypatch):
+    run = json.loads((tool.DATA / "myosuite-hand-ppo-short-horizon-9000000.json").read_text())
+    (tmp_path / "myosuite-hand.json").write_text(json.dumps(run))
+    (tmp_path / "myosuite-hand-from-7.json").write_text(json.dumps(run | {"seeds": [7]}))
+    (tmp_path / "myosuite-hand-longer.json").write_text(json.dumps(run | {"steps": 2 * run["steps"]}))
+    monkeypatch.setattr(tool, "DATA", tmp_path)
+    joined, longer = tool.stored()
+    assert (joined["seeds"], longer["seeds"]) == ([7, *run["seeds"]], run["seeds"])
+    assert len(joined["curves"]["success"]) == len(joined["evaluated"]["mode"]["solved"]) == 1 + len(run["seeds"])
+    assert joined["took"]["cpu"] == 2 * run["took"]["cpu"]
+
+
 @pytest.mark.slow
 @pytest.mark.ci
 @pytest.mark.parametrize(("learner", "needed"), [("natural-network", "myosuite"), ("ppo", "stable_baselines3")])
@@ -41,7 +53,7 @@ def test_a_learner_learns_and_is_stored(tool, tmp_path, monkeypatch, learner, ne
     monkeypatch.setattr(tool, "EPISODES", 2)
     given = ["--steps", "400", "--seeds", "1", "--run", str(tmp_path / "run"), "--out", str(tmp_path)]
     tool.main(["learn", "finger", "--learner", learner, *given])
-    found = json.loads((tmp_path / f"myosuite-finger-{learner}.json").read_text())
+    found = json.loads((tmp_path / f"myosuite-finger-{learner}-400.json").read_text())
     assert found["learner"] == learner
     assert 0 <= found["evaluated"]["mode"]["solved"][0] <= 1
     assert len(found["curves"]["success"]) == 1

@@ -14,7 +14,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -164,11 +164,28 @@ class _Watched(gymnasium.Wrapper):
         return result
 
 
-def stored() -> Iterator[dict[str, Any]]:
-    """All stored runs, by task, ours first."""
-    found = [json.loads(path.read_text(encoding="utf-8")) for path in DATA.glob("myosuite-*.json")]
+def stored() -> list[dict[str, Any]]:
+    """All stored runs, by task, ours first. Runs of the same learner with other seeds are joined."""
+    found: dict[tuple[str, str, int], dict[str, Any]] = {}
+    for path in sorted(DATA.glob("myosuite-*.json")):
+        run = json.loads(path.read_text(encoding="utf-8"))
+        key = run["task"], run["learner"], run["steps"]
+        found[key] = _joined(found[key], run) if key in found else run
     names = [*TASKS]
-    yield from sorted(found, key=lambda run: (names.index(run["task"]), run["learner"] not in OURS, run["learner"]))
+    order = lambda run: (names.index(run["task"]), run["learner"] not in OURS, run["learner"], run["steps"])  # noqa: E731
+    return sorted(found.values(), key=order)
+
+
+def _joined(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """A run of the seeds of both."""
+    rows = {key: one["curves"][key] + other["curves"][key] for key in ("success", "solved")}
+    evaluated = {
+        mode: {key: values + other["evaluated"][mode][key] for key, values in each.items()}
+        for mode, each in one["evaluated"].items()
+    }
+    took = {clock: seconds + other["took"][clock] for clock, seconds in one["took"].items()}
+    seeds = one["seeds"] + other["seeds"]
+    return {**one, "seeds": seeds, "took": took, "curves": {**one["curves"], **rows}, "evaluated": evaluated}
 
 
 def table() -> str:
@@ -226,7 +243,10 @@ def main(arguments: list[str] | None = None) -> None:
     machine = {key: value for key, value in provenance().items() if key != "command"}
     made |= {"seeds": seeds, "episodes": EPISODES, "machine": machine, **work()}
     given.out.mkdir(parents=True, exist_ok=True)
-    path = given.out / f"myosuite-{given.task}-{given.learner}.json"
+    named = ["myosuite", given.task, given.learner]
+    named += [f"{steps}"] if steps != TASKS[given.task][1] else []
+    named += [f"from-{given.first}"] if given.first else []
+    path = given.out / f"{'-'.join(named)}.json"
     path.write_text(json.dumps(made, default=_plain, indent=1) + "\n", encoding="utf-8")
     print(
         path, {mode: {key: _percent(v) for key, v in made["evaluated"][mode].items()} for mode in MODES}, made["took"]

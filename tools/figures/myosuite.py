@@ -11,7 +11,7 @@ WORDS = {"success": "successful episodes", "solved": "solved steps"}
 
 def learning() -> Figure:
     """Shares of successful episodes and of solved steps while learning; of ours every seed, median and quartiles."""
-    runs = list(stored())
+    runs = stored()
     tasks = [name for name in TASKS if any(run["task"] == name for run in runs)]
     learners = list(dict.fromkeys(run["learner"] for run in runs))
     figure, axes = panels(len(WORDS), 2.5 * len(tasks), len(tasks), squeeze=False, sharey=True)
