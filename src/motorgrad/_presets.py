@@ -240,8 +240,13 @@ def proximal(
 
 
 def proximal_short_horizon(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
-    """The preset `"ppo-short-horizon"`: the preset `"ppo"` that looks ahead for a fifth of an episode."""
-    return proximal(task, steps, policy, discount=1 - 1 / horizon(task, 1 / 5), decay=0.9)
+    """The preset `"ppo-short-horizon"`: the preset `"ppo"` that looks ahead for a fifth of an episode, with noise of
+    graded hyperplanes that lasts for a quarter of that."""
+    ahead = horizon(task, 1 / 5)
+    table = proximal(task, steps, policy, discount=1 - 1 / ahead, decay=0.9)
+    if table["policy"]["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
+        table["policy"] = {"autocorrelation": 1 - 4 / ahead, **table["policy"]}
+    return table
 
 
 def trust_region(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:

@@ -125,7 +125,7 @@ def test_steps_that_read_no_gradient_or_compare_whole_batches_take_no_reuse(sett
         Agent(Softmax(WEIGHTS), Estimator(improve=8, reuse=ClippedSurrogate(minibatches=2)), **settings)
 
 
-def test_a_policy_with_a_memory_is_refused():
+def test_a_policy_whose_memory_depends_on_its_parameters_is_refused():
     agent = Agent(recurrent(2, 1), Estimator(improve=8, reuse=ClippedSurrogate()))
-    with pytest.raises(ValueError, match=r"policy = .*: must be one without a memory for a reuse of batches"):
+    with pytest.raises(ValueError, match=r"policy = .*: must be one whose memory does not depend on its parameters"):
         agent.init(jax.random.key(0))

@@ -246,7 +246,8 @@ class Estimator(Part):
 
     def _empty_batch(self, policy: Policy, key: jax.Array) -> Batch:
         assert self.reuse is not None
-        check(not policy.has_memory, "policy", type(policy).__name__, "one without a memory for a reuse of batches")
+        allowed = "one whose memory does not depend on its parameters, for a reuse of batches"
+        check(not policy.remembers_parameters, "policy", type(policy).__name__, allowed)
         return self.reuse.init(policy, int(self.improve), jax.random.fold_in(key, 1))
 
     def _advantage(

@@ -1,6 +1,7 @@
 """Stochastic units, and the policies composed of them."""
 
 from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
+from motorgrad.policies._autoregressive import Autoregressive
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
 from motorgrad.policies._composed import Factored, Gated, gated, mixture
@@ -35,6 +36,7 @@ __all__ = [
     "IMPLIED",
     "INITIAL",
     "Architecture",
+    "Autoregressive",
     "BinaryUnits",
     "BoundedHyperplanes",
     "BoundedUnits",

@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._densities import DENSITIES, Density
+from motorgrad.policies._autoregressive import autoregressive
+from motorgrad.policies._densities import DENSITIES, Clipped, Density
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
@@ -115,6 +116,13 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
     high: Float[Array, " units"] = fixed(converter=jnp.asarray, default=1.0)
     density: str = eqx.field(static=True, default="squashed")
 
+    @property
+    def normal(self) -> bool:
+        return isinstance(self._density, Clipped)
+
+    def number_before(self, action: Float[Array, " units"]) -> Float[Array, " units"]:
+        return self._density.number_before(self._folded(action))  # type: ignore[attr-defined]
+
     def __check_init__(self) -> None:
         GradedHyperplanes.__check_init__(self)
         choice("density", self.density, DENSITIES)
@@ -136,6 +144,7 @@ def bounded_hyperplanes(
     floor: float = 0.02,
     features: FeatureMap = INPUTS,
     network: Architecture | None = None,
+    autocorrelation: float = 0.0,
 ) -> Any:
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
@@ -152,13 +161,18 @@ def bounded_hyperplanes(
     - `floor`: the least spread that learning may reach.
     - `features`: what the units see beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a `Network`.
+      function from a key to a policy with a `Network`.
+    - `autocorrelation`: of the noise of two successive decisions, in [0, 1). Above 0 the policy is `Autoregressive`,
+      and the density squashed or clipped.
     """
     inputs, outputs = sizes(task, units)
     ranges = bounds_of(task, outputs)
-    return featured(
+    normal = isinstance(DENSITIES.get(density, Clipped()), Clipped)
+    check(normal or not autocorrelation, "density", density, "'squashed' or 'clipped' with an autocorrelation")
+    made = featured(
         features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor), network
     )
+    return autoregressive(made, autocorrelation)
 
 
 def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:

@@ -78,8 +78,8 @@ class Clipped(Density):
         """From the clipped normal number to [−1, 1]."""
         return x
 
-    def _pull(self, u: Units) -> Units:
-        """The inverse of `_push`."""
+    def number_before(self, u: Units) -> Units:
+        """The clipped normal number that became u, the inverse of `_push`."""
         return u
 
     def _log_stretch(self, x: Units) -> Units:
@@ -96,12 +96,12 @@ class Clipped(Density):
         return jnp.where(x <= -self.bound, -1, jnp.where(x >= self.bound, 1, inside))
 
     def log_prob(self, m: Units, s: Units, u: Units) -> Units:
-        (low, high), x = self._ends(m, s), self._pull(u)
+        (low, high), x = self._ends(m, s), self.number_before(u)
         inside = -0.5 * jnp.square((x - m) / s) - jnp.log(s) - LOG_ROOT_TWO_PI - self._log_stretch(x)
         return jnp.where(u <= -1, log_ndtr(low), jnp.where(u >= 1, log_ndtr(-high), inside))
 
     def slopes(self, m: Units, s: Units, u: Units) -> tuple[Units, Units]:
-        (low, high), z = self._ends(m, s), (self._pull(u) - m) / s
+        (low, high), z = self._ends(m, s), (self.number_before(u) - m) / s
         below, above = _inverse_mills(low), _inverse_mills(-high)
         location = jnp.where(u <= -1, -below, jnp.where(u >= 1, above, z)) / s
         return location, jnp.where(u <= -1, -low * below, jnp.where(u >= 1, high * above, z * z - 1))
@@ -161,7 +161,7 @@ class Squashed(Clipped):
     def _push(self, x: Units) -> Units:
         return jnp.tanh(x) / math.tanh(self.bound)
 
-    def _pull(self, u: Units) -> Units:
+    def number_before(self, u: Units) -> Units:
         return jnp.arctanh(jnp.clip(u, -1, 1) * math.tanh(self.bound))
 
     def _log_stretch(self, x: Units) -> Units:

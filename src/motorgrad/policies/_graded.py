@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._autoregressive import autoregressive
 from motorgrad.policies._binary import single_input_units
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
@@ -246,6 +247,15 @@ class GradedHyperplanes(GradedUnits):
     def inputs(self) -> int:
         return self.slope.shape[1]
 
+    @property
+    def normal(self) -> bool:
+        """Whether an activation is a function of one normal number."""
+        return True
+
+    def number_before(self, action: Float[Array, " units"]) -> Float[Array, " units"]:
+        """The normal numbers that became these activations."""
+        return action
+
     def mean(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
         return jnp.sum(self.slope * observation, axis=-1) + self.level
@@ -293,6 +303,7 @@ def graded_hyperplanes(
     floor: float = 0.02,
     features: FeatureMap = INPUTS,
     network: Architecture | None = None,
+    autocorrelation: float = 0.0,
 ) -> Any:
     """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
 
@@ -307,10 +318,12 @@ def graded_hyperplanes(
     - `floor`: the least standard deviation that learning may reach.
     - `features`: what the units see beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a `Network`.
+      function from a key to a policy with a `Network`.
+    - `autocorrelation`: of the noise of two successive decisions, in [0, 1). Above 0 the policy is `Autoregressive`.
     """
     inputs, outputs = sizes(task, units)
-    return featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor), network)
+    made = featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor), network)
+    return autoregressive(made, autocorrelation)
 
 
 def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:

@@ -146,6 +146,12 @@ class Policy(eqx.Module):
         """Whether the policy remembers anything from decision to decision."""
         return type(self).initial_memory is not Policy.initial_memory
 
+    @property
+    def remembers_parameters(self) -> bool:
+        """Whether the memory after given observations and actions depends on the parameters, so that it is out of date
+        once they move; by default not."""
+        return False
+
     def perceive(
         self, memory: Float[Array, " memory"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:

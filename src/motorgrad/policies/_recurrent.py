@@ -107,6 +107,10 @@ class Recurrent(Composed):
     def initial_memory(self) -> Float[Array, " memory"]:
         return jnp.zeros(self.inputs - self.observation_size, self.weights.dtype)
 
+    @property
+    def remembers_parameters(self) -> bool:
+        return True
+
     def perceive(
         self, memory: Float[Array, " memory"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:

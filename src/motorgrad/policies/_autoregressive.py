@@ -1,0 +1,179 @@
+"""Graded units whose noise lasts for several decisions."""
+
+from collections.abc import Callable
+from typing import Any, Self, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from motorgrad._errors import check
+from motorgrad.policies._featured import Seeing
+from motorgrad.policies._policy import Composed, Policy, fixed, in_structure, split, trainable, with_fields
+
+P = TypeVar("P", bound=Policy)
+
+
+class Autoregressive(Composed):
+    r"""Graded units whose noise is correlated from decision to decision. An activation $x_i$ is drawn around a mix of
+    the unit's location $m_i(y)$ and its last activation, a first-order autoregressive process (Korenkevych et al.,
+    2019):
+
+    $$x_t = (1 - \rho)\,m(y_t) + \rho\,x_{t-1} + \sqrt{1 - \rho^2}\,s\,\varepsilon_t, \qquad
+    \varepsilon_t \sim \mathcal N(0, 1).$$
+
+    While $m$ stays, $x$ has the mean $m$ and the standard deviation $s$, whatever the `autocorrelation` $\rho$ is, and
+    the noise of decisions $k$ apart is correlated by $\rho^k$. A muscle and a limb average over quick noise, so that
+    independent noise hardly moves them. Noise that lasts does, and the learner sees what the movement was worth.
+
+    The last activation is the policy's memory, and a part of what the units see: $x = 0$ at the start of an episode. It
+    depends on the past through the actions alone, so the score is exact, and batches may be used again. Bounded units
+    mix the numbers before they are squashed or clipped. The most probable action is a low-pass filter of that without
+    a memory, with a time constant of $-1/\log\rho$ decisions.
+
+    **Arguments:** `policy`, graded hyperplanes with normal noise, or features or layers before them; `autocorrelation`
+    $\rho$ in [0, 1), not trainable.
+
+    **Raises:** `ValueError` for other units, and for a $\rho$ out of range.
+
+    **Example:**
+
+    ```python
+    units = BoundedHyperplanes(slope=[[0.5, -1.0]], level=[0.2], log_deviation=[-1.0])
+    policy = Autoregressive(units, 0.8)
+    seen = policy.perceive(policy.initial_memory(), jnp.array([0.3, 0.1]))
+    action = policy.sample(seen, jax.random.uniform(key, (policy.uniforms,)))
+    memory = policy.remember(seen, action)
+    ```
+    """
+
+    policy: Any
+    autocorrelation: Float[Array, ""] = fixed(converter=jnp.asarray, default=0.8)
+
+    def __check_init__(self) -> None:
+        pool = _pool(self.policy)
+        units = "graded hyperplanes, which are normal, squashed or clipped"
+        check(getattr(pool, "normal", False), "policy", type(pool).__name__, units)
+        check(self.autocorrelation.shape == (), "autocorrelation", self.autocorrelation.shape, "one number")
+        if not isinstance(self.autocorrelation, Tracer):  # a tracer has no value to check
+            check_autocorrelation(float(np.asarray(self.autocorrelation)))
+
+    @property
+    def observation_size(self) -> int:
+        return self.policy.inputs
+
+    @property
+    def inputs(self) -> int:
+        return self.policy.inputs + self.policy.outputs
+
+    @property
+    def outputs(self) -> int:
+        return self.policy.outputs
+
+    @property
+    def actions(self) -> str | tuple[str, ...]:
+        return self.policy.actions
+
+    @property
+    def uniforms(self) -> int:
+        return self.policy.uniforms
+
+    def initial_memory(self) -> Float[Array, " units"]:
+        return jnp.zeros_like(_pool(self.policy).level)
+
+    def perceive(
+        self, memory: Float[Array, " units"] | None, observation: Float[Array, " observation"]
+    ) -> Float[Array, " inputs"]:
+        assert memory is not None
+        return jnp.concatenate([observation, memory.astype(observation.dtype)])
+
+    def remember(self, seen: Float[Array, " inputs"], action: Array) -> Float[Array, " units"]:
+        pool = _pool(self.policy)
+        return pool.number_before(action).astype(pool.level.dtype)
+
+    def adapted(self, seen: Float[Array, " inputs"]) -> Self:
+        policy = self.policy.adapted(self._shown(seen))
+        return self if policy is self.policy else with_fields(self, policy=policy)
+
+    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
+        return self._given(observation).prob(self._shown(observation))
+
+    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
+        return self._given(observation).sample(self._shown(observation), uniforms)
+
+    def mode(self, observation: Float[Array, " inputs"]) -> Array:
+        return self._given(observation).mode(self._shown(observation))
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
+        return self._given(observation).log_prob(self._shown(observation), action)
+
+    def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
+        score = self._given(observation).score(self._shown(observation), action)
+        return in_structure(self, policy=self._by_own_parameters(observation, score))
+
+    def fisher(
+        self, observation: Float[Array, " inputs"], action: Array
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        matrices = self._given(observation).fisher(self._shown(observation), action)
+        ones = jax.tree.map(jnp.ones_like, trainable(self.policy))
+        factors = self.policy.blocks(self._by_own_parameters(observation, ones))
+        return tuple(row[:, :, None] * row[:, None, :] * F for row, F in zip(factors, matrices, strict=True))
+
+    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
+        return self._given(observation).fisher_coordinates(self._shown(observation), action)
+
+    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+        return self._given(observation).entropy(self._shown(observation))
+
+    def enumerate(self) -> Array:
+        return self.policy.enumerate()
+
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        return self.policy.hidden_activations(self._shown(observation))
+
+    def _shown(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation"]:
+        return seen[: self.observation_size]
+
+    def _given(self, seen: Float[Array, " inputs"], policy: Any = None) -> Any:
+        """The policy without a memory that acts alike after the last activation."""
+        own, last, rho = self.policy if policy is None else policy, seen[self.observation_size :], self.autocorrelation
+        pool, rest = _pool(own), jnp.sqrt(1 - rho * rho)
+        fields = {
+            "slope": (1 - rho) * pool.slope,
+            "level": (1 - rho) * pool.level + rho * last,
+            "log_deviation": pool.log_deviation + jnp.log(rest),
+            "floor": rest * pool.floor,
+        }
+        dtype = pool.level.dtype
+        return eqx.tree_at(_pool, own, with_fields(pool, **{name: x.astype(dtype) for name, x in fields.items()}))
+
+    def _by_own_parameters(self, seen: Float[Array, " inputs"], gradient: Any) -> Any:
+        """A gradient by the parameters of `_given` as one by the policy's own, which they are linear functions of, each
+        of its own."""
+        learned, settings = split(self.policy)
+        _, pull = jax.vjp(lambda own: trainable(self._given(seen, eqx.combine(own, settings))), learned)
+        return pull(gradient)[0]
+
+
+def _pool(policy: Any) -> Any:
+    """The units behind features and layers."""
+    return _pool(policy.pool) if isinstance(policy, Seeing) else policy
+
+
+def check_autocorrelation(value: float) -> None:
+    """Refuse an autocorrelation out of range."""
+    check(0 <= value < 1, "autocorrelation", value, "at least 0 and below 1")
+
+
+def autoregressive(
+    made: P | Callable[[jax.Array], P], autocorrelation: float
+) -> P | Autoregressive | Callable[[jax.Array], P | Autoregressive]:
+    """An initial policy with noise of this `autocorrelation`; unchanged if it is 0."""
+    check_autocorrelation(autocorrelation)
+    if autocorrelation == 0:
+        return made
+    rho = jnp.asarray(autocorrelation)
+    return Autoregressive(made, rho) if isinstance(made, Policy) else lambda key: Autoregressive(made(key), rho)

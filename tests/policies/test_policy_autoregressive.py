@@ -1,0 +1,131 @@
+"""Units whose noise lasts: the process that they follow, their score, and what they remember."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+
+from motorgrad.policies import (
+    Autoregressive,
+    BoundedHyperplanes,
+    GradedHyperplanes,
+    GradedMotoneurons,
+    MultilayerPerceptron,
+    Network,
+    bounded_hyperplanes,
+    graded_hyperplanes,
+    initial,
+    split,
+    trainable,
+)
+
+RHO = 0.8
+
+
+def _units(kind: type = GradedHyperplanes, **more: object) -> GradedHyperplanes:
+    return kind(slope=[[0.5, -1.0], [0.3, 0.2]], level=[0.2, -0.4], log_deviation=[-1.0, -0.5], floor=0.02, **more)
+
+
+def _behind_layers() -> Network:
+    layers = MultilayerPerceptron(hidden=(4, 2)).build(3, jax.random.key(0))
+    return Network(_units(BoundedHyperplanes), layers, 3)
+
+
+MAKE = {
+    "graded": _units,
+    "squashed": lambda: _units(BoundedHyperplanes, low=0.0, high=2.0),
+    "clipped": lambda: _units(BoundedHyperplanes, density="clipped"),
+    "network": _behind_layers,
+}
+
+
+def test_while_the_location_stays_the_process_has_its_mean_deviation_and_correlation():
+    policy, shown = Autoregressive(_units(), RHO), jnp.array([0.3, 0.1])
+
+    def step(memory: jax.Array, uniforms: jax.Array) -> tuple[jax.Array, jax.Array]:
+        seen = policy.perceive(memory, shown)
+        action = policy.sample(seen, uniforms)
+        return policy.remember(seen, action), action
+
+    uniforms = jax.random.uniform(jax.random.key(1), (40_000, 2))
+    x = np.asarray(jax.lax.scan(step, policy.initial_memory(), uniforms)[1])[100:]
+    np.testing.assert_allclose(x.mean(axis=0), policy.policy.mean(shown), atol=0.03)
+    np.testing.assert_allclose(x.std(axis=0), policy.policy.deviation, rtol=0.05)
+    for lag in (1, 2, 5):
+        found = [np.corrcoef(unit[:-lag], unit[lag:])[0, 1] for unit in x.T]
+        np.testing.assert_allclose(found, RHO**lag, atol=0.04)
+
+
+def test_the_density_is_the_normal_one_around_the_mix_of_location_and_last_action():
+    units, last, shown = _units(), np.array([0.7, -0.2]), np.array([0.3, 0.1])
+    policy = Autoregressive(units, RHO)
+    action = policy.sample(jnp.concatenate([shown, last]), jnp.array([0.2, 0.9]))
+    mean = (1 - RHO) * np.asarray(units.mean(shown)) + RHO * last
+    normal = scipy.stats.norm(mean, np.sqrt(1 - RHO**2) * np.asarray(units.deviation))
+    np.testing.assert_allclose(action, normal.ppf([0.2, 0.9]), rtol=1e-5)
+    seen = jnp.concatenate([shown, last])
+    np.testing.assert_allclose(policy.log_prob(seen, action), normal.logpdf(action).sum(), rtol=1e-5)
+    np.testing.assert_allclose(policy.mode(seen), mean, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_score_and_fisher_matrix_are_the_derivatives(name):
+    with jax.enable_x64(True):
+        policy = Autoregressive(MAKE[name](), RHO)
+        rng = np.random.default_rng(3)
+        seen = jnp.asarray(rng.normal(size=policy.inputs))
+        action = policy.sample(seen, jnp.asarray(rng.uniform(size=2)))
+        score, slope = policy.score(seen, action), jax.grad(lambda own: own.log_prob(seen, action))(policy)
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-9), score, trainable(slope))
+        if name != "network":  # whose layers' matrix is a sample
+            learned, settings = split(policy)
+            J = jax.jacobian(lambda own: eqx.combine(own, settings).fisher_coordinates(seen, action))(learned)
+            rows = [policy.blocks(jax.tree.map(lambda leaf, i=i: leaf[i], J))[0] for i in range(4)]
+            expected = sum(row[:, :, None] * row[:, None, :] for row in rows)
+            np.testing.assert_allclose(policy.fisher(seen, action)[0], expected, rtol=1e-9, atol=1e-12)
+        blocks = policy.blocks(score)
+        jax.tree.map(np.testing.assert_array_equal, policy.from_blocks(blocks), score)
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_the_memory_is_the_last_action_before_its_bounds(name):
+    policy = Autoregressive(MAKE[name](), RHO)
+    size = policy.observation_size
+    seen = policy.perceive(policy.initial_memory(), 0.1 * jnp.ones(size))
+    assert seen.shape == (policy.inputs,) == (size + 2,)
+    memory = policy.remember(seen, policy.mode(seen))
+    still = policy.policy.mode(0.1 * jnp.ones(size))  # reached in the end, as a low-pass filter does
+    for _ in range(60):
+        seen = policy.perceive(memory, 0.1 * jnp.ones(size))
+        memory = policy.remember(seen, policy.mode(seen))
+    np.testing.assert_allclose(policy.mode(seen), still, atol=1e-4)
+
+
+def test_an_autocorrelation_of_zero_is_the_policy_alone():
+    assert type(graded_hyperplanes(2, 2)) is GradedHyperplanes
+    assert type(bounded_hyperplanes(2, 2, autocorrelation=0.5)) is Autoregressive
+    layers = initial("bounded-hyperplanes", 3, units=2, network=MultilayerPerceptron(hidden=(4,)), autocorrelation=0.5)
+    assert type(layers(jax.random.key(0)).policy) is Network
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: bounded_hyperplanes(2, 1, autocorrelation=1.0),
+            "autocorrelation = 1.0: must be at least 0 and below 1",
+        ),
+        (lambda: graded_hyperplanes(2, 1, autocorrelation=-0.1), "autocorrelation = -0.1: must be at least 0"),
+        (
+            lambda: bounded_hyperplanes(2, 1, density="beta", autocorrelation=0.5),
+            "density = 'beta': must be 'squashed' or 'clipped' with an autocorrelation",
+        ),
+        (lambda: Autoregressive(_units(BoundedHyperplanes, density="truncated"), 0.5), "policy = 'BoundedHyperplanes'"),
+        (lambda: Autoregressive(GradedMotoneurons([0.0], [1.0], [0.0]), 0.5), "policy = 'GradedMotoneurons'"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
