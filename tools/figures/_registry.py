@@ -48,6 +48,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "unit-factored": units.factored,
     "unit-querying": units.querying,
     "unit-bounded": units.bounded,
+    "unit-autoregressive": memory.autoregressive,
     "unit-features": units.features,
     "unit-network": networks.network,
     "unit-primitives": hexapod_steps.primitives_policy,

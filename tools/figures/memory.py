@@ -6,15 +6,16 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.signal
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 import motorgrad as mg
-from motorgrad.policies import FiniteStateController, Layered, Policy, Recurrent
+from motorgrad.policies import Autoregressive, FiniteStateController, Layered, Policy, Recurrent, graded_hyperplanes
 from motorgrad.tasks import FiniteTask, LoadUnload, Parity, TMaze
 from motorgrad.worlds import oracle
 from tools.figures._diagram import frame, states
-from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, arrow, band, level, over, panels, plane
+from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, PINK, RED, arrow, band, level, over, panels, plane
 from tools.figures._work import Work
 
 SEEDS = 20
@@ -195,6 +196,47 @@ def recurrent(work: Work) -> Figure:
     trips.set(title="three round trips", xlabel="decisions", ylim=(-0.05, 1.3))
     trips.legend(loc="upper center", ncols=2)
     return figure
+
+
+def autoregressive() -> Figure:
+    """Noise with and without autocorrelation; what low-pass filters make of it, and how much of it passes."""
+    figure, (traces, passing) = panels(2, height=2.9)
+    for row, (rho, colour) in enumerate(((0.0, BLUE), (0.8, RED))):
+        drawn = _noise(rho, 400)[-150:]
+        traces.plot(drawn - 7 * row, color=colour, linewidth=0.6, alpha=0.6)
+        traces.plot(_filtered(drawn, 10.0) - 7 * row, color=colour, linewidth=2)
+        traces.text(2, 3 - 7 * row, f"autocorrelation {rho:g}", color=colour, fontsize=7)
+    traces.set(title="noise (thin), and a limb that it moves (thick)", xlabel="decisions", yticks=[])
+    correlations = np.linspace(0, 0.98, 99)
+    for constant, colour in ((3.0, GREEN), (10.0, ORANGE), (30.0, PINK)):
+        a = np.exp(-1 / constant)
+        share = np.sqrt((1 - a) / (1 + a) * (1 + a * correlations) / (1 - a * correlations))
+        passing.plot(correlations, share, color=colour, label=f"{constant:g}")
+        for rho in (0.0, 0.4, 0.8, 0.95):
+            moved = _filtered(_noise(rho, 40_000), constant)[1_000:]
+            passing.plot(rho, moved.std(), "o", color=colour, markersize=3.5)
+    passing.set(title="deviation of the limb ÷ of the noise", xlabel="autocorrelation of the noise", ylim=(0, 1))
+    passing.legend(title="limb's time constant (decisions)", ncols=3, loc="upper left")
+    return figure
+
+
+def _noise(rho: float, decisions: int) -> np.ndarray:
+    """What a unit of mean 0 and deviation 1 draws."""
+    policy = Autoregressive(graded_hyperplanes(1, 1, deviation=1.0), jnp.asarray(rho))
+
+    def step(memory: Any, uniforms: Any) -> Any:
+        seen = policy.perceive(memory, jnp.zeros(1))
+        action = policy.sample(seen, uniforms)
+        return policy.remember(seen, action), action[0]
+
+    uniforms = jax.random.uniform(jax.random.key(0), (decisions, 1))
+    return np.asarray(jax.lax.scan(step, policy.initial_memory(), uniforms)[1])
+
+
+def _filtered(signal: np.ndarray, constant: float) -> np.ndarray:
+    """A first-order low-pass filter with a time constant in decisions."""
+    a = np.exp(-1 / constant)
+    return np.asarray(scipy.signal.lfilter([1 - a], [1, -a], signal))
 
 
 def _blind(inputs: int) -> Policy:
