@@ -33,7 +33,7 @@ def test_reported_seeds_are_not_those_on_which_settings_were_chosen(tool):
 
 
 def test_runs_of_the_same_learner_are_one_row(tool, tmp_path, monkeypatch):
-    run = json.loads((tool.DATA / "myosuite-hand-ppo-short-horizon-9000000.json").read_text())
+    run = json.loads((tool.DATA / "myosuite-hand-ppo-short-horizon-independent-9000000.json").read_text())
     (tmp_path / "myosuite-hand.json").write_text(json.dumps(run))
     (tmp_path / "myosuite-hand-from-7.json").write_text(json.dumps(run | {"seeds": [7]}))
     (tmp_path / "myosuite-hand-longer.json").write_text(json.dumps(run | {"steps": 2 * run["steps"]}))

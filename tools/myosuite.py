@@ -41,6 +41,7 @@ OURS: dict[str, tuple[str, Literal["binary", "graded"], dict[str, Any]]] = {
     "natural-network": ("natural-network", "graded", {}),
     "natural-network-stored": ("natural-network", "graded", STORED),
     "ppo-short-horizon": ("ppo-short-horizon", "graded", {}),
+    "ppo-short-horizon-independent": ("ppo-short-horizon", "graded", {"policy.autocorrelation": 0.0}),
 }
 """Our learners: a preset, how muscles are driven, and changes to the preset."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
