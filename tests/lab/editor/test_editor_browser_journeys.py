@@ -99,6 +99,45 @@ def test_blocks_have_faces_and_wires_go_round_them(opened):
     assert editor.page.evaluate(CROSSED) == []
 
 
+def vehicle() -> lab.Diagram:
+    """A subsystem behind a gate, whose signal of three numbers has a name."""
+    inner = lab.Diagram()
+    blocks = {"go": lab.Enable(), "u": lab.Inlet(), "weight": lab.Gain(2.0), "named": lab.Goto("pull")}
+    for name, block in {**blocks, "again": lab.From("pull"), "y": lab.Outlet()}.items():
+        inner.add(name, block)
+    diagram = lab.Diagram(0.01)
+    diagram.add("three", lab.Constant((1.0, 2.0, 3.0), (3,)))
+    diagram.add("vehicle", wired(inner, ("u", "weight"), ("weight", "named"), ("again", "y")))
+    diagram.add("scope", lab.Scope())
+    return wired(diagram, ("vehicle.y", "scope"))
+
+
+def test_a_subsystem_gets_parameters_and_wires_say_their_shapes(opened):
+    editor = opened(vehicle())
+    page, session = editor.page, editor.server.session
+    editor.drag(editor.port("output", "y", "three"), editor.port("input", "u", "vehicle"))  # of another shape
+    expect(editor.block("vehicle")).to_contain_text("y[3]")
+    expect(editor.block("scope").locator(".port-name").first).to_contain_text("[3]")
+    editor.block("vehicle").dblclick()
+    expect(editor.block("named")).to_contain_text("[pull]")
+    editor.block("weight").click()
+    page.get_by_text("Parameters of the subsystem").click()
+    page.get_by_label("gain comes from").select_option("a new parameter")
+    expect(editor.block("weight").locator(".inside")).to_have_text("gain")
+    editor.press("Control+d")  # a copy uses it too
+    expect(editor.block("weight 2").locator(".inside")).to_have_text("gain")
+    page.locator(".react-flow__pane").click(position={"x": 5, "y": 5})
+    page.get_by_label("name of parameter gain").fill("mass")
+    page.get_by_label("name of parameter gain").press("Enter")
+    expect(editor.block("weight 2").locator(".inside")).to_have_text("mass")
+    editor.press("u")
+    editor.block("vehicle").click()
+    editor.field("mass").fill("4")
+    editor.field("mass").press("Enter")
+    editor.wait(lambda: session.diagram.nodes["vehicle"].block.parameters == {"mass": 4.0})
+    assert session.diagram.nodes["vehicle"].block.uses == {"weight.gain": "mass", "weight 2.gain": "mass"}
+
+
 def hundreds(count: int = 200) -> lab.Diagram:
     """Blocks that each read from some of the dozen before them."""
     chance, names, diagram = random.Random(1), ["source"], lab.Diagram(0.01)

@@ -43,6 +43,7 @@ from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
+from motorgrad.lab.diagram._signals import wired_shapes
 from motorgrad.lab.diagram._subsystem import extract, group
 from motorgrad.lab.diagram._tags import From, Goto
 from motorgrad.lab.diagram._verify import crossings_of, function_problems, kind_of, verify
@@ -114,5 +115,6 @@ __all__ = [
     "to_python",
     "verify",
     "whole_ticks",
+    "wired_shapes",
     "with_fields",
 ]

@@ -16,13 +16,14 @@ from motorgrad._errors import check
 from motorgrad.lab.compiler import problems
 from motorgrad.lab.diagram import Diagram, DiagramError, dumps, from_a_file, load, loads, to_python
 from motorgrad.lab.editor import _edits as edits
+from motorgrad.lab.editor import _masks as _masks  # its operations
 from motorgrad.lab.editor import _protocol as ask
 from motorgrad.lab.editor._branch import checked_log
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._protocol import read_message
 from motorgrad.lab.editor._runner import Runner
 from motorgrad.lab.editor._storage import SUFFIX, Folder, Journal
-from motorgrad.lab.editor._views import declarations, difference, view
+from motorgrad.lab.editor._views import declarations, difference, shapes, view
 from motorgrad.lab.editor._warnings import warnings
 from motorgrad.lab.gallery import example
 
@@ -69,7 +70,7 @@ class Session:
         self._trust = trust
         self._listeners: dict[object, Send] = {}
         self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
-        self._problems: Event = {"event": "problems", "revision": -1, "list": [], "warnings": []}
+        self._problems: Event = {"event": "problems", "revision": -1, "list": [], "warnings": [], "shapes": {}}
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
         self._runner = Runner(self._document.diagram, self._emit)
         atexit.register(self.close)  # compiled code must not run while the interpreter shuts down
@@ -260,7 +261,8 @@ class Session:
             if revision == self._document.revision:
                 found = [problem._asdict() for problem in problems(diagram)]
                 quick = [] if found else [warning._asdict() for warning in warnings(diagram)]
-                self._problems = {"event": "problems", "revision": revision, "list": found, "warnings": quick}
+                about = {"list": found, "warnings": quick, "shapes": shapes(diagram)}
+                self._problems = {"event": "problems", "revision": revision, **about}
                 self._emit(self._problems)
 
         self._aside.submit(find)

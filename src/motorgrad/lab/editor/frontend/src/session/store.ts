@@ -25,6 +25,8 @@ export interface Document {
   problems: Problem[];
   /** About a diagram that runs. */
   warnings: Problem[];
+  /** Of ports, by address, as they follow from wires. */
+  shapes: Record<string, number[]>;
   recoverable: Recoverable[];
 }
 
@@ -38,6 +40,8 @@ export const emptyScope: Scope = {
   absolute_tolerance: 1e-9,
   precision: "single",
   loops: "refuse",
+  parameters: {},
+  uses: {},
   nodes: {},
   wires: {},
   comments: {},
@@ -59,6 +63,7 @@ export const useDocument = create<Document>(() => ({
   words: new Set(),
   problems: [],
   warnings: [],
+  shapes: {},
   recoverable: [],
 }));
 
