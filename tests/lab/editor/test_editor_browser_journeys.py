@@ -9,6 +9,7 @@ import pytest
 from editor_page import WAIT, Editor, served, sync_api, wave
 
 from motorgrad import lab
+from motorgrad.lab.diagram._faces import face_of
 from motorgrad.lab.editor import Server, Session
 
 expect = sync_api.expect
@@ -91,6 +92,8 @@ def test_blocks_have_faces_and_wires_go_round_them(opened):
     expect(editor.block("error").locator(".port-name.sign")).to_have_text(["+", "−"])
     expect(editor.block("power")).to_contain_text("−0.5·v^2")
     assert editor.page.locator(".block .block-icon").count() == 5  # all but the gain
+    for name in faces().nodes:  # as pictures without an editor draw them
+        assert editor.block(name).evaluate("block => block.offsetWidth") == face_of(faces(), name).width, name
     assert editor.page.evaluate(CROSSED) == []
     assert editor.page.locator(".wire .joint").count() >= 2  # the level goes to three blocks
     editor.press("p")

@@ -334,6 +334,12 @@ class Diagram:
     def __repr__(self) -> str:
         return f"Diagram({self.title!r}, {len(self.nodes)} blocks, {len(self.wires)} wires)"
 
+    def _repr_svg_(self) -> str:
+        """Its picture in a notebook."""
+        from motorgrad.lab.diagram._picture import to_svg  # which is made of diagrams
+
+        return to_svg(self)
+
     def _content(self) -> tuple[Any, ...]:
         return self.head, list(self.nodes.items()), self.wires, self.layout
 
