@@ -9,6 +9,7 @@ import pytest
 from editor_page import WAIT, Editor, served, sync_api, wave
 
 from motorgrad import lab
+from motorgrad.lab.diagram import from_a_file
 from motorgrad.lab.diagram._faces import face_of
 from motorgrad.lab.editor import Server, Session
 
@@ -139,6 +140,26 @@ def test_a_subsystem_gets_parameters_and_wires_say_their_shapes(opened):
     editor.field("mass").press("Enter")
     editor.wait(lambda: session.diagram.nodes["vehicle"].block.parameters == {"mass": 4.0})
     assert session.diagram.nodes["vehicle"].block.uses == {"weight.gain": "mass", "weight 2.gain": "mass"}
+
+
+def test_code_that_a_file_brings_is_read_before_it_runs(opened, tmp_path):
+    with from_a_file(trust=False):
+        source = "def step(u, memory, time): return 7 * u  # theirs\n"
+        strange = lab.Diagram(0.01)
+        strange.add("one", lab.Constant(1.0))
+        strange.add("theirs", lab.PythonFunction(source))
+        strange.add("scope", lab.Scope())
+    lab.save(wired(strange, ("one", "theirs"), ("theirs", "scope")), tmp_path / "strange.json")
+    editor = opened()
+    editor.press("Control+o")
+    editor.dialog.get_by_text("strange.json").click()
+    brought = editor.page.get_by_role("region", name="code of the diagram")
+    expect(brought).to_contain_text("The diagram brings code of its own (theirs). Nothing of it was run.", timeout=WAIT)
+    brought.get_by_role("button", name="Read it").click()
+    expect(editor.dialog).to_contain_text(source.strip())
+    editor.dialog.get_by_role("button", name="Trust and run").click()
+    editor.wait(lambda: editor.tick > 2)
+    expect(brought).to_have_count(0)
 
 
 def hundreds(count: int = 200) -> lab.Diagram:

@@ -52,7 +52,7 @@ def page(diagram: Diagram, run: Event, samples: list[Event]) -> str:
     events: list[Event] = [
         {"event": "declarations", **_declared(diagram)},
         {"event": "document", "session": "recording", **flags, "view": view(diagram)},
-        {"event": "problems", "revision": 0, "list": found, "warnings": [], "shapes": shapes(diagram)},
+        {"event": "problems", "revision": 0, "list": found, "warnings": [], "shapes": shapes(diagram), "foreign": []},
         {**run, "event": "run", "state": state, "fixed": None, "stale": False},
         *samples,
         {"event": "text", "text": dumps(diagram)},

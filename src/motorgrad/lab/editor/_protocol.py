@@ -13,9 +13,9 @@ for the outermost diagram. An `address` is `"block.port"` or `"block.parameter"`
 - `declarations {categories, blocks, gallery, words}`: once, after `hello`.
 - `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole document; see `_views`.
 - `changed {revision, file, saved, can_undo, can_redo, scopes}`: what is new in each diagram that changed.
-- `problems {revision, list: [{path, port, message}], warnings, shapes}`: everything that keeps the diagram from
-  running; `warnings` of the same form about one that runs, see `_warnings`; and `shapes` of ports that follow from
-  wires, by address, other than `()`.
+- `problems {revision, list: [{path, port, message}], warnings, shapes, foreign}`: everything that keeps the diagram
+  from running; `warnings` of the same form about one that runs, see `_warnings`; `shapes` of ports that follow from
+  wires, by address, other than `()`; and `foreign`, code that does not run before it is trusted, see `_trust`.
 - `run {…}`: the state of the run; see `_runner`.
 - `samples {branch, fresh, signals}`: what sinks and watched outputs recorded; see `_traces`.
 - `recoverable {list}`: unsaved work of sessions that have ended; see `_storage`.
@@ -95,6 +95,13 @@ class Recover(Operation):
 
     id: str
     drop: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Trust(Operation):
+    """Let code run that a file brought, by the keys that `problems` lists under `foreign`."""
+
+    keys: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)

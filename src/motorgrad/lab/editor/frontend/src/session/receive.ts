@@ -42,6 +42,7 @@ export function receive(message: Message): void {
         ...flags(message),
         opened: old.opened + 1,
         shapes: {},
+        foreign: [],
         scopes: flat(message.view as View),
       }));
       stay();
@@ -57,6 +58,7 @@ export function receive(message: Message): void {
       useDocument.setState((old) => ({
         problems: message.list as Document["problems"],
         warnings: message.warnings as Document["warnings"],
+        foreign: message.foreign as Document["foreign"],
         shapes: message.shapes as Document["shapes"],
         scopes: shaped(old.scopes, message.shapes as Document["shapes"]),
       }));

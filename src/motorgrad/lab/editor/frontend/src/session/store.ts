@@ -1,7 +1,7 @@
 import { useMemo } from "react";
 import { create } from "zustand";
 import type { Recoverable } from "./recoverable";
-import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./types";
+import type { Declaration, ForeignCode, GalleryEntry, Problem, RunState, Scope } from "./types";
 
 /** What the session holds, as this client last heard of it. */
 export interface Document {
@@ -27,6 +27,7 @@ export interface Document {
   warnings: Problem[];
   /** Of ports, by address, as they follow from wires. */
   shapes: Record<string, number[]>;
+  foreign: ForeignCode[];
   recoverable: Recoverable[];
 }
 
@@ -64,6 +65,7 @@ export const useDocument = create<Document>(() => ({
   problems: [],
   warnings: [],
   shapes: {},
+  foreign: [],
   recoverable: [],
 }));
 

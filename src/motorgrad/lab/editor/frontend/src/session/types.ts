@@ -103,6 +103,16 @@ export interface Problem {
   grade?: "fault" | "warning";
 }
 
+/** Code that a diagram brings, which nobody has trusted yet. */
+export interface ForeignCode {
+  path: string;
+  type: string;
+  code: string;
+  key: string;
+  /** Whether the page may let it run: it came with a file. */
+  offered: boolean;
+}
+
 /** One course of events. */
 export interface Branch {
   name: string;
