@@ -1,7 +1,7 @@
 """Code that a diagram's file brought: shown to the user, who may let it run.
 
-What was written in the page, or dropped on it, is not offered, nor what this session itself wrote to a file: whoever has
-the page's address could then run programs.
+What was written in the page, or dropped on it, is not offered, nor what this session itself wrote to a file: whoever
+has the page's address could then run programs.
 """
 
 from typing import Any
