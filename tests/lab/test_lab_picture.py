@@ -37,7 +37,7 @@ def test_a_notebook_shows_blocks_with_their_faces():
 
 
 def test_blocks_lie_in_layers_and_do_not_overlap():
-    wires = [tuple(pair) for pair in ["sa", "ab", "bc", "ac", "ca", "dc", "cc", "be", "ef", "af"]]
+    wires = [(pair[0], pair[1]) for pair in ["sa", "ab", "bc", "ac", "ca", "dc", "cc", "be", "ef", "af"]]
     sizes = dict.fromkeys("sabcdefg", (100, 50))
     places = layered(sizes, wires)
     x = {name: place[0] for name, place in places.items()}

@@ -23,9 +23,9 @@ def wired_shapes(diagram: Diagram) -> dict[str, Shape]:
                 continue
             given = block.outputs[port].shape
             reader = leaves.get(scope.path(target[0]))
-            own = reader is not None and target[1] in reader.inputs
             found[f"{scope.path(source[0])}.{source[1]}"] = given
-            found[f"{scope.path(target[0])}.{target[1]}"] = reader.inputs[target[1]].shape if own else given
+            own = None if reader is None else reader.inputs.get(target[1])
+            found[f"{scope.path(target[0])}.{target[1]}"] = given if own is None else own.shape
         for name, node in scope.diagram.nodes.items():
             if isinstance(node.block, Diagram):
                 visit(Scope(node.block, scope, name))

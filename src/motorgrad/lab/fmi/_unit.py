@@ -95,15 +95,14 @@ def write_fmu(
 def _parts(program: TickProgram | SlopeProgram) -> dict[str, Any]:
     """What the C around the program needs to know of it."""
     exchanged = isinstance(program, SlopeProgram)
-    real = {"float": "double"} if exchanged else {}
-    types = CTYPES | real
+    states = len(program.states) if exchanged else 0
+    types = CTYPES | ({"float": "double"} if exchanged else {})
     inputs = {f"u{n}": port for n, port in enumerate(program.inlets.values())}
     outputs = {f"y{n}": port for n, port in enumerate(program.outlets.values())}
     ports = {**inputs, **outputs}
     fields = [f"    {types[port.kind]} {name}[{_size(port)}];" for name, port in ports.items()]
     if exchanged:
-        count = max(1, len(program.states))
-        fields.append(f"    double states[{count}], slopes[{count}];")
+        fields.append(f"    double states[{max(1, states)}], slopes[{max(1, states)}];")
     else:
         fields += [f"    {_state_type(value)} {name}[{max(1, value.size)}];" for name, value in program.start.items()]
     variables = [
@@ -117,7 +116,7 @@ def _parts(program: TickProgram | SlopeProgram) -> dict[str, Any]:
         variables += [
             f"    {{REAL, offsetof(Data, {field}) + {n} * sizeof(double), 1, {settable}}},"
             for field, settable in (("states", "true"), ("slopes", "false"))
-            for n in range(len(program.states))
+            for n in range(states)
         ]
         begins = np.cumsum([0, *(value.size for value in program.start.values())])
         for name, begin in zip(program.start, begins, strict=False):
@@ -138,7 +137,7 @@ def _parts(program: TickProgram | SlopeProgram) -> dict[str, Any]:
         "start": "\n".join(start),
         "arguments": ", ".join(places.get(name, f"data->{name}") for name in order),
         "real": types["float"],
-        "states": str(len(program.states)) if exchanged else "0",
+        "states": str(states),
         "peeked": "\n".join(f"    memcpy(data->{name}, after.{name}, sizeof data->{name});" for name in outputs),
     }
 
