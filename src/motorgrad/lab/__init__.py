@@ -74,6 +74,7 @@ from motorgrad.lab.diagram import (
     save,
     settings_of,
     to_python,
+    to_svg,
     whole_ticks,
 )
 from motorgrad.lab.engine import (
@@ -148,6 +149,7 @@ __all__ = [
     "tick_program",
     "to_html",
     "to_python",
+    "to_svg",
     "trim",
     "unstable_steps",
     "whole_ticks",

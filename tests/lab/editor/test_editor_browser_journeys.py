@@ -9,6 +9,8 @@ import pytest
 from editor_page import WAIT, Editor, served, sync_api, wave
 
 from motorgrad import lab
+from motorgrad.lab.diagram import from_a_file
+from motorgrad.lab.diagram._faces import face_of
 from motorgrad.lab.editor import Server, Session
 
 expect = sync_api.expect
@@ -91,12 +93,73 @@ def test_blocks_have_faces_and_wires_go_round_them(opened):
     expect(editor.block("error").locator(".port-name.sign")).to_have_text(["+", "−"])
     expect(editor.block("power")).to_contain_text("−0.5·v^2")
     assert editor.page.locator(".block .block-icon").count() == 5  # all but the gain
+    for name in faces().nodes:  # as pictures without an editor draw them
+        assert editor.block(name).evaluate("block => block.offsetWidth") == face_of(faces(), name).width, name
     assert editor.page.evaluate(CROSSED) == []
     assert editor.page.locator(".wire .joint").count() >= 2  # the level goes to three blocks
     editor.press("p")
     expect(editor.block("scope").locator(".picture canvas")).to_be_visible()
     editor.play_until(20)
     assert editor.page.evaluate(CROSSED) == []
+
+
+def vehicle() -> lab.Diagram:
+    """A subsystem behind a gate, whose signal of three numbers has a name."""
+    inner = lab.Diagram()
+    blocks = {"go": lab.Enable(), "u": lab.Inlet(), "weight": lab.Gain(2.0), "named": lab.Goto("pull")}
+    for name, block in {**blocks, "again": lab.From("pull"), "y": lab.Outlet()}.items():
+        inner.add(name, block)
+    diagram = lab.Diagram(0.01)
+    diagram.add("three", lab.Constant((1.0, 2.0, 3.0), (3,)))
+    diagram.add("vehicle", wired(inner, ("u", "weight"), ("weight", "named"), ("again", "y")))
+    diagram.add("scope", lab.Scope())
+    return wired(diagram, ("vehicle.y", "scope"))
+
+
+def test_a_subsystem_gets_parameters_and_wires_say_their_shapes(opened):
+    editor = opened(vehicle())
+    page, session = editor.page, editor.server.session
+    editor.drag(editor.port("output", "y", "three"), editor.port("input", "u", "vehicle"))  # of another shape
+    expect(editor.block("vehicle")).to_contain_text("y[3]")
+    expect(editor.block("scope").locator(".port-name").first).to_contain_text("[3]")
+    editor.block("vehicle").dblclick()
+    expect(editor.block("named")).to_contain_text("[pull]")
+    editor.block("weight").click()
+    page.get_by_text("Parameters of the subsystem").click()
+    page.get_by_label("gain comes from").select_option("a new parameter")
+    expect(editor.block("weight").locator(".inside")).to_have_text("gain")
+    editor.press("Control+d")  # a copy uses it too
+    expect(editor.block("weight 2").locator(".inside")).to_have_text("gain")
+    page.locator(".react-flow__pane").click(position={"x": 5, "y": 5})
+    page.get_by_label("name of parameter gain").fill("mass")
+    page.get_by_label("name of parameter gain").press("Enter")
+    expect(editor.block("weight 2").locator(".inside")).to_have_text("mass")
+    editor.press("u")
+    editor.block("vehicle").click()
+    editor.field("mass").fill("4")
+    editor.field("mass").press("Enter")
+    editor.wait(lambda: session.diagram.nodes["vehicle"].block.parameters == {"mass": 4.0})
+    assert session.diagram.nodes["vehicle"].block.uses == {"weight.gain": "mass", "weight 2.gain": "mass"}
+
+
+def test_code_that_a_file_brings_is_read_before_it_runs(opened, tmp_path):
+    with from_a_file(trust=False):
+        source = "def step(u, memory, time): return 7 * u  # theirs\n"
+        strange = lab.Diagram(0.01)
+        strange.add("one", lab.Constant(1.0))
+        strange.add("theirs", lab.PythonFunction(source))
+        strange.add("scope", lab.Scope())
+    lab.save(wired(strange, ("one", "theirs"), ("theirs", "scope")), tmp_path / "strange.json")
+    editor = opened()
+    editor.press("Control+o")
+    editor.dialog.get_by_text("strange.json").click()
+    brought = editor.page.get_by_role("region", name="code of the diagram")
+    expect(brought).to_contain_text("The diagram brings code of its own (theirs). Nothing of it was run.", timeout=WAIT)
+    brought.get_by_role("button", name="Read it").click()
+    expect(editor.dialog).to_contain_text(source.strip())
+    editor.dialog.get_by_role("button", name="Trust and run").click()
+    editor.wait(lambda: editor.tick > 2)
+    expect(brought).to_have_count(0)
 
 
 def hundreds(count: int = 200) -> lab.Diagram:

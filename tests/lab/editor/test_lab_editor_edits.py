@@ -11,12 +11,14 @@ from motorgrad import lab
 from motorgrad.lab import gallery
 from motorgrad.lab.compiler import plan
 from motorgrad.lab.diagram import blocks_of
+from motorgrad.lab.editor import _masks as _masks  # its operations
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._edits import SetParameter, selection
 from motorgrad.lab.editor._protocol import operation_from
 from motorgrad.lab.editor._views import difference, view
 
 KINDS = ["add", "add", "add", "connect", "connect", "remove", "rename", "set", "head", "move", "group", "ungroup", "x"]
+KINDS += ["declare", "use", "undeclare"]
 TYPES = ["gain", "sum", "integrator", "scope", "inlet", "outlet", "constant", "diagram", "mean baseline"]
 
 
@@ -74,6 +76,11 @@ def drawn(draw, diagram):
             return operation("group", at=at, names=draw(some))
         case "ungroup":
             return operation("ungroup", at=at, name=draw(one))
+        case "declare" | "undeclare":
+            return operation(kind, at=at, parameter=draw(st.sampled_from("pq")))
+        case "use":
+            field, parameter = draw(st.sampled_from(["gain", "value", "p"])), draw(st.none() | st.sampled_from("pq"))
+            return operation("use", at=at, name=draw(one), field=field, parameter=parameter)
     chosen = [name for name in draw(some) if name in scope.nodes]
     if draw(st.booleans()) and chosen:
         return operation("paste", at=at, fragment=selection(diagram, at, chosen), position=draw(point))

@@ -124,6 +124,50 @@ def test_its_random_numbers_are_jaxs():
         np.testing.assert_array_equal(draw(7, 123456789, np.uint32(tick), 3), span[tick % 128])
 
 
+def swing():
+    """A pendulum that is pushed by an inlet and by a sine, in double precision."""
+    made = Diagram(tick=0.05, solver="tsit5", relative_tolerance=1e-11, absolute_tolerance=1e-12, precision="double")
+    blocks = {
+        "push": lab.Inlet(0.3),
+        "wind": lab.Sine(0.2, 0.5),
+        "pull": lab.Expression("p + w - 9.81 * sin(a)", ("p", "w", "a")),
+    }
+    for name, block in {**blocks, "speed": lab.Integrator(0.1), "angle": lab.Integrator(1.0)}.items():
+        made.add(name, block)
+    for name in ("y", "a"):
+        made.add(name, lab.Outlet())
+    for wire in ("push pull.p", "wind pull.w", "angle pull.a", "pull speed", "speed angle", "angle a", "pull y"):
+        made.connect(*wire.split())
+    return made
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_another_simulator_integrates_a_unit_for_model_exchange(version, tmp_path):
+    path = write_fmu(swing(), tmp_path / "swing.fmu", version, interface="model exchange")
+    assert validate_fmu(str(path)) == []
+    found = fmpy.simulate_fmu(str(path), stop_time=2, output_interval=0.05, relative_tolerance=1e-10)
+    record = Run(swing()).advance(41)
+    assert fmpy.read_model_description(str(path)).coSimulation is None
+    for name in ("a", "y"):
+        np.testing.assert_allclose(found[name][:41], record[f"{name}.u"][0], rtol=0, atol=1e-7)
+    outer = Diagram(tick=0.05)
+    outer.add("unit", Fmu(str(path), substeps=50))
+    again = Run(outer, watch=["unit.a"]).advance(21)["unit.a"][0]
+    np.testing.assert_allclose(again, record["a.u"][0, :21], rtol=0, atol=1e-5)
+
+
+def test_model_exchange_refuses_what_is_not_continuous(tmp_path):
+    path = tmp_path / "x.fmu"
+    with pytest.raises(ValueError, match=r"precision = 'single': must be 'double', to be exported for model exchange"):
+        write_fmu(mixed(), path, interface="model exchange")
+    for block in (lab.UnitDelay(), lab.Relay(), lab.Integrator(limited=True)):
+        made = swing()
+        made.add("other", block)
+        made.connect("angle", "other")
+        with pytest.raises(ValueError, match=r"other = .*: must be without memory, random numbers or jumps"):
+            write_fmu(made, path, interface="model exchange")
+
+
 def test_sources_alone_and_equal_units(tmp_path):
     first = write_fmu(mixed(), tmp_path / "a.fmu", compiled=False).read_bytes()
     assert write_fmu(mixed(), tmp_path / "a.fmu", compiled=False).read_bytes() == first

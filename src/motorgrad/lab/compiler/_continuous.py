@@ -36,6 +36,11 @@ class Continuous:
         """The time derivative of the state, in a step of the solver that began at `start`, by default at `within`."""
         return self._slopes(state, self._outputs(state, {}, {}, within, start), {}, within, start)
 
+    def seen(self, state: dict[int, Any], within: Any) -> tuple[Environment, dict[int, Any]]:
+        """The outputs of all blocks, and the time derivative of the state."""
+        there = self._outputs(state, {}, {}, within, None)
+        return there, self._slopes(state, there, {}, within, None)
+
     def advanced(self) -> tuple[dict[int, Any], dict[int, Any], dict[str, Any]]:
         """The states at the end of the tick, the sides of the crossings, and the length of the next step."""
         step, carry = self.step, self.carry

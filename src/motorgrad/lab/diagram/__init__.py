@@ -40,9 +40,11 @@ from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, b
 from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
 from motorgrad.lab.diagram._gates import Enable, Gate, Trigger
 from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
+from motorgrad.lab.diagram._picture import to_svg
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
+from motorgrad.lab.diagram._signals import wired_shapes
 from motorgrad.lab.diagram._subsystem import extract, group
 from motorgrad.lab.diagram._tags import From, Goto
 from motorgrad.lab.diagram._verify import crossings_of, function_problems, kind_of, verify
@@ -112,7 +114,9 @@ __all__ = [
     "settings_of",
     "shared",
     "to_python",
+    "to_svg",
     "verify",
     "whole_ticks",
+    "wired_shapes",
     "with_fields",
 ]

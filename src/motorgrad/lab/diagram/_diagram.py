@@ -283,14 +283,14 @@ class Diagram:
         given, wanted = self.nodes[start[0]].block.outputs[start[1]], self.nodes[end[0]].block.inputs[end[1]]
         if given.shape == wanted.shape:
             return given, wanted
-        if self._fits(end, "inputs", given.shape):
+        if self.takes(end, "inputs", given.shape):
             return given, dataclasses.replace(wanted, shape=given.shape)
-        if self._fits(start, "outputs", wanted.shape):
+        if self.takes(start, "outputs", wanted.shape):
             return dataclasses.replace(given, shape=wanted.shape), wanted
         return given, wanted
 
-    def _fits(self, end: End, side: str, shape: tuple[int, ...]) -> bool:
-        """Whether a port can take a shape."""
+    def takes(self, end: End, side: str, shape: tuple[int, ...]) -> bool:
+        """Whether a port, among the `"inputs"` or the `"outputs"` of its block, takes a shape from its wire."""
         block, port = self.nodes[end[0]].block, end[1]
         if not isinstance(block, Diagram):
             return fitted(block, side, port, shape) is not None
@@ -333,6 +333,12 @@ class Diagram:
 
     def __repr__(self) -> str:
         return f"Diagram({self.title!r}, {len(self.nodes)} blocks, {len(self.wires)} wires)"
+
+    def _repr_svg_(self) -> str:
+        """Its picture in a notebook."""
+        from motorgrad.lab.diagram._picture import to_svg  # which is made of diagrams
+
+        return to_svg(self)
 
     def _content(self) -> tuple[Any, ...]:
         return self.head, list(self.nodes.items()), self.wires, self.layout

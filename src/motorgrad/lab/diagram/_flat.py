@@ -68,11 +68,11 @@ class Placed:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Scope:
+class Scope:
     """A diagram in its place: the block `name` of the diagram `above`."""
 
     diagram: Diagram
-    above: "_Scope | None" = None
+    above: "Scope | None" = None
     name: str = ""
 
     def path(self, name: str) -> str:
@@ -84,13 +84,13 @@ class _Scope:
         own = self.above.identity(self.above.diagram.nodes[self.name].id)
         return f"{own}/{id}".strip("/")
 
-    def leaves(self, depth: int = 0) -> Iterator[tuple["_Scope", str]]:
+    def leaves(self, depth: int = 0) -> Iterator[tuple["Scope", str]]:
         """The blocks that are not diagrams and take part in the computation."""
         for name, node in self.diagram.nodes.items():
             if isinstance(node.block, Diagram):
                 if depth == DEEPEST:
                     raise Problem.error(self.path(name), None, f"more than {DEEPEST} nested subsystems")
-                yield from _Scope(node.block, self, name).leaves(depth + 1)
+                yield from Scope(node.block, self, name).leaves(depth + 1)
             elif not (self._from_above(name) or isinstance(node.block, Goto | From | (Outlet if self.above else Goto))):
                 yield self, name
 
@@ -129,7 +129,7 @@ class _Scope:
         own = [self.path(name) for name, node in self.diagram.nodes.items() if isinstance(node.block, Gate)]
         return [*self.above.gates(), *own]
 
-    def wire(self, name: str, port: str) -> tuple["_Scope", End] | None:
+    def wire(self, name: str, port: str) -> tuple["Scope", End] | None:
         """The output that a wire brings to a block's input, and the diagram of the wire. A gate's is outside."""
         scope, at = self, (name, port)
         if self.above is not None and isinstance(self.diagram.nodes[name].block, Gate):
@@ -137,7 +137,7 @@ class _Scope:
         source = scope.diagram.wires.get(at)
         return None if source is None else scope.origin(source)
 
-    def origin(self, end: End, seen: frozenset[str] = frozenset()) -> tuple["_Scope", End]:
+    def origin(self, end: End, seen: frozenset[str] = frozenset()) -> tuple["Scope", End]:
         """The output of a block from which a signal of this diagram comes."""
         name, port = end
         if name not in self.diagram.nodes:
@@ -150,7 +150,7 @@ class _Scope:
         if port not in block.outputs:
             raise Problem.error(self.path(name), port, "a wire starts at it, but there is no such output")
         if isinstance(block, Diagram):
-            inner, wire = _Scope(block, self, name), block.wires.get((port, "u"))
+            inner, wire = Scope(block, self, name), block.wires.get((port, "u"))
             if wire is None:
                 raise Problem.error(inner.path(port), "u", "not connected")
             return inner.origin(wire, seen)
@@ -160,9 +160,9 @@ class _Scope:
             return self.above.origin(self.above.diagram.wires[self.name, name], seen)
         return self, end
 
-    def _named(self, name: str, tag: str, seen: frozenset[str]) -> tuple["_Scope", End]:
+    def _named(self, name: str, tag: str, seen: frozenset[str]) -> tuple["Scope", End]:
         """The origin of the signal with a tag, which the block `name` reads."""
-        scope: _Scope | None = self
+        scope: Scope | None = self
         while scope is not None:
             nodes = scope.diagram.nodes.items()
             found = [each for each, node in nodes if isinstance(node.block, Goto) and node.block.tag == tag]
@@ -180,7 +180,7 @@ class _Scope:
 def flatten(diagram: Diagram) -> tuple[list[Placed], list[Problem]]:
     """Every block of a diagram and of its subsystems, and all problems with blocks and wires."""
     problems: list[Problem] = []
-    top = _Scope(diagram)
+    top = Scope(diagram)
     try:
         leaves = list(top.leaves())
     except DiagramError as error:
@@ -253,7 +253,7 @@ def _gated(placed: Placed, gates: list[int]) -> Placed:
     return dataclasses.replace(placed, block=gated, sources=placed.sources | more)
 
 
-def _loose_wires(scope: _Scope) -> Iterator[Problem]:
+def _loose_wires(scope: Scope) -> Iterator[Problem]:
     """Wires that lead nowhere, and mismatches at the boundary of a subsystem."""
     for name, port in scope.diagram.wires:
         node = scope.diagram.nodes.get(name)
@@ -262,10 +262,10 @@ def _loose_wires(scope: _Scope) -> Iterator[Problem]:
     for name, node in scope.diagram.nodes.items():
         if isinstance(node.block, Diagram):
             yield from _boundary_mismatches(scope, name, node.block)
-            yield from _loose_wires(_Scope(node.block, scope, name))
+            yield from _loose_wires(Scope(node.block, scope, name))
 
 
-def _loose_uses(scope: _Scope) -> Iterator[Problem]:
+def _loose_uses(scope: Scope) -> Iterator[Problem]:
     """Parameters of blocks and subsystems that do not exist."""
     for address in scope.diagram.uses:
         name, _, own = address.partition(".")
@@ -274,7 +274,7 @@ def _loose_uses(scope: _Scope) -> Iterator[Problem]:
             yield Problem(scope.path(name), None, f"a parameter is set for its {own!r}, which does not exist")
     for name, node in scope.diagram.nodes.items():
         if isinstance(node.block, Diagram):
-            yield from _loose_uses(_Scope(node.block, scope, name))
+            yield from _loose_uses(Scope(node.block, scope, name))
 
 
 def shared(diagram: Diagram) -> dict[str, tuple[str, ...]]:
@@ -283,36 +283,36 @@ def shared(diagram: Diagram) -> dict[str, tuple[str, ...]]:
     """
     found: dict[str, tuple[str, ...]] = {}
 
-    def visit(scope: _Scope, prefix: str) -> None:
+    def visit(scope: Scope, prefix: str) -> None:
         for name, node in scope.diagram.nodes.items():
             if isinstance(node.block, Diagram):
-                visit(_Scope(node.block, scope, name), f"{scope.path(name)}.")
+                visit(Scope(node.block, scope, name), f"{scope.path(name)}.")
         for address, own in scope.diagram.uses.items():
             name, _, field = address.partition(".")
             at = f"{scope.path(name)}.{field}"
             found[prefix + own] = (*found.get(prefix + own, ()), *found.get(at, (at,)))
 
-    visit(_Scope(diagram), "")
+    visit(Scope(diagram), "")
     return found
 
 
 def blocks_of(diagram: Diagram) -> dict[str, Block]:
     """All blocks that are not subsystems, by path, with the parameters that they use."""
 
-    def visit(scope: _Scope) -> Iterator[tuple[str, Block]]:
+    def visit(scope: Scope) -> Iterator[tuple[str, Block]]:
         for name, node in scope.diagram.nodes.items():
             if isinstance(node.block, Diagram):
-                yield from visit(_Scope(node.block, scope, name))
+                yield from visit(Scope(node.block, scope, name))
                 continue
             try:
                 yield scope.path(name), scope.block(name)
             except DiagramError:
                 yield scope.path(name), node.block
 
-    return dict(visit(_Scope(diagram)))
+    return dict(visit(Scope(diagram)))
 
 
-def _boundary_mismatches(scope: _Scope, name: str, inner: Diagram) -> Iterator[Problem]:
+def _boundary_mismatches(scope: Scope, name: str, inner: Diagram) -> Iterator[Problem]:
     for port in inner.inputs:
         wire = scope.diagram.wires.get((name, port))
         source = scope.diagram.nodes.get(wire[0]) if wire else None

@@ -37,13 +37,18 @@ class Foreign:
     """
 
     @property
+    def key(self) -> str:
+        """A hash of what would run."""
+        return hashlib.sha256(self.code.encode()).hexdigest()
+
+    @property
     def code(self) -> str:
         """What would run: the source, or the library's place; empty for nothing."""
         raise NotImplementedError
 
     def _meet(self) -> None:
         """Remember where this code was seen first. A subclass calls it when a block is made."""
-        key = _key(self.code)
+        key = self.key
         source = _source.get()
         if source == "doubted" and key not in _trusted:
             _refused.add(key)
@@ -53,13 +58,13 @@ class Foreign:
 
     def trust(self) -> None:
         """Let this code run, in this process."""
-        _refused.discard(_key(self.code))
-        _trusted.add(_key(self.code))
+        _refused.discard(self.key)
+        _trusted.add(self.key)
 
     @property
     def is_trusted(self) -> bool:
         """Whether the code may run."""
-        return not self.code or _key(self.code) not in _refused
+        return not self.code or self.key not in _refused
 
     @property
     def distrust(self) -> str:
@@ -73,7 +78,3 @@ class Foreign:
         """Refuse to run code that nobody has trusted. **Raises** `NotTrusted`."""
         if not self.is_trusted:
             raise NotTrusted(f"{type(self).__name__}: {self.distrust}")
-
-
-def _key(code: str) -> str:
-    return hashlib.sha256(code.encode()).hexdigest()

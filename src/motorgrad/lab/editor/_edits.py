@@ -51,12 +51,26 @@ class Edit(Change, op=""):
         scopes = opened(document, self.at)
         self.change(scopes[-1], scopes[0])
         if len(scopes) > 1:
-            _update_outer_wires(scopes[-2], self)
+            self.follow(scopes[-2], self.at[-1])
         return scopes[0]
 
     @abc.abstractmethod
     def change(self, scope: Diagram, document: Diagram) -> None:
         """Change `scope`, the copied diagram `at`, in place; `document` is the outermost diagram."""
+
+    def follow(self, outer: Diagram, name: str) -> None:
+        """Change what the diagram around the changed subsystem `name` says of it: wires at ports that are gone, and
+        uses of parameters that are gone, are removed.
+        """
+        inner: Any = outer.nodes[name].block
+        inputs, outputs = inner.inputs, inner.outputs
+        outer.wires = {
+            target: source
+            for target, source in outer.wires.items()
+            if (target[0] != name or target[1] in inputs) and (source[0] != name or source[1] in outputs)
+        }
+        gone = [f"{name}.{own}" for own in outer.uses_of(name) if own not in inner.parameters]
+        outer.uses = {address: used for address, used in outer.uses.items() if address not in gone}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,6 +122,16 @@ class Rename(Edit):
         renamed = {self.to if name == self.name else name: place for name, place in places.items()}
         _set_layout(scope, "positions", renamed)
 
+    def follow(self, outer: Diagram, name: str) -> None:
+        inner: Any = outer.nodes[name].block
+        if isinstance(inner.nodes[self.to].block, Inlet | Outlet | Gate):
+
+            def renamed(end: tuple[str, str]) -> tuple[str, str]:
+                return (name, self.to) if end == (name, self.name) else end
+
+            outer.wires = {renamed(target): renamed(source) for target, source in outer.wires.items()}
+        super().follow(outer, name)
+
 
 @dataclasses.dataclass(frozen=True)
 class Set(Edit):
@@ -128,6 +152,8 @@ class Set(Edit):
             _set_head(scope, values)
             return
         node = _node(scope, self.name)
+        for name, used in scope.uses_of(self.name).items():
+            check(name not in values, name, values.get(name), f"unset: the diagram's parameter {used!r} stands for it")
         if isinstance(node.block, Diagram):
             inner = shallow_copy(node.block)
             own = {name: value for name, value in values.items() if name in inner.parameters}
@@ -135,10 +161,6 @@ class Set(Edit):
             _set_head(inner, {"parameters": {**inner.parameters, **own}} | rest)
             scope.nodes[self.name] = Node(inner, node.id)
         else:
-            for name, used in scope.uses_of(self.name).items():
-                check(
-                    name not in values, name, values.get(name), f"unset: the diagram's parameter {used!r} stands for it"
-                )
             scope.replace(self.name, with_fields(node.block, values))
 
 
@@ -201,7 +223,9 @@ class Comment(Edit):
 
 @dataclasses.dataclass(frozen=True)
 class Paste(Edit):
-    """Add the blocks of a document, under new names where theirs exist already."""
+    """Add the blocks of a document, under new names where theirs exist already. They use the parameters of the same
+    names; those that the diagram does not have are declared with the document's values.
+    """
 
     fragment: dict[str, Any]
     position: Point | None = None
@@ -215,6 +239,9 @@ class Paste(Edit):
         for name, node in given.nodes.items():
             named[name] = fresh_name(scope, name)
             scope.add(named[name], node.block, fresh_id(document, named[name]))
+        used = {name: value for name, value in given.parameters.items() if name in given.uses.values()}
+        uses = {f"{named[block]}.{own}": name for block in named for own, name in given.uses_of(block).items()}
+        _set_head(scope, {"parameters": used | scope.parameters, "uses": scope.uses | uses})
         scope.wires |= {(named[t], p): (named[s], q) for (t, p), (s, q) in given.wires.items()}
         to = corner if self.position is None else self.position
         moved = {named[n]: (x - corner[0] + to[0], y - corner[1] + to[1]) for n, (x, y) in places.items()}
@@ -247,7 +274,8 @@ class Ungroup(Edit):
 
 @dataclasses.dataclass(frozen=True)
 class SetParameter(Change, op="parameter"):
-    """Set a parameter in the document, and in the run from its next tick on. Quick successive changes of one parameter
+    """Set a parameter in the document, and in the run from its next tick on: `"block.parameter"`, or `"name"` for one
+    of the outermost diagram. Quick successive changes of one parameter
     are undone as one.
     """
 
@@ -255,7 +283,9 @@ class SetParameter(Change, op="parameter"):
     value: Any
 
     def apply(self, document: Diagram) -> Diagram:
-        path, _, name = self.address.partition(".")
+        path, dot, name = self.address.partition(".")
+        if not dot and path in document.parameters:  # of the outermost diagram itself
+            return Set((), fields={"parameters": {**document.parameters, path: self.value}}).apply(document)
         *at, block = path.split("/")
         node = _node(opened(document, at)[-1], block)
         block_type: Any = type(node.block)
@@ -315,7 +345,10 @@ def selection(document: Diagram, at: Sequence[str], names: Sequence[str]) -> dic
     scope = opened(document, at)[-1]
     for name in names:
         _node(scope, name)
-    part, chosen = Diagram(scope.tick), set(names)
+    chosen = set(names)
+    uses = {f"{name}.{own}": used for name in chosen for own, used in scope.uses_of(name).items()}
+    parameters = {name: value for name, value in scope.parameters.items() if name in uses.values()}
+    part = Diagram(scope.tick, parameters=parameters, uses=uses)
     part.nodes = {name: node for name, node in scope.nodes.items() if name in chosen}
     part.wires = {t: s for t, s in scope.wires.items() if t[0] in chosen and s[0] in chosen}
     _set_positions(part, {name: at for name, at in scope.layout.get("positions", {}).items() if name in chosen})
@@ -331,24 +364,6 @@ def _set_head(scope: Diagram, values: dict[str, Any]) -> None:
     checked = Diagram(**scope.head | values)
     for name in HEAD:
         setattr(scope, name, getattr(checked, name))
-
-
-def _update_outer_wires(outer: Diagram, edit: Edit) -> None:
-    """Adjust the wires at a subsystem whose ports changed: follow a renamed port, drop wires at removed ones."""
-    name = edit.at[-1]
-    inner = outer.nodes[name].block
-    if isinstance(edit, Rename) and isinstance(inner.nodes[edit.to].block, Inlet | Outlet | Gate):  # type: ignore[union-attr]
-
-        def renamed(end: tuple[str, str]) -> tuple[str, str]:
-            return (name, edit.to) if end == (name, edit.name) else end
-
-        outer.wires = {renamed(target): renamed(source) for target, source in outer.wires.items()}
-    inputs, outputs = inner.inputs, inner.outputs
-    outer.wires = {
-        target: source
-        for target, source in outer.wires.items()
-        if (target[0] != name or target[1] in inputs) and (source[0] != name or source[1] in outputs)
-    }
 
 
 def _node(scope: Diagram, name: str) -> Node:

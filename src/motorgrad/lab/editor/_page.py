@@ -9,7 +9,7 @@ from motorgrad.lab.compiler import problems
 from motorgrad.lab.diagram import SUBSYSTEM, Diagram, Record, blocks_of, dumps
 from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 from motorgrad.lab.editor._traces import Traces
-from motorgrad.lab.editor._views import declarations, view
+from motorgrad.lab.editor._views import declarations, shapes, view
 
 Event = dict[str, Any]
 STRETCHES = 2000  # by which a signal is shown; each has its least and its greatest number
@@ -52,7 +52,7 @@ def page(diagram: Diagram, run: Event, samples: list[Event]) -> str:
     events: list[Event] = [
         {"event": "declarations", **_declared(diagram)},
         {"event": "document", "session": "recording", **flags, "view": view(diagram)},
-        {"event": "problems", "revision": 0, "list": found, "warnings": []},
+        {"event": "problems", "revision": 0, "list": found, "warnings": [], "shapes": shapes(diagram), "foreign": []},
         {**run, "event": "run", "state": state, "fixed": None, "stale": False},
         *samples,
         {"event": "text", "text": dumps(diagram)},

@@ -2,8 +2,8 @@
 per message.
 
 **Operations** come from a client: `{"client": "a name of its own", "sequence": 12, "op": "connect", …}`. Each is a
-class below, or in `_edits`, whose fields are the operation's. `at` is a list of names of subsystems, `[]` for the
-outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is
+class below, in `_edits` or in `_masks`, whose fields are the operation's. `at` is a list of names of subsystems, `[]`
+for the outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a block in a subsystem is
 `"subsystem/block.port"`.
 
 **Events** go to clients; `"event"` is the name.
@@ -13,8 +13,9 @@ outermost diagram. An `address` is `"block.port"` or `"block.parameter"`; a bloc
 - `declarations {categories, blocks, gallery, words}`: once, after `hello`.
 - `document {session, revision, view, file, saved, can_undo, can_redo}`: the whole document; see `_views`.
 - `changed {revision, file, saved, can_undo, can_redo, scopes}`: what is new in each diagram that changed.
-- `problems {revision, list: [{path, port, message}], warnings}`: everything that keeps the diagram from running; and
-  `warnings` of the same form about one that runs, see `_warnings`.
+- `problems {revision, list: [{path, port, message}], warnings, shapes, foreign}`: everything that keeps the diagram
+  from running; `warnings` of the same form about one that runs, see `_warnings`; `shapes` of ports that follow from
+  wires, by address, other than `()`; and `foreign`, code that does not run before it is trusted, see `_trust`.
 - `run {…}`: the state of the run; see `_runner`.
 - `samples {branch, fresh, signals}`: what sinks and watched outputs recorded; see `_traces`.
 - `recoverable {list}`: unsaved work of sessions that have ended; see `_storage`.
@@ -94,6 +95,13 @@ class Recover(Operation):
 
     id: str
     drop: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Trust(Operation):
+    """Let code run that a file brought, by the keys that `problems` lists under `foreign`."""
+
+    keys: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,13 +16,15 @@ from motorgrad._errors import check
 from motorgrad.lab.compiler import problems
 from motorgrad.lab.diagram import Diagram, DiagramError, dumps, from_a_file, load, loads, to_python
 from motorgrad.lab.editor import _edits as edits
+from motorgrad.lab.editor import _masks as _masks  # its operations
 from motorgrad.lab.editor import _protocol as ask
 from motorgrad.lab.editor._branch import checked_log
 from motorgrad.lab.editor._document import Document
 from motorgrad.lab.editor._protocol import read_message
 from motorgrad.lab.editor._runner import Runner
 from motorgrad.lab.editor._storage import SUFFIX, Folder, Journal
-from motorgrad.lab.editor._views import declarations, difference, view
+from motorgrad.lab.editor._trust import Offers
+from motorgrad.lab.editor._views import declarations, difference, shapes, view
 from motorgrad.lab.editor._warnings import warnings
 from motorgrad.lab.gallery import example
 
@@ -46,7 +48,7 @@ class Session:
     - `folder`: where diagrams may be opened and saved, by default the folder of `file`, or the current one.
     - `states`: where unsaved work without a file is kept, by default in the user's state directory.
     - `trust`: let code run that is written in the page: Python functions and Functional Mock-up Units. Whoever has the
-      page's address can then run programs.
+      page's address can then run programs. Otherwise the page shows code that a file brought, and asks.
     """
 
     def __init__(
@@ -60,8 +62,10 @@ class Session:
         check(file is None or file.suffix == SUFFIX, "file", str(file), f"a name that ends in {SUFFIX}")
         self.id = secrets.token_hex(8)
         self._folder = Folder(folder or (file.parent if file else Path.cwd()))
+        self._offers = Offers()
         if diagram is None and file is not None and file.exists():
             diagram = load(file)
+            self._offers.add(diagram)
             self._folder.mark_seen(file)
         self._document = Document((diagram or Diagram()).copy(), file)
         self._journal = Journal(file, states)
@@ -69,7 +73,14 @@ class Session:
         self._trust = trust
         self._listeners: dict[object, Send] = {}
         self._answers: OrderedDict[str, OrderedDict[int, Event | None]] = OrderedDict()
-        self._problems: Event = {"event": "problems", "revision": -1, "list": [], "warnings": []}
+        self._problems: Event = {
+            "event": "problems",
+            "revision": -1,
+            "list": [],
+            "warnings": [],
+            "shapes": {},
+            "foreign": [],
+        }
         self._aside = concurrent.futures.ThreadPoolExecutor(1, "motorgrad-lab-aside")
         self._runner = Runner(self._document.diagram, self._emit)
         atexit.register(self.close)  # compiled code must not run while the interpreter shuts down
@@ -152,6 +163,9 @@ class Session:
                 answer({"event": "files", "files": self._folder.names()})
             case ask.Save():
                 self._save(operation)
+            case ask.Trust():
+                self._offers.trust(self._document.diagram, operation.keys)
+                self._find_problems()
             case ask.Recover(drop=True):
                 self._journal.drop(operation.id)
                 self._emit(self._recoverable())
@@ -209,7 +223,10 @@ class Session:
         given = [name for name in ("text", "gallery", "file") if getattr(operation, name) is not None]
         check(len(given) == 1, "open", given, "one of text, gallery and file")
         if operation.file is not None:
-            return self._folder.load(operation.file)
+            diagram, path = self._folder.load(operation.file)
+            if not self._folder.wrote(operation.file):
+                self._offers.add(diagram)
+            return diagram, path
         if operation.text is not None:
             return loads(operation.text), None
         return example(operation.gallery or ""), None
@@ -260,7 +277,9 @@ class Session:
             if revision == self._document.revision:
                 found = [problem._asdict() for problem in problems(diagram)]
                 quick = [] if found else [warning._asdict() for warning in warnings(diagram)]
-                self._problems = {"event": "problems", "revision": revision, "list": found, "warnings": quick}
+                about = {"list": found, "warnings": quick, "shapes": shapes(diagram)}
+                about["foreign"] = self._offers.of(diagram)
+                self._problems = {"event": "problems", "revision": revision, **about}
                 self._emit(self._problems)
 
         self._aside.submit(find)

@@ -29,6 +29,7 @@ class Folder:
     def __init__(self, folder: Path):
         self.folder = folder.resolve()
         self._known: dict[Path, str] = {}
+        self._written: set[str] = set()
 
     def names(self) -> list[str]:
         """The files in the folder that look like diagrams."""
@@ -39,9 +40,8 @@ class Folder:
         path = self._path(name)
         if not path.is_file():
             raise unknown("file", name, self.names())
-        diagram = load(path)
         self._known[path] = _digest(path)
-        return diagram, path
+        return load(path), path
 
     def save(self, diagram: Diagram, name: str, over: bool) -> Path:
         """Write a diagram. **Raises** `ValueError` if that would replace a file that this session has not seen in its
@@ -53,7 +53,12 @@ class Folder:
         check(over or seen, "file", name, "new, or unchanged since it was opened: confirm to replace it")
         save(diagram, path)
         self._known[path] = _digest(path)
+        self._written.add(self._known[path])
         return path
+
+    def wrote(self, name: str) -> bool:
+        """Whether the content that a file had when it was last loaded or saved was written by this session."""
+        return self._known[self._path(name)] in self._written
 
     def contains(self, path: Path) -> bool:
         """Whether a file of this path may be saved here."""

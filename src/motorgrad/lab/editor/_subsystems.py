@@ -85,7 +85,7 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
         named[each] = fresh_name(scope, each)
         keeps = node.id == "" and block is part.block
         for own, used in inner.uses_of(each).items():
-            block = _with_parameter(block, own, values[used])
+            block = with_parameter(block, own, values[used])
             if used in outside:
                 scope.uses = scope.uses | {f"{named[each]}.{own}": outside[used]}
         scope.nodes[named[each]] = Node(block, part.id if keeps else fresh_id(document, named[each]))
@@ -114,7 +114,7 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
         scope.layout = scope.layout | {"positions": outer}
 
 
-def _with_parameter(block: Any, name: str, value: Any) -> Any:
+def with_parameter(block: Any, name: str, value: Any) -> Any:
     """A block or a subsystem with another value of a parameter."""
     if not isinstance(block, Diagram):
         return block.retuned({name: value})

@@ -7,7 +7,8 @@ a `text` and a `box`.
 A node has `name`, `type`, `id`, `category`, `fields`, `inputs` and `outputs` (lists of ports) and its `position`,
 `null` if it has none. A subsystem, of type `"diagram"`, has the view of its diagram as `inner`. A sink that draws has
 `drawing`, the kind of drawing. A block that learns and can be frozen has `frozen`: one truth value, or one per unit
-where units can be frozen separately.
+where units can be frozen separately. `uses` has the parameters of the diagram that stand for its own. A port has
+`follows`, whether it takes its shape from its wire.
 """
 
 import dataclasses
@@ -32,6 +33,7 @@ from motorgrad.lab.diagram import (
     parameters_of,
     required_fields,
     settings_of,
+    wired_shapes,
 )
 from motorgrad.lab.editor._program import learns
 from motorgrad.lab.gallery import GALLERY
@@ -62,8 +64,9 @@ def view_of_node(diagram: Diagram, name: str, inner: bool = True) -> View:
         "name": name,
         "id": node.id,
         "position": diagram.layout.get("positions", {}).get(name),
-        "inputs": ports(node.block.inputs),
-        "outputs": ports(node.block.outputs),
+        "inputs": _ports_at(diagram, name, "inputs"),
+        "outputs": _ports_at(diagram, name, "outputs"),
+        "uses": diagram.uses_of(name),
         **(_subsystem(node.block, inner) if isinstance(node.block, Diagram) else _block(node.block)),
     }
 
@@ -106,6 +109,17 @@ def ports(declared: Any) -> list[View]:
     return [{"name": name, **dataclasses.asdict(port)} for name, port in declared.items()]
 
 
+def _ports_at(diagram: Diagram, name: str, side: str) -> list[View]:
+    """The ports on one side of a block, and whether their shapes follow from wires."""
+    own = ports(getattr(diagram.nodes[name].block, side))
+    return [port | {"follows": port["shape"] == () and diagram.takes((name, port["name"]), side, (2,))} for port in own]
+
+
+def shapes(diagram: Diagram) -> View:
+    """The shapes that wires give to ports, by address, where they are not `()`."""
+    return {address: list(shape) for address, shape in wired_shapes(diagram).items() if shape}
+
+
 def difference(old: Diagram, new: Diagram, at: tuple[str, ...] = ()) -> Iterator[View]:
     """The changes that turn the view of `old` into that of `new`. For each diagram `at` which something changed: its
     new `nodes`, the names of those `removed`, and where they changed, all `wires`, the `layout` and the `head`.
@@ -142,7 +156,7 @@ def _visible_part(node: Node, diagram: Diagram, name: str) -> Any:
     """Everything that the view of a block shows in its own diagram."""
     block = node.block
     own: Any = (head(block), dict(block.inputs), dict(block.outputs)) if isinstance(block, Diagram) else block
-    return node.id, own, diagram.layout.get("positions", {}).get(name)
+    return node.id, own, diagram.uses_of(name), diagram.layout.get("positions", {}).get(name)
 
 
 def declarations() -> dict[str, Any]:

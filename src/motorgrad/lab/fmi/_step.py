@@ -9,7 +9,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.export import Program, traced
-from motorgrad.lab.compiler import Step
+from motorgrad.lab.compiler import Plan, Step
 from motorgrad.lab.diagram import Diagram, HostBlock, Inlet, Outlet, Port
 from motorgrad.lab.engine import Run
 from motorgrad.lab.fmi._random import draw
@@ -52,10 +52,7 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     if any(placed.block.is_continuous for placed in blocks):
         for placed in (blocks[i] for i in sorted(run.plan.moving)):
             check(not placed.block.jumps, placed.path, type(placed.block).__name__, NO_JUMPS)
-    places = {
-        kind: [i for i, each in enumerate(blocks) if type(each.block) is kind and "/" not in each.path]
-        for kind in (Inlet, Outlet)
-    }
+    places = ports_of(run.plan)
     step, values, carry = run.functions_at(0)
     rows = step.stacks.rows
     leaves, structure = jax.tree.flatten(carry)
@@ -64,7 +61,7 @@ def tick_program(source: Diagram | Run) -> TickProgram:
 
     def ticked(tick: Any, **given: Any) -> dict[str, Any]:
         inputs = [given[f"u{n}"] for n in range(len(places[Inlet]))]
-        now = _with_inlets(step, values, {rows[i]: u for i, u in zip(places[Inlet], inputs, strict=True)})
+        now = with_inlets(step, values, {rows[i]: u for i, u in zip(places[Inlet], inputs, strict=True)})
         before = jax.tree.unflatten(structure, [given[name] for name in names])
         numbers = _numbers(step, seed, tick)
         environment = step.outputs(range(len(step.stacks.batches)), now, before, tick, numbers, step.empty())
@@ -78,11 +75,7 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     like = {f"u{n}": jax.ShapeDtypeStruct(port.shape, port.dtype) for n, port in enumerate(inlets.values())}
     program = traced(ticked, {**start, **like})
     outlets = {blocks[i].path: blocks[i].block.inputs["u"] for i in places[Outlet]}
-    resting = [np.asarray(values[rows[i][0]]["value"][rows[i][1]]) for i in places[Inlet]]
-    resting = [
-        np.broadcast_to(each, port.shape).astype(port.dtype)
-        for each, port in zip(resting, inlets.values(), strict=True)
-    ]
+    resting = resting_values(values, rows, places[Inlet], inlets)
     return TickProgram(program, start, inlets, outlets, resting, run.plan.tick)
 
 
@@ -90,7 +83,20 @@ NO_JUMPS = "a source that is held within a tick, beside continuous blocks: set i
 NO_HOST = "a block that is compiled: one that runs on the host cannot be exported"
 
 
-def _with_inlets(step: Step, values: Any, given: dict[tuple[int, int], Any]) -> Any:
+def ports_of(plan: Plan) -> dict[Any, list[int]]:
+    """The indices of the inlets and of the outlets of the outermost diagram."""
+    outermost = [(i, type(each.block)) for i, each in enumerate(plan.blocks) if "/" not in each.path]
+    return {kind: [i for i, own in outermost if own is kind] for kind in (Inlet, Outlet)}
+
+
+def resting_values(values: Any, rows: Any, places: list[int], inlets: dict[str, Port]) -> list[np.ndarray]:
+    """The values of the inlets where nothing is set."""
+    found = [np.asarray(values[rows[i][0]]["value"][rows[i][1]]) for i in places]
+    ports = inlets.values()
+    return [np.broadcast_to(own, port.shape).astype(port.dtype) for own, port in zip(found, ports, strict=True)]
+
+
+def with_inlets(step: Step, values: Any, given: dict[tuple[int, int], Any]) -> Any:
     """The parameters with the values of inlets."""
     changed = {k: dict(names) for k, names in values.items()}
     for k in {k for k, _ in given}:

@@ -21,6 +21,7 @@ from motorgrad._files import check_writable, write_atomically
 from motorgrad.export import c_literal, c_source, c_type
 from motorgrad.lab.diagram import Diagram, Port
 from motorgrad.lab.engine import Run
+from motorgrad.lab.fmi._slopes import SlopeProgram, slope_program
 from motorgrad.lab.fmi._step import TickProgram, tick_program
 from motorgrad.lab.fmi._wrapper import wrapper
 
@@ -32,12 +33,23 @@ NAMES = {"2.0": ("Real", "Integer", "Boolean"), "3.0": ("Float64", "Int32", "Boo
 EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the unit, so that equal diagrams make equal units
 
 
-def write_fmu(source: Diagram | Run, path: Path | str, version: str = "2.0", compiled: bool = True) -> Path:
-    """Write a diagram as a Functional Mock-up Unit for co-simulation, which other simulators run.
+def write_fmu(
+    source: Diagram | Run,
+    path: Path | str,
+    version: str = "2.0",
+    compiled: bool = True,
+    interface: str = "co-simulation",
+) -> Path:
+    """Write a diagram as a Functional Mock-up Unit, which other simulators run.
 
-    The unit's inputs are the inlets of the outermost diagram, its outputs the outlets. It makes one tick at a time: a
-    communication step is a whole number of ticks. Its outputs after a step are those of the step's last tick. It has
-    the same random numbers as the run, and its learners learn. Its state can be saved and restored.
+    The unit's inputs are the inlets of the outermost diagram, its outputs the outlets.
+
+    For co-simulation it makes one tick at a time: a communication step is a whole number of ticks. Its outputs after a
+    step are those of the step's last tick. It has the same random numbers as the run, and its learners learn. Its state
+    can be saved and restored.
+
+    For model exchange it gives the time derivatives of the continuous states, in double precision, and the other
+    simulator integrates them. The diagram has the precision `"double"` and nothing with memory but continuous states.
 
     **Arguments:**
 
@@ -45,6 +57,7 @@ def write_fmu(source: Diagram | Run, path: Path | str, version: str = "2.0", com
     - `path`: of the file, which ends in `.fmu`.
     - `version`: of the standard, `"2.0"` or `"3.0"`.
     - `compiled`: whether to compile it for this machine, with `cc`. The sources are always in it.
+    - `interface`: `"co-simulation"` or `"model exchange"`.
 
     **Returns** the path.
 
@@ -59,11 +72,14 @@ def write_fmu(source: Diagram | Run, path: Path | str, version: str = "2.0", com
     check(path.suffix == ".fmu", "path", str(path), "a name that ends in .fmu")
     check_writable("path", path)
     choice("version", version, VERSIONS)
-    program = tick_program(source)
+    choice("interface", interface, ("co-simulation", "model exchange"))
+    exchanged = interface == "model exchange"
+    program: TickProgram | SlopeProgram = slope_program(source) if exchanged else tick_program(source)
     name = re.sub(r"\W|^(?=\d)", "_", path.stem, flags=re.ASCII)
-    body = c_source({"step": program.step}, "tick", ["A diagram of motorgrad as a Functional Mock-up Unit."])
+    about = ["A diagram of motorgrad as a Functional Mock-up Unit."]
+    body = c_source({"step": program.step}, "ode" if exchanged else "tick", about)
     guid = str(uuid.UUID(hashlib.sha256(f"{version}{program.inlets}{body}".encode()).hexdigest()[:32]))
-    code = body + wrapper(version, guid, _parts(program))
+    code = body + wrapper(version, guid, "slopes" if exchanged else "ticks", _parts(program))
     files: dict[str, bytes] = {
         "modelDescription.xml": _description(program, name, guid, version),
         f"sources/{name}.c": code.encode(),
@@ -76,23 +92,40 @@ def write_fmu(source: Diagram | Run, path: Path | str, version: str = "2.0", com
     return path
 
 
-def _parts(program: TickProgram) -> dict[str, Any]:
-    """What the C around the tick needs to know of it."""
+def _parts(program: TickProgram | SlopeProgram) -> dict[str, Any]:
+    """What the C around the program needs to know of it."""
+    exchanged = isinstance(program, SlopeProgram)
+    states = len(program.states) if exchanged else 0
+    types = CTYPES | ({"float": "double"} if exchanged else {})
     inputs = {f"u{n}": port for n, port in enumerate(program.inlets.values())}
     outputs = {f"y{n}": port for n, port in enumerate(program.outlets.values())}
     ports = {**inputs, **outputs}
-    fields = [f"    {CTYPES[port.kind]} {name}[{_size(port)}];" for name, port in ports.items()]
-    fields += [f"    {_state_type(value)} {name}[{max(1, value.size)}];" for name, value in program.start.items()]
+    fields = [f"    {types[port.kind]} {name}[{_size(port)}];" for name, port in ports.items()]
+    if exchanged:
+        fields.append(f"    double states[{max(1, states)}], slopes[{max(1, states)}];")
+    else:
+        fields += [f"    {_state_type(value)} {name}[{max(1, value.size)}];" for name, value in program.start.items()]
     variables = [
-        f"    {{{KINDS[port.kind]}, offsetof(Data, {name}) + {i} * sizeof({CTYPES[port.kind]}), "
+        f"    {{{KINDS[port.kind]}, offsetof(Data, {name}) + {i} * sizeof({types[port.kind]}), "
         f"{_size(port) - i}, {'true' if name in inputs else 'false'}}},"
         for name, port in ports.items()
         for i in range(_size(port))
     ]
+    places = {name: f"data->{name}" for name in (*ports, *program.start)}
+    if exchanged:
+        variables += [
+            f"    {{REAL, offsetof(Data, {field}) + {n} * sizeof(double), 1, {settable}}},"
+            for field, settable in (("states", "true"), ("slopes", "false"))
+            for n in range(states)
+        ]
+        begins = np.cumsum([0, *(value.size for value in program.start.values())])
+        for name, begin in zip(program.start, begins, strict=False):
+            places |= {name: f"data->states + {begin}", f"d{name}": f"data->slopes + {begin}"}
+        places["time"] = "&data->time"
     given = dict(zip(inputs, program.resting, strict=True)) | program.start
     start = [
         f"    {{ static const {_state_type(value)} start[] = {{{_numbers(value)}}}; "
-        f"memcpy(data->{name}, start, sizeof start); }}"
+        f"memcpy({places[name]}, start, sizeof start); }}"
         for name, value in given.items()
         if value.size
     ]
@@ -102,7 +135,9 @@ def _parts(program: TickProgram) -> dict[str, Any]:
         "variables": "\n".join([*variables, "    {TIME, 0, 1, false},"]),
         "tick": repr(program.length),
         "start": "\n".join(start),
-        "arguments": ", ".join(f"data->{name}" for name in order),
+        "arguments": ", ".join(places.get(name, f"data->{name}") for name in order),
+        "real": types["float"],
+        "states": str(states),
         "peeked": "\n".join(f"    memcpy(data->{name}, after.{name}, sizeof data->{name});" for name in outputs),
     }
 
@@ -119,20 +154,25 @@ def _size(port: Port) -> int:
     return int(np.prod(port.shape))
 
 
-def _description(program: TickProgram, name: str, guid: str, version: str) -> bytes:
+def _description(program: TickProgram | SlopeProgram, name: str, guid: str, version: str) -> bytes:
     """`modelDescription.xml`."""
     old = version == "2.0"
     key = "guid" if old else "instantiationToken"
     root = ElementTree.Element("fmiModelDescription", fmiVersion=version, modelName=name, generationTool="motorgrad")
     root.set(key, guid)
-    unit = ElementTree.SubElement(root, "CoSimulation", modelIdentifier=name)
+    exchanged = isinstance(program, SlopeProgram)
+    kind = "ModelExchange" if exchanged else "CoSimulation"
+    unit = ElementTree.SubElement(root, kind, modelIdentifier=name)
+    if old and exchanged:
+        root.set("numberOfEventIndicators", "0")
     state = "state" if old else "State"
-    for able in (f"canGetAndSetFMU{state}", f"canSerializeFMU{state}", "canHandleVariableCommunicationStepSize"):
+    steps = () if exchanged else ("canHandleVariableCommunicationStepSize",)
+    for able in (f"canGetAndSetFMU{state}", f"canSerializeFMU{state}", *steps):
         unit.set(able, "true")
     if old:
         sources = ElementTree.SubElement(unit, "SourceFiles")
         ElementTree.SubElement(sources, "File", name=f"{name}.c")
-    else:
+    elif not exchanged:
         unit.set("fixedInternalStepSize", repr(program.length))
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=repr(program.length))
     variables = ElementTree.SubElement(root, "ModelVariables")
@@ -159,6 +199,19 @@ def _description(program: TickProgram, name: str, guid: str, version: str) -> by
             if causality == "output":
                 found.append((index, reference + i))
         reference += _size(port)
+    slopes: list[tuple[int, int]] = []
+    if exchanged:
+        count = len(program.states)
+        starts = [float(x) for value in program.start.values() for x in value.ravel()]
+        for n, title in enumerate(program.states):
+            about = {"causality": "local", "variability": "continuous", "initial": "exact"}
+            _real(variables, old, title, reference + n, about, start=repr(starts[n]))
+        for n, title in enumerate(program.states):
+            slopes.append((index + count + n + 1, reference + count + n))
+            about = {"causality": "local", "variability": "continuous"}
+            of = str(index + n + 1 if old else reference + n)
+            _real(variables, old, f"der({title})", slopes[-1][1], about, derivative=of)
+        reference += 2 * count
     if not old:
         ElementTree.SubElement(
             variables,
@@ -168,18 +221,27 @@ def _description(program: TickProgram, name: str, guid: str, version: str) -> by
             causality="independent",
             variability="continuous",
         )
-    if old and found:
-        outputs = ElementTree.SubElement(structure, "Outputs")
-        unknowns = ElementTree.SubElement(structure, "InitialUnknowns")
-        for place, _ in found:
-            ElementTree.SubElement(outputs, "Unknown", index=str(place))
-            ElementTree.SubElement(unknowns, "Unknown", index=str(place))
-    elif not old:
-        for kind in ("Output", "InitialUnknown"):
-            for _, each in found:
+    both = [*found, *slopes]
+    if old:
+        for title, listed in (("Outputs", found), ("Derivatives", slopes), ("InitialUnknowns", both)):
+            parent = ElementTree.SubElement(structure, title) if listed else structure
+            for place, _ in listed:
+                ElementTree.SubElement(parent, "Unknown", index=str(place))
+    else:
+        for kind, listed in (("Output", found), ("ContinuousStateDerivative", slopes), ("InitialUnknown", both)):
+            for _, each in listed:
                 ElementTree.SubElement(structure, kind, valueReference=str(each))
     ElementTree.indent(root)
     return ElementTree.tostring(root, "utf-8", xml_declaration=True)
+
+
+def _real(parent: Any, old: bool, name: str, reference: int, about: dict[str, str], **more: str) -> None:
+    """Add a variable that is one real number."""
+    told = {"name": name, "valueReference": str(reference), **about}
+    if old:
+        ElementTree.SubElement(ElementTree.SubElement(parent, "ScalarVariable", told), "Real", more)
+    else:
+        ElementTree.SubElement(parent, "Float64", told | more)
 
 
 def _start(value: Any) -> str:

@@ -19,15 +19,27 @@ REFUSED3 = (
     *("GetContinuousStateDerivatives", "GetEventIndicators", "GetContinuousStates", "GetNominalsOfContinuousStates"),
     *("GetNumberOfEventIndicators", "GetNumberOfContinuousStates", "GetOutputDerivatives", "ActivateModelPartition"),
 )
+EXCHANGED3 = (
+    *("EnterEventMode", "UpdateDiscreteStates", "EnterContinuousTimeMode", "CompletedIntegratorStep", "SetTime"),
+    *("SetContinuousStates", "GetContinuousStateDerivatives", "GetEventIndicators", "GetContinuousStates"),
+    *("GetNominalsOfContinuousStates", "GetNumberOfEventIndicators", "GetNumberOfContinuousStates"),
+)
+"""What a unit for model exchange does offer."""
 FOLDER = Path(__file__).parent
 
 
-def wrapper(version: str, guid: str, parts: Mapping[str, str]) -> str:
-    """The C of the functions of the standard, for `"2.0"` or `"3.0"`. `parts` are those that `common.c` leaves open."""
+def wrapper(version: str, guid: str, kind: str, parts: Mapping[str, str]) -> str:
+    """The C of the functions of the standard, for `"2.0"` or `"3.0"`, of a `kind` of unit: `"ticks"`, for
+    co-simulation, or `"slopes"`, for model exchange. `parts` are those that the files of common C leave open.
+    """
     prefix, refused = ("fmi2", REFUSED2) if version == "2.0" else ("fmi3", REFUSED3)
-    common, own = ((FOLDER / f"{name}.c").read_text(encoding="utf-8") for name in ("common", prefix))
-    given = {"guid": guid, "refused": _refusals(prefix, refused)}
-    return string.Template(common).substitute(parts) + "\n" + string.Template(own).substitute(given)
+    if kind == "slopes" and version == "3.0":
+        refused = (*(name for name in refused if name not in EXCHANGED3), "DoStep", "EnterStepMode")
+    names = ("common", kind, f"{kind}{prefix[-1]}", prefix)
+    common, inner, interface, own = ((FOLDER / f"{name}.c").read_text(encoding="utf-8") for name in names)
+    type = "1" if kind == "ticks" else "0"
+    given = {"guid": guid, "refused": _refusals(prefix, refused), "interface": interface, "type": type}
+    return "\n".join((string.Template(common + "\n" + inner).substitute(parts), string.Template(own).substitute(given)))
 
 
 def _refusals(prefix: str, names: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ EXPORT int fmi2SetDebugLogging(void *m, int on, size_t n, const char *const name
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *place, const void *functions, int visible, int logging)
 {
     (void)name; (void)place; (void)functions; (void)visible; (void)logging;
-    if (type != 1 || strcmp(guid, "$guid") != 0) return NULL;
+    if (type != $type || strcmp(guid, "$guid") != 0) return NULL;
     Model *model = calloc(1, sizeof *model);
     if (model) begin(&model->data);
     return model;
@@ -34,6 +34,7 @@ EXPORT int fmi2Reset(void *m) { memset(m, 0, sizeof(Model)); begin(&((Model *)m)
 #define ACCESS(NAME, KIND, TYPE) \
 EXPORT int fmi2Get##NAME(void *m, const unsigned int which[], size_t n, TYPE values[]) \
 { \
+    refresh(&((Model *)m)->data); \
     for (size_t k = 0; k < n; ++k) { \
         if (which[k] >= COUNT || !right(&VARIABLES[which[k]], KIND)) return 3; \
         values[k] = (TYPE)get_element(&((Model *)m)->data, &VARIABLES[which[k]], 0); \
@@ -82,8 +83,7 @@ EXPORT int fmi2DeSerializeFMUstate(void *m, const char bytes[], size_t size, voi
     return 0;
 }
 
-EXPORT int fmi2DoStep(void *m, double now, double length, int keep) { (void)keep; return run(m, now, length); }
-EXPORT int fmi2CancelStep(void *m) { (void)m; return 3; }
+$interface
 
 /* What the unit does not offer: each refuses, whatever it is given. */
 $refused

@@ -7,18 +7,14 @@
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 EXPORT int fmi3SetDebugLogging(void *m, bool on, size_t n, const char *const names[]) { (void)m; (void)on; (void)n; (void)names; return 0; }
 
-EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *place, bool visible, bool logging, bool events, bool early,
-    const uint32_t required[], size_t n, void *environment, const void *message, const void *update)
+static void *instantiate(const char *token)
 {
-    (void)name; (void)place; (void)visible; (void)logging; (void)events; (void)early; (void)required; (void)n;
-    (void)environment; (void)message; (void)update;
     if (strcmp(token, "$guid") != 0) return NULL;
     Model *model = calloc(1, sizeof *model);
     if (model) begin(&model->data);
     return model;
 }
 
-EXPORT void *fmi3InstantiateModelExchange(void) { return NULL; }
 EXPORT void *fmi3InstantiateScheduledExecution(void) { return NULL; }
 EXPORT void fmi3FreeInstance(void *m) { free(m); }
 
@@ -30,7 +26,6 @@ EXPORT int fmi3EnterInitializationMode(void *m, bool given, double tolerance, do
 }
 
 EXPORT int fmi3ExitInitializationMode(void *m) { peek(&((Model *)m)->data); return 0; }
-EXPORT int fmi3EnterStepMode(void *m) { (void)m; return 0; }
 EXPORT int fmi3Terminate(void *m) { (void)m; return 0; }
 EXPORT int fmi3Reset(void *m) { memset(m, 0, sizeof(Model)); begin(&((Model *)m)->data); return 0; }
 
@@ -38,6 +33,7 @@ EXPORT int fmi3Reset(void *m) { memset(m, 0, sizeof(Model)); begin(&((Model *)m)
 EXPORT int fmi3Get##NAME(void *m, const uint32_t which[], size_t n, TYPE values[], size_t count) \
 { \
     size_t made = 0; \
+    refresh(&((Model *)m)->data); \
     for (size_t k = 0; k < n; ++k) { \
         if (which[k] >= COUNT || !right(&VARIABLES[which[k]], KIND)) return 3; \
         const Variable *variable = &VARIABLES[which[k]]; \
@@ -87,14 +83,6 @@ EXPORT int fmi3DeserializeFMUState(void *m, const uint8_t bytes[], size_t size, 
     return 0;
 }
 
-EXPORT int fmi3DoStep(void *m, double now, double length, bool keep, bool *event, bool *over, bool *early, double *last)
-{
-    (void)keep;
-    const int status = run(m, now, length);
-    *event = *over = *early = false;
-    *last = ((Model *)m)->data.time;
-    return status;
-}
-
+$interface
 /* What the unit does not offer: each refuses, whatever it is given. */
 $refused

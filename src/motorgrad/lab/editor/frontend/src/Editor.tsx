@@ -1,6 +1,7 @@
 import { ReactFlowProvider } from "@xyflow/react";
 import { useEffect, useMemo, useRef } from "react";
 import { Breadcrumbs } from "./canvas/Breadcrumbs";
+import { Brought } from "./canvas/Brought";
 import { Canvas } from "./canvas/Canvas";
 import { Empty } from "./canvas/Empty";
 import { useKeys } from "./commands/useKeys";
@@ -78,6 +79,7 @@ function Frame({ whole }: { whole: boolean }) {
             <Canvas />
             <Breadcrumbs />
             <Empty />
+            <Brought />
           </div>
           {dock && <Dock />}
         </main>

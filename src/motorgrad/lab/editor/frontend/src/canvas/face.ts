@@ -25,6 +25,7 @@ export function formulaOf(view: BlockView): string | null {
   if (view.type === "function") return `${String(view.fields.function)}(${first})`;
   if (view.type === "compare") return `${first} ${String(relation)} ${second}`;
   if (view.type === "logic") return String(operator);
+  if (view.type === "goto" || view.type === "from") return `[${String(view.fields.tag)}]`;
   if (view.type === "reduce") return `${String(how)}(${first})`;
   return null;
 }
@@ -42,4 +43,5 @@ export function faceOf(view: BlockView, name: string, declaration: Declaration |
 export const isTriangle = (view: BlockView): boolean => view.type === "gain";
 
 /** What stands in the triangle. */
-export const gainText = (view: BlockView): string => shortly(view.fields.gain ?? null).replaceAll("-", MINUS);
+export const gainText = (view: BlockView): string =>
+  view.uses.gain ?? shortly(view.fields.gain ?? null).replaceAll("-", MINUS);

@@ -1,5 +1,5 @@
 import type { Problem, Scope } from "../session/types";
-import { ends, pathOf, portOf } from "../session/ports";
+import { describe, ends, pathOf, portOf } from "../session/ports";
 import type { BlockNodeType } from "./BlockNode";
 import { isPictured, portHeight, sizeOf } from "./geometry";
 import { placed } from "./layout";
@@ -146,7 +146,7 @@ export function wiresOf(scope: Scope, at: string[], problems: Problem[], before:
     const port = portOf(scope.nodes[source]?.outputs, sourceHandle);
     const wide = !!port?.shape.length;
     const problem = wrong.get(`${pathOf(at, name)}.${targetHandle}`) ?? null;
-    const title = `${from} → ${target}`;
+    const title = `${from} → ${target}${port ? `: ${describe(port)}` : ""}`;
     const path = routes.paths.get(target) ?? null;
     // The first wire of a net draws the joints of all.
     const joints = joined.has(from) ? NO_POINTS : (routes.joints.get(from) ?? NO_POINTS);

@@ -19,7 +19,7 @@ export function summary(block: BlockView, declaration: Declaration | undefined):
     declaration.fields.find(({ role }) => role === "parameter") ??
     declaration.fields.find(({ choices, name }) => choices?.length && name !== "source");
   if (!field) return "";
-  const value = block.fields[field.name];
+  const value = block.uses[field.name] ?? block.fields[field.name];
   if (value === undefined || value === null || value === "") return "";
   return field.choices?.length || field.name === "value"
     ? shortly(value)

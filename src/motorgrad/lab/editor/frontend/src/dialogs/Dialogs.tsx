@@ -9,6 +9,7 @@ import { Open } from "./Open";
 import { Python } from "./Python";
 import { Save } from "./Save";
 import { Shortcuts } from "./Shortcuts";
+import { Trust } from "./Trust";
 
 const ALL = {
   commands: CommandPalette,
@@ -20,6 +21,7 @@ const ALL = {
   save: Save,
   python: Python,
   tour: Tour,
+  trust: Trust,
 };
 
 /** The window that is open, if one is. */

@@ -10,6 +10,7 @@ import { useUi } from "../ui/ui";
 import { AS_ONE, ExpressionForm } from "./ExpressionForm";
 import { FieldRow } from "./FieldRow";
 import { Freeze } from "./Freeze";
+import { Uses } from "./Uses";
 import { toText } from "./values";
 
 const SCHEDULE = new Set(["every", "period"]);
@@ -88,7 +89,8 @@ export function BlockForm({ name, view }: { name: string; view: BlockView }) {
         </p>
       ))}
       {isFormula && <ExpressionForm name={name} path={path} view={view} />}
-      {fields.map(row)}
+      {fields.filter((field) => !(field.name in view.uses)).map(row)}
+      <Uses name={name} view={view} fields={fields.filter(live)} />
       {view.category === "learning" && <Freeze path={path} view={view} />}
       {view.outputs.length > 0 && (
         <fieldset>

@@ -4,6 +4,7 @@ import type { Field, Value } from "../session/types";
 import { useScope } from "../session/useScope";
 import { useUi } from "../ui/ui";
 import { FieldRow } from "./FieldRow";
+import { Parameters } from "./Parameters";
 
 const field = (name: string, type: string, help: string, unit = "", choices?: string[]): Field => ({
   name,
@@ -54,6 +55,7 @@ export function DiagramForm() {
       {fields.map((each) => (
         <FieldRow key={`${at.join("/")}.${each.name}`} field={each} value={scope[each.name as "title"]} onSet={set} />
       ))}
+      <Parameters at={at} scope={scope} />
     </form>
   );
 }

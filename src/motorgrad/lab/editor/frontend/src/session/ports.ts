@@ -11,10 +11,11 @@ export function ends(address: string): [string, string] {
 export const describe = (port: Port): string =>
   port.shape.length ? `${port.kind}s of shape (${port.shape.join(", ")})` : `one ${port.kind}`;
 
-/** Why a wire would be wrong, as `Port.accepts` decides; null if it fits. */
+/** Why a wire would be wrong, as `Diagram.mismatch` decides; null if it fits. */
 export function misfit(source: string, given: Port, target: string, wanted: Port): string | null {
   const same = given.shape.length === wanted.shape.length && given.shape.every((n, i) => n === wanted.shape[i]);
-  if (same && WIDENS.indexOf(given.kind) <= WIDENS.indexOf(wanted.kind)) return null;
+  const fits = same || given.follows || wanted.follows;
+  if (fits && WIDENS.indexOf(given.kind) <= WIDENS.indexOf(wanted.kind)) return null;
   return `${target} accepts ${describe(wanted)}, but ${source} outputs ${describe(given)}`;
 }
 

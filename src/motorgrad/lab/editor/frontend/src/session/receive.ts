@@ -4,7 +4,7 @@ import { toast, useUi } from "../ui/ui";
 import type { Message } from "./session";
 import { type Document, useDocument, useRun } from "./store";
 import type { RunState } from "./types";
-import { type Change, changed, flat, type View } from "./views";
+import { type Change, changed, flat, shaped, type View } from "./views";
 
 function flags(message: Message): Partial<Document> {
   return {
@@ -41,6 +41,8 @@ export function receive(message: Message): void {
       useDocument.setState((old) => ({
         ...flags(message),
         opened: old.opened + 1,
+        shapes: {},
+        foreign: [],
         scopes: flat(message.view as View),
       }));
       stay();
@@ -48,15 +50,18 @@ export function receive(message: Message): void {
     case "changed":
       useDocument.setState((old) => ({
         ...flags(message),
-        scopes: changed(old.scopes, message.scopes as Change[]),
+        scopes: shaped(changed(old.scopes, message.scopes as Change[]), old.shapes),
       }));
       stay();
       break;
     case "problems":
-      useDocument.setState({
+      useDocument.setState((old) => ({
         problems: message.list as Document["problems"],
         warnings: message.warnings as Document["warnings"],
-      });
+        foreign: message.foreign as Document["foreign"],
+        shapes: message.shapes as Document["shapes"],
+        scopes: shaped(old.scopes, message.shapes as Document["shapes"]),
+      }));
       break;
     case "recoverable":
       useDocument.setState({ recoverable: message.list as Document["recoverable"] });

@@ -1,7 +1,7 @@
 import { useMemo } from "react";
 import { create } from "zustand";
 import type { Recoverable } from "./recoverable";
-import type { Declaration, GalleryEntry, Problem, RunState, Scope } from "./types";
+import type { Declaration, ForeignCode, GalleryEntry, Problem, RunState, Scope } from "./types";
 
 /** What the session holds, as this client last heard of it. */
 export interface Document {
@@ -25,6 +25,9 @@ export interface Document {
   problems: Problem[];
   /** About a diagram that runs. */
   warnings: Problem[];
+  /** Of ports, by address, as they follow from wires. */
+  shapes: Record<string, number[]>;
+  foreign: ForeignCode[];
   recoverable: Recoverable[];
 }
 
@@ -38,6 +41,8 @@ export const emptyScope: Scope = {
   absolute_tolerance: 1e-9,
   precision: "single",
   loops: "refuse",
+  parameters: {},
+  uses: {},
   nodes: {},
   wires: {},
   comments: {},
@@ -59,6 +64,8 @@ export const useDocument = create<Document>(() => ({
   words: new Set(),
   problems: [],
   warnings: [],
+  shapes: {},
+  foreign: [],
   recoverable: [],
 }));
 

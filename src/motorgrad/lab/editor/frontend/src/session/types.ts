@@ -10,6 +10,8 @@ export interface Port {
   default: number | null;
   unit: string;
   help: string;
+  /** Whether it takes its shape from its wire. */
+  follows?: boolean;
 }
 
 export interface BlockView {
@@ -18,6 +20,8 @@ export interface BlockView {
   id: string;
   category: string;
   fields: Record<string, Value>;
+  /** The parameters of the diagram that stand for its own, by the names of these. */
+  uses: Record<string, string>;
   inputs: Port[];
   outputs: Port[];
   position: [number, number] | null;
@@ -45,6 +49,9 @@ export interface Scope {
   absolute_tolerance: number;
   precision: string;
   loops: string;
+  /** What blocks may use, and which of their parameters do: "block.parameter". */
+  parameters: Record<string, Value>;
+  uses: Record<string, string>;
   nodes: Record<string, BlockView>;
   /** The source of every connected input, both as "block.port". */
   wires: Record<string, string>;
@@ -94,6 +101,16 @@ export interface Problem {
   message: string;
   /** Of the run, or something to beware of; otherwise it keeps the diagram from running. */
   grade?: "fault" | "warning";
+}
+
+/** Code that a diagram brings, which nobody has trusted yet. */
+export interface ForeignCode {
+  path: string;
+  type: string;
+  code: string;
+  key: string;
+  /** Whether the page may let it run: it came with a file. */
+  offered: boolean;
 }
 
 /** One course of events. */

@@ -1,4 +1,4 @@
-import type { BlockView, Remark, Scope } from "./types";
+import type { BlockView, Port, Remark, Scope } from "./types";
 
 interface Layout {
   comments?: Record<string, Remark>;
@@ -75,6 +75,26 @@ export function changed(before: Scopes, changes: Change[]): Scopes {
       wires: change.wires ? wireTable(change.wires) : old.wires,
       comments: change.layout ? (change.layout.comments ?? {}) : old.comments,
     };
+  }
+  return scopes;
+}
+
+/** The views with the shapes that wires give to ports, by address; what keeps its shapes stays the same object. */
+export function shaped(before: Scopes, shapes: Record<string, number[]>): Scopes {
+  let scopes = before;
+  for (const [path, scope] of Object.entries(before)) {
+    let nodes = scope.nodes;
+    for (const [name, node] of Object.entries(scope.nodes)) {
+      const at = path ? `${path}/${name}` : name;
+      const fit = (port: Port): Port => {
+        const shape = port.follows ? (shapes[`${at}.${port.name}`] ?? []) : port.shape;
+        return String(shape) === String(port.shape) ? port : { ...port, shape };
+      };
+      const [inputs, outputs] = [node.inputs.map(fit), node.outputs.map(fit)];
+      const same = inputs.every((port, i) => port === node.inputs[i]) && outputs.every((p, i) => p === node.outputs[i]);
+      if (!same) nodes = { ...nodes, [name]: { ...node, inputs, outputs } };
+    }
+    if (nodes !== scope.nodes) scopes = { ...scopes, [path]: { ...scope, nodes } };
   }
   return scopes;
 }

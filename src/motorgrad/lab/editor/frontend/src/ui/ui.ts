@@ -1,7 +1,7 @@
 import { create } from "zustand";
 
 export type Dialog =
-  null | "commands" | "connect" | "find" | "shortcuts" | "gallery" | "open" | "save" | "tour" | "python";
+  null | "commands" | "connect" | "find" | "shortcuts" | "gallery" | "open" | "save" | "tour" | "python" | "trust";
 export type Theme = "system" | "light" | "dark";
 
 /** What this client looks at. */
