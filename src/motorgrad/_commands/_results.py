@@ -43,3 +43,23 @@ def write_json(path: Path | None, result: dict[str, Any]) -> None:
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, text.encode())
+
+
+def print_outcome(results: Any) -> None:
+    """Say whether a study or a comparison is done."""
+    failures = results.failures
+    print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
+
+
+def print_place(results: Any, files: str, kind: str) -> None:
+    """Say which jobs were set aside, where the results and their further `files` are, and how to go on."""
+    for failure in results.failures[:10]:
+        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+    print(f"saved in {results.path}{files}")
+    if not results.complete:
+        print(f"the same command continues this {kind}")
+
+
+def listed_failures(results: Any) -> list[dict[str, Any]]:
+    """The jobs that were set aside, as JSON has them."""
+    return [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]

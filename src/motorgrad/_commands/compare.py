@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
-from motorgrad._commands._results import write_json
+from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
 from motorgrad.studies import Comparison, ComparisonResults
 
 
@@ -32,7 +32,7 @@ def run(arguments: list[str]) -> int:
     results = options.made.run(options.folder, **options.options)
     if str(options.json) != "-":
         _print(results)
-    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
+    failures = listed_failures(results)
     write_json(
         options.json,
         {"path": str(results.path), "complete": results.complete, "ranking": results.ranking, "failures": failures},
@@ -49,14 +49,10 @@ def _size(comparison: Comparison) -> str:
 
 
 def _print(results: ComparisonResults) -> None:
-    failures, ranking = results.failures, results.ranking
-    print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
+    ranking = results.ranking
+    print_outcome(results)
     if ranking:
         print("interquartile means of normalized scores over all tasks, with settings tuned for each:")
     for row in ranking:
         print(f"  {row['value']:.4g} [{row['low']:.4g} … {row['high']:.4g}]: {row['method']}")
-    for failure in failures[:10]:
-        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
-    print(f"saved in {results.path}; its page is {results.path / 'index.html'}, its tables are in tables/")
-    if not results.complete:
-        print("the same command continues this comparison")
+    print_place(results, f"; its page is {results.path / 'index.html'}, its tables are in tables/", "comparison")

@@ -6,7 +6,7 @@ from typing import Any
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
-from motorgrad._commands._results import write_json
+from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
 from motorgrad._files import read_toml
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
 
@@ -59,19 +59,14 @@ def _size(made: Study | Search) -> str:
 
 
 def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None:
-    failures = results.failures
-    print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
+    print_outcome(results)
     for task, table in best:
         if table:
             print(f"the best by {metric}{f' of {settings_text(task)}' if task else ''}:")
         for each in table:
             print(f"  {each.value.words()}: {settings_text(each.settings, task)}")
-    for failure in failures[:10]:
-        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
     page = "" if isinstance(results, SearchResults) else f"; its page is {results.path / 'index.html'}"
-    print(f"saved in {results.path}{page}")
-    if not results.complete:
-        print("the same command continues this study")
+    print_place(results, page, "study")
 
 
 def _record(results: Results | SearchResults, metric: str, best: Ranking) -> dict[str, Any]:
@@ -80,9 +75,8 @@ def _record(results: Results | SearchResults, metric: str, best: Ranking) -> dic
         for _, table in best
         for each in table
     ]
-    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
     about = {"path": str(results.path), "complete": results.complete, "metric": metric}
-    return {**about, "best": listed, "failures": failures}
+    return {**about, "best": listed, "failures": listed_failures(results)}
 
 
 def _finite(table: dict[str, Any]) -> dict[str, Any]:
