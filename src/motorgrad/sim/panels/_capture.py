@@ -218,6 +218,10 @@ class BodyRecording:
             self._recorder.stop()
             return self._recorder.path.read_bytes()
 
+    def close(self) -> None:
+        """Give up; the recorder ends with its session."""
+        self._folder.cleanup()
+
 
 class SceneRecording:
     """Records the scene of a page without a body from now on, as one HTML file: viser's recording in viser's client.
@@ -296,6 +300,8 @@ class CapturePanel(Panel):
             film.stop()
         if self._folder is not None:
             self._folder.cleanup()
+        if isinstance(self._scene, BodyRecording):
+            self._scene.close()
 
     def _say(self) -> None:
         film, scene = self._film, self._scene
