@@ -134,7 +134,7 @@ def _page(motions: Sequence[Motion], plots: Sequence[Plot], moments: np.ndarray,
     described = []
     for index, motion in enumerate(motions):
         about, columns = recorded(motion.model, *resample(motion, moments)[1:])
-        described.append({**about, "label": motion.label, "begin": float(motion.time[0])})
+        described.append({**about, "label": motion.label})
         arrays |= {f"{index}.{name}": column for name, column in columns.items()}
     ladder = (255 * muscle_colour(np.array([0.0, 1.0, np.nan]))).round().astype(int).tolist()
     drawn = [*plots, *(plot for motion in motions for plot in motion_plots(motion, len(motions) > 1))]

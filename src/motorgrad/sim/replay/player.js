@@ -280,7 +280,7 @@ class Player {
       });
     });
     this.say(words);
-    $("clock").textContent = `${(this.bodies[0].begin + this.time).toFixed(2)} s${this.speed === 1 ? "" : `  ×${this.speed}`}`;
+    $("clock").textContent = `${this.time.toFixed(2)} s${this.speed === 1 ? "" : `  ×${this.speed}`}`;
     $("time").value = this.time;
     $("time").setAttribute("aria-valuetext", `${this.time.toFixed(2)} of ${this.end.toFixed(2)} s`);
     this.buttons.forEach(button => button.setAttribute("aria-pressed", button.textContent === this.camera));
