@@ -57,7 +57,7 @@ class Options:
     trust: bool = False
     """Run code that the run directory or the scene file names: the module of its task."""
     record: Path | None = None
-    """Film the simulation from its start to this file (.mp4), with or without a browser."""
+    """Record the simulation from its start to this file: a film (.mp4), or a replay as one page (.html)."""
     seconds: float | None = None
     """End after this many seconds of wall time; by default with Ctrl-C."""
     common: ClassVar[tuple[str, ...]] = (
@@ -80,9 +80,12 @@ class Options:
         live.Speed(self.pace)
         check_port(self.host, self.port)
         if self.record is not None:
-            check(self.record.suffix == ".mp4", "record", str(self.record), "a path that ends in .mp4")
+            check(
+                self.record.suffix in (".mp4", ".html"), "record", str(self.record), "a path that ends in .mp4 or .html"
+            )
             check_writable("record", self.record)
-            require(*FILM)
+            if self.record.suffix == ".mp4":
+                require(*FILM)
         if self.autosave is not None:
             live.Save(str(self.autosave))
             check_writable("autosave", self.autosave)
@@ -187,7 +190,7 @@ def _show(setup: Any, options: Options) -> int:
                 session.order(save)
             if film is not None:
                 film.stop()
-                print(f"film: {film.path}")
+                print(f"{'film' if film.path.suffix == '.mp4' else 'replay'}: {film.path}")
         if session.ended:
             raise RuntimeError(page.last_words)
     return 0

@@ -1,8 +1,8 @@
 """TimSim: live views of bodies and learners in the browser, films and still pictures of recorded motions, and drawings
 of what a particle learns in its plane.
 
-`view` opens a live page. `write_film`, `still` and `draw` show recorded motions of any MuJoCo model; `draw_reward`,
-`draw_units`, `draw_paths` and `draw_occupancy` show the plane of a particle.
+`view` opens a live page. `write_film`, `write_replay`, `still` and `draw` show recorded motions of any MuJoCo model;
+`draw_reward`, `draw_units`, `draw_paths` and `draw_occupancy` show the plane of a particle.
 
 Muscles are tubes along their wrapped path, pale pink while silent and strong red while active. Pictures are rendered
 with OpenGL where it works and drawn with matplotlib otherwise; both show the same body. Importing this is cheap;
@@ -24,6 +24,7 @@ from motorgrad.sim.plane import (
     occupancy,
     trajectories,
 )
+from motorgrad.sim.replay import Plot, Replay, write_replay
 
 __all__ = [
     "Course",
@@ -33,6 +34,8 @@ __all__ = [
     "Film",
     "Motion",
     "Painter",
+    "Plot",
+    "Replay",
     "draw",
     "draw_occupancy",
     "draw_paths",
@@ -46,4 +49,5 @@ __all__ = [
     "trajectories",
     "view",
     "write_film",
+    "write_replay",
 ]

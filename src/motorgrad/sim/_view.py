@@ -33,6 +33,7 @@ def view(
     speed: float = 1.0,
     host: str = "127.0.0.1",
     port: int | None = None,
+    record: Path | str | None = None,
 ) -> Page:
     """Train an agent on a task, or simulate a model, in a process of its own, and show it live in the browser.
 
@@ -51,6 +52,8 @@ def view(
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
     - `host`, `port`: where the page listens. Other machines reach a host other than 127.0.0.1; whoever knows the whole
       address can drive the simulation. The default port is 8080, or the next free one.
+    - `record`: a file to record the run to from its start until `page.close()`: a film (".mp4"), or a replay (".html"),
+      one page of at most 10 MB that plays anywhere without a server.
 
     **Returns** a `Page`, which a notebook shows. `page.url` is its whole address, `page.wait()` waits until it ends,
     `page.close()` ends it; `page.session` is the run.
@@ -72,7 +75,14 @@ def view(
     playing = setup.task is not None if playing is None else playing
     session = Session(setup, playing=playing, speed=speed)
     try:
-        return Page(session, host, port)
+        page = Page(session, host, port)
     except BaseException:
         session.close()
         raise
+    if record is not None:
+        try:
+            page.record(record)
+        except BaseException:
+            page.close()
+            raise
+    return page

@@ -22,7 +22,7 @@ from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.live import Session
 from motorgrad.sim.page._server import gated_server
-from motorgrad.sim.panels import DragPush, FilmRecorder, Overlay, Panels
+from motorgrad.sim.panels import DragPush, FilmRecorder, Overlay, Panels, ReplayRecorder
 from motorgrad.sim.scene import Pose, Scene, View
 
 HERE = "127.0.0.1"
@@ -75,6 +75,7 @@ class Page:
     def __init__(self, session: Session, host: str = HERE, port: int | None = None):
         check_port(host, port)
         self.session, self.host = session, host
+        self._recordings: list[FilmRecorder | ReplayRecorder] = []
         self._gate = Gate(host, "`motorgrad sim`, or `page.url`,")
         self.server = gated_server(self._gate, host, PORT if port is None else port, session.name)
         try:
@@ -135,9 +136,16 @@ class Page:
         if sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(self.url)
 
-    def record(self, path: Path | str, **settings: Any) -> FilmRecorder:
-        """Film the run from now on; see `motorgrad.sim.panels.FilmRecorder`."""
-        return FilmRecorder(self.session, path, **settings)
+    def record(self, path: Path | str, **settings: Any) -> FilmRecorder | ReplayRecorder:
+        """Record the run from now on, until `stop` of what is returned, or `close`.
+
+        A path that ends in ".html" becomes a replay (`motorgrad.sim.panels.ReplayRecorder`), one in ".mp4" a film
+        (`motorgrad.sim.panels.FilmRecorder`, which has the `settings`).
+        """
+        kind = ReplayRecorder if Path(path).suffix.lower() == ".html" else FilmRecorder
+        recording = kind(self.session, path, **settings)
+        self._recordings.append(recording)
+        return recording
 
     def wait(self) -> None:
         """Wait until the page or its run is closed, or for Ctrl-C."""
@@ -150,10 +158,14 @@ class Page:
             return
         self._stop.set()
         self._thread.join(10.0)
-        self.panels.close()
-        with contextlib.redirect_stdout(io.StringIO()):  # viser prints that it stopped
-            self.server.stop()
-        self.session.close()
+        try:
+            for recording in self._recordings:
+                recording.stop()
+        finally:
+            self.panels.close()
+            with contextlib.redirect_stdout(io.StringIO()):  # viser prints that it stopped
+                self.server.stop()
+            self.session.close()
 
     def __enter__(self) -> Self:
         return self

@@ -8,6 +8,7 @@ from motorgrad.sim.panels._capture import FilmRecorder
 from motorgrad.sim.panels._overlay import Overlay
 from motorgrad.sim.panels._panel import Panel
 from motorgrad.sim.panels._panels import PANELS, Panels
+from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.panels._run import DragPush
 
-__all__ = ["PANELS", "DragPush", "FilmRecorder", "Overlay", "Panel", "Panels"]
+__all__ = ["PANELS", "DragPush", "FilmRecorder", "Overlay", "Panel", "Panels", "ReplayRecorder"]

@@ -22,6 +22,7 @@ from motorgrad._files import check_writable
 from motorgrad.sim.film import GAP, Painter, caption, check_picture, output_path, write_mp4
 from motorgrad.sim.live import BODY_LABELS, Session, Snapshot
 from motorgrad.sim.panels._panel import Panel, brief, notify, send, table
+from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
 
@@ -193,9 +194,38 @@ def painting_of(session: Session) -> type[Painting] | None:
 LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
 
 
+class BodyRecording:
+    """Records a session's body from now on, as a replay: see `ReplayRecorder`.
+
+    Unlike viser's recordings it takes the plots along, and goes back to its beginning without an empty picture.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="motorgrad-")
+        self._recorder = ReplayRecorder(session, Path(self._folder.name) / "replay.html")
+
+    @property
+    def seconds(self) -> float:
+        """The simulated duration so far."""
+        return self._recorder.seconds
+
+    def tick(self) -> None:
+        """Nothing: it keeps the time itself."""
+
+    def html(self) -> bytes:
+        """End the recording. **Returns** a page that needs neither server nor network."""
+        with self._folder:
+            self._recorder.stop()
+            return self._recorder.path.read_bytes()
+
+    def close(self) -> None:
+        """Give up; the recorder ends with its session."""
+        self._folder.cleanup()
+
+
 class SceneRecording:
-    """Records a page's scene from now on, as one HTML file: viser's recording in viser's client. Call `tick` once a
-    frame.
+    """Records the scene of a page without a body from now on, as one HTML file: viser's recording in viser's client.
+    Call `tick` once a frame.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -232,7 +262,7 @@ class CapturePanel(Panel):
     def fill(self, gui: Any) -> None:
         self._film: FilmRecorder | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._scene: SceneRecording | None = None
+        self._scene: BodyRecording | SceneRecording | None = None
         self._summary = gui.add_html("")
         if painting_of(self.session) is not None:
             self._size = gui.add_dropdown("Film size", SIZES, initial_value=SIZES[0], hint=f"{FPS:g} frames a second.")
@@ -249,7 +279,7 @@ class CapturePanel(Panel):
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         if self._scene is not None:
             self._scene.tick()
-            if self._scene.seconds > LONGEST:
+            if self._scene.seconds >= LONGEST:
                 self._end_scene(None)
         if self._film is not None or self._scene is not None:
             self.renew_at_rate()
@@ -270,6 +300,8 @@ class CapturePanel(Panel):
             film.stop()
         if self._folder is not None:
             self._folder.cleanup()
+        if isinstance(self._scene, BodyRecording):
+            self._scene.close()
 
     def _say(self) -> None:
         film, scene = self._film, self._scene
@@ -309,7 +341,8 @@ class CapturePanel(Panel):
 
     def _toggle_scene(self, event: Any) -> None:
         if self._scene is None:
-            self._scene = SceneRecording(self.server)
+            recorded = self.session.model is not None
+            self._scene = BodyRecording(self.session) if recorded else SceneRecording(self.server)
             self._scene_button.label = PAGE[1]
         else:
             self._end_scene(event.client)

@@ -1,0 +1,5 @@
+"""Replays: recorded motions as one HTML file that plays anywhere, without a server and without the network."""
+
+from motorgrad.sim.replay._replay import LARGEST, Plot, Replay, write_replay
+
+__all__ = ["LARGEST", "Plot", "Replay", "write_replay"]
