@@ -74,6 +74,16 @@ def test_a_film_is_in_place_and_moves(name):
         assert re.search(rf"!\[[^\]]{{20,}}\]\([^)]*images/{name}\.webp\)", page.read_text(encoding="utf-8")), page.name
 
 
+def test_replays_are_in_place_and_the_gallery_leads_to_them():
+    from tools.figures._registry import REPLAYS
+
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    assert {path.stem for path in (ROOT / "docs" / "images").glob("*.html")} == set(REPLAYS) <= set(FILMS)
+    for name in REPLAYS:
+        assert (ROOT / "docs" / "images" / f"{name}.html").stat().st_size <= LIGHT_FILM
+        assert f"](images/{name}.html)" in page
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.ci if name == FILMS[0] else ()) for name in FILMS]

@@ -12,8 +12,8 @@ from pathlib import Path
 import matplotlib
 from PIL import Image
 
-from motorgrad.sim import write_film
-from tools.figures._registry import FILMS, NAMES, made
+from motorgrad.sim import write_film, write_replay
+from tools.figures._registry import FILMS, NAMES, REPLAYS, made
 from tools.figures._style import STYLE
 from tools.figures._work import Work
 
@@ -46,7 +46,10 @@ def main() -> None:
 def draw(name: str, work: Work, path: Path) -> None:
     """Draw one figure, or film one film, into a file; the same numbers give the same bytes."""
     if name in FILMS:
-        write_film(FILMS[name](work), path, fps=20, width=400, height=300)
+        motions = FILMS[name](work)
+        write_film(motions, path, fps=20, width=400, height=300)
+        if name in REPLAYS:
+            write_replay(motions, path.with_suffix(".html"), title=name.replace("-", " ").capitalize())
         return
     with matplotlib.rc_context(STYLE):
         picture = io.BytesIO()

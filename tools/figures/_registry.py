@@ -134,6 +134,9 @@ FILMS: dict[str, Callable[[Work], list[Motion]]] = {
 }
 """Films of bodies that learn, as animated WebP: the motions that they show side by side."""
 
+REPLAYS = ("hexapod-learns-to-walk", "hopper-learns-to-hop", "arm-learns-to-reach")
+"""Films that are pages, too, on which the viewer moves clock and camera."""
+
 NAMES = (*DRAWN, *MEASURED, *FILMS)
 
 
