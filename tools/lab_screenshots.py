@@ -1,0 +1,79 @@
+"""Take the pictures of TimLab's editor again: `python -m tools.lab_screenshots [--width 390] [--out FOLDER]`.
+
+Needs the editor's built pages (`make editor`), Playwright and a Chromium, whose path `CHROMIUM` tells. With a width or
+a folder of your own, it shows how the editor looks elsewhere.
+"""
+
+import argparse
+import os
+import re
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from playwright.sync_api import Browser, sync_playwright
+
+from motorgrad.lab import GALLERY
+from motorgrad.lab.editor import Server, Session
+
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+WAIT = 120_000  # milliseconds: the first tick is compiled meanwhile
+
+
+class Shot(NamedTuple):
+    """A diagram of the gallery, in light or dark; the block that is selected; and the tick until which it plays."""
+
+    diagram: str
+    scheme: Any
+    selected: str
+    until: int
+
+
+SHOTS = {
+    "timlab-editor": Shot("pid", "light", "PID tracked", 4_000),
+    "timlab-gallery": Shot("orbit", "dark", "policy", 100_000),
+}
+
+
+def take(browser: Browser, shot: Shot, width: int, path: Path) -> None:
+    """Play a diagram, select a block, and save the page as a picture."""
+    with tempfile.TemporaryDirectory() as folder:
+        session = Session(GALLERY[shot.diagram](), folder=Path(folder), states=Path(folder) / "states")
+        server = Server(session)
+        server.start()
+        try:
+            page = browser.new_page(viewport={"width": width, "height": 760}, color_scheme=shot.scheme)
+            page.goto(server.url)
+            page.get_by_label("speed", exact=True).select_option("null", timeout=WAIT)
+            page.get_by_role("button", name="Play", exact=True).click(timeout=WAIT)
+            clock = page.get_by_label("time", exact=True)
+            while int(re.sub(r"\D", "", clock.inner_text(timeout=WAIT).rpartition("tick")[2])) < shot.until:
+                page.wait_for_timeout(200)
+            page.get_by_role("button", name="Pause", exact=True).click()
+            page.get_by_label(f"block {shot.selected}", exact=True).click(position={"x": 8, "y": 8})
+            page.get_by_label("all time").check()
+            page.keyboard.press("f")
+            page.wait_for_timeout(1000)
+            page.screenshot(path=path)
+            page.close()
+        finally:
+            server.stop()
+            session.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tools.lab_screenshots", description=(__doc__ or "").split(":")[0])
+    parser.add_argument("--width", type=int, default=1280, help="of the page, in pixels")
+    parser.add_argument("--out", type=Path, default=IMAGES, help="the folder of the pictures")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=os.environ.get("CHROMIUM", "/usr/bin/chromium"))
+        for name, shot in SHOTS.items():
+            take(browser, shot, options.width, options.out / f"{name}.png")
+            print(f"{name}.png", flush=True)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
