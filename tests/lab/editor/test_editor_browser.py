@@ -100,23 +100,23 @@ def test_build_run_and_save_by_keyboard_alone(opened, tmp_path):
 def test_wires_that_do_not_fit_say_why(opened):
     diagram = lab.Diagram()
     diagram.add("vector", lab.Constant((1.0, 2.0), shape=(2,)))
-    diagram.add("gain", lab.Gain(2.0))
+    diagram.add("join", lab.Join())
     editor = opened(diagram)
-    source, target = editor.port("output", "y", "vector"), editor.port("input", "u", "gain")
+    source, target = editor.port("output", "y", "vector"), editor.port("input", "u1", "join")
     start, end = source.bounding_box(), target.bounding_box()
     mouse = editor.page.mouse
     mouse.move(start["x"] + 5, start["y"] + 5)
     mouse.down()
     mouse.move(end["x"] - 40, end["y"] + 5, steps=4)
     mouse.move(end["x"] + 5, end["y"] + 5, steps=4)
-    why = "gain.u accepts one float, but vector.y outputs floats of shape (2)"
+    why = "join.u1 accepts one float, but vector.y outputs floats of shape (2)"
     expect(editor.page.get_by_text(why)).to_be_visible()
     expect(target).to_have_class(re.compile("unfit"))
     mouse.up()
     editor.told(why)
     assert not editor.server.session.diagram.wires
     editor.page.get_by_role("tab", name="Problems").click()
-    expect(editor.page.get_by_role("list", name="problems")).to_contain_text("gain.u")
+    expect(editor.page.get_by_role("list", name="problems")).to_contain_text("join.u")
 
 
 def test_copies_groups_aligns_and_takes_apart(opened):
