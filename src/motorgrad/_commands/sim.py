@@ -168,13 +168,14 @@ def _show(setup: Any, options: Options) -> int:
     # a model that nobody drives would fall before anyone has seen it
     playing = not options.paused and (setup.task is not None or options.record is not None)
     with (
-        live.Session(setup, playing=playing, speed=options.pace) as session,
-        Page(session, options.host, options.port) as page,
+        live.Session(setup, playing=playing, speed=options.pace, wait=False) as session,
+        Page(session, options.host, options.port, wait=False) as page,
     ):
         print(f"{setup.name}: {page.url}   (Ctrl-C ends it)", flush=True)
-        film = None if options.record is None else page.record(options.record)
         if options.browser:
             page.open()
+        page.ready()
+        film = None if options.record is None else page.record(options.record)
         save = None if options.autosave is None else live.Save(str(options.autosave), quiet=True)
         saved = time.monotonic()
         try:

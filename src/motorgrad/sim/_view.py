@@ -34,6 +34,7 @@ def view(
     host: str = "127.0.0.1",
     port: int | None = None,
     record: Path | str | None = None,
+    wait: bool = True,
 ) -> Page:
     """Train an agent on a task, or simulate a model, in a process of its own, and show it live in the browser.
 
@@ -54,6 +55,8 @@ def view(
       address can drive the simulation. The default port is 8080, or the next free one.
     - `record`: a file to record the run to from its start until `page.close()`: a film (".mp4"), or a replay (".html"),
       one page of at most 10 MB that plays anywhere without a server.
+    - `wait`: whether to return only when the run has started. Without, the page is there at once and says what is being
+      done until the body is in the picture; `page.ready()` waits for that, before which `page.session` cannot be used.
 
     **Returns** a `Page`, which a notebook shows. `page.url` is its whole address, `page.wait()` waits until it ends,
     `page.close()` ends it; `page.session` is the run.
@@ -65,6 +68,7 @@ def view(
     page.wait()
     ```
     """
+    from motorgrad._errors import check
     from motorgrad.sim.live import Session, Speed, setup_of
     from motorgrad.sim.page import Page, check_port, warn_of
 
@@ -73,9 +77,10 @@ def view(
     setup = setup_of(task, agent, seed, run=run, frozen=frozen, stage=stage, planet=planet)
     warn_of(host)
     playing = setup.task is not None if playing is None else playing
-    session = Session(setup, playing=playing, speed=speed)
+    check(wait or record is None, "record", record, "left out without wait: call `page.record` after `page.ready()`")
+    session = Session(setup, playing=playing, speed=speed, wait=False)
     try:
-        page = Page(session, host, port)
+        page = Page(session, host, port, wait)
     except BaseException:
         session.close()
         raise

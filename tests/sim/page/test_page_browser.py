@@ -3,7 +3,9 @@
 import contextlib
 import html
 import http.server
+import os
 import re
+import signal
 import threading
 from pathlib import Path
 
@@ -119,6 +121,24 @@ def test_the_owner_sees_the_page_and_no_token_in_its_address(browser, page):
         with site("hello") as (port, heard):
             seen.goto(f"http://localhost:{port}/")
             assert token not in str(heard)
+
+
+def test_the_page_opens_at_once_and_says_what_is_done_and_what_went_wrong(browser):
+    """A worker that stands still before it is ready, and then is killed."""
+    page = mg.sim.view("chain", wait=False)
+    try:
+        os.kill(page.session._process.pid, signal.SIGSTOP)
+        with opened(browser) as (seen, _):
+            seen.goto(page.url)
+            cover = seen.locator("#motorgrad-cover")
+            cover.get_by_text("starting a process for the simulation").wait_for()
+            assert cover.bounding_box() == {"x": 0, "y": 0, "width": 900, "height": 900}  # over viser's empty page
+            os.kill(page.session._process.pid, signal.SIGKILL)
+            with pytest.raises(RuntimeError, match="chain: the simulation did not start"):
+                page.ready()
+            cover.get_by_text("could not start: chain: the simulation did not start").wait_for()
+    finally:
+        page.close()
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import threading
 import time
 import types
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Self
 
@@ -26,14 +26,15 @@ from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, SharedArrays, Sizes, Snapshot, Trail, layout
 from motorgrad.sim.live._worker import work
 
-START = 300.0  # s in which a worker must be ready; compiling a large learner takes about ten
+START = 300.0  # s that any part of the start may take; compiling a large learner takes about ten
 KEPT = 10_000  # events that have not been read
 
 
 class Session:
     """A run in a process of its own, which goes on whether or not anyone watches.
 
-    **Arguments:** `setup`; `playing`: whether it starts at once; `speed`: simulated seconds per second of wall time.
+    **Arguments:** `setup`; `playing`: whether it starts at once; `speed`: simulated seconds per second of wall time;
+    `wait`: whether to return only when it is ready. Without, call `wait_until_ready` before anything else but `close`.
 
     **Attributes:**
 
@@ -48,7 +49,7 @@ class Session:
     **Raises** `ValueError` or `RuntimeError` with the worker's message where it cannot start.
     """
 
-    def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0):
+    def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0, wait: bool = True):
         self.setup, self.name, self.speed = setup, setup.name, speed
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
         self.folders = [Path.cwd(), *([] if setup.folder is None else [setup.folder])]
@@ -63,7 +64,21 @@ class Session:
         with _bare_main():
             self._process.start()
         theirs.close()
-        ready = self._first()
+        atexit.register(self.close)
+        self._listener: threading.Thread | None = None
+        self._shared: dict[str, SharedArrays] = {}
+        if wait:
+            self.wait_until_ready()
+
+    def wait_until_ready(self, told: Callable[[str], object] = lambda _: None) -> None:
+        """Wait until the run has started; `told` is called with what it does meanwhile, in a few words.
+
+        **Raises** `ValueError` or `RuntimeError` with the worker's message where it cannot start.
+        """
+        if self._listener is not None:
+            return
+        told("starting a process for the simulation")
+        ready = self._first(told)
         self.sizes: Sizes = ready.sizes
         self.period, self.settings = ready.period, dict(ready.settings)
         self.observations, self.actions, self.muscles = ready.observations, ready.actions, ready.muscles
@@ -73,7 +88,6 @@ class Session:
         self._await_first_snapshot()
         self._listener = threading.Thread(target=self._listen, name="motorgrad sim events", daemon=True)
         self._listener.start()
-        atexit.register(self.close)
 
     def snapshot(self) -> Snapshot:
         """The present moment. **Raises** `RuntimeError` once the session is closed."""
@@ -157,15 +171,17 @@ class Session:
     def close(self) -> None:
         """End the run and free its memory. A second call does nothing."""
         if self._process.is_alive():
-            with self._lock, contextlib.suppress(OSError):
-                self._pipe.send(None)
-            self._process.join(5.0)
+            if self._listener is not None:  # it is ready, and can end by itself
+                with self._lock, contextlib.suppress(OSError):
+                    self._pipe.send(None)
+                self._process.join(5.0)
             if self._process.is_alive():
                 self._process.terminate()
                 self._process.join()
         self._ended.set()
         atexit.unregister(self.close)
-        self._listener.join(5.0)
+        if self._listener is not None:
+            self._listener.join(5.0)
         self._pipe.close()
         shared, self._shared = self._shared, {}
         for block in shared.values():
@@ -182,16 +198,22 @@ class Session:
             raise RuntimeError(f"{self.name}: the session is closed")
         return self._shared[part].read()
 
-    def _first(self) -> Ready:
-        """The worker's first reply."""
-        reply: Any = None
-        with contextlib.suppress(EOFError):
-            reply = self._pipe.recv() if self._pipe.poll(START) else None
+    def _first(self, told: Callable[[str], object]) -> Ready:
+        """The worker's first reply after what it tells of its start."""
+        reply: Any = ""
+        while isinstance(reply, str):
+            try:
+                reply = self._pipe.recv() if self._pipe.poll(START) else None
+            except (EOFError, OSError):
+                reply = None
+            if isinstance(reply, str):
+                told(reply)
         if isinstance(reply, Ready):
             return reply
         self._process.terminate()
         self._process.join()
         self._pipe.close()
+        atexit.unregister(self.close)
         if isinstance(reply, Exception):
             raise reply
         raise RuntimeError(f"{self.name}: the simulation did not start (exit status {self._process.exitcode})")

@@ -6,7 +6,7 @@
 import logging
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 
 import cloudpickle
@@ -48,12 +48,12 @@ log = logging.getLogger(__name__)
 
 
 def work(pipe: Connection, payload: bytes) -> None:
-    """Run a worker. An error at the start is sent to the session, which raises it."""
+    """Run a worker. What it does until it is ready is sent to the session in words; an error then is raised there."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the page, which ends this process
     mujoco.set_mju_user_warning(log.debug)  # by default MuJoCo writes a file into the user's folder
     try:
         setup, playing, speed = cloudpickle.loads(payload)
-        worker = Worker(setup, pipe, playing, speed)
+        worker = Worker(setup, pipe, playing, speed, pipe.send)
     except Exception as error:
         pipe.send(error if isinstance(error, REFUSED) else RuntimeError(f"{type(error).__name__}: {error}"))
         return
@@ -70,9 +70,18 @@ def work(pipe: Connection, payload: bytes) -> None:
 class Worker:
     """One run: a subject with its clock, its playback, and its snapshots, trail and curve in shared memory."""
 
-    def __init__(self, setup: Setup, pipe: Connection, playing: bool, speed: float):
+    def __init__(
+        self,
+        setup: Setup,
+        pipe: Connection,
+        playing: bool,
+        speed: float,
+        told: Callable[[str], object] = lambda _: None,
+    ):
+        told("building the model" if setup.task is None else "building the learner")
         self.subject: Subject = BareModel(setup) if setup.task is None else Learner(setup)
         self.pipe = pipe
+        told("starting the model" if setup.task is None else "compiling the learner")
         about = self.subject.about()
         pipe.send(about)
         names = pipe.recv()

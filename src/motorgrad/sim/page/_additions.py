@@ -12,7 +12,7 @@ def with_additions(page: bytes, name: str) -> bytes:
     """
     files = (Path(__file__).with_name(each) for each in ("client.css", "loading.js", "client.js"))
     style, loading, client = (file.read_text("utf-8") for file in files)
-    cover = f'<div id="motorgrad-cover" role="status"><b>{html.escape(name)}</b><span>loading the view …</span></div>'
+    cover = f'<div id="motorgrad-cover" role="status"><b>{html.escape(name)}</b><span>loading the page</span></div>'
     first = f"<style>{style}</style>{cover}<script>{loading}</script>"
     before, body, after = page.partition(b"<body>")
     # viser's own script waits until the document is read, and so runs after both

@@ -4,6 +4,7 @@
 # (MuJoCo's bindings carry no types)
 
 import contextlib
+import html
 import io
 import logging
 import os
@@ -56,13 +57,17 @@ def check_port(host: str, port: int | None) -> None:
 
 
 FRAME = 1 / 30  # s
+LAST = 0.3  # s for browsers to receive why there is nothing to see
 log = logging.getLogger(__name__)
 
 
 class Page:
     """Shows a session in any number of browsers, or none.
 
-    **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one.
+    The page opens at once. Until a session that was made with `wait=False` is ready, it says what the session does.
+
+    **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one; `wait`: whether to
+    return only when the body is in the picture. Without, `ready` waits for that.
 
     **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
@@ -72,25 +77,54 @@ class Page:
     **Raises** `ValueError` for a port that is in use.
     """
 
-    def __init__(self, session: Session, host: str = HERE, port: int | None = None):
+    def __init__(self, session: Session, host: str = HERE, port: int | None = None, wait: bool = True):
         check_port(host, port)
         self.session, self.host = session, host
         self._recordings: list[FilmRecorder | ReplayRecorder] = []
         self._gate = Gate(host, "`motorgrad sim`, or `page.url`,")
         self.server = gated_server(self._gate, host, PORT if port is None else port, session.name)
-        try:
-            self._build()
-        except BaseException:
-            self.server.stop()
-            raise
-        self._thread = threading.Thread(target=self._run, name="motorgrad sim page", daemon=True)
-        self._thread.start()
-
-    def _build(self) -> None:
         # a browser may disconnect between two messages
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
+        self._progress = self.server.gui.add_html("")
+        self._stop, self._built, self._error = threading.Event(), threading.Event(), None
+        self._thread = threading.Thread(target=self._begin, name="motorgrad sim page", daemon=True)
+        self._thread.start()
+        if wait:
+            try:
+                self.ready()
+            except BaseException:
+                self.server.stop()
+                raise
+
+    def ready(self) -> None:
+        """Wait until the body is in the picture. **Raises** what kept the session from starting."""
+        while not self._built.wait(0.2):
+            pass
+        if self._error is not None:
+            raise self._error
+
+    def _begin(self) -> None:
+        """Start the session, telling of it, then build the page and keep it up to date."""
+        try:
+            self.session.wait_until_ready(self._tell)
+            self._tell("drawing")
+            self._build()
+            self._progress.remove()
+        except Exception as error:
+            self._error = error
+            self._tell(f"could not start: {' '.join(str(error).split())}")
+            return
+        finally:
+            self._built.set()
+        self._run()
+
+    def _tell(self, words: str) -> None:
+        """Say on the cover of the page what is going on; the page's script reads it from this element."""
+        self._progress.content = f'<div class="motorgrad-progress">{html.escape(words)}</div>'
+
+    def _build(self) -> None:
         if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a file into the user's folder
             mujoco.set_mju_user_warning(log.debug)
         session = self.session
@@ -105,7 +139,6 @@ class Page:
 
             planet, ground_at = PlanetScene(), ground_finder(session.task, session.model, self._pose)
         self.view = View(self.scene, ground_at=ground_at)
-        self._stop = threading.Event()
         drag = DragPush(self.scene.draggable)
         drawn = [self.scene, *([] if planet is None else [planet])]
         for part in (*drawn, self.panels, self.overlay, drag):
@@ -157,12 +190,17 @@ class Page:
         if self._stop.is_set():
             return
         self._stop.set()
+        if not self._built.is_set():
+            self.session.close()
         self._thread.join(10.0)
         try:
             for recording in self._recordings:
                 recording.stop()
         finally:
-            self.panels.close()
+            if self._error is None:
+                self.panels.close()
+            else:
+                time.sleep(LAST)
             with contextlib.redirect_stdout(io.StringIO()):  # viser prints that it stopped
                 self.server.stop()
             self.session.close()
