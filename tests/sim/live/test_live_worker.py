@@ -110,7 +110,7 @@ def test_what_is_told_of_muscles_is_true_of_the_engine_in_use(hopper):
     for decay in (0.5, 0.6, 0.7, 0.8):  # an engine for each, until the first is forgotten
         hopper(live.Edit("agent.estimator.trace.decay", decay))
     hopper(live.Edit("body.extensor_left.strength", 450.0))
-    assert hopper.worker.subject.fields["actuator_gainprm"][1, 0] == -450.0
+    assert hopper.worker.subject._stepper.batch.model.actuator_gainprm[1, 0] == -450.0
     hopper(live.Edit("agent.estimator.trace.decay", 0.995), live.Edit("body.extensor_left.strength", 400.0))
 
 

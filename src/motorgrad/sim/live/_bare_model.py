@@ -10,8 +10,8 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import install_muscle_callback
-from motorgrad.sim.live._body import check_number, muscle_fields, muscle_numbers
 from motorgrad.sim.live._messages import Ready
+from motorgrad.sim.live._numbers import check_number, editable_numbers, write_numbers
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 
@@ -37,16 +37,12 @@ class BareModel:
         self.tick = self._pushed_until = 0
         self.substeps = max(1, round(DECISION / self.model.opt.timestep))
         self.period = self.substeps * self.model.opt.timestep
-        self._numbers = muscle_numbers(self.model)
+        self._numbers = editable_numbers(self.model)
         self.settings = {name: number.get(self.model) for name, number in self._numbers.items()}
         sensors = [self.model.sensor(i) for i in range(self.model.nsensor)]
         feet = [each for each in sensors if each.type[0] == mujoco.mjtSensor.mjSENS_TOUCH]
         self._feet = [(each.name, int(each.adr[0])) for each in feet]
         self.begin_again()
-
-    @property
-    def fields(self) -> dict[str, np.ndarray]:
-        return muscle_fields(self.model)
 
     def about(self) -> Ready:
         m = self.model
@@ -107,7 +103,7 @@ class BareModel:
         self._to_start()
 
     def edit(self, name: str, value: float) -> None:
-        check_number(name, self._numbers[name], value)
+        check_number(name, self._numbers[name], value, self.period)
         self._apply({**self.settings, name: value})
 
     def push(self, body: str, force: tuple[float, float, float], seconds: float) -> None:
@@ -140,9 +136,8 @@ class BareModel:
         raise ValueError(f"{what}: this model has no learner")
 
     def _apply(self, settings: dict[str, float]) -> None:
-        for name, value in settings.items():
-            if value != self.settings[name]:
-                self._numbers[name].apply(self.model, value)
+        if write_numbers(self.model, self._numbers, settings):
+            self.substeps = round(self.period / self.model.opt.timestep)
         self.settings = dict(settings)
 
     def _to_start(self) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._tree import is_live, numbers_of
 from motorgrad.learning import SparseAgent
-from motorgrad.sim.live._body import BodyPart, check_number
+from motorgrad.sim.live._body import BodyPart
 from motorgrad.sim.live._messages import Ready
+from motorgrad.sim.live._numbers import check_number
 from motorgrad.sim.live._policy import load_policy, save_policy
 from motorgrad.sim.live._probe import Probed, gradient_norm, probe
 from motorgrad.sim.live._setup import Setup
@@ -55,10 +56,6 @@ class Learner:
     @property
     def period(self) -> float:
         return self.task.period
-
-    @property
-    def fields(self) -> dict[str, np.ndarray]:
-        return self._body.fields(self._stepper)
 
     def about(self) -> Ready:
         width = {name: array.shape[1] for name, array in self._probe_bodies().items() if array.ndim == 2}
@@ -137,7 +134,7 @@ class Learner:
     def edit(self, name: str, value: float) -> None:
         value = float(value)
         if name in self._body.numbers:
-            check_number(name, self._body.numbers[name], value)
+            check_number(name, self._body.numbers[name], value, self.period)
             self._body.apply({**self.settings, name: value}, self._all)
         elif name.startswith(TASK):
             self._switch({**self._changes, name.removeprefix(TASK): value}, self.frozen)

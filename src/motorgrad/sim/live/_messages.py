@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-import numpy as np
-
 from motorgrad._errors import check, unknown
 from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 
@@ -38,7 +36,7 @@ class Subject(Protocol):
     """What a run simulates: a learner (`Learner`) or a bare model (`BareModel`).
 
     - `tick`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
-    - `settings`: what can be edited, with its present value; `fields`: the model's arrays that edits change.
+    - `settings`: what can be edited, with its present value.
     - `diverged`: how often the simulation has broken down, and was set to its start.
     """
 
@@ -51,9 +49,6 @@ class Subject(Protocol):
 
     @property
     def period(self) -> float: ...
-
-    @property
-    def fields(self) -> dict[str, np.ndarray]: ...
 
     def about(self) -> Ready:
         """Array sizes, settings and names."""
@@ -338,16 +333,10 @@ class Event(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """An event, whose text may be empty, with the settings and the arrays of the model that changed."""
+    """An event, whose text may be empty, with the settings that changed."""
 
     event: Event
     settings: Mapping[str, float]
-    fields: Mapping[str, np.ndarray]
-
-    def update(self, model: Any) -> None:
-        """Copy the changed arrays into a model."""
-        for name, values in self.fields.items():
-            np.copyto(getattr(model, name), values)
 
 
 def _check_npz(path: str) -> None:

@@ -22,6 +22,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import Policy, split
 from motorgrad.sim.live._messages import Event, Order, Ready, Reply, Speed
+from motorgrad.sim.live._numbers import editable_numbers, write_numbers
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, SharedArrays, Sizes, Snapshot, Trail, layout
 from motorgrad.sim.live._worker import work
@@ -38,7 +39,7 @@ class Session:
 
     **Attributes:**
 
-    - `model`: the `mujoco.MjModel` of the body in view, with edits of muscles applied; None for worlds in JAX.
+    - `model`: the `mujoco.MjModel` of the body in view, with edits applied; None for worlds in JAX.
     - `task`, `agent`: None for a model without a learner.
     - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
     - `period`: simulated seconds of a decision; `speed`: simulated seconds per second of wall time, as wanted.
@@ -81,6 +82,8 @@ class Session:
         ready = self._first(told)
         self.sizes: Sizes = ready.sizes
         self.period, self.settings = ready.period, dict(ready.settings)
+        numbers = {} if self.model is None else editable_numbers(self.model)
+        self._numbers = {name: number for name, number in numbers.items() if name in self.settings}
         self.observations, self.actions, self.muscles = ready.observations, ready.actions, ready.muscles
         self.feet, self.readings = ready.feet, ready.readings
         self._shared = {part: SharedArrays(shapes) for part, shapes in layout(self.sizes).items()}
@@ -231,8 +234,8 @@ class Session:
             while True:
                 reply: Reply = self._pipe.recv()
                 self.settings.update(reply.settings)
-                if self.model is not None:
-                    reply.update(self.model)
+                if self.model is not None and reply.settings:
+                    write_numbers(self.model, self._numbers, self.settings)
                 if reply.event.text:
                     self._note(reply.event)
         if not self._ended.is_set():

@@ -159,15 +159,13 @@ class Worker:
             text, kind = " ".join(str(error).splitlines()), "error"
         changed = {name: x for name, x in subject.settings.items() if x != self._sent[name]}
         if text or changed:
-            self.send(text, kind, changed, subject.fields if any(name.startswith("body.") for name in changed) else {})
+            self.send(text, kind, changed)
             self._sent |= changed
         self._publish()
 
-    def send(
-        self, text: str, kind: str, settings: Mapping[str, float] = {}, fields: Mapping[str, np.ndarray] = {}
-    ) -> None:
-        """Report an event to the session, with the settings and the arrays of the model that changed."""
-        self.pipe.send(Reply(Event(time.time(), self.subject.tick, text, kind), settings, fields))
+    def send(self, text: str, kind: str, settings: Mapping[str, float] = {}) -> None:
+        """Report an event to the session, with the settings that changed."""
+        self.pipe.send(Reply(Event(time.time(), self.subject.tick, text, kind), settings))
 
     def _idle_time(self) -> float:
         """Seconds until there is something to do but to listen."""
