@@ -3,14 +3,17 @@
 import contextlib
 import html
 import http.server
+import io
 import os
 import re
 import signal
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from page_clients import until
+from PIL import Image
 
 import motorgrad as mg
 from motorgrad.sim import live
@@ -139,6 +142,61 @@ def test_the_page_opens_at_once_and_says_what_is_done_and_what_went_wrong(browse
             cover.get_by_text("could not start: chain: the simulation did not start").wait_for()
     finally:
         page.close()
+
+
+def on_screen(page, seen, point):
+    """Where a point of the world `(3,)` is in the browser's window, in pixels."""
+    (client,) = page.server.get_clients().values()
+    camera, box = client.camera, seen.locator("canvas").first.bounding_box()
+    w, x, y, z = np.array(camera.wxyz) * (1, -1, -1, -1)  # from the world to the camera, whose z is forwards
+    away = np.subtract(point, camera.position)
+    away = away + 2 * w * np.cross((x, y, z), away) + 2 * np.cross((x, y, z), np.cross((x, y, z), away))
+    across, down = away[:2] / away[2] / np.tan(camera.fov / 2) * box["height"] / 2
+    return box["x"] + box["width"] / 2 + across, box["y"] + box["height"] / 2 + down
+
+
+def orange(seen):
+    """The number of pixels of the picture that have the colour of a chosen part."""
+    picture = np.asarray(Image.open(io.BytesIO(seen.screenshot())).convert("RGB")).astype(int)
+    red, green, blue = picture[..., 0], picture[..., 1], picture[..., 2]
+    return int(np.sum((red > 110) & (red - blue > 70) & (np.abs(green - 0.68 * red) < 0.17 * red)))
+
+
+def test_a_part_that_is_clicked_is_shown_and_can_be_edited(browser):
+    with mg.sim.view(Path(__file__).parents[1] / "leg.xml", playing=False) as page, opened(browser) as (seen, _):
+        seen.goto(page.url)
+        seen.locator("#motorgrad-cover").wait_for(state="detached")
+        trunk = page.session.model.body("trunk").id
+        assert until(lambda: page._pose.bodies and page.server.get_clients())
+        seen.wait_for_timeout(500)  # until the camera stands still
+        before, panel = orange(seen), page.panels.panels["Body"]
+
+        def clicked():
+            seen.mouse.click(
+                *on_screen(page, seen, page._pose.bodies[0].geom_xpos[page.session.model.body_geomadr[trunk]])
+            )
+            return until(lambda: panel.chosen == trunk, 3.0)
+
+        assert until(clicked)
+        tab = seen.get_by_role("tab", name="Body")
+        assert until(lambda: tab.get_attribute("aria-selected") == "true")
+        seen.locator("tr", has_text="mass").get_by_text("kg, ").wait_for()
+        seen.mouse.move(5, 400)  # what the pointer is on is marked
+        assert until(lambda: orange(seen) > before + 200)
+        chosen = orange(seen)
+        mass = seen.get_by_label("mass (kg)", exact=True)
+        mass.fill("7.5")
+        mass.press("Enter")
+        assert until(lambda: page.session.settings["body.trunk.mass"] == 7.5)
+        seen.locator("tr", has_text="mass").get_by_text("7.50 kg, ").wait_for()
+        sizes = [name for name in page.session.settings if name.startswith(("body.trunk.radius", "body.trunk.half"))]
+        for name in sizes:
+            page.session.order(live.Edit(name, 1.6 * page.session.settings[name]))
+        assert until(lambda: orange(seen) > 1.5 * chosen)  # drawn anew, though the run stands still
+        for _ in sizes:
+            page.session.order(live.Undo())
+        assert until(lambda: orange(seen) < 1.2 * chosen)
+        assert page.failures == 0
 
 
 @pytest.mark.slow

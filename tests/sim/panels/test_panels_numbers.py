@@ -4,11 +4,13 @@ import csv
 import io
 import itertools
 
+import mujoco
 import numpy as np
 import pytest
 
 from motorgrad.sim.panels._charts import SIZE, fitting_ticks, smoothed, tick_label
 from motorgrad.sim.panels._panel import brief, columns_of, csv_of, table
+from motorgrad.sim.panels._parts import part_facts, world_facts
 from motorgrad.sim.panels._settings_form import number_of, words_of
 from motorgrad.training import agent_for
 
@@ -86,3 +88,37 @@ def test_settings_have_words():
     assert words_of("body.flexor_left.damping")[0] == "damping (N·s/m)"
     assert words_of("agent.optimizer.learning_rate.log_width", agent)[0] == "learning rate log width"
     assert words_of("task.hop_height")[0] == "hop height"
+
+
+LOADED = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 .1"/>
+    <body name="box" pos="0 0 .1">
+      <freejoint name="free"/>
+      <geom name="box" type="box" size=".2 .1 .1" mass="2"/>
+      <body name="flap" pos="0 0 .2"><joint name="hinge" axis="0 1 0" range="-90 45"/>
+        <geom size=".05" mass=".5"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_a_part_is_told_with_units_and_the_force_of_its_contacts():
+    model = mujoco.MjModel.from_xml_string(LOADED)
+    data = mujoco.MjData(model)
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+    data.qpos[7] = np.radians(30)
+    data.qvel[6] = np.radians(-12)
+    facts = dict(part_facts(model, data, model.body("box").id))
+    assert facts["mass"] == "2.00 kg, 80% of the body"
+    assert facts["shape"] == "box, 400 × 200 × 200 mm"
+    assert facts["contact force"] == "24.5 N in 4 contacts"  # the weight of both
+    assert facts["free"] == "free"
+    flap = dict(part_facts(model, data, model.body("flap").id))
+    assert flap["hinge"] == "30.0° (−90.0 to 45.0°), −12.0°/s"
+    assert flap["contact force"] == "none"
+    assert dict(world_facts(model, data))["weight of the body"] == "24.5 N"

@@ -27,6 +27,7 @@ from motorgrad.sim.live._messages import (
     Thaw,
     Undo,
 )
+from motorgrad.sim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, owned
 from motorgrad.sim.live._policy import confined
 from motorgrad.sim.live._session import Session
 from motorgrad.sim.live._setup import Camera, Setup, Stage, acting, is_path, setup_of
@@ -34,6 +35,8 @@ from motorgrad.sim.live._snapshot import BODY_LABELS, Curve, Snapshot, Trail
 
 __all__ = [
     "BODY_LABELS",
+    "MUSCLE_FIELDS",
+    "WORLD",
     "Camera",
     "Compare",
     "Control",
@@ -60,6 +63,8 @@ __all__ = [
     "Undo",
     "acting",
     "confined",
+    "field_of",
     "is_path",
+    "owned",
     "setup_of",
 ]

@@ -23,7 +23,7 @@ from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.live import Session
 from motorgrad.sim.page._server import gated_server
-from motorgrad.sim.panels import DragPush, FilmRecorder, Overlay, Panels, ReplayRecorder
+from motorgrad.sim.panels import ClickSelect, DragPush, FilmRecorder, Overlay, Panels, ReplayRecorder
 from motorgrad.sim.scene import Pose, Scene, View
 
 HERE = "127.0.0.1"
@@ -66,8 +66,8 @@ class Page:
 
     The page opens at once. Until a session that was made with `wait=False` is ready, it says what the session does.
 
-    **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one; `wait`: whether to
-    return only when the body is in the picture. Without, `ready` waits for that.
+    **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one; `wait`: whether
+    to return only when the body is in the picture. Without, `ready` waits for that.
 
     **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
@@ -139,14 +139,14 @@ class Page:
 
             planet, ground_at = PlanetScene(), ground_finder(session.task, session.model, self._pose)
         self.view = View(self.scene, ground_at=ground_at)
-        drag = DragPush(self.scene.draggable)
+        hands = DragPush(self.scene.draggable), ClickSelect(self.scene, self.panels)
         drawn = [self.scene, *([] if planet is None else [planet])]
-        for part in (*drawn, self.panels, self.overlay, drag):
+        for part in (*drawn, self.panels, self.overlay, *hands):
             part.build(self.server, session)
         with self.panels.tabs.add_tab(View.title):
             self.view.build(self.server, session)
             self.overlay.add_switch()
-        self.parts: list[Any] = [*drawn, self.view, self.panels, self.overlay, drag]
+        self.parts: list[Any] = [*drawn, self.view, self.panels, self.overlay, *hands]
 
     @property
     def url(self) -> str:

@@ -33,6 +33,7 @@ KINDS: dict[str, Any] = {
         viser_messages.GuiFormDirtyMessage,
         viser_messages.GuiFormSubmitMessage,
         viser_messages.GuiUpdateMessage,
+        viser_messages.SceneNodeClickMessage,
         viser_messages.SceneNodeDragMessage,
         viser_messages.ViewerCameraMessage,
     )

@@ -45,9 +45,24 @@
     copy.classList.toggle("motorgrad-narrow", box.width < 560);
   };
 
+  // who clicks a part or a muscle sees its tab
+  let fronted = "0";
+  const bringForward = () => {
+    const wanted = document.querySelector(".motorgrad-front");
+    if (!wanted || wanted.dataset.count === fronted) return;
+    const tab = [...document.querySelectorAll("[role=tab]")].find(each => each.textContent.trim() === wanted.textContent);
+    if (!tab) return;
+    fronted = wanted.dataset.count;
+    for (const kind of ["pointerdown", "mousedown", "pointerup", "mouseup", "click"]) {  // a click alone moves no tab
+      const Kind = kind.startsWith("pointer") ? PointerEvent : MouseEvent;
+      tab.dispatchEvent(new Kind(kind, { bubbles: true, button: 0, pointerId: 1, isPrimary: true }));
+    }
+  };
+
   let due = false;
   const renew = () => {
     due = false;
+    bringForward();
     nameInputs();
     overlay();
   };

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from motorgrad.sim.film import muscle_colour
-from motorgrad.sim.live import Control, Event, Session, Snapshot
+from motorgrad.sim.live import MUSCLE_FIELDS, Control, Event, Session, Snapshot, field_of, owned
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._charts import FAINT, STRONG
 from motorgrad.sim.panels._muscle_law import Law
@@ -129,9 +129,10 @@ def draw_operating(
 
 def units_of(model: Any, actuator: int) -> tuple[str, str]:
     """The units of an actuator's length and force: of a path m and N, about a hinge rad and N·m."""
-    kind, of = model.actuator_trntype[actuator], model.actuator_trnid[actuator, 0]
+    # NumPy's integers are in no tuple of MuJoCo's enumerations
+    kind, of = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
     if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
-        turns = model.jnt_type[of] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL)
+        turns = int(model.jnt_type[of]) in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL)
         return ("rad", "N·m") if turns else ("m", "N")
     return "m", "N"
 
@@ -229,7 +230,11 @@ class MusclesPanel(Panel):
         return np.abs(activation) / np.where((model.actuator_ctrllimited > 0) & (most > 0), most, 1.0)
 
     def _settings_of(self, muscle: str) -> list[str]:
-        return [name for name in self.session.settings if name.startswith(f"body.{muscle}.")]
+        return [name for name in owned(self.session.settings, muscle) if field_of(name) in MUSCLE_FIELDS]
+
+    def choose(self, muscle: str) -> None:
+        """Choose a muscle by its name."""
+        self._which.value = muscle
 
     def _select(self, _: Any) -> None:
         self._range = _fresh()

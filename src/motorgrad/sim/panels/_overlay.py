@@ -135,7 +135,6 @@ class Overlay:
         """Add the element that browsers copy onto the scene."""
         self._server, self._session = server, session
         self._handle = server.gui.add_html("", order=1e6)
-        self._weight = None if session.model is None else weight_of(session.model)
 
     def add_switch(self) -> None:
         """Add the switch to the open container."""
@@ -202,14 +201,15 @@ class Overlay:
         return _card(small_plot(curve.seconds[known], _charts.smoothed(values[known]), words, "var(--line)"))
 
     def _legend(self, pose: Pose) -> str:
-        if self._weight is None or not self._session.muscles:
+        model = self._session.model
+        if model is None or not self._session.muscles:
             return ""
         colours = "linear-gradient(90deg, #f2d3cf, #d0021b)"
         bar = f'<span style="display:inline-block;width:44px;height:8px;border-radius:4px;background:{colours}"></span>'
         words = [f"activation 0 {bar} 1"]
-        if pose.model is not None and pose.model.ngeom:
+        if model.ngeom:
             long = brief(weight_arrow(pose.size), 2)
-            words.append(f"arrow of {long} m: contact force of the body's weight, {brief(self._weight)} N")
+            words.append(f"arrow of {long} m: contact force of the body's weight, {brief(weight_of(model))} N")
         return f'<div class="card wide">{"<br>".join(words)}</div>'
 
     def _draw_arrows(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> None:

@@ -14,6 +14,7 @@ from motorgrad.sim.panels._learning import LearningPanel
 from motorgrad.sim.panels._muscles import MusclesPanel
 from motorgrad.sim.panels._network import NetworkPanel
 from motorgrad.sim.panels._panel import Panel, notify
+from motorgrad.sim.panels._parts import PartsPanel
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
 from motorgrad.sim.scene import Pose
@@ -21,6 +22,7 @@ from motorgrad.sim.scene import Pose
 PANELS: tuple[type[Panel], ...] = (
     RunPanel,
     LearningPanel,
+    PartsPanel,
     MusclesPanel,
     PolicyPanel,
     NetworkPanel,

@@ -94,7 +94,7 @@ class DragPush:
 
     def __init__(self, draggable: Callable[[], Sequence[tuple[Any, np.ndarray]]]) -> None:
         self._draggable = draggable
-        self._held: list[Any] = []
+        self._held: dict[int, Any] = {}
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Remember the session."""
@@ -104,8 +104,8 @@ class DragPush:
         """Listen to new meshes."""
         del snapshot
         for handle, geoms in self._draggable():
-            if not any(handle is known for known in self._held):
-                self._held.append(handle)
+            if id(handle) not in self._held:
+                self._held[id(handle)] = handle
                 self._hold(handle, geoms, pose.size)
 
     def _hold(self, handle: Any, geoms: np.ndarray, size: float) -> None:

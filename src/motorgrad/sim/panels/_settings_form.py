@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from motorgrad._docstrings import descriptions
 from motorgrad._tree import Part
+from motorgrad.sim.live import field_of
 
 if TYPE_CHECKING:
     from motorgrad.sim.panels._panel import Panel
@@ -20,6 +21,18 @@ WORDS = {
     "optimal_fiber_length": ("optimal fiber (m)", "The length at which the fiber is strongest."),
     "tendon_slack_length": ("slack tendon (m)", "The length beyond which the tendon pulls."),
     "damping": ("damping (N·s/m)", "Of the muscle's whole path."),
+    "mass": ("mass (kg)", "The moments of inertia change with it, in proportion."),
+    "friction": ("friction", "Of sliding. Of two that touch, the greater coefficient counts."),
+    "radius": ("radius (m)", "Mass and moments of inertia stay as they are."),
+    "half_length": ("half length (m)", "Without round ends. Mass and moments of inertia stay as they are."),
+    "half_width_x": ("half width x (m)", "Mass and moments of inertia stay as they are."),
+    "half_width_y": ("half width y (m)", "Mass and moments of inertia stay as they are."),
+    "half_width_z": ("half width z (m)", "Mass and moments of inertia stay as they are."),
+    "gravity_x": ("gravity x (m/s²)", "World coordinates."),
+    "gravity_y": ("gravity y (m/s²)", "World coordinates."),
+    "gravity_z": ("gravity z (m/s²)", "World coordinates; −9.81 on earth, −1.62 on the moon."),
+    "timestep": ("time step (s)", "Of the physics: a decision divided by a whole number."),
+    "terrain_height": ("terrain height (m)", "Of its highest possible point."),
 }
 
 AGENT = "agent."
@@ -99,9 +112,12 @@ def words_of(name: str, agent: Any = None) -> tuple[str, str]:
     """A setting's label and what it means; of a learner's number, what its part's docstring says."""
     if name.startswith(AGENT):
         return _agent_words(name.removeprefix(AGENT).split("."), agent)
-    for key in (name, name.rsplit(".", 1)[-1] if name.startswith("body.") else name):
-        if key in WORDS:
-            return WORDS[key]
+    if name.startswith("body."):
+        label, hint = WORDS[field_of(name)]
+        geom = name.partition("[")[2].rstrip("]")
+        return (f"{geom}: {label}" if geom else label), hint
+    if name in WORDS:
+        return WORDS[name]
     return name.split(".", 1)[-1].replace("_", " "), ""
 
 

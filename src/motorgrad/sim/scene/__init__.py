@@ -1,9 +1,9 @@
 """The three-dimensional scene of TimSim's page and the cameras that look at it, drawn in the browser by viser."""
 
 from motorgrad.sim.scene._cameras import Cameras
-from motorgrad.sim.scene._contacts import weight_arrow
+from motorgrad.sim.scene._contacts import touches, weight_arrow
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._scene import Scene, View
 
-__all__ = ["Cameras", "Layer", "Pose", "Scene", "View", "weight_arrow"]
+__all__ = ["Cameras", "Layer", "Pose", "Scene", "View", "touches", "weight_arrow"]

@@ -13,8 +13,8 @@ import viser
 
 from motorgrad.sim.film import ground_height, nice_step
 from motorgrad.sim.live import Session
-from motorgrad.sim.scene._bodies import placed_pieces, unit_pieces
-from motorgrad.sim.scene._geometry import rod
+from motorgrad.sim.scene._bodies import Pieces, placed_pieces, unit_pieces
+from motorgrad.sim.scene._geometry import Shape, rod
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
 
@@ -66,18 +66,22 @@ class Ghost(Layer):
         if model is None:
             return
         self._data, self._past = mujoco.MjData(model), deque[tuple[float, np.ndarray]](maxlen=500)
-        self._parts = []
-        for kind, shape, pieces in unit_pieces(model):
-            moving = pieces.take(model.body_weldid[model.geom_bodyid[pieces.geom]] != 0)
-            if len(moving.geom):
-                pool = MeshPool(server.scene, f"/ghost/{kind}", shape, len(moving.geom), shadow=False, faded=True)
-                self._parts.append((pool, moving))
+        self._parts, self._edits = [], 0
+        for kind, shape, pieces in _moving(model):
+            pool = MeshPool(server.scene, f"/ghost/{kind}", shape, len(pieces.geom), shadow=False, faded=True)
+            self._parts.append((pool, pieces))
         self.pools = [pool for pool, _ in self._parts]
         self.applies = bool(self.pools)
 
     def draw(self, pose: Pose) -> None:
-        snapshot, past = pose.snapshot, self._past
+        snapshot, past, model = pose.snapshot, self._past, pose.model
         assert snapshot is not None
+        assert model is not None
+        if pose.edits != self._edits:  # sizes may have changed
+            self._edits = pose.edits
+            self._parts = [
+                (pool, pieces) for (pool, _), (_, _, pieces) in zip(self._parts, _moving(model), strict=True)
+            ]
         if past and snapshot.seconds < past[-1][0]:
             past.clear()
         past.append((snapshot.seconds, snapshot.position[0].copy()))
@@ -86,10 +90,19 @@ class Ghost(Layer):
         if not np.isfinite(past[0][1]).all():
             return
         self._data.qpos[:] = past[0][1]
-        mujoco.mj_kinematics(pose.model, self._data)
+        mujoco.mj_kinematics(model, self._data)
         for pool, pieces in self._parts:
             place, turn, size = placed_pieces(self._data, pose.offset[0], pieces)
             pool.show(place, turn, size, np.tile(GHOST, (len(place), 1)), np.full(len(place), FAINT))
+
+
+def _moving(model: mujoco.MjModel) -> list[tuple[str, Shape, Pieces]]:
+    """The copies of each unit shape that move."""
+    found = []
+    for kind, shape, pieces in unit_pieces(model):
+        moving = pieces.take(model.body_weldid[model.geom_bodyid[pieces.geom]] != 0)
+        found += [(kind, shape, moving)] if len(moving.geom) else []
+    return found
 
 
 class ScaleBar(Layer):

@@ -28,6 +28,7 @@ from motorgrad.sim.scene._geometry import (
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
 
+TINT, TINT_SHARE = (1.0, 0.62, 0.0), 0.65  # of the part that is chosen
 APART = 0.02  # relative difference in size of two coinciding balls; more than facets depart from a sphere
 
 
@@ -47,40 +48,56 @@ class Bodies(Layer):
     """Draws geoms as copies of three unit meshes; a capsule is a rod and two balls.
 
     So the number of messages does not grow with the body, and only positions and rotations are sent.
+
+    **Attributes:** `chosen`: the number of the body whose geoms are tinted; −1 for none.
     """
 
+    chosen = -1
+
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        self._parts: list[tuple[MeshPool, Pieces, np.ndarray]] = []
+        self._parts: list[tuple[MeshPool, str, np.ndarray]] = []
+        self._pieces: dict[str, Pieces] = {}
         model = session.model
         if model is None:
             return
-        colours = geom_colours(model)
+        self._colours, self._edits = geom_colours(model), 0
         for kind, shape, pieces in unit_pieces(model):
+            self._pieces[kind] = pieces
             for clear in (False, True):
-                chosen = (colours[pieces.geom, 3] < 1) == clear
-                if not chosen.any():
+                some = np.flatnonzero((self._colours[pieces.geom, 3] < 1) == clear)
+                if not some.size:
                     continue
-                some = pieces.take(chosen)
                 node = f"/bodies/{kind}{'/clear' if clear else ''}"
-                pool = MeshPool(server.scene, node, shape, len(some.geom), shadow=not clear, faded=clear)
-                self._parts.append((pool, some, colours[some.geom]))
+                pool = MeshPool(server.scene, node, shape, some.size, shadow=not clear, faded=clear)
+                self._parts.append((pool, kind, some))
         self.pools = [pool for pool, *_ in self._parts]
         self.applies = bool(self.pools)
 
     def draggable(self) -> list[tuple[Any, np.ndarray]]:
         """What can be taken hold of: viser's handles, and of which geom each copy is."""
-        return [(pool.handle, pieces.geom) for pool, pieces, _ in self._parts if pool.handle is not None]
+        known = [part for part in self._parts if part[0].handle is not None]
+        return [(pool.handle, self._pieces[kind].geom[some]) for pool, kind, some in known]
 
     def draw(self, pose: Pose) -> None:
-        for pool, pieces, colours in self._parts:
+        assert pose.model is not None
+        if pose.edits != self._edits:  # sizes may have changed; the number of copies does not
+            self._edits = pose.edits
+            self._pieces = {kind: pieces for kind, _, pieces in unit_pieces(pose.model)}
+        colours = tinted(pose.model, self._colours, self.chosen)
+        for pool, kind, some in self._parts:
+            pieces = self._pieces[kind].take(some)
+            rgba = colours[pieces.geom]
             rows = [
-                _placed(data, offset, pieces, colours) for data, offset in zip(pose.bodies, pose.offset, strict=True)
+                (*placed_pieces(data, offset, pieces), rgba[:, :3], rgba[:, 3])
+                for data, offset in zip(pose.bodies, pose.offset, strict=True)
             ]
             pool.show(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
 
-def _placed(data: mujoco.MjData, offset: np.ndarray, pieces: Pieces, colours: np.ndarray) -> tuple[np.ndarray, ...]:
-    return *placed_pieces(data, offset, pieces), colours[:, :3], colours[:, 3]
+def tinted(model: mujoco.MjModel, colours: np.ndarray, body: int) -> np.ndarray:
+    """The colours of all geoms, with those of one body tinted."""
+    share = TINT_SHARE * (model.geom_bodyid == body)[:, None]
+    return np.concatenate([colours[:, :3] + share * (np.array(TINT) - colours[:, :3]), colours[:, 3:]], axis=1)
 
 
 def placed_pieces(data: mujoco.MjData, offset: np.ndarray, pieces: Pieces) -> tuple[np.ndarray, ...]:
@@ -129,10 +146,17 @@ def unit_pieces(model: mujoco.MjModel) -> Iterator[tuple[str, Shape, Pieces]]:
 
 
 class Meshes(Layer):
-    """Draws mesh geoms as nodes under a frame of their body part, so that only frames of moving parts are sent."""
+    """Draws mesh geoms as nodes under a frame of their body part, so that only frames of moving parts are sent.
+
+    **Attributes:** `chosen`: the number of the body whose geoms are tinted; −1 for none. Textured ones are not.
+    """
+
+    chosen = -1
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self._frames: list[dict[int, Any]] = []
+        self._nodes: list[tuple[Any, int]] = []
+        self._tinted = -1
         self._server, model = server, session.model
         if model is None:
             return
@@ -143,8 +167,17 @@ class Meshes(Layer):
         self.applies = bool(self._geoms.size)
         self._parts = np.unique(model.geom_bodyid[self._geoms])
 
+    def draggable(self) -> list[tuple[Any, np.ndarray]]:
+        """viser's handles of the meshes of the first body, and their geoms."""
+        return [(node, np.array([geom])) for node, geom in self._nodes]
+
     def draw(self, pose: Pose) -> None:
         assert pose.model is not None
+        if self.chosen != self._tinted:
+            self._tinted, colours = self.chosen, geom_colours(pose.model)
+            for node, geom in self._nodes:
+                if hasattr(node, "color"):
+                    node.color = tuple(tinted(pose.model, colours, self.chosen)[geom, :3])
         while len(self._frames) < len(pose.bodies):
             self._add(pose.model, len(self._frames))
         for frames, data, offset in zip(self._frames, pose.bodies, pose.offset, strict=False):
@@ -165,11 +198,15 @@ class Meshes(Layer):
             texture = texture_of(model, int(geom))
             if uv is not None and texture >= 0 and model.tex_nchannel[texture] >= 3:
                 mesh = trimesh.Trimesh(vertices, faces, process=False)
-                scene.add_glb(name, textured_glb(mesh, uv, texture_pixels(model, texture)[..., :3] / 255), **where)
+                picture = texture_pixels(model, texture)[..., :3] / 255
+                node: Any = scene.add_glb(name, textured_glb(mesh, uv, picture), **where)
+                self._nodes += [(node, int(geom))] if row == 0 else []
                 continue
             shape, colour = smooth_shaded(vertices, faces), colours[geom]
             opacity = None if colour[3] >= 1 else float(colour[3])
-            scene.add_mesh_simple(name, shape.vertices, shape.faces, color=tuple(colour[:3]), opacity=opacity, **where)
+            look = {"color": tuple(colour[:3]), "opacity": opacity}
+            node = scene.add_mesh_simple(name, shape.vertices, shape.faces, **look, **where)
+            self._nodes += [(node, int(geom))] if row == 0 else []
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

@@ -69,8 +69,6 @@ class Contacts(Layer):
         model = session.model
         if model is None:
             return
-        gravity = float(np.linalg.norm(model.opt.gravity))
-        self._weight = float(model.body_mass.sum()) * (gravity or 9.81)
         self.applies = True
         self.pools = [
             MeshPool(server.scene, "/contacts/points", ball(12), ROOM, shadow=False),
@@ -78,12 +76,15 @@ class Contacts(Layer):
         ]
 
     def draw(self, pose: Pose) -> None:
-        found = [touches(pose.model, data) for data in pose.bodies]
+        model = pose.model
+        assert model is not None
+        weight = float(model.body_mass.sum()) * (float(np.linalg.norm(model.opt.gravity)) or 9.81)
+        found = [touches(model, data) for data in pose.bodies]
         point = np.concatenate([touch.point + offset for touch, offset in zip(found, pose.offset, strict=True)])
         force = np.concatenate([touch.force for touch in found])
         strongest = np.argsort(-np.linalg.norm(force, axis=1), kind="stable")[:MOST]
         point, force = point[strongest], force[strongest]
-        long = LONGEST * -np.expm1(-np.linalg.norm(force, axis=1) / self._weight)
+        long = LONGEST * -np.expm1(-np.linalg.norm(force, axis=1) / weight)
         seen = long > SHORTEST
         thick = np.minimum(THICK, 1.5 * long[seen])
         size = pose.size * np.stack([thick, thick, long[seen]], axis=1)
@@ -170,9 +171,6 @@ class Balance(Layer):
         model = session.model
         if model is None or not model.body_mass.any():
             return
-        gravity = np.array(model.opt.gravity)
-        length = np.linalg.norm(gravity)
-        self._up = -gravity / length if length > 0 else np.array([0.0, 0.0, 1.0])
         self._scene = server.scene
         self.applies = True
         self.pools = [
@@ -186,7 +184,10 @@ class Balance(Layer):
             fill.visible = shown
 
     def draw(self, pose: Pose) -> None:
-        size, up = pose.size, self._up
+        assert pose.model is not None
+        gravity = np.array(pose.model.opt.gravity)
+        length = float(np.linalg.norm(gravity))
+        size, up = pose.size, -gravity / length if length > 0 else np.array([0.0, 0.0, 1.0])
         balls, lines = [], []
         for row, (data, offset) in enumerate(zip(pose.bodies, pose.offset, strict=True)):
             touch = touches(pose.model, data)

@@ -4,7 +4,7 @@
 # (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -167,17 +167,21 @@ class Muscles(Layer):
         if model is None or not model.nwrap:
             return
         most, ends = most_segments(model)
-        self.applies = True
+        self.applies, self._tendons = True, np.zeros(0, int)
         self.pools = [
             MeshPool(server.scene, "/muscles/tubes", tube(SLICES), most, faded=True),
             MeshPool(server.scene, "/muscles/joints", ball(SLICES), most + ends, faded=True),
         ]
 
+    def clickable(self) -> list[tuple[Any, np.ndarray]]:
+        """viser's handle of the tubes, and of which tendon each copy is in the picture drawn last."""
+        return [(self.pools[0].handle, self._tendons)] if self.applies and self.pools[0].handle is not None else []
+
     def draw(self, pose: Pose) -> None:
         model = pose.model
         assert model is not None
         radius = muscle_radius(model, pose.size / 2)
-        tubes, joints = [], []
+        tubes, joints, tendons = [], [], []
         for data, offset, activation in zip(pose.bodies, pose.offset, pose.activation, strict=True):
             run = segments(model, data)
             level = tendon_activation(model, activation)
@@ -185,10 +189,12 @@ class Muscles(Layer):
             colour, solid = muscle_colour(level), np.nan_to_num(level, nan=1.0)
             fade = SILENT_OPACITY + (1 - SILENT_OPACITY) * solid
             of = run.tendon
+            tendons.append(of)
             tubes.append((run.start + offset, run.end + offset, thick[of], colour[of], fade[of]))
             knots = np.concatenate([run.start, run.end[run.last]]) + offset
             at = np.concatenate([of, of[run.last]])
             # a ball would show through a transparent tube, so balls appear only as the muscle fires
             joints.append((knots, thick[at], colour[at], np.sqrt(solid[at])))
+        self._tendons = np.concatenate(tendons)
         self.pools[0].show_rods(*(np.concatenate(column) for column in zip(*tubes, strict=True)))
         self.pools[1].show_balls(*(np.concatenate(column) for column in zip(*joints, strict=True)))

@@ -17,7 +17,7 @@ APART = 1.6  # distance of bodies side by side, in widths of one
 class Pose:
     """The bodies in view in their present posture, with forces and contacts; one for each page.
 
-    **Arguments:** `model`, which is never changed; None for a world without one.
+    **Arguments:** `model`, which only edits change; None for a world without one.
 
     **Attributes:**
 
@@ -27,6 +27,7 @@ class Pose:
     - `offset` `(bodies, 3)` m: added to all positions when drawing, so that bodies stand side by side.
     - `size`: the diagonal of the box around one body, in m; `middle` `(3,)`: of that box at the start.
     - `snapshot`: the one placed last; None before.
+    - `edits`: how often sizes, masses, gravity or the height of the ground have changed.
     """
 
     def __init__(self, model: mujoco.MjModel | None) -> None:
@@ -36,8 +37,10 @@ class Pose:
         self.offset = np.zeros((0, 3))
         self.size, self.middle = 1.4, np.array([0.0, 0.0, 0.55])  # of the board that shows a particle's plane
         self.snapshot: Snapshot | None = None
+        self.edits = 0
         if model is None:
             return
+        self._numbers = _edited(model)
 
         install_muscle_callback(model)
         self._outline = Outline(model)
@@ -53,6 +56,8 @@ class Pose:
             return
 
         model, count = self.model, len(snapshot.position)
+        if not np.array_equal(numbers := _edited(model), self._numbers):
+            self.edits, self._numbers = self.edits + 1, numbers
         while len(self.bodies) < count:
             self.bodies.append(mujoco.MjData(model))
         del self.bodies[count:]
@@ -85,6 +90,12 @@ class Pose:
         marks = self.snapshot.marks.reshape(len(self.bodies), -1, 4)
         found = [self._outline.box(data, marked) for data, marked in zip(self.bodies, marks, strict=True)]
         return np.array(found) + self.offset[:, None]
+
+
+def _edited(model: mujoco.MjModel) -> np.ndarray:
+    """The numbers of a model that may be edited and that pictures show."""
+    shown = (model.geom_size, model.hfield_size, model.body_mass, model.opt.gravity)
+    return np.concatenate([np.ravel(each) for each in shown])
 
 
 def _side_step(model: mujoco.MjModel, extent: np.ndarray) -> np.ndarray:

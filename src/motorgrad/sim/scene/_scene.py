@@ -56,10 +56,20 @@ class Scene:
         """viser's handles of what can be dragged in all layers, and the geoms of their copies."""
         return [grip for layer in self.layers for grip in layer.draggable()]
 
+    def clickable_muscles(self) -> list[tuple[Any, np.ndarray]]:
+        """viser's handles of muscles, and the tendons of their copies at present."""
+        return [grip for layer in self.layers if isinstance(layer, Muscles) for grip in layer.clickable()]
+
+    def choose(self, body: int) -> None:
+        """Tint the geoms of a body, by its number; −1 for none."""
+        for layer in self.layers:
+            if isinstance(layer, Bodies | Meshes) and layer.chosen != body:
+                layer.chosen, self._drawn = body, ()
+
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Show the present moment atomically; nothing is sent where nothing has changed."""
         active = [layer for layer in self.layers if layer.applies and layer.shown]
-        moment = (snapshot.decision, snapshot.reset_count, len(snapshot.position), *map(id, active))
+        moment = (snapshot.decision, snapshot.reset_count, len(snapshot.position), pose.edits, *map(id, active))
         if moment == self._drawn:
             return
         self._drawn = moment

@@ -31,6 +31,8 @@ class Ground(Layer):
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self._endless: list[tuple[Any, np.ndarray, np.ndarray, float]] = []
+        self._hills: dict[str, tuple[int, np.ndarray, dict[str, Any]]] = {}
+        self._scene, self._edits = server.scene, 0
         model = session.model
         if model is None:
             return
@@ -51,11 +53,21 @@ class Ground(Layer):
                 if np.any(model.geom_size[geom, :2] == 0):
                     self._endless.append((handle, place, turn, tile))
             elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_HFIELD:
-                content = height_field_glb(model, model.geom_dataid[geom], colours[geom, :3])
-                server.scene.add_glb(f"/ground/{geom}", content, **where)
+                self._hills[f"/ground/{geom}"] = int(model.geom_dataid[geom]), colours[geom, :3], where
+        self._draw_hills(model)
+
+    def _draw_hills(self, model: mujoco.MjModel) -> None:
+        self._heights = np.array(model.hfield_size)
+        for node, (field, colour, where) in self._hills.items():
+            self._scene.add_glb(node, height_field_glb(model, field, colour), **where)
 
     def draw(self, pose: Pose) -> None:
-        """Move infinite planes with the body."""
+        """Move infinite planes with the body; draw hills again whose height was edited."""
+        assert pose.model is not None
+        if pose.edits != self._edits:
+            self._edits = pose.edits
+            if not np.array_equal(self._heights, pose.model.hfield_size):
+                self._draw_hills(pose.model)
         for handle, place, turn, tile in self._endless:
             leap = 16 * tile
             steps = np.round((pose.centre - place) @ turn[:, :2] / leap)
