@@ -39,8 +39,16 @@ def nobody(**more):
 
 
 def test_panels_that_do_not_apply_do_not_appear(server, hopping, legged):
-    assert list(panels_of(server, hopping).panels) == ["Run", "Learning", "Body", "Muscles", "Policy", "Capture"]
-    assert list(panels_of(server, legged).panels) == ["Run", "Body", "Muscles", "Capture"]
+    assert list(panels_of(server, hopping).panels) == [
+        "Run",
+        "Learning",
+        "Body",
+        "Joints",
+        "Muscles",
+        "Policy",
+        "Capture",
+    ]
+    assert list(panels_of(server, legged).panels) == ["Run", "Body", "Joints", "Muscles", "Capture"]
     assert is_hexapod(compile_model(Hexapod()))
     assert not is_hexapod(hopping.model)
     assert not is_hexapod(None)

@@ -1,4 +1,4 @@
-"""The panels of TimSim's page: run, learning, body, muscles, policy, gait and capture.
+"""The panels of TimSim's page: run, learning, body, joints, muscles, policy, gait and capture.
 
 Each panel is a tab that adds its own elements and updates them. Panels do not know each other, see a run through its
 `Session` alone, and appear only where they apply.

@@ -246,6 +246,20 @@ class TracePlot(Plot):
         self.put(seconds, list(values.T))
 
 
+class NamedPlot(Plot):
+    """Recent values of one thing over time, whose name stands at the axis."""
+
+    def __init__(self, gui: Any, colour: str) -> None:
+        super().__init__(gui, ("value",), (colour,), 185, legend=False)
+        self._name = ""
+
+    def show(self, seconds: np.ndarray, values: np.ndarray, name: str) -> None:
+        if name != self._name:
+            self._name = name
+            self._handle.axes = self._axes(name)
+        self.put(seconds, (values,))
+
+
 def smoothed(values: np.ndarray) -> np.ndarray:
     """Running means over a share of all points, over fewer at the ends."""
     reach = max(1, round(SMOOTH * len(values) / 2))

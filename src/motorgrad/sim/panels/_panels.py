@@ -10,6 +10,7 @@ import viser
 from motorgrad.sim.live import Event, Session, Snapshot
 from motorgrad.sim.panels._capture import CapturePanel
 from motorgrad.sim.panels._gait import GaitPanel
+from motorgrad.sim.panels._joints import JointsPanel
 from motorgrad.sim.panels._learning import LearningPanel
 from motorgrad.sim.panels._muscles import MusclesPanel
 from motorgrad.sim.panels._network import NetworkPanel
@@ -23,6 +24,7 @@ PANELS: tuple[type[Panel], ...] = (
     RunPanel,
     LearningPanel,
     PartsPanel,
+    JointsPanel,
     MusclesPanel,
     PolicyPanel,
     NetworkPanel,
