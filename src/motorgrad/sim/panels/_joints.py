@@ -108,7 +108,7 @@ class JointsPanel(Panel):
     """Place, speed and limits of a joint, and what acts on it; its place and its torque over time; moment arms."""
 
     title: ClassVar[str] = "Joints"
-    rate: ClassVar[float] = 4.0
+    rate: ClassVar[float] = 3.0
 
     @classmethod
     def applies(cls, session: Session) -> bool:

@@ -73,13 +73,20 @@ class MeshPool:
             while self._room < count:
                 self._room *= 2
             self._handle = self._add()
-        room, handle = self._room, self._handle
-        handle.batched_positions = _filled(position, (room, 3), 0.0)
-        handle.batched_wxyzs = _filled(turn, (room, 4), (1.0, 0.0, 0.0, 0.0))
-        handle.batched_scales = _filled(size, (room, 3), AWAY)
-        handle.batched_colors = np.round(255 * _linear(_filled(colour, (room, 3), 0.0))).astype(np.uint8)
+        room = self._room
+        self._send("positions", _filled(position, (room, 3), 0.0))
+        self._send("wxyzs", _filled(turn, (room, 4), (1.0, 0.0, 0.0, 0.0)))
+        self._send("scales", _filled(size, (room, 3), AWAY))
+        self._send("colors", _filled(colour, (room, 3), 0.0))
         if self._faded:
-            handle.batched_opacities = _filled(np.ones(count) if opacity is None else opacity, (room,), 0.0)
+            self._send("opacities", _filled(np.ones(count) if opacity is None else opacity, (room,), 0.0))
+
+    def _send(self, name: str, values: np.ndarray) -> None:
+        """Set what has changed: viser takes much longer to find that nothing has."""
+        if name not in self._sent or not np.array_equal(values, self._sent[name]):
+            self._sent[name] = values
+            sent = np.round(255 * _linear(values)).astype(np.uint8) if name == "colors" else values
+            setattr(self._handle, f"batched_{name}", sent)
 
     def show_balls(self, position: np.ndarray, radius: Any, colour: Any, opacity: np.ndarray | None = None) -> None:
         """Show copies of a unit sphere; `radius` `(n,)` and `colour` `(n, 3)` may be the same for all."""
@@ -98,6 +105,7 @@ class MeshPool:
 
     def _add(self) -> Any:
         room, shape = self._room, self._shape
+        self._sent: dict[str, np.ndarray] = {}
         return self._scene.add_batched_meshes_simple(
             self._name,
             shape.vertices,
