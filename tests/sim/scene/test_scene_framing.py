@@ -155,3 +155,38 @@ def test_what_the_user_turns_and_zooms_stays_so(hopper):
     mode._turned = -np.inf  # the hand has let go
     mode.move(camera, pose)
     np.testing.assert_allclose(camera.position - camera.look_at, [0.0, -0.7 * length, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("which", ["hopper", "hexapod"])
+def test_before_and_after_both_bodies_are_whole_in_the_picture(which, request, silhouette):
+    model = request.getfixturevalue(which)
+    pose, sight, travels = Pose(model), silhouette(model), which == "hexapod"
+    start = model.key_qpos[0]
+    pose.place(moment(start, model=model))
+    camera, mode, history = eye_of(pose, travels)
+    for decision in range(1, 20):
+        positions = np.stack([start, start])
+        positions[0, 0] += 0.05 * decision  # the one that learns gets ahead
+        pose.place(moment(positions, model=model, decision=decision))
+        history.add(pose)
+        mode.move(camera, pose)
+    for data, offset in zip(pose.bodies, pose.offset, strict=True):  # each is drawn beside its own place
+        there = types.SimpleNamespace(**vars(camera))
+        there.position, there.look_at = camera.position - offset, camera.look_at - offset
+        assert whole(sight.of(data, there))
+
+
+def test_f_frames_again_what_the_user_has_lost_by_zooming(hopper, silhouette):
+    pose, sight = Pose(hopper), silhouette(hopper)
+    pose.place(moment(hopper.key_qpos[0], model=hopper))
+    camera, mode, history = eye_of(pose, travels=False)
+    towards = (camera.position - camera.look_at) / np.linalg.norm(camera.position - camera.look_at)
+    camera.position = camera.look_at + 0.2 * pose.size * towards
+    camera.update_timestamp += 1.0
+    for _ in range(3):
+        mode.move(camera, pose)
+    assert not whole(sight.of(pose.bodies[0], camera))
+    cameras.Follow(history, travels=False).begin(camera, pose)  # what the key does
+    assert whole(sight.of(pose.bodies[0], camera))
+    again = camera.position - camera.look_at
+    np.testing.assert_allclose(again / np.linalg.norm(again), towards, atol=1e-6)  # seen from the same side
