@@ -7,6 +7,7 @@ import pytest
 from motorgrad.bodies import Arm, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
 from motorgrad.sim.live._numbers import ANY, editable_numbers, owned, write_numbers
+from motorgrad.sim.panels._settings_form import words_of
 
 PENDULUM = """
 <mujoco>
@@ -56,6 +57,17 @@ def test_an_edited_model_is_the_one_that_mujoco_compiles_with_these_numbers():
     mujoco.mj_forward(model, data)
     assert data.ncon == 1
     assert data.contact[0].dist == pytest.approx(-0.01)
+
+
+def test_names_with_dots_and_brackets_belong_to_their_parts():
+    text = PENDULUM.format(mass=1.0, inertia=0.01, radius=0.05)
+    text = text.replace('name="rod"', 'name="rod[0].a"').replace('name="bob"', 'name="bob]["')
+    names = editable_numbers(mujoco.MjModel.from_xml_string(text))
+    sizes = ["radius[arm]", "half_length[arm]", "radius[2]"]
+    assert owned(names, "rod[0].a") == [f"body.rod[0].a.{field}" for field in ("mass", "friction", *sizes)]
+    assert owned(names, "rod[0]") == owned(names, "rod") == []
+    found = [words_of(name)[0] for name in owned(names, "rod[0].a")]
+    assert found == ["mass (kg)", "friction", "arm: radius (m)", "arm: half length (m)", "2: radius (m)"]
 
 
 @pytest.mark.parametrize("body", [Hopper(), Hexapod(), Arm()], ids=["hopper", "hexapod", "arm"])

@@ -82,3 +82,20 @@ def test_what_one_sees_through_has_an_opacity_and_hidden_groups_are_not_drawn(sh
     rods = server.scene.get_handle_by_name("/bodies/rods")
     assert len(rods.batched_positions) == 1  # the capsule's; the cylinder is of a hidden group
     np.testing.assert_allclose(rods.batched_scales[0], [0.03, 0.03, 0.2], rtol=1e-6)
+
+
+def test_a_mesh_can_be_clicked_and_is_tinted_with_its_part(shapes, staged, server):
+    scene, pose = staged(shapes)
+    snapshot = moment(shapes.qpos0, model=shapes)
+    pose.place(snapshot)
+    scene.update(snapshot, pose)
+    plain, painted = (server.scene.get_handle_by_name(f"/meshes/0/1/{geom}") for geom in (1, 2))
+    found = {id(handle): geoms.tolist() for handle, geoms in scene.draggable()}
+    assert (found[id(plain)], found[id(painted)]) == ([1], [2])
+    colour = plain.color
+    scene.choose(1)
+    scene.update(snapshot, pose)
+    assert plain.color != colour
+    scene.choose(-1)
+    scene.update(snapshot, pose)
+    assert plain.color == colour

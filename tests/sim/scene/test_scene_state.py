@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scene_moments import moment, standing, walk
 
-from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
+from motorgrad.bodies import Hexapod, Hopper, OnTerrain, Terrain, compile_model
 from motorgrad.sim.film import FIRING, SILENT, ground_height
+from motorgrad.sim.live._numbers import editable_numbers, write_numbers
 from motorgrad.sim.live._snapshot import Sizes
 from motorgrad.sim.scene import Pose
 from motorgrad.sim.scene._bodies import Bodies, Targets
@@ -205,3 +206,33 @@ def test_hills_are_those_of_the_field():
     inside = np.all(np.abs(mesh.vertices[:, :2]) < model.hfield_size[0, :2] - 1e-6, axis=1)
     np.testing.assert_allclose(places[inside, 2], heights[inside], atol=1e-5)
     assert np.ptp(places[:, 2]) > 0.1
+
+
+def test_edited_sizes_and_the_chosen_part_are_drawn_although_the_run_stands_still(staged, server):
+    model = compile_model(Hopper())  # of its own, as it is edited
+    scene, pose = staged(model)
+    snapshot = moment(model.key_qpos[0], model=model)
+    load = model.body("load").id
+
+    def drawn():
+        pose.place(snapshot)
+        scene.update(snapshot, pose)
+        balls = server.scene.get_handle_by_name("/bodies/balls")
+        return np.array(balls.batched_scales), np.array(balls.batched_colors)
+
+    sizes, colours = drawn()
+    (pieces,) = [geoms for handle, geoms in scene.draggable() if handle.name == "/bodies/balls"]
+    of_load = np.flatnonzero(model.geom_bodyid[pieces] == load)
+    numbers = editable_numbers(model)
+    values = {name: number.get(model) for name, number in numbers.items()}
+    write_numbers(model, numbers, values | {"body.load.radius": 0.2})
+    grown, _ = drawn()
+    np.testing.assert_allclose(grown[of_load], 0.2)
+    scene.choose(load)
+    _, tinted = drawn()
+    changed = np.flatnonzero(np.any(tinted != colours, axis=1))
+    assert changed.tolist() == of_load.tolist()
+    scene.choose(-1)
+    write_numbers(model, numbers, values)
+    for now, before in zip(drawn(), (sizes, colours), strict=True):
+        np.testing.assert_array_equal(now, before)

@@ -27,7 +27,7 @@ from motorgrad.sim.live._messages import (
     Thaw,
     Undo,
 )
-from motorgrad.sim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, owned
+from motorgrad.sim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, geom_of, owned
 from motorgrad.sim.live._policy import confined
 from motorgrad.sim.live._session import Session
 from motorgrad.sim.live._setup import Camera, Setup, Stage, acting, is_path, setup_of
@@ -64,6 +64,7 @@ __all__ = [
     "acting",
     "confined",
     "field_of",
+    "geom_of",
     "is_path",
     "owned",
     "setup_of",

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -33,6 +34,8 @@ SIZES: dict[int, tuple[str, ...]] = {
 PART_FIELDS = ("mass", "friction", *dict.fromkeys(name for names in SIZES.values() for name in names))
 WORLD_FIELDS = ("gravity_x", "gravity_y", "gravity_z", "timestep", "terrain_height", "friction")
 FIELDS = {*MUSCLE_FIELDS, *PART_FIELDS, *WORLD_FIELDS}
+END = re.compile(r"\.(\w+)(?:\[([^\[\]]+)\])?$")
+"""The end of a number's name: its field, and the geom that a size may have."""
 POSITIVE, NOT_NEGATIVE, ANY = "above 0", "at least 0", "a finite number"
 COARSEST = 0.1  # s, of a time step
 
@@ -59,13 +62,20 @@ def editable_numbers(model: Any) -> dict[str, Number]:
 
 def owned(names: Any, owner: str) -> list[str]:
     """Those of the names of numbers that belong to a part, to a muscle or to `world`."""
-    start = f"body.{owner}."
-    return [name for name in names if name.startswith(start) and field_of(name[len(start) :]) in FIELDS]
+    found = [(name, END.search(name)) for name in names if name.startswith(f"body.{owner}.")]
+    return [name for name, end in found if end and end.start() == len(f"body.{owner}") and end[1] in FIELDS]
 
 
 def field_of(name: str) -> str:
     """The field of a number's name, without the geom that a size may have."""
-    return name.partition("[")[0].rsplit(".", 1)[-1]
+    end = END.search(name)
+    return end[1] if end else ""
+
+
+def geom_of(name: str) -> str:
+    """The geom that a size's name has where its part has several; otherwise empty."""
+    end = END.search(name)
+    return end[2] or "" if end else ""
 
 
 def check_number(name: str, number: Number, value: float, period: float) -> None:
@@ -168,7 +178,8 @@ def part_numbers(model: Any) -> dict[str, Number]:
         bounds = _Bounds(model, body)
         sized = [int(geom) for geom in geoms if int(model.geom_type[geom]) in SIZES]
         for number, geom in enumerate(sized):
-            which = f"[{model.geom(geom).name or number + 1}]" if len(sized) > 1 else ""
+            named = re.fullmatch(r"[^\[\]]+", model.geom(geom).name)
+            which = f"[{named[0] if named else number + 1}]" if len(sized) > 1 else ""
             for place, field in enumerate(SIZES[int(model.geom_type[geom])]):
                 found[f"{name}.{field}{which}"] = _size(bounds, geom, place)
     return found

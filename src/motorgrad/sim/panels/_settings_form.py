@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from motorgrad._docstrings import descriptions
 from motorgrad._tree import Part
-from motorgrad.sim.live import field_of
+from motorgrad.sim.live import field_of, geom_of
 
 if TYPE_CHECKING:
     from motorgrad.sim.panels._panel import Panel
@@ -113,8 +113,7 @@ def words_of(name: str, agent: Any = None) -> tuple[str, str]:
     if name.startswith(AGENT):
         return _agent_words(name.removeprefix(AGENT).split("."), agent)
     if name.startswith("body."):
-        label, hint = WORDS[field_of(name)]
-        geom = name.partition("[")[2].rstrip("]")
+        (label, hint), geom = WORDS[field_of(name)], geom_of(name)
         return (f"{geom}: {label}" if geom else label), hint
     if name in WORDS:
         return WORDS[name]

@@ -177,7 +177,7 @@ class Meshes(Layer):
             self._tinted, colours = self.chosen, geom_colours(pose.model)
             for node, geom in self._nodes:
                 if hasattr(node, "color"):
-                    node.color = tuple(tinted(pose.model, colours, self.chosen)[geom, :3])
+                    node.color = tuple(map(int, 255 * tinted(pose.model, colours, self.chosen)[geom, :3]))
         while len(self._frames) < len(pose.bodies):
             self._add(pose.model, len(self._frames))
         for frames, data, offset in zip(self._frames, pose.bodies, pose.offset, strict=False):
