@@ -119,7 +119,7 @@ def test_parts_and_world_are_edited_in_a_run_and_time_travel_repeats_it(hopper):
     [
         ("body.load.mass", 0.0, "body.load.mass = 0.0: must be above 0"),
         ("body.foot.friction", -1.0, "body.foot.friction = -1.0: must be at least 0"),
-        ("body.world.timestep", 0.003, "body.world.timestep = 0.003: must be 0.01 s, which is a decision, divided by"),
+        ("body.world.timestep", 0.003, "body.world.timestep = 0.003: must be a decision of 0.01 s divided by"),
     ],
 )
 def test_an_impossible_part_is_refused(name, value, says, hopper):

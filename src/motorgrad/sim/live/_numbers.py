@@ -87,7 +87,7 @@ def check_number(name: str, number: Number, value: float, period: float) -> None
     if name == TIMESTEP:
         steps = period / value
         fine = value <= COARSEST and steps > 0.5 and abs(steps - round(steps)) < 1e-6
-        check(fine, name, value, f"{period:g} s, which is a decision, divided by a whole number; at most {COARSEST} s")
+        check(fine, name, value, f"a decision of {period:g} s divided by a whole number, at most {COARSEST} s")
 
 
 def write_numbers(model: Any, numbers: Mapping[str, Number], values: Mapping[str, float]) -> bool:
