@@ -162,6 +162,8 @@ def orange(seen):
     return int(np.sum((red > 110) & (red - blue > 70) & (np.abs(green - 0.68 * red) < 0.17 * red)))
 
 
+@pytest.mark.slow
+@pytest.mark.ci
 def test_a_part_that_is_clicked_is_shown_and_can_be_edited(browser):
     with mg.sim.view(Path(__file__).parents[1] / "leg.xml", playing=False) as page, opened(browser) as (seen, _):
         seen.goto(page.url)
