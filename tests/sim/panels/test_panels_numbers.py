@@ -119,6 +119,6 @@ def test_a_part_is_told_with_units_and_the_force_of_its_contacts():
     assert facts["contact force"] == "24.5 N in 4 contacts"  # the weight of both
     assert facts["free"] == "free"
     flap = dict(part_facts(model, data, model.body("flap").id))
-    assert flap["hinge"] == "30.0° (−90.0 to 45.0°), −12.0°/s"
+    assert flap["hinge"] == "30.0° (−90.0° to 45.0°), −12.0°/s"
     assert flap["contact force"] == "none"
     assert dict(world_facts(model, data))["weight of the body"] == "24.5 N"

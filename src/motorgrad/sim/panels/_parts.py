@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from motorgrad.sim.live import WORLD, Event, Session, Snapshot, owned
+from motorgrad.sim.panels._joints import joint_table, joints_of
 from motorgrad.sim.panels._panel import Panel, brief, table
 from motorgrad.sim.panels._run import weight_of
 from motorgrad.sim.panels._settings_form import SettingsForm
@@ -156,20 +157,15 @@ def contact_force(model: Any, data: Any, body: int) -> tuple[float, int]:
     return float(np.linalg.norm(total)), count
 
 
-def joint_facts(model: Any, data: Any, joint: int) -> Rows:
-    """Angle and speed of a hinge, or place and speed of a slide, its limits, and what its muscles exert."""
-    kinds, kind = mujoco.mjtJoint, int(model.jnt_type[joint])
-    name = model.joint(joint).name or f"joint {joint}"
-    if kind not in (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE):
-        return [(name, "free" if kind == kinds.mjJNT_FREE else "ball joint")]
-    factor, unit, of_force = (180 / np.pi, "°", "N·m") if kind == kinds.mjJNT_HINGE else (1e3, " mm", "N")
-    place, freedom = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-    words = f"{brief(factor * float(data.qpos[place]))}{unit}"
-    if model.jnt_limited[joint]:
-        low, high = (brief(factor * float(each)) for each in model.jnt_range[joint])
-        words += f" ({low} to {high}{unit})"
-    words += f", {brief(factor * float(data.qvel[freedom]))}{unit}/s"
-    return [(name, words), ("from actuators", f"{brief(float(data.qfrc_actuator[freedom]))} {of_force}")]
+def joint_facts(model: Any, data: Any, number: int) -> Rows:
+    """Place, limits and speed of a joint, and what its actuators exert."""
+    name = model.joint(number).name or f"joint {number}"
+    joint = joints_of(model).get(name)
+    if joint is None:
+        return [(name, "free" if int(model.jnt_type[number]) == mujoco.mjtJoint.mjJNT_FREE else "ball joint")]
+    facts = dict(joint_table(model, data, joint))
+    limits = "" if facts["limits"] == "none" else f" ({facts['limits']})"
+    return [(name, f"{facts[joint.what]}{limits}, {facts['speed']}"), ("by actuators", facts["by actuators"])]
 
 
 def muscles_of(model: Any) -> dict[int, list[int]]:
