@@ -97,6 +97,9 @@ def test_declarations_have_all_that_forms_and_palettes_need(start):
     assert all(block["help"] for block in told["blocks"].values())
     assert {entry["name"] for entry in told["gallery"]} == set(gallery.GALLERY)
     assert all(entry["title"] and len(entry["comment"]) > 50 for entry in told["gallery"])
+    for entry in told["gallery"]:  # each has a small picture: every block and every wire
+        diagram = lab.example(entry["name"])
+        assert (len(entry["boxes"]), len(entry["wires"])) == (len(diagram.nodes), len(diagram.wires))
 
 
 @pytest.mark.parametrize(

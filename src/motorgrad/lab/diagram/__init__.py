@@ -40,7 +40,7 @@ from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, b
 from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
 from motorgrad.lab.diagram._gates import Enable, Gate, Trigger
 from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
-from motorgrad.lab.diagram._picture import to_svg
+from motorgrad.lab.diagram._picture import outline, to_svg
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
 from motorgrad.lab.diagram._registering import block
@@ -106,6 +106,7 @@ __all__ = [
     "make_block",
     "nested",
     "numbered_names",
+    "outline",
     "parameters_of",
     "required_fields",
     "rounding",

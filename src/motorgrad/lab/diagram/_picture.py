@@ -26,12 +26,7 @@ def to_svg(diagram: Diagram) -> str:
     faces = {name: face_of(diagram, name) for name in diagram.nodes}
     places = _places(diagram, faces)
     boxes = [(*places[name], face.width, face.height) for name, face in faces.items()]
-    shapes = wired_shapes(diagram)
-    wires: dict[str, tuple[str, Point, Point]] = {}
-    for target, source in diagram.wires.items():
-        ends = [_end(diagram, faces, places, *end) for end in (("outputs", *source), ("inputs", *target))]
-        if ends[0] is not None and ends[1] is not None:
-            wires[".".join(target)] = ".".join(source), ends[0], ends[1]
+    shapes, wires = wired_shapes(diagram), _ends(diagram, faces, places)
     paths = routes(boxes, wires)
     nets = {name: net for name, (net, *_) in wires.items()}
     drawn = [_wire(path, wide=bool(shapes.get(nets[name]))) for name, path in paths.items()]
@@ -57,6 +52,16 @@ def to_svg(diagram: Diagram) -> str:
     )
 
 
+def outline(diagram: Diagram) -> dict[str, Any]:
+    """What a small picture of a diagram shows: `boxes`, each with its left and upper edge, width, height and category,
+    and `wires`, each from one point to another. Wires are not routed, which takes most of the time of `to_svg`.
+    """
+    faces = {name: face_of(diagram, name) for name in diagram.nodes}
+    places = _places(diagram, faces)
+    boxes = [(*places[name], face.width, face.height, face.category) for name, face in faces.items()]
+    return {"boxes": boxes, "wires": [(*begin, *end) for _, begin, end in _ends(diagram, faces, places).values()]}
+
+
 def _places(diagram: Diagram, faces: dict[str, Face]) -> dict[str, tuple[float, float]]:
     """Where blocks were put, and the others below these."""
     known = diagram.layout.get("positions", {})
@@ -66,6 +71,16 @@ def _places(diagram: Diagram, faces: dict[str, Face]) -> dict[str, tuple[float, 
     left = min((x for x, _ in places.values()), default=0.0)
     below = max((y + faces[name].height + 60 for name, (_, y) in places.items()), default=0.0)
     return places | {name: (x + left, y + below) for name, (x, y) in layered(loose, pairs).items()}
+
+
+def _ends(diagram: Diagram, faces: dict[str, Face], places: Any) -> dict[str, tuple[str, Point, Point]]:
+    """The source of each wire, where it begins and where it ends, by its target; without those that lack a port."""
+    wires: dict[str, tuple[str, Point, Point]] = {}
+    for target, source in diagram.wires.items():
+        begin, end = (_end(diagram, faces, places, *at) for at in (("outputs", *source), ("inputs", *target)))
+        if begin is not None and end is not None:
+            wires[".".join(target)] = ".".join(source), begin, end
+    return wires
 
 
 def _end(diagram: Diagram, faces: dict[str, Face], places: Any, side: str, name: str, port: str) -> Point | None:

@@ -30,6 +30,7 @@ from motorgrad.lab.diagram import (
     Diagram,
     Node,
     Parameter,
+    outline,
     parameters_of,
     required_fields,
     settings_of,
@@ -161,8 +162,8 @@ def _visible_part(node: Node, diagram: Diagram, name: str) -> Any:
 
 def declarations() -> dict[str, Any]:
     """Everything that a palette and its forms need: `categories`, each with the names of its types; `blocks` by type,
-    including the subsystem; `gallery`, a list of name, title, comment, and whether it `learns`; `words`, the names that
-    formulas know.
+    including the subsystem; `gallery`, a list of name, title, comment, whether it `learns`, and the `boxes` and
+    `wires` of its `outline`; `words`, the names that formulas know.
     """
     kinds = {name: declaration(cls) for name, cls in sorted(BLOCKS.items())}
     kinds[SUBSYSTEM] = _SUBSYSTEM
@@ -217,7 +218,7 @@ _SUBSYSTEM: dict[str, Any] = {
 def _gallery() -> list[dict[str, Any]]:
     made = {name: make() for name, make in GALLERY.items()}
     return [
-        {"name": name, "title": each.title, "comment": each.comment, "learns": learns(each)}
+        {"name": name, "title": each.title, "comment": each.comment, "learns": learns(each), **outline(each)}
         for name, each in made.items()
     ]
 

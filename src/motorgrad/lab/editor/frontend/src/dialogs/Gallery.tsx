@@ -3,6 +3,7 @@ import { useDocument } from "../session/store";
 import { Modal } from "../ui/Modal";
 import { prose } from "../ui/prose";
 import { enter, openDialog } from "../ui/ui";
+import { Thumbnail } from "./Thumbnail";
 
 const GROUPS: [heading: string, learns: boolean][] = [
   ["They learn", true],
@@ -26,8 +27,9 @@ export function Gallery() {
           <div className="cards">
             {gallery
               .filter((each) => each.learns === learns)
-              .map(({ name, title, comment }) => (
+              .map(({ name, title, comment, boxes, wires }) => (
                 <div key={name} className="card">
+                  <Thumbnail boxes={boxes} wires={wires} />
                   <strong>{title || name}</strong>
                   <span>{prose(comment)}</span>
                   <button type="button" aria-label={`Open ${title || name}`} onClick={() => void open(name)}>

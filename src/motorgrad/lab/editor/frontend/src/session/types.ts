@@ -93,6 +93,10 @@ export interface GalleryEntry {
   title: string;
   comment: string;
   learns: boolean;
+  /** Left and upper edge, width, height and category of each block. */
+  boxes: [number, number, number, number, string][];
+  /** From where to where each wire leads. */
+  wires: [number, number, number, number][];
 }
 
 export interface Problem {
