@@ -8,6 +8,7 @@ from typing import Any
 
 LONGEST = 100  # characters of a value in a message
 MOST = 40  # names in a message; of more, only the nearest are listed
+OWN = "import the module that registers your own first, as motorgrad --import MODULE COMMAND"
 
 
 class NotTrusted(RuntimeError):
@@ -59,8 +60,13 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
-def unknown(kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = ()) -> ValueError:
-    """The error for a name that is not among `known`. It suggests `meant`, or else the nearest known name."""
+def unknown(
+    kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = (), *, registered: bool = False
+) -> ValueError:
+    """The error for a name that is not among `known`. It suggests `meant`, or else the nearest known name.
+
+    **Arguments:** `registered`: whether users may add names of their own. The message then says how.
+    """
     names = sorted(known)
     if len(names) > MOST:
         nearest = difflib.get_close_matches(str(name), names, n=MOST, cutoff=0)
@@ -69,14 +75,18 @@ def unknown(kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = (
         listed = ", ".join(names) or "none"
     near = list(meant) or (difflib.get_close_matches(name, names, n=1, cutoff=0.5) if isinstance(name, str) else [])
     hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-    return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {listed}")
+    own = f"; {OWN}" if registered else ""
+    return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {listed}{own}")
 
 
-def choice(name: str, value: Any, allowed: Iterable[str]) -> None:
-    """Raise `ValueError` unless `value` is one of `allowed`. The message suggests the nearest."""
+def choice(name: str, value: Any, allowed: Iterable[str], *, registered: bool = False) -> None:
+    """Raise `ValueError` unless `value` is one of `allowed`. The message suggests the nearest.
+
+    **Arguments:** `registered`: whether users may add names of their own. The message then says how.
+    """
     allowed = tuple(allowed)
     if value not in allowed:
-        raise unknown(name, value, allowed)
+        raise unknown(name, value, allowed, registered=registered)
 
 
 def _is_integer(value: Any) -> bool:

@@ -230,7 +230,7 @@ def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, defa
         if cls is None:
             raise ValueError(f"{_place(where, 'kind')}: must be given: {', '.join(known)}")
     elif name not in known:
-        raise unknown(where, name, [*known, *presets, *(["none"] if optional else [])])
+        raise unknown(where, name, [*known, *presets, *(["none"] if optional else [])], registered=True)
     else:
         cls = known[name]
     if base is not None and type(base) is not cls:

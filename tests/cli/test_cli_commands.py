@@ -152,6 +152,16 @@ def test_a_module_is_imported_first_and_what_it_registers_is_known(tmp_path, mon
         TASKS.clear()
         TASKS.update(known)
     capsys.readouterr()
+    (tmp_path / "agent.toml").write_text('[agent]\nestimator = "mine"\n', encoding="utf-8")
+    (tmp_path / "study.toml").write_text('steps = 10\n[task]\nname = "short-chain"\n', encoding="utf-8")
+    for arguments in (
+        ["train", "short-chain"],
+        ["train", "--config", "study.toml"],
+        ["sweep", "study.toml"],
+        ["train", "chain", "--config", "agent.toml"],
+    ):
+        assert main([*arguments, "--out", "refused"]) == 2
+        assert "as motorgrad --import MODULE COMMAND" in capsys.readouterr().err
     for arguments, said in ((["--import"], "needs the name of a module"), (["--import", "nope", "list"], "No module")):
         assert main(arguments) == 2
         assert said in capsys.readouterr().err

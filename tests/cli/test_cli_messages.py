@@ -70,6 +70,15 @@ def test_the_help_of_several_words_is_short(capsys):
     assert "{[" not in text
 
 
+def test_an_option_that_may_be_left_out_shows_its_value_and_no_none(capsys):
+    for command in (["plot"], ["export"], ["sweep"], ["train", "hopper"]):
+        text = said(capsys, *command, "--help")[1]
+        assert "None" not in text
+        assert "--config PATH A TOML file of options. The command line overrides it. --check" in text
+    assert "usage: motorgrad export [-h] [OPTIONS] RUN FILE " in said(capsys, "export", "--help")[1]
+    assert "--x {decisions,simulated,wall,cpu} " in said(capsys, "plot", "--help")[1]
+
+
 def test_what_is_required_has_no_empty_default(capsys):
     _, text = said(capsys, "reproduce", "--help")
     assert "or all. (required)" in text

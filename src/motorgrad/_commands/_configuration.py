@@ -30,7 +30,12 @@ T = TypeVar("T")
 COMMON: list[Any] = [
     (
         "config",
-        Annotated[Path | None, tyro.conf.arg(help="A TOML file of options. The command line overrides it.")],
+        Annotated[
+            Path | None,
+            tyro.conf.arg(
+                help="A TOML file of options. The command line overrides it.", metavar="PATH", help_behavior_hint=""
+            ),
+        ],
         None,
     ),
     (
@@ -245,8 +250,11 @@ def policy_form(policy: Any) -> Any:
 
 def _entry(hint: Any, default: Any, about: str | None) -> tuple[Any, ...]:
     """The type of an option and its default, as `dataclasses.make_dataclass` takes them after the name."""
-    missing = "(required)" if default is dataclasses.MISSING else None  # tyro would show an empty default
-    argument = tyro.conf.arg(help=about, metavar=shown_as(hint), help_behavior_hint=missing)
+    shown = "(required)" if default is dataclasses.MISSING else None  # tyro would show an empty default
+    if default is None and "None" not in (about or ""):
+        shown = ""  # the text says what happens by default
+    about = about and " ".join(about.split())  # tyro would keep the line breaks
+    argument = tyro.conf.arg(help=about, metavar=shown_as(hint, default), help_behavior_hint=shown)
     hint = Annotated[(hint, argument, *reader(hint))]
     given = () if default is dataclasses.MISSING else (dataclasses.field(default_factory=lambda: default),)
     return (hint, *given)

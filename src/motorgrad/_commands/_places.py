@@ -4,7 +4,7 @@ import abc
 import dataclasses
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
@@ -68,7 +68,7 @@ def _parameter(word: str) -> tuple[str, Any]:
 class StudyFile(Places, abc.ABC):
     """Options of a command that runs in a folder what a TOML file says."""
 
-    study: tyro.conf.Positional[Path | None] = None
+    study: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
     """The TOML file of the study; without it, that of the folder --out."""
     out: Path | None = None
     """The folder of the study, by default runs/NAME for NAME.toml."""

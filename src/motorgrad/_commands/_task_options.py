@@ -98,7 +98,7 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
         name, *rest = rest
         if name not in TASKS and _is_environment(name):
             name, rest = "gymnasium", ["--task.env-id", name, *rest]
-        choice("task", name, TASKS)
+        choice("task", name, TASKS, registered=True)
     if given.file is None:
         return name, given._replace(rest=rest)
     try:
@@ -129,7 +129,7 @@ def _task_in_file(table: dict[str, Any], folder: Path) -> tuple[str | None, dict
     check(isinstance(task, dict), "task", task, "a table with the task's name in it: [task] name = ...")
     named, settings = task.get("name"), {key: value for key, value in task.items() if key != "name"}
     if named is not None:
-        choice("task", named, TASKS)
+        choice("task", named, TASKS, registered=True)
         settings = TASKS[named].in_folder(settings, folder)
     agent = values.get("agent")
     policy = agent.get("policy") if isinstance(agent, dict) else None

@@ -29,13 +29,30 @@ def _integers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
     )
 
 
-def shown_as(hint: Any) -> str | None:
-    """What the help shows for a value of any number of words; `None` where tyro's own will do."""
-    for option in _options(hint):
+def shown_as(hint: Any, default: Any) -> str | None:
+    """What the help shows for a value; `None` where tyro's own will do.
+
+    A default of `None` is not among the values shown, as it is what leaving out the option gives.
+    """
+    for about in getattr(hint, "__metadata__", ()):
+        if getattr(about, "metavar", None):
+            return about.metavar
+    options = _options(hint)
+    for option in options:
         if typing.get_origin(option) is tuple and typing.get_args(option)[1:] == (Ellipsis,):
             kind = typing.get_args(option)[0]
             return f"{PLAIN[kind]} ..." if kind in PLAIN else None
-    return None
+    if default is not None or type(None) not in options or any(map(_is_table, options)):
+        return None
+    given = [_word(option) for option in options if option is not type(None)]
+    return "|".join(given) if all(given) else None  # type: ignore[arg-type]
+
+
+def _word(option: Any) -> str | None:
+    """What the help shows for a value of one word."""
+    if typing.get_origin(option) is typing.Literal:
+        return "{" + ",".join(map(str, typing.get_args(option))) + "}"
+    return PLAIN.get(option)
 
 
 def reader(hint: Any) -> tuple[Any, ...]:

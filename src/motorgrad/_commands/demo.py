@@ -30,7 +30,7 @@ class Demo:
     seeds: int = 8
     """The number of hoppers."""
     film_seconds: float = 8.0
-    """Length of the film, in seconds."""
+    """The length of the film, in seconds."""
     json: Path | None = None
     """Also write the result to this file, as JSON; - for the standard output."""
 

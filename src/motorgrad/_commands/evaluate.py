@@ -4,7 +4,7 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -26,7 +26,7 @@ MOST = 10_000_000
 class Evaluate:
     """Evaluate the policies of a run without learning, from a fresh start, and film one of them."""
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     """The run directory."""
     steps: int = 2000
     """Decisions per seed."""
@@ -41,7 +41,7 @@ class Evaluate:
     film: bool = True
     """Whether to film. Without the extra video nothing is filmed, and --video is refused."""
     seconds: float = 10.0
-    """Length of the film."""
+    """The length of the film, in seconds."""
     trust: bool = False
     """Run code that the run directory names: the module of its task."""
     allow_changed: bool = False

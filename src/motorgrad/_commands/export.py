@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -13,9 +14,9 @@ from motorgrad.training import load
 class Export:
     """Write the learned policy of a run as C source, as an ONNX model, or as arrays for NumPy."""
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     """The run directory."""
-    file: tyro.conf.Positional[Path]
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
     """The file to write: .c, .onnx or .npz."""
     seed: int | None = None
     """The seed whose policy is exported; by default the first."""

@@ -4,6 +4,7 @@ import dataclasses
 import sys
 import webbrowser
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -16,7 +17,7 @@ from motorgrad.lab import gallery, load
 class Lab:
     """Build diagrams of blocks, run them and retune them while they run, in a browser on this machine."""
 
-    file: tyro.conf.Positional[Path | None] = None
+    file: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
     """A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder."""
     gallery: str | None = None
     """Open a diagram of the gallery, such as chain or hopper, in place of a file."""

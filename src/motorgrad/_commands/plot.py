@@ -18,12 +18,13 @@ from motorgrad.training import check_tensorboard, folders_of, learning_curves, l
 class Plot:
     """Draw the learning curves of one run, or of several in one figure: medians, and quartiles over the seeds."""
 
-    runs: tyro.conf.Positional[tuple[Path, ...]]
+    runs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RUN ...")]
     """Run directories."""
     quantity: tuple[str, ...] = ("reward",)
     """Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each."""
     x: Literal["decisions", "simulated", "wall", "cpu"] | None = None
-    """Over decisions, simulated or wall seconds; by default simulated seconds where the task has them."""
+    """The horizontal axis: decisions, or seconds of simulated, wall or processor (cpu) time; by default simulated
+    seconds where the task has them."""
     smooth: float | None = None
     """Each point is the mean over this many units of x before it; by default over one record."""
     labels: tuple[str, ...] | None = None
@@ -40,7 +41,7 @@ class Plot:
     seed: int | None = None
     """The seed to film; by default the one in the middle, by its reward in the last quarter."""
     seconds: float = 12.0
-    """Length of the film."""
+    """The length of the film, in seconds."""
     json: Path | None = None
     """Also write the path of the figure and the numbers drawn to this file, as JSON; - for the standard output."""
 

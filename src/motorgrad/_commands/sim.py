@@ -220,7 +220,7 @@ def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, 
             model, rest = (Path(word) if live.is_path(word) else word), rest[1:]
             scene["model" if live.is_path(word) else "body"] = str(model)
         elif word not in TASKS:
-            raise unknown("task, body or file (.xml)", word, {*TASKS, *BODIES})
+            raise unknown("task, body or file (.xml)", word, {*TASKS, *BODIES}, registered=True)
     return place, model, scene, given._replace(table=values, rest=rest)
 
 
@@ -262,6 +262,6 @@ def _with_file_name(given: Arguments, make: Any) -> Any:
 
 
 def _usage(status: int) -> int:
-    print(f"{USAGE}\ntasks: {', '.join(TASKS)}\nbodies: {', '.join(BODIES)}\n")
+    print(f"{USAGE}\ntasks: {', '.join(sorted(TASKS))}\nbodies: {', '.join(sorted(BODIES))}\n")
     print("motorgrad sim TASK --help shows the common options; --help-all also those of the task and its learner.")
     return status

@@ -137,7 +137,7 @@ def run(arguments: list[str]) -> int:
             "the task's name: motorgrad train TASK ..., or --task FILE.toml",
         )
         print("usage: motorgrad train TASK [options]\n       motorgrad train --task FILE.toml [options]\n")
-        print(f"tasks: {', '.join(TASKS)}; or the id of a Gymnasium environment\n")
+        print(f"tasks: {', '.join(sorted(TASKS))}; or the id of a Gymnasium environment\n")
         print(
             "motorgrad train TASK --help shows the common options; --help-all also those of the task and its learner."
         )

@@ -82,5 +82,5 @@ def initial(name: str, task: Any, **settings: Any) -> Initial:
     ```
     """
     if name not in INITIAL:
-        raise unknown("policy", name, INITIAL)
+        raise unknown("policy", name, INITIAL, registered=True)
     return INITIAL[name](task, **settings)

@@ -104,7 +104,7 @@ class Study:
         for each in task:
             check("name" in each, "task.name", each, "given")
             for name in _listed(each["name"]):
-                choice("task", name, TASKS)
+                choice("task", name, TASKS, registered=True)
         agent = _listed(self.agent)
         check(all(isinstance(each, Mapping) for each in agent), "agent", self.agent, "a table, or a list of tables")
         object.__setattr__(self, "task", task[0] if len(task) == 1 else task)

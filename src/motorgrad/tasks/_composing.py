@@ -93,7 +93,7 @@ def body_of(value: Any) -> Any:
         settings = dict(value)
         kind = settings.pop("kind", "mjcf")
         if kind not in BODIES:
-            raise unknown("kind of body", kind, BODIES)
+            raise unknown("kind of body", kind, BODIES, registered=True)
         return build(BODIES[kind], settings, "body")
     check(hasattr(value, "spec") and hasattr(value, "groups"), "body", value, "a body, or the path of an MJCF file")
     return value

@@ -31,7 +31,7 @@ def make(name: str, **settings: Any) -> Task:
     **Raises:** `ValueError` for an unknown name or setting, suggesting the nearest known one, and for invalid values.
     """
     if name not in TASKS:
-        raise unknown("task", name, TASKS)
+        raise unknown("task", name, TASKS, registered=True)
     return build(TASKS[name], settings, name)
 
 
@@ -59,7 +59,7 @@ def settings_in(path: Path) -> dict[str, Any]:
     settings = read_toml(path)
     try:
         name = settings.setdefault("name", COMPOSED)
-        choice("name", name, TASKS)
+        choice("name", name, TASKS, registered=True)
         return {"name": name, **TASKS[name].in_folder(settings, path.absolute().parent)}
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -37,7 +37,7 @@ class NamedPolicy:
 
     def __post_init__(self) -> None:
         if self.kind not in policies.INITIAL:
-            raise unknown("policy", self.kind, policies.INITIAL)
+            raise unknown("policy", self.kind, policies.INITIAL, registered=True)
         hints = policy_settings(self.kind)
         for name in self.settings:
             if name not in hints:
@@ -161,7 +161,7 @@ def changes_named(name: str, where: str = "agent") -> dict[str, Any]:
     **Raises** `ValueError` for an unknown name, with the nearest known one.
     """
     if name not in (known := [*Estimator.presets, *PRESETS]):
-        raise unknown(where, name, known)
+        raise unknown(where, name, known, registered=True)
     return {"preset": name} if name in PRESETS else {"estimator": name}
 
 
