@@ -131,6 +131,15 @@ class History:
         place = bisect.bisect_left(self._kept, tick, key=lambda kept: kept.tick)
         same = place < len(self._kept) and self._kept[place].tick == tick
         self._kept[place : place + same] = [Kept(tick, state, changes, size_of(state))]
+        return self._thin()
+
+    def limit(self, most: int, most_bytes: int) -> None:
+        """Change the bounds, and drop what is beyond them."""
+        self.most, self.most_bytes = most, most_bytes
+        self._thin()
+
+    def _thin(self) -> bool:
+        """Drop states until the others fit. **Returns** whether any were dropped."""
         thinned = False
         while len(self._kept) > 2 and self._full:
             del self._kept[1:-1:2]
@@ -199,10 +208,22 @@ R = TypeVar("R", bound=Playable)
 
 
 class Change(NamedTuple):
-    """Something that was changed by hand before the tick with this number; `what` is for `Playback.apply`."""
+    """Something that was changed by hand before the tick with this number.
+
+    `what` is for `Playback.apply`, and `said` is what that returned the first time.
+    """
 
     tick: int
     what: Any
+    said: Any = None
+
+
+class Line(NamedTuple):
+    """One course of a run: the states kept on it, all changes made to it, and its last known tick."""
+
+    history: History
+    log: list[Change]
+    end: int
 
 
 class Playback(Generic[R]):
@@ -296,7 +317,7 @@ class Playback(Generic[R]):
         """Make a change, which begins another future. **Returns** what `apply` returns; if it raises, all stays."""
         found = self.apply(self.run, what)
         self.forget()
-        self._log.append(Change(self.tick, copy.deepcopy(what)))
+        self._log.append(Change(self.tick, copy.deepcopy(what), found))
         self._made += 1
         return found
 
@@ -321,6 +342,22 @@ class Playback(Generic[R]):
         del self._log[self._made :]
         self.history.drop_after(self.tick)
         self.end = self.tick
+
+    @property
+    def has_later_changes(self) -> bool:
+        """Whether the known future has changes that have not been made yet."""
+        return self._made < len(self._log)
+
+    @property
+    def line(self) -> Line:
+        """The past and the known future, copied; kept states are shared."""
+        return Line(self.history.copy(), list(self._log), self.end)
+
+    def follow(self, line: Line, tick: int) -> None:
+        """Go to a tick of another line, which takes the place of the present one and is changed from now on."""
+        self.history, self._log, self.end = line.history, line.log, line.end
+        self.rewind(tick)
+        self.advance(tick - self.tick)
 
     def fork(self, run: R) -> Self:
         """The playback of another run, in the same state, with the same past and future."""

@@ -107,7 +107,8 @@ def test_both_kinds_learn_together():
 
 
 def test_an_environment_of_such_a_task_takes_numbers_from_minus_one_to_one():
-    from motorgrad.environments._spaces import scale_action, spaces_of
+    from motorgrad.environments._spaces import spaces_of
+    from motorgrad.tasks import scale_action
 
     task = Partly()
     assert spaces_of(task)[1].shape == (4,)

@@ -12,8 +12,8 @@ from gymnasium.vector.utils import batch_space
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.environments._picture import Picture
 from motorgrad.environments._rows import Outcome, Rows
-from motorgrad.environments._spaces import check_action, check_options, metadata_of, scale_action, spaces_of, task_of
-from motorgrad.tasks import Task
+from motorgrad.environments._spaces import check_action, check_options, metadata_of, spaces_of, task_of
+from motorgrad.tasks import Task, scale_action
 
 ALL = np.ones(1, bool)
 

@@ -75,16 +75,6 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
     return array.astype(np.float32)
 
 
-def scale_action(task: Task, action: np.ndarray) -> np.ndarray:
-    """Scale graded actions from −1 … 1 to the task's own range. Binary ones among them are 1 above 0. Others are
-    returned unchanged."""
-    if task.actions != "graded" and not isinstance(task.actions, tuple):
-        return action
-    low, high = np.asarray(task.action_range, np.float32).T
-    graded = low + (action + 1) / 2 * (high - low)
-    return graded if task.actions == "graded" else np.where(np.equal(task.actions, "graded"), graded, action > 0)
-
-
 def check_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:
     """Check the options of `reset` and return them."""
     for name in options or {}:

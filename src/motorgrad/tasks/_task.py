@@ -206,6 +206,16 @@ def observe(
     return found
 
 
+def scale_action(task: Task, action: np.ndarray) -> np.ndarray:
+    """Scale graded actions from −1 … 1 to the task's own range. Binary ones among them are 1 above 0. Others are
+    returned unchanged."""
+    if task.actions != "graded" and not isinstance(task.actions, tuple):
+        return action
+    low, high = np.asarray(task.action_range, np.float32).T
+    graded = low + (action + 1) / 2 * (high - low)
+    return graded if task.actions == "graded" else np.where(np.equal(task.actions, "graded"), graded, action > 0)
+
+
 class Outcome(NamedTuple):
     """The result of a step of the dynamics: the task's `memory`; the `observation`, before any reset; the `reward`;
     whether the episode `terminated` or was `truncated` (the Python value `False` if it never is); and the number of

@@ -35,6 +35,7 @@ def moment(position, *, velocity=None, activation=None, control=None, decision=0
         reset_count=0,
         oldest=0,
         newest=decision,
+        labels=("learning", "untrained", "other", "another")[:count],
     )
 
 

@@ -8,6 +8,7 @@ session.close()
 ```
 """
 
+from motorgrad.sim.live._branches import Alongside, Branch, Delete, Fork, Rename, Switch
 from motorgrad.sim.live._messages import (
     Compare,
     Control,
@@ -31,24 +32,29 @@ from motorgrad.sim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, geom_of,
 from motorgrad.sim.live._policy import confined
 from motorgrad.sim.live._session import Session
 from motorgrad.sim.live._setup import Camera, Setup, Stage, acting, is_path, setup_of
-from motorgrad.sim.live._snapshot import BODY_LABELS, Curve, Snapshot, Trail
+from motorgrad.sim.live._snapshot import MOST_BODIES, Curve, Snapshot, Trail
 
 __all__ = [
-    "BODY_LABELS",
+    "MOST_BODIES",
     "MUSCLE_FIELDS",
     "WORLD",
+    "Alongside",
+    "Branch",
     "Camera",
     "Compare",
     "Control",
     "Curve",
+    "Delete",
     "Edit",
     "Event",
+    "Fork",
     "Freeze",
     "Load",
     "Order",
     "Pause",
     "Play",
     "Push",
+    "Rename",
     "Reset",
     "Save",
     "Scrub",
@@ -58,6 +64,7 @@ __all__ = [
     "Speed",
     "Stage",
     "Step",
+    "Switch",
     "Thaw",
     "Trail",
     "Undo",

@@ -30,6 +30,7 @@ class BareModel:
     diverged = 0
 
     def __init__(self, setup: Setup):
+        self.labels = [setup.label]
         self.model: Any = setup.model
         install_muscle_callback(self.model)
         self._data: Any = mujoco.MjData(self.model)
@@ -76,8 +77,8 @@ class BareModel:
         sample |= dict.fromkeys(("observation", "action", "probability", "parameters", "marks"), nothing)
         return sample | dict.fromkeys(("reward", "baseline", "gradient_norm"), unknown)
 
-    def tally(self) -> Tally:
-        return Tally(np.full(1, np.nan), np.zeros(1))
+    def tally(self) -> list[Tally]:
+        return [Tally(np.full(1, np.nan), np.zeros(1))]
 
     @property
     def state(self) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._tree import is_live, numbers_of
 from motorgrad.learning import SparseAgent
+from motorgrad.sim.live._beside import UNTRAINED, Beside, BesideBody
 from motorgrad.sim.live._body import BodyPart
 from motorgrad.sim.live._messages import Ready
 from motorgrad.sim.live._numbers import check_number
@@ -27,7 +28,7 @@ SKIPPED = ("action_period", "time_limit")
 
 
 class Learner:
-    """One seed of a task's learner, in the engine of training; and, while they are compared, an untrained body."""
+    """One seed of a task's learner, in the engine of training; and the bodies beside it, which do not learn."""
 
     def __init__(self, setup: Setup):
         assert setup.task is not None
@@ -40,8 +41,9 @@ class Learner:
         self._body = BodyPart(stepper := self._engine())
         if setup.memory is not None:
             stepper.set_policies(stepper.policies(), setup.memory)
-        self._stepper, self._comparing = stepper, False
-        self._untrained: Stepper | None = None
+        self._stepper = stepper
+        self._bodies = {each.label: BesideBody(self.task, each, self._body.feet) for each in setup.beside}
+        self._beside = list(self._bodies)
         self.settings = agent_numbers(self.agent) | task_numbers(self.task) | self._body.read()
         if stepper.policy.has_temperature:
             self.settings[EXPLORATION] = 1.0
@@ -57,8 +59,12 @@ class Learner:
     def period(self) -> float:
         return self.task.period
 
+    @property
+    def labels(self) -> list[str]:
+        return [self._setup.label, *self._beside]
+
     def about(self) -> Ready:
-        width = {name: array.shape[1] for name, array in self._probe_bodies().items() if array.ndim == 2}
+        width = {name: array.shape[1] for name, array in self._probe_learner().items() if array.ndim == 2}
         body, readings, units = self._body, list(self.task.reports), width["probability"]
         room = int(np.clip(ROOM / self.period, 200, 4000))
         moved = (width["position"], width["velocity"], width["activation"], len(body.muscles))
@@ -74,8 +80,9 @@ class Learner:
         while ticks > 0:
             left = self._pushed_until - self.tick
             count = min(ticks, left) if left > 0 else ticks
-            for stepper in self._shown:
-                stepper.advance(count)
+            self._stepper.advance(count)
+            for each in self._shown:
+                each.advance(count)
             ticks -= count
             if left > 0 and self.tick == self._pushed_until:
                 self._body.release(self._stepper)
@@ -89,14 +96,16 @@ class Learner:
     def sample(self) -> Sample:
         return self._make_sample(None)
 
-    def tally(self) -> Tally:
+    def tally(self) -> list[Tally]:
         count, record = self.tick - self._counted, self._stepper.harvest()
         self._counted, self._last = self.tick, None
-        for stepper in self._shown[1:]:
-            stepper.harvest()
+        self.diverged += int(record["diverged"][0]) if "diverged" in record else 0
+        return [self._tallied(record, count), *(self._tallied(each.stepper.harvest(), count) for each in self._shown)]
+
+    def _tallied(self, record: Any, count: int) -> Tally:
+        """What an engine has recorded in so many decisions."""
         reports = self.task.reports
         lost = int(record["diverged"][0]) if "diverged" in record else 0
-        self.diverged += lost
         values = [record["reward"][0] / max(count - lost, 1), *(record[name][0] for name in reports)]
         counts = [count, *(record[f"{name}_count"][0] for name in reports)]
         return Tally(np.asarray(values, float), np.asarray(counts, float))
@@ -105,7 +114,7 @@ class Learner:
     def state(self) -> Any:
         return {
             "learner": self._stepper.state,
-            "untrained": self._beside.state if self._comparing else None,
+            "beside": {each.label: each.state for each in self._shown},
             "frozen": self.frozen,
             "changes": dict(self._changes),
             "settings": dict(self.settings),
@@ -120,14 +129,14 @@ class Learner:
         self._pushed_until, self._counted, self._last = state["pushed"], state["counted"], None
         self._body.apply(self.settings, self._all)
         self._stepper.restore(state["learner"])
-        self._comparing = state["untrained"] is not None
-        if self._comparing:
-            self._beside.restore(state["untrained"])
+        self._beside = list(state["beside"])
+        for label, each in state["beside"].items():
+            self._body_beside(label).restore(each)
 
     def begin_again(self) -> None:
         settings = {name: value for name, value in self.settings.items() if name != EXPLORATION}
         kept = {"frozen": self.frozen, "changes": self._changes, "settings": {**self._start["settings"], **settings}}
-        self.restore({**self._start, **kept, "untrained": self._untouched if self._comparing else None})
+        self.restore({**self._start, **kept, "beside": {each.label: each.start for each in self._shown}})
         for name in agent_numbers(self.agent):
             self._stepper.set_number(name.removeprefix(AGENT), settings[name])
 
@@ -157,9 +166,11 @@ class Learner:
         self._pushed_until = self.tick + max(1, round(seconds / self.period))
 
     def compare(self, on: bool) -> None:
-        if on and not self._comparing:
-            self._beside.restore(self._untouched)
-        self._comparing, self._last = on, None
+        if on and UNTRAINED not in self._beside:
+            untrained = self._body_beside(UNTRAINED)
+            untrained.restore(untrained.start)
+        self._beside = [label for label in self._beside if label != UNTRAINED] + on * [UNTRAINED]
+        self._last = None
 
     def save(self, path: str) -> None:
         policy = jax.tree.map(lambda leaf: leaf[0], self._stepper.policies())
@@ -178,12 +189,13 @@ class Learner:
         raise ValueError("control: the learner moves this body")
 
     @property
-    def _shown(self) -> list[Stepper]:
-        return [self._stepper, self._beside] if self._comparing else [self._stepper]
+    def _shown(self) -> list[BesideBody]:
+        """The bodies beside the learner."""
+        return [self._bodies[label] for label in self._beside]
 
     @property
     def _all(self) -> list[Stepper]:
-        return [*self._engines.values(), *([] if self._untrained is None else [self._untrained])]
+        return [*self._engines.values(), *(each.stepper for each in self._bodies.values())]
 
     def _switch(self, changes: dict[str, float], frozen: bool) -> None:
         """Go on in an engine of other settings, from the same state; or, where it refuses, in the same."""
@@ -215,14 +227,13 @@ class Learner:
         self._engines[key] = self._engines.pop(key)  # the newest last
         return self._engines[key]
 
-    @property
-    def _beside(self) -> Stepper:
-        """The engine of the untrained body."""
-        if self._untrained is None:
-            self._untrained = stepper_for(self.task, self.agent, [self._setup.seed], "sample", threads=1)
-            self._untouched = self._untrained.state
-            self._body.apply(self.settings, [self._untrained])
-        return self._untrained
+    def _body_beside(self, label: str) -> BesideBody:
+        """The body of a label; the untrained one is made when it is first needed."""
+        if label not in self._bodies:
+            untrained = Beside(label, self.agent, self._setup.seed)
+            self._bodies[label] = BesideBody(self.task, untrained, self._body.feet)
+            self._body.apply(self.settings, [self._bodies[label].stepper])
+        return self._bodies[label]
 
     def _set_number(self, name: str, value: float) -> None:
         path = name.removeprefix(AGENT)
@@ -238,16 +249,21 @@ class Learner:
         self._stepper.restore(state)
         self._last = None
 
+    def _probe_learner(self) -> Probed:
+        """The learner's body as it is now."""
+        stepper = self._stepper
+        if stepper not in self._probes:
+            self._probes[stepper] = probe(stepper, self._body.feet)
+        return self._probes[stepper]() | {"control": self._body.control(stepper)}
+
     def _probe_bodies(self) -> Probed:
         """Every body in view as it is now, one below the other."""
-        parts = []
-        for stepper in self._shown:
-            if stepper not in self._probes:
-                self._probes[stepper] = probe(stepper, self._body.feet)
-            parts.append(self._probes[stepper]() | {"control": self._body.control(stepper)})
-        if len(parts) == 1:
-            return parts[0]
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        found = self._probe_learner()
+        if not self._beside:
+            return found
+        others = [each.look() | {"control": self._body.control(each.stepper)} for each in self._shown]
+        below = {name: [fitted(each[name], rows) for each in others] for name, rows in found.items()}
+        return {name: np.concatenate([rows, *below[name]]) for name, rows in found.items()}
 
     def _make_sample(self, before: Probed | None) -> Sample:
         after = self._last = self._probe_bodies()
@@ -259,6 +275,16 @@ class Learner:
         )
         sample["gradient_norm"] = gradient_norm(before, after) if known and before else unknown
         return sample
+
+
+def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Rows as wide as others: of a policy of another structure the numbers beyond are left out, or NaN."""
+    if rows.shape[1:] == like.shape[1:]:
+        return rows
+    wide = np.full((len(rows), *like.shape[1:]), np.nan)
+    width = min(rows.shape[1], like.shape[1])
+    wide[:, :width] = rows[:, :width]
+    return wide
 
 
 def _explore(state: Any, factor: float) -> None:

@@ -10,10 +10,13 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 from motorgrad._errors import check, unknown
 from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
+
+if TYPE_CHECKING:
+    from motorgrad.sim.live._branches import Branch
 
 SLOWEST = 0.05
 STRONGEST = 1e6  # N
@@ -36,6 +39,7 @@ class Subject(Protocol):
     """What a run simulates: a learner (`Learner`) or a bare model (`BareModel`).
 
     - `tick`: decisions made; `period`: simulated seconds of one; `frozen`: whether learning is off.
+    - `labels`: of the bodies in view, the one that learns first.
     - `settings`: what can be edited, with its present value.
     - `diverged`: how often the simulation has broken down, and was set to its start.
     """
@@ -49,6 +53,9 @@ class Subject(Protocol):
 
     @property
     def period(self) -> float: ...
+
+    @property
+    def labels(self) -> list[str]: ...
 
     def about(self) -> Ready:
         """Array sizes, settings and names."""
@@ -65,8 +72,8 @@ class Subject(Protocol):
         """Sample the present moment; rewards and gradients are those of the last decision sampled."""
         ...
 
-    def tally(self) -> Tally:
-        """Return the means since the last call, and begin new ones."""
+    def tally(self) -> list[Tally]:
+        """Return the means of each body since the last call, and begin new ones."""
         ...
 
     @property
@@ -289,7 +296,7 @@ class Loaded(Intervention):
 
 @dataclasses.dataclass(frozen=True)
 class Compare(Intervention):
-    """Show or hide an untrained body beside the one that learns."""
+    """Show or hide an untrained body beside the one that learns; `Alongside` shows that of another branch."""
 
     on: bool = True
 
@@ -333,10 +340,11 @@ class Event(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """An event, whose text may be empty, with the settings that changed."""
+    """An event, whose text may be empty, with the settings that changed, and all branches where any has changed."""
 
     event: Event
     settings: Mapping[str, float]
+    branches: tuple[Branch, ...] | None = None
 
 
 def _check_npz(path: str) -> None:

@@ -21,10 +21,23 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import Policy, split
+from motorgrad.sim.live._branches import Branch
 from motorgrad.sim.live._messages import Event, Order, Ready, Reply, Speed
 from motorgrad.sim.live._numbers import editable_numbers, write_numbers
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import ARRAYS, COUNTS, SCALARS, Curve, SharedArrays, Sizes, Snapshot, Trail, layout
+from motorgrad.sim.live._snapshot import (
+    ARRAYS,
+    COUNTS,
+    SCALARS,
+    Curve,
+    SharedArrays,
+    Sizes,
+    Snapshot,
+    Trail,
+    decoded,
+    layout,
+    part_of,
+)
 from motorgrad.sim.live._worker import work
 
 START = 300.0  # s that any part of the start may take; compiling a large learner takes about ten
@@ -68,6 +81,7 @@ class Session:
         atexit.register(self.close)
         self._listener: threading.Thread | None = None
         self._shared: dict[str, SharedArrays] = {}
+        self._branches: tuple[Branch, ...] = (Branch("A", "", 0, 0, (), True, False),)
         if wait:
             self.wait_until_ready()
 
@@ -99,6 +113,7 @@ class Session:
         values: dict[str, Any] = {name: found[name][:bodies] for name in (*ARRAYS, *SCALARS)}
         values |= {name: int(found[name]) for name in COUNTS}
         values |= {name: bool(found[name]) for name in ("playing", "frozen")}
+        values["labels"] = decoded(found["labels"][:bodies])
         return Snapshot(**values, seconds=float(found["seconds"]), speed=float(found["speed"]))
 
     def policy(self, parameters: np.ndarray) -> Policy | None:
@@ -127,17 +142,27 @@ class Session:
         flat, unravel = ravel_pytree(trained)
         return flat.size, unravel, fixed
 
-    def trail(self) -> Trail:
-        """The last decisions, oldest first."""
-        found = self._read("trail")
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The courses that the run has taken, in the order of their making. One of them is `present`."""
+        now = self.snapshot()
+        reached = {(True, False): now.newest, (False, True): now.decision}
+        return tuple(
+            branch._replace(end=max(branch.end, reached.get((branch.present, branch.beside), 0)))
+            for branch in self._branches
+        )
+
+    def trail(self, body: int = 0) -> Trail:
+        """The last decisions of a body in view, oldest first; 0 is the one that learns."""
+        found = self._read(part_of("trail", body))
         count, place, room = int(found.pop("count")), int(found.pop("next")), self.sizes.trail
         rows = (np.arange(count) + place - count) % room
         decision = found.pop("decision")[rows].astype(np.int64)
         return Trail(decision=decision, **{name: array[rows] for name, array in found.items()})
 
-    def curve(self) -> Curve:
-        """The learning curve so far."""
-        found = self._read("curve")
+    def curve(self, body: int = 0) -> Curve:
+        """The learning curve of a body in view so far; of those beside the one that learns, since they came."""
+        found = self._read(part_of("curve", body))
         count = int(found["count"])
         decision, seconds, frozen = (found[name][:count] for name in ("decision", "seconds", "frozen"))
         names = ("reward", *self.readings)
@@ -234,6 +259,8 @@ class Session:
             while True:
                 reply: Reply = self._pipe.recv()
                 self.settings.update(reply.settings)
+                if reply.branches is not None:
+                    self._branches = reply.branches
                 if self.model is not None and reply.settings:
                     write_numbers(self.model, self._numbers, self.settings)
                 if reply.event.text:

@@ -19,6 +19,7 @@ from motorgrad._errors import check, unknown
 from motorgrad.bodies import BODIES, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.sim.live._beside import Beside, beside_of
 from motorgrad.sim.live._policy import load_policy, policy_of_run
 from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task
 from motorgrad.training import Run, check_training
@@ -166,6 +167,7 @@ class Setup:
     - `model`: of the body in view, with the page's cameras; None for worlds in JAX.
     - `folder`: of the run whose policy is the first.
     - `key`: the keyframe in which a bare model starts; −1 for its reference pose.
+    - `label`: of the body, where others stand beside it; `beside`: those others, which act and do not learn.
     """
 
     name: str
@@ -178,6 +180,8 @@ class Setup:
     model: mujoco.MjModel | None = None
     folder: Path | None = None
     key: int = 0
+    label: str = "learning"
+    beside: tuple[Beside, ...] = ()
 
 
 def setup_of(
@@ -189,6 +193,8 @@ def setup_of(
     frozen: bool = False,
     stage: Stage | None = None,
     planet: Planet | None = None,
+    beside: Mapping[str, Any] | None = None,
+    label: str = "",
 ) -> Setup:
     """The setup of a learner or of a model without one.
 
@@ -202,6 +208,11 @@ def setup_of(
     - `frozen`: whether to start without learning.
     - `stage`: surroundings other than the subject's own.
     - `planet`: a round world instead of level ground, for a task.
+    - `beside`: other policies on the same task, by the label of their bodies: a run, its directory, or a pair of one
+      and a seed; a policy, or a file of one (.npz); a model of stable-baselines3, or a file of one (.zip); anything
+      with a method `predict(observation)`, or such a function; or `"untrained"`. Actions are those of the task's
+      Gymnasium environment. They act and do not learn.
+    - `label`: of the body itself beside these, by default "learning", or "learned" where it starts `frozen`.
 
     **Raises** `ValueError` for anything else, for parts that do not fit together, and for a file that MuJoCo refuses.
 
@@ -210,11 +221,13 @@ def setup_of(
     ```
     """
     if isinstance(subject, Task) or (isinstance(subject, str) and subject in TASKS):
-        return _of_task(subject, agent, seed, run, frozen, stage or Stage(), planet)
+        found = _of_task(subject, agent, seed, run, frozen, stage or Stage(), planet)
+        others = beside_of(found.task, found.agent, beside or {}, seed)
+        return dataclasses.replace(found, beside=others, label=label or ("learned" if frozen else "learning"))
     check(planet is None, "planet", planet, "left out where there is no task: only a learner walks on a planet")
     if isinstance(subject, str) and not is_path(subject) and subject not in BODIES:
         raise unknown("task or body", subject, {*TASKS, *BODIES})
-    for name, value in (("agent", agent), ("run", run)):
+    for name, value in (("agent", agent), ("run", run), ("beside", beside)):
         check(value is None, name, value, "left out where there is a model but no task")
     known = isinstance(subject, Path | str | mujoco.MjModel) or hasattr(subject, "spec")
     check(known, "task", subject, "a task, a body, a MuJoCo model, or the path of one")

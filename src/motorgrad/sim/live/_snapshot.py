@@ -11,9 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-BODY_LABELS = ("learning", "untrained")
-"""The bodies in view side by side: the one that learns, and an untrained one to compare with."""
-MOST_BODIES = len(BODY_LABELS)
+MOST_BODIES = 10  # side by side
+LONGEST_LABEL = 40  # characters
 
 
 class Snapshot(NamedTuple):
@@ -29,9 +28,10 @@ class Snapshot(NamedTuple):
     - `marks`: the places that the task marks, such as targets: x, y, z and radius (m) of one after the other.
     - `reset_count`: how often the run was reset or set to another decision; `oldest`, `newest`: the range of decisions
       that it can go to.
+    - `labels`: what each body is, in a word or two.
 
-    The first axis is of bodies: the one that learns, then an untrained one while both are compared. Values that the
-    subject does not have are NaN.
+    The first axis is of bodies: the one that learns, then those beside it: other policies, an untrained one, and that
+    of another branch. Values that a body does not have are NaN.
     """
 
     decision: int
@@ -53,10 +53,11 @@ class Snapshot(NamedTuple):
     reset_count: int
     oldest: int
     newest: int
+    labels: tuple[str, ...]
 
 
 class Trail(NamedTuple):
-    """The last decisions of the body that learns, oldest first: at most about 20 s of simulated time.
+    """The last decisions of a body, oldest first: at most about 20 s of simulated time.
 
     Of a fast run only stretches of consecutive decisions are sampled; `decision` tells which.
 
@@ -130,6 +131,7 @@ def layout(sizes: Sizes) -> dict[str, dict[str, tuple[int, ...]]]:
     moment = dict.fromkeys(NUMBERS, ())
     moment |= {name: (MOST_BODIES, named[name]) for name in ARRAYS}
     moment |= dict.fromkeys(SCALARS, (MOST_BODIES,))
+    moment["labels"] = (MOST_BODIES, LONGEST_LABEL)
     n = sizes.trail
     trail: dict[str, tuple[int, ...]] = dict.fromkeys(("decision", "seconds", "reward"), (n,))
     trail |= {"activation": (n, sizes.control)}
@@ -137,7 +139,27 @@ def layout(sizes: Sizes) -> dict[str, dict[str, tuple[int, ...]]]:
     trail |= {name: (n, named[name]) for name in ("observation", "probability")}
     points: dict[str, tuple[int, ...]] = dict.fromkeys(("decision", "seconds", "frozen"), (POINTS,))
     curve = points | {"count": (), "values": (1 + sizes.readings, POINTS)}
-    return {"moment": moment, "trail": trail | {"count": (), "next": ()}, "curve": curve}
+    of_body = {"trail": trail | {"count": (), "next": ()}, "curve": curve}
+    return {"moment": moment} | {part_of(name, row): of_body[name] for name in of_body for row in range(MOST_BODIES)}
+
+
+def part_of(name: str, row: int) -> str:
+    """The name of the shared part with the "trail" or the "curve" of a body."""
+    return f"{name} {row}" if row else name
+
+
+def encoded(labels: Sequence[str]) -> np.ndarray:
+    """Labels as numbers, for shared memory; what is too long is cut."""
+    codes = np.zeros((len(labels), LONGEST_LABEL))
+    for row, label in enumerate(labels):
+        points = [ord(letter) for letter in label[:LONGEST_LABEL]]
+        codes[row, : len(points)] = points
+    return codes
+
+
+def decoded(codes: np.ndarray) -> tuple[str, ...]:
+    """The inverse of `encoded`."""
+    return tuple("".join(chr(int(code)) for code in row if code) for row in codes)
 
 
 WORD = 8  # bytes of a double, and of the sequence count
@@ -204,23 +226,24 @@ ROWS = ("position", "velocity", "action", "contacts", "observation", "probabilit
 
 
 class TrailRecorder:
-    """Writes the last decisions of the first body to a ring buffer."""
+    """Writes the last decisions of the body in a `row` to a ring buffer."""
 
-    def __init__(self, shared: SharedArrays, sizes: Sizes, period: float):
-        self._shared, self._room, self._period = shared, sizes.trail, period
+    def __init__(self, shared: SharedArrays, sizes: Sizes, period: float, row: int = 0):
+        self._shared, self._room, self._period, self._row = shared, sizes.trail, period, row
         self._count = self._next = 0
 
     def add(self, decision: int, samples: Sequence[Sample]) -> None:
         """Append consecutive decisions, the last of which is `decision`."""
         if not samples:
             return
+        body = self._row
         with self._shared.writing() as arrays:
             for number, sample in zip(range(decision - len(samples) + 1, decision + 1), samples, strict=True):
                 row = self._next
                 arrays["decision"][row], arrays["seconds"][row] = number, number * self._period
-                arrays["reward"][row], arrays["activation"][row] = sample["reward"][0], sample["control"][0]
+                arrays["reward"][row], arrays["activation"][row] = sample["reward"][body], sample["control"][body]
                 for name in ROWS:
-                    arrays[name][row] = sample[name][0]
+                    arrays[name][row] = sample[name][body]
                 self._next = (row + 1) % self._room
                 self._count = min(self._count + 1, self._room)
             self._publish(arrays)
@@ -243,13 +266,32 @@ class CurveRecorder:
         self._shared, self._period = shared, period
         self._ends, self._frozen = np.zeros(POINTS, np.int64), np.zeros(POINTS)
         self._sums, self._counts = (np.zeros((1 + sizes.readings, POINTS)) for _ in range(2))
-        self._points = 0
+        self._points = self._begin = 0
         self._first = self.window = max(1, round(1.0 / period))
+
+    @property
+    def end(self) -> int:
+        """The last decision that is in the curve."""
+        return int(self._ends[self._points - 1]) if self._points else self._begin
+
+    @property
+    def saved(self) -> Any:
+        """The whole curve, copied, for `restore`."""
+        n = self._points
+        rows = (self._ends[:n], self._frozen[:n], self._sums[:, :n], self._counts[:, :n])
+        return tuple(row.copy() for row in rows), self.window, self._begin
+
+    def restore(self, saved: Any) -> None:
+        """Put a saved curve in place of this one."""
+        (ends, frozen, sums, counts), self.window, self._begin = saved
+        n = self._points = len(ends)
+        self._ends[:n], self._frozen[:n], self._sums[:, :n], self._counts[:, :n] = ends, frozen, sums, counts
+        self._publish()
 
     def add(self, decision: int, tally: Tally, frozen: bool) -> None:
         """Add what happened since the last call to the last point, or begin the next one."""
         last = self._points - 1
-        begun = 0 if last < 1 else self._ends[last - 1]
+        begun = self._begin if last < 1 else self._ends[last - 1]
         if last < 0 or self._ends[last] - begun >= self.window:
             last, self._points = last + 1, self._points + 1
             self._sums[:, last] = self._counts[:, last] = 0
@@ -265,9 +307,9 @@ class CurveRecorder:
         self._points = int(np.searchsorted(self._ends[: self._points], decision, side="right"))
         self._publish()
 
-    def clear(self) -> None:
-        """Drop all points."""
-        self._points, self.window = 0, self._first
+    def clear(self, begin: int = 0) -> None:
+        """Drop all points; the curve begins with a decision."""
+        self._points, self._begin, self.window = 0, begin, self._first
         self._publish()
 
     def _thin(self) -> None:

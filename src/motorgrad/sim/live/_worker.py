@@ -8,13 +8,16 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
+from typing import Any
 
 import cloudpickle
 import mujoco
 import numpy as np
 
 from motorgrad._playback import Clock, Playback
+from motorgrad.sim.live._alongside import BranchBeside, joined
 from motorgrad.sim.live._bare_model import BareModel
+from motorgrad.sim.live._branches import Alongside, Branches, BranchOrder, Course, Delete, Fork, Rename, Switch
 from motorgrad.sim.live._learner import Learner
 from motorgrad.sim.live._messages import (
     Event,
@@ -31,17 +34,15 @@ from motorgrad.sim.live._messages import (
     Subject,
     Undo,
 )
+from motorgrad.sim.live._records import STRETCH, Records, SamplingBudget
 from motorgrad.sim.live._setup import Setup
-from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, CurveRecorder, Sample, SharedArrays, TrailRecorder, layout
+from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, Sample, SharedArrays, Tally, encoded, layout
 
 FRAME = 1 / 30  # s of wall time between two snapshots
 KEEP_EVERY = 1.0  # s of wall time at work between two states kept
-CURVE_EVERY = 0.1  # s of wall time, at least, between two additions to the learning curve
 SLICE = 1 / 60  # s of wall time between two samples at the pipe
-LOOKS = 150.0  # decisions a second that are sampled one by one
 FAR = 1e5  # m or rad, by which nothing moves after an intervention unless it was thrown
 WATCHED = 60.0  # s of simulated time after an intervention
-STRETCH = 600  # decisions sampled in a row, after which a faster run pauses sampling
 REFUSED = (ValueError, OSError, RuntimeError)
 
 log = logging.getLogger(__name__)
@@ -79,8 +80,8 @@ class Worker:
         told: Callable[[str], object] = lambda _: None,
     ):
         told("building the model" if setup.task is None else "building the learner")
-        self.subject: Subject = BareModel(setup) if setup.task is None else Learner(setup)
-        self.pipe = pipe
+        self._setup, self.pipe = setup, pipe
+        self.subject = self._subject(setup)
         told("starting the model" if setup.task is None else "compiling the learner")
         about = self.subject.about()
         pipe.send(about)
@@ -89,16 +90,31 @@ class Worker:
         self.clock, self._budget = Clock(self.subject.period, speed, SLICE), SamplingBudget()
         self.clock.playing = playing
         self.playback: Playback[Subject] = Playback(self.subject, lambda subject, order: order.apply(subject))
-        self._trail = TrailRecorder(self._shared["trail"], about.sizes, self.subject.period)
-        self._curve = CurveRecorder(self._shared["curve"], about.sizes, self.subject.period)
+        self.branches = Branches(self.playback)
+        self.beside: BranchBeside | None = None
+        """Another branch that runs beside the present one."""
+        self._spare: Subject | None = None  # for another branch, once one was made
+        self.records = Records(self._shared, about.sizes, self.subject.period, self.subject.labels)
         self._sent = dict(about.settings)
-        self._framed = self._counted = 0.0
+        self._framed = 0.0
         self._kept = time.perf_counter()
-        self._resets = self._tallied = 0
+        self._resets = 0
         self._watched: tuple[int, np.ndarray, int] | None = None
         """Of the last intervention: its decision, the position, and how often the simulation had broken down."""
-        self._latest = self.subject.tick, self.subject.sample()
+        self._latest = self.subject.tick, self._sampled()
+        self._told: object = None
         self._publish()
+        self._tell_branches()
+
+    @staticmethod
+    def _subject(setup: Setup) -> Subject:
+        return BareModel(setup) if setup.task is None else Learner(setup)
+
+    @property
+    def labels(self) -> list[str]:
+        """Of the bodies in view: while branches are compared, by the names of these."""
+        labels = self.subject.labels
+        return labels if self.beside is None else [self.branches.now.name, *labels[1:], self.beside.course.name]
 
     def run(self) -> None:
         """Work until the page ends the run or is gone."""
@@ -146,12 +162,18 @@ class Worker:
                     text, kind = "" if order.quiet else f"policy saved to {order.path}", "saved"
                 case Undo():
                     text = f"took back: {self._undo()}"
+                case BranchOrder():
+                    text = self._branch(order)
                 case Intervention():
                     if self.playback.history.before(subject.tick).tick < subject.tick:
                         self._keep()  # the state before, for `Undo`
+                    ahead = subject.tick < self.playback.end
+                    left = self.branches.leave(self._saved_curves) if ahead else None
                     text, kind = self.playback.change(order.resolve(subject)), order.kind
+                    if left is not None:
+                        self._begin_branch(left)
                     self._drop_after(subject.tick)
-                    self._latest = subject.tick, subject.sample()
+                    self._latest = subject.tick, self._sampled()
                     self._watched = subject.tick, self._latest[1]["position"].copy(), subject.diverged
                 case _:
                     raise ValueError(f"unknown order {order!r}")
@@ -161,6 +183,7 @@ class Worker:
         if text or changed:
             self.send(text, kind, changed)
             self._sent |= changed
+        self._tell_branches()
         self._publish()
 
     def send(self, text: str, kind: str, settings: Mapping[str, float] = {}) -> None:
@@ -173,40 +196,141 @@ class Worker:
         return min(self.clock.wait(), until_frame)
 
     def _advance(self, count: int, sampled: int | None = None) -> None:
-        """Make decisions. The first `sampled`, by default as many as the budget allows, go into the trail."""
-        if self.playback.tick < self.playback.end:  # the run continues from an earlier decision
+        """Make decisions. The first `sampled`, by default as many as the budget allows, go into the trails."""
+        if self.playback.tick < self.playback.end and self.playback.has_later_changes:
+            # the run goes on from an earlier decision without what was changed after it
+            left = self.branches.leave(self._saved_curves)
             self.playback.forget()
+            self._begin_branch(left)
             self._drop_after(self.subject.tick)
-        start, subject = time.perf_counter(), self.subject
+            self._tell_branches()
         sampled = self._budget.take(count) if sampled is None else sampled
+        last = self.subject.tick + count
+        while (end := self.records.next_end(self.subject.tick)) is not None and end < last:
+            first = end - self.subject.tick  # what is known of a curve is not added again: stop where it ends
+            self._make(first, min(first, sampled))
+            sampled = max(0, sampled - first)
+        self._make(last - self.subject.tick, sampled)
+
+    def _make(self, count: int, sampled: int) -> None:
+        """Make decisions, and add to the trails, to the curves and to the states kept."""
+        start, subject = time.perf_counter(), self.subject
         samples = self._sample(sampled)
         if rest := count - sampled:
             shown = start - self._framed >= FRAME - SLICE  # the next snapshot needs what the last decision led to
             self.playback.advance(rest - shown)
+            if self.beside is not None:
+                self.beside.advance(rest - shown)
             samples = self._steps(1) if shown else []
         if samples:
             self._latest = subject.tick, samples[-1]
         if count:
             self.clock.record(count, time.perf_counter() - start)
-        if subject.tick - self._tallied >= self._curve.window and start - self._counted >= CURVE_EVERY:
-            self._curve.add(subject.tick, subject.tally(), subject.frozen)
-            self._tallied, self._counted = subject.tick, start
+        if self.records.due(subject.tick, start):
+            self.records.count(subject.tick, self._tallies(), subject.frozen, start)
         if start - self._kept >= KEEP_EVERY and self.playback.history.newest < subject.tick:
             self._keep()
 
     def _sample(self, count: int) -> list[Sample]:
-        """Make decisions and record each in the trail."""
+        """Make decisions and record each in the trails."""
         samples = self._steps(count)
-        self._trail.add(self.subject.tick, samples)
+        self.records.add(self.subject.tick, samples)
         return samples
 
     def _steps(self, count: int) -> list[Sample]:
         """Make decisions and sample each."""
         pieces = self.playback.advance(count, lambda ticks: [self.subject.step() for _ in range(ticks)])
-        return [sample for piece in pieces for sample in piece]
+        samples = [sample for piece in pieces for sample in piece]
+        if self.beside is None:
+            return samples
+        return [joined(*each) for each in zip(samples, self.beside.steps(count), strict=True)]
+
+    def _sampled(self) -> Sample:
+        """The present moment of all bodies in view."""
+        sample = self.subject.sample()
+        return sample if self.beside is None else joined(sample, self.beside.subject.sample())
+
+    def _tallies(self) -> list[Tally]:
+        """The means of all bodies in view since the last call."""
+        return self.subject.tally() + ([] if self.beside is None else [self.beside.tally()])
+
+    @property
+    def _saved_curves(self) -> list[Any]:
+        """The curves of the subject's bodies."""
+        return self.records.saved_curves(len(self.subject.labels))
+
+    def _branch(self, order: BranchOrder) -> str:
+        """Carry out an order about branches. **Returns** what to say of it."""
+        branches = self.branches
+        match order:
+            case Fork():
+                if order.decision is not None:
+                    self._scrub(order.decision)
+                self.clock.pause()
+                self._keep()
+                left = branches.leave(self._saved_curves)
+                self.playback.forget()
+                self._begin_branch(left, order.name)
+                self._drop_after(self.subject.tick)
+                return f"branch {branches.now.name!r} begun at decision {self.subject.tick:,}"
+            case Switch():
+                if self.beside is not None and self.beside.course is branches[order.name]:
+                    self._run_beside(None)
+                if self.playback.history.newest < self.subject.tick == self.playback.end:
+                    self._keep()
+                course = branches.switch(order.name, self._saved_curves, STRETCH)
+                self.records.label(self.labels, self.subject.tick)
+                self.records.restore_curves(course.curves[: len(self.subject.labels)])
+                self.records.drop_trails_after(-1)
+                self._arrive(self.playback.end)
+                return f"went to branch {order.name!r}"
+            case Rename():
+                branches.rename(order.name, order.to)
+                return f"branch {order.name!r} renamed to {order.to!r}"
+            case Delete():
+                if self.beside is not None and self.beside.course is branches[order.name]:
+                    self._run_beside(None)
+                branches.delete(order.name)
+                return f"branch {order.name!r} deleted"
+            case Alongside():
+                self._run_beside(order.name)
+                return "no other branch beside" if order.name is None else f"branch {order.name!r} runs beside"
+            case _:
+                raise ValueError(f"unknown order {order!r}")
+
+    def _begin_branch(self, left: Course, name: str | None = None) -> None:
+        """Begin another branch at the present decision of the one that is left."""
+        self.branches.begin(left, self.subject.tick, name, None if self.beside is None else self.beside.course)
+
+    def _run_beside(self, name: str | None) -> None:
+        """Run a branch beside the present one, or none."""
+        course = None if name is None else self.branches[name]
+        if course is self.branches.now:
+            raise ValueError(f"branch = {name!r}: must be another than the present one")
+        if self.beside is not None:
+            self.beside.end(self.records.saved_curves(len(self.records.labels))[-1:])
+            self.beside = None
+        if course is not None:
+            if self._spare is None:
+                self._spare = BranchBeside.subject_of(self._setup, self._subject)
+            self.beside = BranchBeside(course, self._spare, self.playback, self.subject.tick)
+        self.records.label(self.labels, self.subject.tick)
+        if course is not None:
+            self.records.restore_curves(course.curves[:1], len(self.labels) - 1)
+        self._latest = self.subject.tick, self._sampled()
+
+    def _tell_branches(self) -> None:
+        """Tell the session of the branches, where any has changed."""
+        beside = self.beside
+        now = self.branches.about(*((None, None) if beside is None else (beside.course, beside.playback)))
+        if (told := [branch._replace(end=0) for branch in now]) != self._told:
+            self._told = told
+            self.pipe.send(Reply(Event(time.time(), self.subject.tick, "", "change"), {}, now))
 
     def _keep(self) -> None:
         self.playback.keep()
+        if self.beside is not None:
+            self.beside.keep()
         self._kept = time.perf_counter()
 
     def _scrub(self, decision: int) -> None:
@@ -218,26 +342,42 @@ class Worker:
         if playback.history.newest < subject.tick == playback.end:
             self._keep()  # so that coming back repeats nothing
         playback.rewind(decision)
+        self._arrive(decision)
+
+    def _arrive(self, decision: int) -> None:
+        """Come to a decision, with the trails of what led to it, and pause there."""
+        subject, playback = self.subject, self.playback
         count = decision - subject.tick
         sampled = min(count, STRETCH)
         playback.advance(count - sampled)
-        self._trail.drop_after(subject.tick)
+        if self.beside is not None:
+            self.beside.go_to(subject.tick)
+        self.records.label(self.labels, self.subject.tick)
+        self.records.drop_trails_after(subject.tick)
         samples = self._sample(sampled)
-        subject.tally()  # the repeated decisions are in the curve already
-        self._latest = decision, samples[-1] if samples else subject.sample()
+        self._tallies()  # the repeated decisions are in the curves already
+        self._latest = decision, samples[-1] if samples else self._sampled()
+        self._come_to(decision)
+
+    def _come_to(self, decision: int) -> None:
+        """Pause at a decision that was not reached by going on."""
         self.clock.pause()
-        self._tallied, self._watched = decision, None
+        self.records.skip(decision)
+        self._watched = None
         self._resets += 1
 
     def _undo(self) -> str:
         """Go back to before the last intervention, pause there, and return its name."""
         what = self.playback.undo()
-        self.subject.tally()
+        now = self.branches.now
+        now.start = min(now.start, self.subject.tick)
+        if self.beside is not None:
+            self.beside.go_to(self.subject.tick)
+        self._tallies()
+        self.records.label(self.labels, self.subject.tick)
         self._drop_after(self.subject.tick)
-        self._latest = self.subject.tick, self.subject.sample()
-        self.clock.pause()
-        self._tallied, self._watched = self.subject.tick, None
-        self._resets += 1
+        self._latest = self.subject.tick, self._sampled()
+        self._come_to(self.subject.tick)
         return type(what).__name__.lower()
 
     def _watch(self) -> None:
@@ -258,19 +398,27 @@ class Worker:
             self.send(f"{how} after decision {decision:,}; Undo goes back to before it", "lost")
 
     def _drop_after(self, decision: int) -> None:
-        """Drop what the trail and the curve have of later decisions, after the known future was forgotten."""
-        self._trail.drop_after(decision)
-        self._curve.drop_after(decision)
+        """Drop what trails and curves have of later decisions, after the known future was forgotten; what another
+        branch has stays."""
+        self.records.label(self.labels, self.subject.tick)
+        self.records.drop_after(decision, len(self.subject.labels))
 
     def _reset(self) -> None:
+        self._run_beside(None)
+        if self.playback.history.newest < self.subject.tick == self.playback.end:
+            self._keep()
+        left = self.branches.leave(self._saved_curves)
         self.subject.begin_again()
         self.playback.begin()
-        self._trail.drop_after(-1)
-        self._curve.clear()
-        self._tallied, self._watched = 0, None
+        if left.line is not None and left.line.end:
+            self.branches.begin(left, 0)
+            self.branches.now.parent = ""
+        self.records.label(self.labels, 0)
+        self.records.clear()
+        self._watched = None
         self._resets += 1
         self.clock.restart()
-        self._latest = 0, self.subject.sample()
+        self._latest = 0, self._sampled()
 
     def _publish(self) -> None:
         """Write the present moment to shared memory."""
@@ -278,7 +426,7 @@ class Worker:
         self._watch()
         seen, sample = self._latest
         if seen != subject.tick:
-            sample = subject.sample()
+            sample = self._sampled()
         numbers: dict[str, float] = {
             "decision": subject.tick,
             "seconds": subject.tick * subject.period,
@@ -295,21 +443,5 @@ class Worker:
                 arrays[name][...] = value
             for name in (*ARRAYS, *SCALARS):
                 arrays[name][: len(sample[name])] = sample[name]
+            arrays["labels"][: len(self.records.labels)] = encoded(self.records.labels)
         self._framed = time.perf_counter()
-
-
-class SamplingBudget:
-    """Which decisions are sampled one by one: all up to `LOOKS` a second, then stretches of consecutive ones."""
-
-    def __init__(self) -> None:
-        self._credit, self._then, self._on = float(STRETCH), time.perf_counter(), True
-
-    def take(self, decisions: int) -> int:
-        """How many of the next decisions to sample."""
-        now = time.perf_counter()
-        self._credit = min(STRETCH, self._credit + LOOKS * (now - self._then))
-        self._then = now
-        self._on = self._credit >= (min(decisions, STRETCH) if self._on else STRETCH)
-        count = min(decisions, int(self._credit)) if self._on else 0
-        self._credit -= count
-        return count

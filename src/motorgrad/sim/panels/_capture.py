@@ -20,7 +20,7 @@ from PIL import Image
 from motorgrad._errors import check
 from motorgrad._files import check_writable
 from motorgrad.sim.film import GAP, Painter, caption, check_picture, output_path, write_mp4
-from motorgrad.sim.live import BODY_LABELS, Session, Snapshot
+from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._panel import Panel, brief, notify, send, table
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.plane import PlanePicture, has_local_units
@@ -144,7 +144,7 @@ class _Bodies(Painting):
         model: Any = copy.copy(session.model)
         model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
         self._painters = [Painter(model, width=width, height=height) for _ in range(count)]
-        self._labels = BODY_LABELS if count > 1 else (session.name,)
+        self._labels = snapshot.labels if count > 1 else (session.name,)
         self._canvas = np.full((height, count * (width + GAP) - GAP, 3), 255, np.uint8)
         self._width = width
 

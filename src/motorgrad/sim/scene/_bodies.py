@@ -13,7 +13,7 @@ import trimesh
 import viser
 
 from motorgrad.sim.film import MARK, MARK_OPACITY, geom_colours, texture_of, texture_pixels, visible_geoms
-from motorgrad.sim.live import BODY_LABELS, Session
+from motorgrad.sim.live import Session
 from motorgrad.sim.scene._geometry import (
     Shape,
     arrow,
@@ -232,7 +232,7 @@ class Targets(Layer):
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self.applies = session.task is not None and session.model is not None and session.sizes.marks > 0
         if self.applies:
-            room = len(BODY_LABELS) * session.sizes.marks // 4
+            room = 2 * session.sizes.marks // 4
             self.pools = [MeshPool(server.scene, "/targets", ball(), room, shadow=False, faded=True)]
 
     def draw(self, pose: Pose) -> None:

@@ -17,8 +17,8 @@ from motorgrad._tree import Numbers
 from motorgrad.learning import NEVER, Agent, AgentState, two_sum
 from motorgrad.tasks import Task, observe, outcome
 
-Mode = Literal["learn", "sample", "mode"]
-"""Learn; or act by a frozen policy, with sampled actions or the most probable ones."""
+Mode = Literal["learn", "sample", "mode", "given"]
+"""Learn; or act by a frozen policy, with sampled actions or the most probable ones; or take actions that are given."""
 
 
 class Tally(NamedTuple):
@@ -142,7 +142,9 @@ class Cycle:
         return found
 
     def act(self, cycle: CycleState, uniforms: Float[Array, " _"]) -> CycleState:
-        """Choose an action on the present observation."""
+        """Choose an action on the present observation, unless it is given."""
+        if self.mode == "given":
+            return cycle
         if self.mode == "learn":
             agent, action = self.learner(cycle).act(cycle.agent, cycle.observation, uniforms)
             return cycle._replace(agent=agent, action=action)

@@ -373,6 +373,14 @@ class HostStepper(Stepper):
         else:
             self._cycles, self._out = self.program.first(self.program.pack(cycles), self._input())
 
+    def set_actions(self, actions: np.ndarray) -> None:
+        cycles = self.program.unpack(self._cycles)
+        given = jnp.asarray(actions, cycles.action.dtype).reshape(cycles.action.shape)
+        self._cycles = self.program.pack(cycles._replace(action=given))
+        told = jax.vmap(self.task.control)(given, cycles.memory)
+        self._out = np.array(self._out)
+        self._out[:, :-2] = np.reshape(told, (len(self._out), -1))
+
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
         viewed = self.program.viewer(view)
         return lambda: jax.tree.map(np.array, viewed(self._cycles, self.batch.packed))

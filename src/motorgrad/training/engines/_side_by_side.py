@@ -85,6 +85,10 @@ class SideBySide(Stepper):
         for engine, policy, remembered in parts:
             engine.set_policies(policy, remembered)
 
+    def set_actions(self, actions: np.ndarray) -> None:
+        for engine, part in zip(self.engines, np.split(np.asarray(actions), self._ends), strict=True):
+            engine.set_actions(part)
+
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
         views = [engine.viewer(view) for engine in self.engines]
         return lambda: self._joined([viewed() for viewed in views])

@@ -75,7 +75,8 @@ class Stepper(abc.ABC):
 
     - `task` and `agent`.
     - `seeds`: integers from 0 to 2³¹ − 1. A seed may occur more than once, with other numbers.
-    - `mode`: whether to learn, or to act by the frozen policies that `restore` or `use` bring in.
+    - `mode`: whether to learn, to act by the frozen policies that `restore` or `use` bring in, or to take the actions
+      of `set_actions`.
     - `initial`: the policies that the seeds begin from, along a leading axis; by default the agent's.
     - `numbers`: the hyperparameters of every seed, by path, along a leading axis; by default the agent's.
     """
@@ -140,6 +141,10 @@ class Stepper(abc.ABC):
     def set_policies(self, policies: Policy, memory: Any = None) -> None:
         """Put policies in place, stacked along a leading axis of seeds; and, before the first decision, the memory that
         the task had when they had been learned, with which it continues frozen."""
+
+    @abc.abstractmethod
+    def set_actions(self, actions: np.ndarray) -> None:
+        """In the mode `"given"`: the actions of all seeds, `(seeds, …)`, until others are given."""
 
     @abc.abstractmethod
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:

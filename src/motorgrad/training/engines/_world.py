@@ -135,6 +135,11 @@ class WorldStepper(Stepper):
             cycle = self.program.resume(self.seeds, cycle, world, memory)
         self._carry = (cycle, world)
 
+    def set_actions(self, actions: np.ndarray) -> None:
+        cycle, world = self._carry
+        given = jnp.asarray(np.moveaxis(np.asarray(actions), 0, -1), cycle.action.dtype)
+        self._carry = (cycle._replace(action=given.reshape(cycle.action.shape)), world)
+
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
         viewed = jax.jit(jax.vmap(view, in_axes=self._axes))
         return lambda: jax.tree.map(np.array, viewed(*self._carry))

@@ -1,0 +1,193 @@
+"""Bodies beside the one that learns: other policies on the same task, which do not learn."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from motorgrad._errors import check, shown
+from motorgrad._extras import require
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.sim.live._policy import load_policy
+from motorgrad.sim.live._probe import Probed, probe
+from motorgrad.sim.live._snapshot import LONGEST_LABEL, MOST_BODIES
+from motorgrad.tasks import Task, scale_action
+from motorgrad.training import Run, load, stepper_for
+
+UNTRAINED = "untrained"
+MOST = MOST_BODIES - 3
+"""Policies beside a learner; there is room for an untrained body and another branch."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Beside:
+    """A policy that moves a body of its own beside the one that learns.
+
+    **Arguments:** `label`: what stands above the body; `agent`: whose policy acts; `seed` of its random numbers;
+    `initial`: its policy along a leading axis of one, by default the agent's; `memory`: what the task remembers from
+    when that policy was learned; `predict`: chooses the actions in place of the agent, `predict(observation)`.
+    """
+
+    label: str
+    agent: Agent
+    seed: int = 0
+    initial: Policy | None = None
+    memory: Any = None
+    predict: Any = None
+
+
+class BesideBody:
+    """The body of a `Beside` in an engine of its own."""
+
+    def __init__(self, task: Task, what: Beside, feet: list[str]):
+        self.label, self._task, self._predict = what.label, task, what.predict
+        mode = "sample" if what.predict is None else "given"
+        self.stepper = stepper_for(task, what.agent, [what.seed], mode, threads=1, initial=what.initial)
+        if what.memory is not None:
+            self.stepper.set_policies(self.stepper.policies(), what.memory)
+        self._probe = probe(self.stepper, feet)
+        self._recurrent: Any = None
+        if self._predict is not None:
+            self._deterministic = "deterministic" in _parameters(self._predict)
+            self._choose()
+        self.start = self.state
+
+    def advance(self, ticks: int) -> None:
+        """Make decisions."""
+        if self._predict is None:
+            self.stepper.advance(ticks)
+            return
+        for _ in range(ticks):
+            self.stepper.advance(1)
+            self._choose()
+
+    def look(self) -> Probed:
+        """The present moment. Of a policy that is not motorgrad's, neither parameters nor probabilities are known."""
+        found = self._probe()
+        if self._predict is not None:
+            found |= {name: np.full_like(found[name], np.nan) for name in ("parameters", "probability", "baseline")}
+        return found
+
+    @property
+    def state(self) -> Any:
+        """Everything that the future depends on, copied."""
+        return {"engine": self.stepper.state, "recurrent": self._recurrent}
+
+    def restore(self, state: Any) -> None:
+        """Restore a state."""
+        self.stepper.restore(state["engine"])
+        self._recurrent = state["recurrent"]
+
+    def _choose(self) -> None:
+        """Ask for the next action."""
+        settings: dict[str, Any] = {"deterministic": True} if self._deterministic else {}
+        if self._recurrent is not None:
+            settings["state"] = self._recurrent
+        found = self._predict(self._probe()["observation"][0].astype(np.float32), **settings)
+        if isinstance(found, tuple):  # stable-baselines3 returns the state of recurrent policies, too
+            found, self._recurrent = found
+        action = np.asarray(found)
+        size = 1 if self._task.actions == "discrete" else self._task.action_size
+        check(action.size == size, f"size of an action of {self.label!r}", action.size, f"{size}")
+        self.stepper.set_actions(scale_action(self._task, action.reshape(1, *([] if size == 1 else [size]))))
+
+
+def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int) -> tuple[Beside, ...]:
+    """The bodies that `setup_of` is asked for, by label.
+
+    **Arguments:** `given`: by label, a run, its directory, or a pair of one and a seed; a policy, or a file of one
+    (.npz); a model of stable-baselines3, or a file of one (.zip); a function `predict(observation)`, or anything with a
+    method of that name; or `"untrained"`.
+
+    **Raises** `ValueError` for anything else, and for a policy that does not fit the task.
+    """
+    check(len(given) <= MOST, "beside", f"{len(given)} policies", f"at most {MOST}")
+    found = []
+    for label, what in given.items():
+        fine = isinstance(label, str) and 0 < len(label) <= LONGEST_LABEL
+        check(fine, "label in beside", label, f"a text of at most {LONGEST_LABEL} characters")
+        try:
+            found.append(_beside(task, agent, label, what, seed))
+        except ValueError as error:
+            raise ValueError(f"beside {label!r}: {error}") from None
+    return tuple(found)
+
+
+def _beside(task: Task, agent: Agent, label: str, what: Any, seed: int) -> Beside:
+    of = None
+    if isinstance(what, tuple) and len(what) == 2:
+        what, of = what
+    if isinstance(what, str) and what == UNTRAINED:
+        return Beside(label, agent, seed)
+    if isinstance(what, Policy):
+        return Beside(label, Agent(what), seed)
+    if isinstance(what, str | Path):
+        path = Path(what)
+        if path.suffix == ".zip":
+            return Beside(label, agent, seed, predict=load_stable_baselines(path).predict)
+        if path.suffix == ".npz":
+            shape = jax.eval_shape(agent.init, jax.random.key(0)).policy
+            return Beside(label, agent, seed, *load_policy(path, shape, task.name))
+        check(path.is_dir(), "path", str(path), "a run directory, a saved policy (.npz), or a model (.zip)")
+        what = load(path)
+    if isinstance(what, Run):
+        name = what.config["task"]["name"]
+        check(name == task.name, "run", f"a run of the task {name!r}", f"one of {task.name!r}")
+        of = what.seeds[0] if of is None else of
+        memory = what.memory
+        row = what.seeds.index(of) if of in what.seeds else 0
+        memory = None if memory is None else jax.tree.map(lambda leaf: leaf[row : row + 1], memory)
+        return Beside(label, Agent(what.policy(of)), of, memory=memory)
+    if hasattr(what, "predict"):
+        # a model of stable-baselines3 holds environments, which cannot be sent to the worker's process; its policy can
+        policy = getattr(what, "policy", what)
+        return Beside(label, agent, seed, predict=(policy if hasattr(policy, "predict") else what).predict)
+    if callable(what):
+        return Beside(label, agent, seed, predict=what)
+    allowed = "a run, a policy, a path of one, a model with `predict`, or a function of the observation"
+    check(False, "policy", shown(what), allowed)
+    raise AssertionError
+
+
+def load_stable_baselines(path: Path) -> Any:
+    """The policy of a model that stable-baselines3 has saved, whatever its algorithm.
+
+    Loading it runs what the file holds, as it is pickled.
+    """
+    check(path.is_file(), "path", str(path), "a file that exists")
+    try:
+        with zipfile.ZipFile(path) as packed:
+            json.loads(packed.read("data"))
+    except (KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: not a model of stable-baselines3: {error}") from None
+    require("a model of stable-baselines3 needs", "stable_baselines3", "peers")
+    from stable_baselines3.common.policies import ActorCriticPolicy
+    from stable_baselines3.common.save_util import load_from_zip_file
+
+    data, parameters, _ = load_from_zip_file(io.BytesIO(path.read_bytes()), device="cpu")
+    assert data is not None
+    kind = data["policy_class"]
+    settings = dict(data.get("policy_kwargs") or {})
+    if issubclass(kind, ActorCriticPolicy):
+        settings["use_sde"] = data.get("use_sde", False)
+    policy = kind(data["observation_space"], data["action_space"], lambda _: 0.0, **settings)
+    policy.load_state_dict(parameters["policy"])
+    policy.set_training_mode(False)
+    return policy
+
+
+def _parameters(function: Any) -> Mapping[str, Any]:
+    try:
+        return inspect.signature(function).parameters
+    except (TypeError, ValueError):  # written in C
+        return {}

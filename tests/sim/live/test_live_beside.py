@@ -1,0 +1,100 @@
+"""Other policies beside the one that learns: seeds of a run, functions, models of stable-baselines3."""
+
+import numpy as np
+import pytest
+
+import motorgrad as mg
+from motorgrad.sim import live
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    out = tmp_path_factory.mktemp("run") / "run"
+    return mg.train("hopper", steps=300, seeds=[2, 7], out=out, progress=False)
+
+
+def spread(observation):
+    """A policy that fires both muscles while the load sinks."""
+    return (np.full(2, observation[1]) < 0).astype(int)
+
+
+class Model:
+    """A model as of stable-baselines3, with a state of its own."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        assert deterministic
+        count = 0 if state is None else state
+        return np.full(2, count // 10 % 2), count + 1
+
+
+def test_policies_of_all_kinds_stand_beside_and_go_back_bit_for_bit(run, driven):
+    beside = {"seed 7": (run, 7), "function": spread, "model": Model(), "policy": run.policy(2), "before": "untrained"}
+    watched = driven(live.setup_of("hopper", run=run, seed=2, frozen=True, beside=beside))
+    alone = driven(live.setup_of("hopper", run=run, seed=7, frozen=True))
+    watched(live.Step(150))
+    alone(live.Step(150))
+    seen = watched.seen()
+    assert watched.worker.records.labels == ["learned", *beside]
+    assert seen["bodies"] == 6
+    assert np.array_equal(seen["position"][1], alone.seen()["position"][0])  # what this seed does by itself
+    assert len(np.unique(seen["position"][: int(seen["bodies"])], axis=0)) == 6
+    assert np.isnan(seen["parameters"][2]).all()
+    count = int(watched.seen("trail 3")["next"])
+    acted = watched.seen("trail 3")["action"][:count]
+    assert set(np.unique(acted)) == {0, 1}
+    np.testing.assert_array_equal(acted[10:20, 0], acted[30:40, 0])  # ten decisions on, ten off
+    watched(live.Scrub(40), live.Scrub(150))
+    again = watched.seen()
+    for name in ("position", "velocity", "control"):
+        np.testing.assert_array_equal(again[name], seen[name])
+    curve = watched.seen("curve 2")
+    watched(live.Step(200))
+    assert int(watched.seen("curve 2")["count"]) >= int(curve["count"])
+    watched(live.Reset(), live.Step(150))
+    np.testing.assert_array_equal(watched.seen()["position"], seen["position"])
+
+
+def test_the_actions_of_a_function_are_those_that_are_taken(driven):
+    flow = driven(live.setup_of("chain", beside={"always": lambda observation: 1}))
+    flow(live.Step(5))
+    seen = flow.seen("trail 1")
+    assert np.all(seen["action"][:5].argmax(1) == 1)
+    graded = mg.tasks.LinearRecruitment() if hasattr(mg.tasks, "LinearRecruitment") else None
+    assert graded is not None
+
+
+def test_a_ppo_model_stands_beside_as_an_object_and_as_a_file(tmp_path, driven):
+    sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
+    import gymnasium
+
+    model = sb3.PPO("MlpPolicy", gymnasium.make("motorgrad/Hopper-v0"), device="cpu", n_steps=64, batch_size=64)
+    file = tmp_path / "ppo.zip"
+    model.save(file)
+    watched = driven(live.setup_of("hopper", beside={"PPO": model, "file": file}))
+    watched(live.Step(30))
+    seen = watched.seen()
+    np.testing.assert_array_equal(seen["position"][1], seen["position"][2])
+    trail = watched.seen("trail 1")
+    for row in range(29):
+        wanted = model.predict(trail["observation"][row].astype(np.float32), deterministic=True)[0]
+        np.testing.assert_array_equal(trail["action"][row], wanted)
+
+
+@pytest.mark.parametrize(
+    ("beside", "says"),
+    [
+        ({"x": 3}, "beside 'x': policy = 3: must be a run, a policy"),
+        ({"": "untrained"}, "label in beside"),
+        ({"x": "no/such/run"}, "must be a run directory, a saved policy"),
+        ({str(i): "untrained" for i in range(9)}, "beside = 9 policies: must be at most 7"),
+    ],
+)
+def test_what_cannot_stand_beside_is_refused_by_name(beside, says):
+    with pytest.raises(ValueError, match=r".") as refused:
+        live.setup_of("hopper", beside=beside)
+    assert says in str(refused.value)
+
+
+def test_a_run_of_another_task_is_refused(run):
+    with pytest.raises(ValueError, match="beside 'a': run = a run of the task 'hopper': must be one of 'chain'"):
+        live.setup_of("chain", beside={"a": run})
