@@ -123,3 +123,22 @@ def test_who_sends_too_fast_waits():
     assert asyncio.run(send(90)) < 0.1
     assert asyncio.run(send(300)) >= 0.19
     assert asyncio.run(send(30, size=10 * 2**16)) >= 0.2  # long messages count for more
+
+
+def test_who_may_watch_has_a_token_a_place_and_a_cookie_of_its_own():
+    gate = Gate("127.0.0.1", "`it`", watched=True)
+    token, place = gate.watching
+    assert len({token, place, gate.token, gate.place}) == 4
+    answer = judge(gate, f"/{token}/")
+    assert (answer.status, answer.headers["Location"]) == (303, f"/{place}/")
+    assert answer.headers["Set-Cookie"] == f"{COOKIE}={token}; Path=/{place}; HttpOnly; SameSite=Lax"
+    assert gate.token not in str(answer)
+    assert judge(gate, f"/{place}/", Cookie=f"{COOKIE}={token}") == Passed("/", False, True)
+    for upgrade in (False, True):
+        assert not judge(gate, f"/{gate.place}/", upgrade, Cookie=cookie(gate)).watches
+        # neither cookie opens the other's place
+        for cookies, where in ((f"{COOKIE}={token}", gate.place), (cookie(gate), place)):
+            assert judge(gate, f"/{where}/", upgrade, Cookie=cookies).status == 403
+    assert judge(gate, f"/{place}/", Cookie=f"{COOKIE}={token}; {cookie(gate)}").watches  # with both, it still watches
+    assert judge(gate, f"/{token}", True).watches
+    assert Gate("127.0.0.1", "`it`").watching is None

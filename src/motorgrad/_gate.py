@@ -32,10 +32,23 @@ class Passed(NamedTuple):
 
     - `path`: what it asks for, without the token or the place.
     - `framed`: whether it is for a frame, such as a notebook's, of someone who knows the token.
+    - `watches`: whether it came by the token for watching, and so may change nothing.
     """
 
     path: str
     framed: bool
+    watches: bool = False
+
+
+class Door(NamedTuple):
+    """A secret `token`, and the `place`, the path of the page once the token is in the cookie."""
+
+    token: str
+    place: str
+
+
+def _door() -> Door:
+    return Door(secrets.token_urlsafe(24), secrets.token_hex(8))
 
 
 class Answer(NamedTuple):
@@ -53,12 +66,17 @@ class Gate:
 
     - `host`: where the page listens.
     - `source`: what prints the whole address, as told to those who come without it.
+    - `watched`: whether there is a second token, for those who may watch and change nothing.
 
-    **Attributes:** `token`, the secret; `place`, the path of the page once the token is in the cookie.
+    **Attributes:** `token`, the secret; `place`, the path of the page once the token is in the cookie; `watching`, the
+    door of those who may only watch, or None.
     """
 
-    def __init__(self, host: str, source: str):
-        self.token, self.place, self._source = secrets.token_urlsafe(24), secrets.token_hex(8), source
+    def __init__(self, host: str, source: str, watched: bool = False):
+        door = _door()
+        self.token, self.place, self._source = *door, source
+        self.watching = _door() if watched else None
+        self._doors = [door] if self.watching is None else [door, self.watching]
         self._names, self._exposed = {*LOCAL, host.lower()}, host not in LOCAL
         if self._exposed:
             name = socket.gethostname().lower()
@@ -75,17 +93,18 @@ class Gate:
             return self._refusal()
         path, _, query = target.partition("?")
         first, _, rest = path.removeprefix("/").partition("/")
-        by_token = compare_digest(first.encode("utf-8", "replace"), self.token.encode())
-        if not by_token and not (first == self.place and self._has_cookie(known.get("cookie", ""))):
+        found = [(door, by) for door in self._doors for by in _ways(door, first, known.get("cookie", ""))]
+        if not found:
             return self._refusal()
+        door, by_token = found[0]
         # a frame keeps the token: a notebook at another address could not send the cookie, and shows no address
         framed = by_token and known.get("sec-fetch-dest") in ("iframe", "frame")
         if upgrade or not (query or (by_token and not framed)):
-            return Passed(f"/{rest}", framed)
+            return Passed(f"/{rest}", framed, door is self.watching)
         # no query reaches a page: viser's client would connect to any server that one names
-        led = {**HEADERS, "Location": f"/{self.token if framed else self.place}/"}
+        led = {**HEADERS, "Location": f"/{door.token if framed else door.place}/"}
         if by_token and not framed:
-            led["Set-Cookie"] = f"{COOKIE}={self.token}; Path=/{self.place}; HttpOnly; SameSite=Lax"
+            led["Set-Cookie"] = f"{COOKIE}={door.token}; Path=/{door.place}; HttpOnly; SameSite=Lax"
         return Answer(303, led, "")
 
     def _refusal(self) -> Answer:
@@ -107,11 +126,6 @@ class Gate:
         name = (found[1] or found[2]) if found else ""
         return name in self._names or (self._exposed and _is_address(name))
 
-    def _has_cookie(self, text: str) -> bool:
-        pairs = (part.strip().partition("=") for part in text.split(";"))
-        given = [value.encode("utf-8", "replace") for name, _, value in pairs if name == COOKIE]
-        return any(compare_digest(value, self.token.encode()) for value in given)
-
 
 class Pace:
     """Slows a client that sends too fast: its next message is read later, and nothing is dropped.
@@ -129,6 +143,19 @@ class Pace:
         self._paid = max(self._paid, now - self._ahead) + self._cost * (1 + size / UNIT)
         if self._paid > now:
             await asyncio.sleep(self._paid - now)
+
+
+def _ways(door: Door, first: str, cookies: str) -> list[bool]:
+    """How a door is opened: by its token in the address (true), or by its place and the cookie (false); empty if not.
+
+    **Arguments:** `first`: the first part of the path; `cookies`: the header.
+    """
+    if compare_digest(first.encode("utf-8", "replace"), door.token.encode()):
+        return [True]
+    pairs = (part.strip().partition("=") for part in cookies.split(";"))
+    given = [value.encode("utf-8", "replace") for name, _, value in pairs if name == COOKIE]
+    known = any(compare_digest(value, door.token.encode()) for value in given)
+    return [False] if first == door.place and known else []
 
 
 def _single(headers: Iterable[tuple[str, str]]) -> dict[str, str] | None:

@@ -13,6 +13,7 @@ from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
+from motorgrad._gate import LOCAL
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES
 from motorgrad.sim import live
@@ -52,6 +53,8 @@ class Options:
     """Where the page listens. Others can reach a host other than 127.0.0.1, unencrypted: keep the address secret."""
     port: int | None = None
     """The page's port; by default 8080, or the next free one."""
+    share: bool = False
+    """Print a second address, by which others watch and change nothing; with another --host it is always printed."""
     browser: bool = True
     """Open the page in the browser, where there is a screen."""
     trust: bool = False
@@ -172,6 +175,8 @@ def _show(setup: Any, options: Options) -> int:
         Page(session, options.host, options.port, wait=False) as page,
     ):
         print(f"{setup.name}: {page.url}   (Ctrl-C ends it)", flush=True)
+        if options.share or options.host not in LOCAL:
+            print(f"{setup.name}, to watch only: {page.read_only_url}", flush=True)
         if options.browser:
             page.open()
         page.ready()

@@ -4,16 +4,19 @@ import html
 from pathlib import Path
 
 
-def with_additions(page: bytes, name: str) -> bytes:
+def with_additions(page: bytes, name: str, watching: bool = False) -> bytes:
     """viser's page with this room's style and scripts, which stand in files of their own.
 
     Until there is a picture the page shows `name` and that it loads. Where the browser renders without a graphics card,
-    lights cast no shadows and reflect nothing, and the picture is coarser.
+    lights cast no shadows and reflect nothing, and the picture is coarser. For those who are `watching` it leaves out
+    what they may not use.
     """
-    files = (Path(__file__).with_name(each) for each in ("client.css", "loading.js", "client.js"))
-    style, loading, client = (file.read_text("utf-8") for file in files)
+    files = (Path(__file__).with_name(each) for each in ("client.css", "loading.js", "client.js", "watching.js"))
+    style, loading, client, watched = (file.read_text("utf-8") for file in files)
     cover = f'<div id="motorgrad-cover" role="status"><b>{html.escape(name)}</b><span>loading the page</span></div>'
     first = f"<style>{style}</style>{cover}<script>{loading}</script>"
+    if watching:
+        first += f"<script>{watched}</script>"
     before, body, after = page.partition(b"<body>")
     # viser's own script waits until the document is read, and so runs after both
     return b"".join([before, body, first.encode(), after, f"<script>{client}</script>".encode()])

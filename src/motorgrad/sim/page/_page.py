@@ -22,11 +22,13 @@ import mujoco
 from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.live import Session
+from motorgrad.sim.page._links import WATCHED, Links, Place, camera_named, link_element
 from motorgrad.sim.page._server import gated_server
 from motorgrad.sim.panels import ClickSelect, DragPush, FilmRecorder, Overlay, Panels, ReplayRecorder
 from motorgrad.sim.scene import Pose, Scene, View
 
 HERE = "127.0.0.1"
+EVERYWHERE = ("0.0.0.0", "::")
 PORT = 8080
 
 
@@ -69,7 +71,8 @@ class Page:
     **Arguments:** `session`; `host` and `port` to listen on; port None is 8080, or the next free one; `wait`: whether
     to return only when the body is in the picture. Without, `ready` waits for that.
 
-    **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `server`, viser's; `session`;
+    **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `read_only_url`, by which others,
+    such as a class, may watch and change nothing; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
     `motorgrad.sim.panels.Overlay`); `failures`: how many frames a part could not draw; `spent`: seconds
     spent drawing in all.
@@ -81,7 +84,7 @@ class Page:
         check_port(host, port)
         self.session, self.host = session, host
         self._recordings: list[FilmRecorder | ReplayRecorder] = []
-        self._gate = Gate(host, "`motorgrad sim`, or `page.url`,")
+        self._gate = Gate(host, "`motorgrad sim`, or `page.url`,", watched=True)
         self.server = gated_server(self._gate, host, PORT if port is None else port, session.name)
         # a browser may disconnect between two messages
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
@@ -139,13 +142,17 @@ class Page:
 
             planet, ground_at = PlanetScene(), ground_finder(session.task, session.model, self._pose)
         self.view = View(self.scene, ground_at=ground_at)
-        hands = DragPush(self.scene.draggable), ClickSelect(self.scene, self.panels)
+        self.links = Links(self.view.cameras)
+        hands = DragPush(self.scene.draggable), ClickSelect(self.scene, self.panels), self.links
         drawn = [self.scene, *([] if planet is None else [planet])]
         for part in (*drawn, self.panels, self.overlay, *hands):
             part.build(self.server, session)
         with self.panels.tabs.add_tab(View.title):
             self.view.build(self.server, session)
             self.overlay.add_switch()
+            with self.server.gui.add_folder("Links"):
+                self.server.gui.add_html(link_element("", "Copy link", "This page as it is, to open in this browser."))
+                self.server.gui.add_html(link_element(self.read_only_url, "Copy link to watch only", WATCHED))
         self.parts: list[Any] = [*drawn, self.view, self.panels, self.overlay, *hands]
 
     @property
@@ -154,8 +161,22 @@ class Page:
         return f"{self._public_url}/{self._gate.token}/"
 
     @property
+    def read_only_url(self) -> str:
+        """The whole address for those who may watch: they turn their camera and switch tabs, and change nothing.
+
+        With a `host` that listens everywhere it names this machine, as others must.
+        """
+        door = self._gate.watching
+        assert door is not None
+        name = socket.gethostname().lower() if self.host in EVERYWHERE else None
+        return f"{self._address(name)}/{door.token}/"
+
+    @property
     def _public_url(self) -> str:
-        shown = "localhost" if self.host in (HERE, "0.0.0.0", "::") else self.host
+        return self._address()
+
+    def _address(self, name: str | None = None) -> str:
+        shown = name or ("localhost" if self.host in (HERE, *EVERYWHERE) else self.host)
         return f"http://{f'[{shown}]' if ':' in shown else shown}:{self.server.get_port()}"
 
     @property
@@ -163,6 +184,34 @@ class Page:
         """Why the run ended, as far as is known."""
         known = [event.text for event in self.session.log if event.kind in ("error", "ended")]
         return " ".join(dict.fromkeys(known[-2:])) or f"{self.session.name}: the simulation has ended"
+
+    def link(
+        self,
+        *,
+        decision: int | None = None,
+        time: float | None = None,
+        camera: str | None = None,
+        tab: str | None = None,
+        read_only: bool = False,
+    ) -> str:
+        """The address of a moment and a view of this page.
+
+        **Arguments:** `decision`, or `time` in simulated seconds, at which the run pauses; `camera` and `tab`, by
+        their names on the page; `read_only`: the address for watching, by which nobody moves the run.
+
+        **Raises** `ValueError` for a moment that cannot be, an unknown camera or tab.
+
+        ```py
+        page.link(decision=1200, camera="side", tab="Muscles")
+        ```
+        """
+        place = Place(decision, time, camera, tab)
+        if camera is not None:
+            camera_named(camera, self.view.cameras.names)
+        if tab is not None:
+            titles = [*self.panels.panels, View.title]
+            check(tab.lower() in map(str.lower, titles), "tab", tab, f"one of {', '.join(titles)}")
+        return f"{self.read_only_url if read_only else self.url}{place.fragment}"
 
     def open(self) -> None:
         """Open the page in the user's browser, where there is a screen."""

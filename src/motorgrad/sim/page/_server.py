@@ -24,6 +24,7 @@ from websockets.http11 import Request, Response
 from motorgrad._errors import check, choice, shown
 from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
 from motorgrad.sim.page._additions import with_additions
+from motorgrad.sim.page._watching import SHARE, may_watch
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind
@@ -87,7 +88,7 @@ class _Front:
 
     def __init__(self, gate: Gate, label: str):
         self._gate, self._label, self._clients, self.used = gate, label, 0, False
-        self._pages: dict[bool, bytes] = {}
+        self._pages: dict[tuple[bool, bool], bytes] = {}
         self.server: viser.ViserServer | None = None
 
     def settings(self, given: dict[str, Any]) -> dict[str, Any]:
@@ -100,13 +101,16 @@ class _Front:
         """viser's handler of a connection, which sees no message out of bounds."""
 
         async def run(connection: Any) -> None:
-            if self._clients >= MOST:
+            request = connection.request
+            verdict = self._gate.judge(request.path, request.headers.raw_items(), True)
+            watches = not isinstance(verdict, Passed) or verdict.watches
+            if self._clients >= (SHARE * MOST if watches else MOST):
                 log.warning("a browser was refused: %d are connected", self._clients)
                 await connection.close(1013, "too many browsers")
                 return
             self._clients += 1
             try:
-                await handle(_Client(connection, self._check))
+                await handle(_Client(connection, self._check, watches))
             except Exception as error:
                 log.warning("the connection of a browser failed: %s", _line(error))
             finally:
@@ -129,7 +133,7 @@ class _Front:
                 return None
             page = serve_page(connection, Request("/", Headers()))
             if page is not None:
-                self._complete(page, "gzip" in request.headers.get("Accept-Encoding", ""))
+                self._complete(page, "gzip" in request.headers.get("Accept-Encoding", ""), verdict.watches)
                 policy = POLICY.format(host=request.headers["Host"])
                 page.headers.update({**HEADERS, "Content-Security-Policy": policy})
                 if verdict.framed:
@@ -140,32 +144,39 @@ class _Front:
 
         return process
 
-    def _complete(self, page: Response, zipped: bool) -> None:
+    def _complete(self, page: Response, zipped: bool, watches: bool) -> None:
         """Add this page's own style and scripts to viser's."""
-        if zipped not in self._pages:
-            body = with_additions(bytes(page.body), self._label)
-            self._pages[zipped] = gzip.compress(body) if zipped else body
-        page.body = self._pages[zipped]
+        kind = zipped, watches
+        if kind not in self._pages:
+            body = with_additions(bytes(page.body), self._label, watches)
+            self._pages[kind] = gzip.compress(body) if zipped else body
+        page.body = self._pages[kind]
         del page.headers["Content-Length"], page.headers["Content-Encoding"]
         page.headers["Content-Length"] = str(len(page.body))
         page.headers["Content-Encoding"] = "gzip" if zipped else "identity"
 
-    def _check(self, raw: Any) -> None:
-        """Check a message before viser reads it. **Raises** `ValueError`."""
+    def _check(self, raw: Any, watches: bool) -> bool:
+        """Check a message before viser reads it; whether it may. **Raises** `ValueError`."""
         message = read_message(raw)
+        if watches and not may_watch(self.server, message):
+            return False
         if isinstance(message, viser_messages.GuiUpdateMessage) and self.server is not None:
             apis = [self.server.gui, *(client.gui for client in self.server.get_clients().values())]
             found = [api._gui_input_handle_from_uuid.get(message.uuid) for api in apis]
             for handle in filter(None, found):
                 check_value(handle, message.updates)
+        return True
 
 
 class _Client:
-    """A connection as viser's handler sees it: messages out of bounds are left out, and fast ones wait."""
+    """A connection as viser's handler sees it: messages out of bounds are left out, and fast ones wait.
 
-    def __init__(self, connection: Any, check: Callable[[Any], None]):
-        self._connection, self._check = connection, check
-        self._pace, self._size, self._refused = Pace(), 0, 0
+    **Attributes:** `watches`: whether it may only watch; what it may not send is left out.
+    """
+
+    def __init__(self, connection: Any, check: Callable[[Any, bool], bool], watches: bool):
+        self._connection, self._check, self.watches = connection, check, watches
+        self._pace, self._size, self._refused, self._ignored = Pace(), 0, 0, False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._connection, name)
@@ -182,7 +193,7 @@ class _Client:
                 raise
             self._size = len(raw)
             try:
-                self._check(raw)
+                allowed = self._check(raw, self.watches)
             except ValueError as error:
                 self._refused += 1
                 log.warning("a browser's message was refused: %s", _line(error))
@@ -190,7 +201,11 @@ class _Client:
                     self._connection.transport.abort()  # a proper end would wait for everything else that was sent
                     raise ConnectionClosedError(None, None) from None
                 continue
-            return raw
+            if allowed:
+                return raw
+            if not self._ignored:  # an honest one may press a key, or click on the picture
+                log.warning("a browser that may only watch is not obeyed")
+                self._ignored = True
 
 
 def read_message(raw: Any) -> Any:

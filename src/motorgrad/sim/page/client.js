@@ -45,19 +45,69 @@
     copy.classList.toggle("motorgrad-narrow", box.width < 560);
   };
 
-  // who clicks a part or a muscle sees its tab
-  let fronted = "0";
-  const bringForward = () => {
-    const wanted = document.querySelector(".motorgrad-front");
-    if (!wanted || wanted.dataset.count === fronted) return;
-    const tab = [...document.querySelectorAll("[role=tab]")].find(each => each.textContent.trim() === wanted.textContent);
-    if (!tab) return;
-    fronted = wanted.dataset.count;
+  const show = title => {
+    const named = each => each.textContent.trim().toLowerCase() === title.toLowerCase();
+    const tab = [...document.querySelectorAll("[role=tab]")].find(named);
+    if (!tab) return false;
     for (const kind of ["pointerdown", "mousedown", "pointerup", "mouseup", "click"]) {  // a click alone moves no tab
       const Kind = kind.startsWith("pointer") ? PointerEvent : MouseEvent;
       tab.dispatchEvent(new Kind(kind, { bubbles: true, button: 0, pointerId: 1, isPrimary: true }));
     }
+    return true;
   };
+  // who clicks a part or a muscle sees its tab
+  let fronted = "0";
+  const bringForward = () => {
+    const wanted = document.querySelector(".motorgrad-front");
+    if (wanted && wanted.dataset.count !== fronted && show(wanted.textContent)) fronted = wanted.dataset.count;
+  };
+
+  // what stands behind the # of the address: at first, and when the user changes it, the page goes there
+  let gone = 0, wanted = window.motorgrad.fragment, wantedTab = null;
+  const go = () => {
+    const here = document.querySelector(".motorgrad-own");
+    if (!here || !here.dataset.go) return false;
+    if (wanted) {
+      wantedTab = new URLSearchParams(wanted.slice(1)).get("tab");
+      const value = `${++gone}:${wanted.slice(1)}`;
+      window.motorgrad.send({ type: "GuiUpdateMessage", uuid: here.dataset.go, updates: { value } });
+      wanted = "";
+    }
+    if (wantedTab && show(wantedTab)) wantedTab = null;
+    return !wantedTab;
+  };
+  // the place as the address has it, a moment only of a run that is paused
+  const place = () => {
+    const moment = document.querySelector(".motorgrad-moment"), here = document.querySelector(".motorgrad-own");
+    const tab = document.querySelector("[role=tab][aria-selected=true]");
+    const parts = new URLSearchParams();
+    if (moment && moment.dataset.decision) parts.set("decision", moment.dataset.decision);
+    if (here && here.dataset.camera) parts.set("camera", here.dataset.camera);
+    if (tab) parts.set("tab", tab.textContent.trim());
+    return `#${parts}`;
+  };
+  setInterval(() => {
+    if (!go()) return;
+    const now = place();
+    if (now !== location.hash) history.replaceState(history.state, "", location.pathname + location.search + now);
+  }, 500);
+  window.addEventListener("hashchange", () => { wanted = location.hash; go(); });
+  document.addEventListener("click", event => {
+    const button = event.target.closest(".motorgrad-copy");
+    if (!button) return;
+    const address = (button.dataset.address || location.origin + location.pathname) + place();
+    const done = words => { button.nextElementSibling.textContent = words; };
+    const byHand = () => {  // an address that is not this machine's has no clipboard
+      const field = document.createElement("textarea");
+      field.value = address;
+      document.body.append(field);
+      field.select();
+      done(document.execCommand("copy") ? "copied" : address);
+      field.remove();
+    };
+    if (navigator.clipboard) navigator.clipboard.writeText(address).then(() => done("copied"), byHand);
+    else byHand();
+  });
 
   let due = false;
   const renew = () => {

@@ -1,5 +1,8 @@
 // Before viser's own scripts: words while the page loads, and less to draw where a browser has no graphics card.
 (() => {
+  // viser connects to its own address and knows no #; the other script comes back to what stood behind it
+  window.motorgrad = { fragment: location.hash, send: () => {} };
+  if (location.hash) history.replaceState(null, "", location.pathname + location.search);
   const DETAIL = 0.6;  // pixels drawn for each of the screen's, along a side, by software
   const RENDERER = 0x9246, FRAMES = 6, PATIENCE = 15000;  // ms; the picture comes some frames after the first message about it
   const gl = document.createElement("canvas").getContext("webgl2");
@@ -42,6 +45,7 @@
   window.Worker = class extends Worker {
     constructor(...given) {
       super(...given);
+      window.motorgrad.send = message => this.postMessage({ type: "send", message });
       // `event.data` is one object for all listeners, and this listener is the first
       this.addEventListener("message", event => {
         const data = event.data;

@@ -7,9 +7,9 @@ Each panel is a tab that adds its own elements and updates them. Panels do not k
 from motorgrad.sim.panels._capture import FilmRecorder
 from motorgrad.sim.panels._clicks import ClickSelect
 from motorgrad.sim.panels._overlay import Overlay
-from motorgrad.sim.panels._panel import Panel
+from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._panels import PANELS, Panels
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.panels._run import DragPush
 
-__all__ = ["PANELS", "ClickSelect", "DragPush", "FilmRecorder", "Overlay", "Panel", "Panels", "ReplayRecorder"]
+__all__ = ["PANELS", "ClickSelect", "DragPush", "FilmRecorder", "Overlay", "Panel", "Panels", "ReplayRecorder", "notify"]

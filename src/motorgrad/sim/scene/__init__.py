@@ -3,7 +3,8 @@
 from motorgrad.sim.scene._cameras import Cameras
 from motorgrad.sim.scene._contacts import touches, weight_arrow
 from motorgrad.sim.scene._layer import Layer
+from motorgrad.sim.scene._own import own, own_elements
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._scene import Scene, View
 
-__all__ = ["Cameras", "Layer", "Pose", "Scene", "View", "touches", "weight_arrow"]
+__all__ = ["Cameras", "Layer", "Pose", "Scene", "View", "own", "own_elements", "touches", "weight_arrow"]

@@ -18,6 +18,7 @@ from motorgrad._errors import check
 from motorgrad.sim.film import camera_axes, ground_height, natural_angles
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.scene._framing import Framing, History
+from motorgrad.sim.scene._own import own
 from motorgrad.sim.scene._pose import Pose
 
 GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -313,7 +314,8 @@ class Cameras:
 
     def chosen(self, client_id: int) -> str:
         """The name of a browser's camera; empty before it has one."""
-        return self._viewers[client_id].name
+        viewer = self._viewers.get(client_id)
+        return "" if viewer is None else viewer.name
 
     def _switch(self, viewer: Viewer, pose: Pose) -> None:
         name, viewer.wanted = viewer.wanted, None
@@ -353,13 +355,14 @@ class Cameras:
         """Give a browser its list, its slider and its keys."""
         viewer = Viewer(client, self._first, self._tall)
         with self._lock, self._folder:  # one at a time: several browsers may connect at once
-            viewer.choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
-            height = client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1))
+            choice = client.gui.add_dropdown("View", self.names, initial_value=self._first, hint=HINT)
+            viewer.choice = own(choice)
+            height = own(client.gui.add_slider("Eye height (m)", LOWEST, TALLEST, 0.05, round(self._tall, 1)))
         viewer.choice.on_update(lambda event: self._want(viewer, event.target.value))
         height.on_update(lambda event: setattr(viewer, "height", float(event.target.value)))
         for number, name in enumerate(self.names):
             key = KEYS.get(name, str(number - 2) if number < 12 else None)
-            command = client.gui.add_command(f"Camera: {name.lower()}", hotkey=key, icon="camera")
+            command = own(client.gui.add_command(f"Camera: {name.lower()}", hotkey=key, icon="camera"))
             command.on_trigger(lambda _, name=name: self.select(client.client_id, name))
         with self._lock:
             self._viewers[client.client_id] = viewer

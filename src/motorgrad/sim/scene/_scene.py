@@ -16,6 +16,7 @@ from motorgrad.sim.scene._cameras import Cameras, GroundAt
 from motorgrad.sim.scene._contacts import Balance, Contacts
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._muscles import Muscles
+from motorgrad.sim.scene._own import own
 from motorgrad.sim.scene._plane import Plane, PlaneUnits
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._surroundings import Ground, Sky
@@ -105,12 +106,12 @@ def add_help(client: Any) -> None:
     def show(_: Any) -> None:
         with client.gui.add_modal("Keys and mouse") as modal:
             client.gui.add_markdown(f"| key | what it does |\n|---|---|\n{rows}")
-            client.gui.add_button("Close").on_click(lambda _: modal.close())
+            own(client.gui.add_button("Close")).on_click(lambda _: modal.close())
 
     # missing in viser's type, but its client knows it: the character typed, which takes shift on most keyboards
     hotkey: Any = "?"
-    client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon="keyboard").on_trigger(show)
-    client.gui.add_button("Keys (?)", icon="keyboard").on_click(show)
+    own(client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon="keyboard")).on_trigger(show)
+    own(client.gui.add_button("Keys (?)", icon="keyboard")).on_click(show)
 
 
 class View:

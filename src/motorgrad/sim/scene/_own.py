@@ -1,0 +1,31 @@
+"""Elements of one browser alone, which change nothing but what it sees: whoever may only watch may use these."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import viser
+
+_own: weakref.WeakKeyDictionary[viser.ClientHandle, set[str]] = weakref.WeakKeyDictionary()
+"""viser's identifiers of these elements, by their browser."""
+
+
+def own(handle: Any) -> Any:
+    """Mark an element that belongs to one browser and changes only what that browser sees. **Returns** it.
+
+    Nothing else that a watching browser presses or sends is heard. **Raises** `TypeError` for an element of the server,
+    which all browsers share.
+    """
+    client = handle._impl.gui_api._owner
+    if not isinstance(client, viser.ClientHandle):
+        raise TypeError("own: an element that all browsers share")
+    _own.setdefault(client, set()).add(handle._impl.uuid)
+    return handle
+
+
+def own_elements(client: viser.ClientHandle) -> dict[str, Any]:
+    """The marked elements and commands that a browser has, by viser's identifiers."""
+    gui = client.gui
+    known = {**gui._gui_input_handle_from_uuid, **gui._command_handle_from_uuid}
+    return {uuid: known[uuid] for uuid in sorted(_own.get(client, ())) if uuid in known}

@@ -1,0 +1,177 @@
+"""Those who may only watch: they turn their camera, and whatever else they send changes nothing."""
+
+import time
+
+import pytest
+from page_clients import CAMERA, alive, client, fields, get, send, socket, until, update
+
+from motorgrad._gate import COOKIE
+from motorgrad.sim import live
+from motorgrad.sim.scene import own, own_elements
+
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+
+
+def of(page, connection):
+    """viser's handle of the only browser, once its elements are there."""
+    assert until(lambda: [*page.server.get_clients().values()])
+    (found,) = page.server.get_clients().values()
+    assert until(lambda: page.view.cameras.chosen(found.client_id) and len(own_elements(found)) > 5)
+    return found
+
+
+def test_the_second_address_leads_to_a_place_of_its_own(page):
+    token, place = page._gate.watching
+    status, headers, _ = get(page, f"/{token}/")
+    assert (status, headers["location"]) == (303, f"/{place}/")
+    cookie = headers["set-cookie"].split(";")[0]
+    assert page._gate.token not in str(headers)
+    status, _, text = get(page, f"/{place}/", Cookie=cookie)
+    assert status == 200
+    assert "watching only" in text
+    assert page._gate.token not in text
+    assert get(page, f"/{page._gate.place}/", Cookie=cookie)[0] == 403
+    assert "watching only" not in get(page, f"/{page._gate.place}/", Cookie=f"{COOKIE}={page._gate.token}")[2]
+
+
+def state(page):
+    """Everything that a stranger might change."""
+    session = page.session
+    now = session.snapshot()
+    values = {handle._impl.uuid: handle.value for handle in fields(page)}
+    layers = [layer.shown for layer in page.scene.layers]
+    run = (now.decision, now.playing, now.frozen, now.reset_count, len(now.position), session.speed, session.settings)
+    return run, values, layers, page.overlay.shown, len(session.log), page.panels.panels["Capture"]._scene
+
+
+def orders(page):
+    """Every message by which a page makes something happen."""
+    gui = page.server.gui
+    for uuid, handle in gui._gui_input_handle_from_uuid.items():
+        other = not handle.value if isinstance(handle.value, bool) else handle.value
+        for value in (other, 0.5, [0.5], "Play", "Reset", "x.npz", True):
+            yield {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
+    for uuid in gui._container_handle_from_uuid:
+        yield {"type": "GuiFormSubmitMessage", "uuid": uuid}
+        yield {"type": "GuiFormDirtyMessage", "uuid": uuid}
+    for uuid in gui._command_handle_from_uuid:
+        yield {"type": "CommandTriggerMessage", "uuid": uuid}
+    where = {
+        "ray_origin": (0.0, 0.0, 0.0),
+        "ray_direction": (0.0, 0.0, 1.0),
+        "screen_pos": (0.5, 0.5),
+        "modifier": None,
+    }
+    for name in page.server.scene._handle_from_node_name:
+        yield {"type": "SceneNodeClickMessage", "name": name, "instance_index": 0, "owner": "", **where}
+    yield {"type": "GetRenderResponseMessage", "payload": b"x", "render_uuid": "x"}
+    yield {"type": "ShareUrlRequest"}
+
+
+def test_nothing_that_a_watching_browser_sends_changes_anything(page, quiet):
+    """As a rogue client would: every order that there is, of every kind."""
+    before = state(page)
+    sent = [*orders(page)]
+    assert len(sent) > 100
+    with client(page, url=page.read_only_url) as connection:
+        found = of(page, connection)
+        for message in sent:
+            send(connection, **message)
+        # the last is its camera, which is heard, and so the others have been read
+        send(connection, **{**CAMERA, "position": (1.0, 2.0, 3.0)})
+        assert until(lambda: tuple(found.camera.position) == (1.0, 2.0, 3.0))
+        time.sleep(0.3)  # callbacks run in threads
+        assert state(page) == before
+    # and the same by one who drives
+    with client(page) as connection:
+        of(page, connection)
+        speed = page.panels.panels["Run"]._speed
+        update(connection, speed, [0.25])
+        assert until(lambda: page.session.speed == 10**0.25)
+    page.session.order(live.Speed(1.0))
+    assert sum("may only watch" in line for line in quiet()) == 1
+    assert alive(page)
+
+
+def test_it_chooses_its_own_camera_and_no_elses(page):
+    with client(page) as other, client(page, url=page.read_only_url) as connection:
+        assert until(lambda: len(page.server.get_clients()) == 2)
+        theirs, mine = (page.server.get_clients()[number] for number in sorted(page.server.get_clients()))
+        assert until(lambda: all(page.view.cameras.chosen(each.client_id) for each in (theirs, mine)))
+        choices = [page.view.cameras._viewers[each.client_id].choice for each in (theirs, mine)]
+        update(connection, choices[0], "Follow")  # the other's
+        update(connection, choices[1], "Walk")
+        assert until(lambda: page.view.cameras.chosen(mine.client_id) == "Walk")
+        assert page.view.cameras.chosen(theirs.client_id) == "Orbit"
+        with pytest.raises(TypeError, match="all browsers share"):
+            own(page.panels.panels["Run"]._speed)
+        assert other.recv()
+
+
+def test_a_class_leaves_room_for_who_drives(page, quiet, monkeypatch):
+    monkeypatch.setattr("motorgrad.sim.page._server.MOST", 4)
+    assert until(lambda: not page.server._websock_server._live_connections)
+    held = [socket(page, page.read_only_url) for _ in range(4)]
+    assert until(lambda: len(page.server._websock_server._live_connections) == 4)
+    late = socket(page, page.read_only_url)
+    assert until(lambda: quiet() == ["a browser was refused: 4 are connected"])
+    for connection in (held.pop(), late):
+        connection.close()
+    assert until(lambda: len(page.server._websock_server._live_connections) == 3)
+    held.append(socket(page))  # the last place is not for watching
+    assert until(lambda: len(page.server._websock_server._live_connections) == 4)
+    for connection in held:
+        connection.close()
+    assert until(lambda: not page.server._websock_server._live_connections)
+
+
+def go(page, connection, text):
+    """Come to the page with what stands behind the # of its address, as the page's script says it."""
+    found = of(page, connection)
+    assert until(lambda: found.client_id in page.links._fields)
+    field = page.links._fields[found.client_id]
+    send(connection, type="GuiUpdateMessage", uuid=field._impl.uuid, updates={"value": f"1:{text}"})
+    return found
+
+
+def test_a_link_leads_to_a_moment_and_a_camera_and_for_who_watches_to_the_camera_alone(page):
+    session = page.session
+    session.order(live.Step(30))
+    assert until(lambda: session.snapshot().newest >= 30)
+    end = session.snapshot().decision
+    link = page.link(decision=10, camera="walk", tab="Run")
+    assert link == f"{page.url}#decision=10&camera=walk&tab=Run"
+    fragment = link.partition("#")[2]
+    with client(page, url=page.read_only_url) as connection:
+        found = go(page, connection, fragment)
+        assert until(lambda: page.view.cameras.chosen(found.client_id) == "Walk")
+        time.sleep(0.3)
+        assert session.snapshot().decision == end
+    with client(page) as connection:
+        found = go(page, connection, fragment)
+        assert until(lambda: session.snapshot().decision == 10)
+        assert until(lambda: page.view.cameras.chosen(found.client_id) == "Walk")
+    with client(page) as connection:
+        go(page, connection, f"time={20 * session.period}")
+        assert until(lambda: session.snapshot().decision == 20)
+    # a moment that is yet to come is waited for
+    with client(page) as connection:
+        go(page, connection, f"decision={end + 40}")
+        assert until(lambda: page.links._waiting == end + 40)
+        session.order(live.Step(100))
+        assert until(lambda: session.snapshot().decision == end + 40)
+        assert not session.snapshot().playing
+        for nonsense in ("decision=-3", "decision=x", "camera=no", "time=nan", "a=b", "%00", "decision=1&time=1"):
+            send(
+                connection,
+                type="GuiUpdateMessage",
+                uuid=page.links._fields[of(page, connection).client_id]._impl.uuid,
+                updates={"value": f"2:{nonsense}"},
+            )
+        time.sleep(0.3)
+        assert session.snapshot().decision == end + 40
+    with pytest.raises(ValueError, match="camera"):
+        page.link(camera="no")
+    with pytest.raises(ValueError, match="time = 2"):
+        page.link(decision=1, time=2.0)
+    assert page.link(camera="orbit", read_only=True) == f"{page.read_only_url}#camera=orbit"
