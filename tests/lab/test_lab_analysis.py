@@ -42,6 +42,16 @@ def test_margins_are_those_of_three_equal_lags():
     assert below.get_xlabel() == "frequency (rad/s)"
 
 
+def test_a_phase_that_only_comes_near_to_half_a_turn_has_no_gain_margin(spring):
+    """A PID loop with a filter and two lags, whose phase goes to −180°: python-control finds a crossing at 10⁸ rad/s."""
+    a = np.array([[0, 0, 0, -2], [0, -10, 0, -10], [1, -10, -1, -14], [0, 0, 0.5, -0.5]])
+    b, c, d = np.array([[2.0], [10.0], [14.0], [0.0]]), np.array([[0.0, 0.0, 0.0, 1.0]]), np.zeros((1, 1))
+    found = lab.bode(spring._replace(A=a, B=b, C=c, D=d, states=["i", "d", "valve", "process"]))
+    assert found.gain_margin == np.inf
+    assert np.isnan(found.phase_crossover)
+    assert found.phase_margin == pytest.approx(1.91, abs=0.01)
+
+
 def test_the_step_response_rings_as_the_closed_form(spring):
     found = lab.step_response(spring, end=20.0)
     damped = np.sqrt(4 - 0.25**2)
@@ -80,6 +90,10 @@ def test_an_index_that_is_not_there_is_refused(spring):
         lab.bode(spring, output=1)
     with pytest.raises(ValueError, match=r"input = -1: must be an index of force\.value"):
         lab.root_locus(spring, input=-1)
+    apart = spring._replace(C=np.zeros_like(spring.C))
+    for analysis in (lab.bode, lab.root_locus):
+        with pytest.raises(ValueError, match=r"'force\.value → place\.y': must be an output that the input moves"):
+            analysis(apart)
 
 
 def test_trim_finds_the_force_that_holds_a_spring():

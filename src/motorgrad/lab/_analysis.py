@@ -31,6 +31,9 @@ def state_space(linear: Linear) -> Any:
     return control.ss(linear.A, linear.B, linear.C, linear.D, linear.tick, **plain)
 
 
+ASYMPTOTIC = 1e5  # times the fastest pole: a response has its final slope by then
+
+
 class Bode(NamedTuple):
     """The frequency response of one output to one input, and its margins.
 
@@ -81,11 +84,11 @@ def bode(
     - `input`, `output`: their indices.
     - `frequencies` (rad/s): rising; by default a thousand that show all that happens.
 
-    **Raises** `ValueError` for an index that does not exist.
+    **Raises** `ValueError` for an index that does not exist, and where the input does not move the output.
     """
     control = _control()
 
-    system = _single(linear, input, output)
+    system = _answering(linear, input, output)
     if frequencies is None:
         found = control.frequency_response(system)
         low, high = found.frequency[0], found.frequency[-1]
@@ -94,6 +97,9 @@ def bode(
     response = control.frequency_response(system, np.asarray(frequencies, float))
     value = np.squeeze(response.complex)
     gain, phase, at_phase, at_gain = control.margin(system)
+    fastest = np.abs(np.linalg.eigvals(linear.A)).max(initial=0.0)
+    if not linear.tick and at_phase > ASYMPTOTIC * fastest > 0:
+        gain, at_phase = np.inf, np.nan  # the phase only comes near to −π, and meets it by rounding
     return Bode(
         np.asarray(response.frequency),
         np.abs(value),
@@ -193,11 +199,11 @@ def root_locus(
 
     **Arguments:** the system; the indices of input and output; the `gains`, by default from 0 on as far as poles move.
 
-    **Raises** `ValueError` for an index that does not exist.
+    **Raises** `ValueError` for an index that does not exist, and where the input does not move the output.
     """
     control = _control()
 
-    system = _single(linear, input, output)
+    system = _answering(linear, input, output)
     found = control.root_locus_map(system, gains=None if gains is None else np.asarray(gains, float))
     return RootLocus(np.asarray(found.gains), np.asarray(found.loci), np.asarray(found.zeros), linear.tick)
 
@@ -286,6 +292,19 @@ def _single(linear: Linear, input: int, output: int) -> Any:
 
     b, c = linear.B[:, [input]], linear.C[[output]]
     return control.ss(linear.A, b, c, linear.D[[output]][:, [input]], linear.tick)
+
+
+def _answering(linear: Linear, input: int, output: int) -> Any:
+    """The system from one input to one output. **Raises** `ValueError` where none leads to the other."""
+    system = _single(linear, input, output)
+    size = max(1.0, np.abs(linear.A).max(initial=0.0))
+    reached, moves = linear.B[:, input], linear.D[output, input] != 0
+    for _ in linear.states:
+        moves |= bool(linear.C[output] @ reached)
+        reached = linear.A @ reached / size
+    name = f"{linear.inputs[input]} → {linear.outputs[output]}"
+    check(moves, "input and output", name, "an output that the input moves, at the operating point of the system")
+    return system
 
 
 def _control() -> Any:

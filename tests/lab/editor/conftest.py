@@ -35,4 +35,5 @@ def opened(chromium, tmp_path):
             return editor
 
         yield open
-        assert [editor.faults for editor in used] == [[]] * len(used)
+        faults = [fault for editor in used for fault in editor.faults]
+        assert not faults, "\n".join(faults)

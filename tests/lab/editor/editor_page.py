@@ -3,7 +3,7 @@
 import contextlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,11 @@ sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 STATIC = Path(__file__).parents[3] / "src" / "motorgrad" / "lab" / "editor" / "static" / "index.html"
 WAIT = 60_000  # milliseconds: the first tick is compiled meanwhile
+AXE = STATIC.parents[1] / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
+SIZES = {1440: 900, 390: 844}
+"""Widths and heights, in pixels, in which every journey is looked at: a desk's and a telephone's."""
+PICTURES = os.environ.get("TIMLAB_PICTURES")
+"""A folder for pictures of what is looked at (`python -m tools.lab_screenshots --journeys`)."""
 
 
 def needs() -> None:
@@ -125,6 +130,43 @@ class Editor:
         self.wait(lambda: self.tick >= tick)
         self.button("Pause").click()
         sync_api.expect(self.button("Play")).to_be_visible(timeout=WAIT)
+
+    def look(self, state: str, panel: str = "", widths: Iterable[int] = SIZES, axe: bool = True) -> None:
+        """Look at the page as it stands, wide and narrow, light and dark; note what axe finds and what is too wide.
+
+        Where the page is narrow, panels are folded away, but for one that is named."""
+        page, before = self.page, self.page.viewport_size
+        if not AXE.exists():
+            pytest.skip("axe-core is not installed: make editor")
+        if not page.evaluate("() => 'axe' in window"):
+            page.evaluate(AXE.read_text(encoding="utf-8"))
+        for width in widths:
+            page.set_viewport_size({"width": width, "height": SIZES[width]})
+            page.wait_for_timeout(300)  # until the diagram fits again
+            opens = panel and width < 900
+            if opens:
+                page.keyboard.press({"palette": "1", "inspector": "2"}[panel])
+            for scheme in ("light", "dark"):
+                page.emulate_media(color_scheme=scheme)
+                page.wait_for_timeout(100)
+                if PICTURES:
+                    Path(PICTURES).mkdir(parents=True, exist_ok=True)
+                    page.screenshot(path=Path(PICTURES) / f"{state.replace(' ', '-')}.{width}.{scheme}.png")
+                if not axe:
+                    continue
+                rules = {} if scheme == "light" else {"runOnly": {"type": "rule", "values": ["color-contrast"]}}
+                found = page.evaluate("rules => axe.run(document, rules)", rules)["violations"]
+                for each in found:
+                    targets = [node["target"] for node in each["nodes"]][:4]
+                    self.faults.append(f"{state}, {width} px, {scheme}: {each['id']} {targets}")
+            if page.evaluate("() => document.documentElement.scrollWidth") > width:
+                self.faults.append(f"{state}, {width} px: the page is wider than the window")
+            if opens:
+                page.keyboard.press({"palette": "1", "inspector": "2"}[panel])
+        page.emulate_media(color_scheme="null")
+        if before:
+            page.set_viewport_size(before)
+            page.wait_for_timeout(300)
 
     def wait(self, condition: Any, seconds: float = WAIT / 1000) -> None:
         for _ in range(int(seconds * 10)):

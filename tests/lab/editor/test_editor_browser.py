@@ -40,8 +40,10 @@ def test_build_run_retune_undo_save_and_reload_by_mouse(opened, tmp_path):
     editor.button("Undo").click()
     expect(editor.field("gain")).to_have_value("1")
     editor.button("Redo").click()
+    editor.look("a first diagram", panel="inspector")
     editor.button("Save").click()
     editor.dialog.get_by_label("file name").fill("by mouse")
+    editor.look("save")
     editor.dialog.get_by_role("button", name="Save", exact=True).click()
     editor.told("Saved as by mouse.json")
     assert lab.load(tmp_path / "by mouse.json") == editor.server.session.diagram
@@ -67,10 +69,12 @@ def test_build_run_and_save_by_keyboard_alone(opened, tmp_path):
     add("scope")
     editor.press("Control+f")
     editor.page.keyboard.type("sine")
+    editor.look("find")
     editor.press("Enter")
     expect(editor.field("amplitude")).to_be_visible()
     editor.press("c")
     editor.page.keyboard.type("sine scope")
+    editor.look("connect")
     editor.press("Enter")
     expect(editor.wire("sine.y", "scope.u")).to_be_attached()
     editor.press(".")
@@ -84,6 +88,7 @@ def test_build_run_and_save_by_keyboard_alone(opened, tmp_path):
     expect(editor.wire("sine.y", "scope.u")).to_be_attached()
     editor.press("Control+k")
     editor.page.keyboard.type("automatic layout")
+    editor.look("commands")
     editor.press("Enter")
     editor.wait(lambda: "sine" in editor.server.session.diagram.layout["positions"])
     editor.press("Control+s")
@@ -95,6 +100,7 @@ def test_build_run_and_save_by_keyboard_alone(opened, tmp_path):
     expect(editor.dialog).to_have_count(0)
     editor.press("?")
     expect(editor.dialog).to_contain_text("Keyboard shortcuts")
+    editor.look("shortcuts")
 
 
 def test_wires_that_do_not_fit_say_why(opened):
@@ -112,11 +118,13 @@ def test_wires_that_do_not_fit_say_why(opened):
     why = "join.u1 accepts one float, but vector.y outputs floats of shape (2)"
     expect(editor.page.get_by_text(why)).to_be_visible()
     expect(target).to_have_class(re.compile("unfit"))
+    editor.look("a wire that does not fit", widths=[1440])
     mouse.up()
     editor.told(why)
     assert not editor.server.session.diagram.wires
     editor.page.get_by_role("tab", name="Problems").click()
     expect(editor.page.get_by_role("list", name="problems")).to_contain_text("join.u")
+    editor.look("problems", panel="inspector")
 
 
 def test_copies_groups_aligns_and_takes_apart(opened):
@@ -137,6 +145,7 @@ def test_copies_groups_aligns_and_takes_apart(opened):
     editor.block("subsystem").dblclick()
     expect(editor.page.get_by_role("navigation", name="subsystems")).to_contain_text("subsystem")
     expect(editor.block("gain")).to_be_visible()
+    editor.look("a group from within")
     editor.page.get_by_role("button", name="diagram", exact=True).click()
     editor.block("subsystem").click()
     editor.press("Control+Shift+g")
@@ -155,6 +164,7 @@ def test_writes_comments_and_takes_wires_out(opened):
     editor.page.keyboard.type("Turn the gain.")
     editor.press("Escape")
     editor.wait(lambda: [c["text"] for c in session.diagram.layout["comments"].values()] == ["Turn the gain."])
+    editor.look("a comment")
     editor.wire("gain.y", "scope.u").focus()
     editor.press("Tab", "Shift+Tab", "Delete")
     editor.wait(lambda: ("scope", "u") not in session.diagram.wires)
@@ -182,6 +192,7 @@ def test_goes_back_forks_and_compares(opened):
     editor.wait(lambda: editor.tick == head)
     # what the first branch has is otherwise in the document now
     expect(editor.page.get_by_text("in this branch 2")).to_be_visible()
+    editor.look("branches compared", panel="inspector")
 
 
 def test_ensembles_show_a_band(opened):
@@ -200,6 +211,7 @@ def test_ensembles_show_a_band(opened):
       let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 3] > 20 && d[i + 3] < 90 && d[i + 2] > d[i] + 40;
       return n }"""
     assert editor.scope("scope").locator("canvas").evaluate(faint) > 200
+    editor.look("a band of seeds")
 
 
 @pytest.mark.parametrize(
@@ -211,6 +223,7 @@ def test_a_spoilt_file_is_refused_and_nothing_is_lost(opened, spoilt):
     files = [{"name": "spoilt.json", "mimeType": "application/json", "buffer": spoilt.encode()}]
     editor.page.get_by_label("file to open").set_input_files(files)
     editor.told(re.compile("must be JSON|type of block"))
+    editor.look(f"a spoilt file of {len(spoilt)} characters")
     editor.press("Escape")
     expect(editor.block("gain")).to_be_visible()
     assert editor.server.session.diagram == wave()
@@ -270,6 +283,9 @@ def test_a_narrow_window_has_all_in_reach(opened):
         assert 0 <= box["x"] <= 420 - box["width"], name
     editor.button("Palette").click()
     expect(editor.button("Add gain")).to_be_visible()
+    editor.look("palette", widths=[390])
+    editor.button("Inspector").click()  # which takes the place of the palette
+    expect(editor.button("Add gain")).to_have_count(0)
 
 
 def grid(count: int) -> lab.Diagram:

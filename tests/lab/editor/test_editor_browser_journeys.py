@@ -1,9 +1,8 @@
-"""What people do with the editor, each from beginning to end in a real browser; and that axe finds nothing."""
+"""What people do with the editor, each from beginning to end in a real browser, and how it looks on the way."""
 
 import csv
 import random
 import re
-from pathlib import Path
 
 import pytest
 from editor_page import WAIT, Editor, served, sync_api, wave
@@ -14,7 +13,6 @@ from motorgrad.lab.diagram._faces import face_of
 from motorgrad.lab.editor import Server, Session
 
 expect = sync_api.expect
-AXE = Path(__file__).parents[3] / "src/motorgrad/lab/editor/frontend/node_modules/axe-core/axe.min.js"
 
 
 def wired(diagram: lab.Diagram, *wires: tuple[str, str]) -> lab.Diagram:
@@ -50,6 +48,7 @@ def test_nan_is_seen_with_where_it_began_and_a_fast_filter_is_warned_of(opened):
     end = 0.25 / 10 * plot.bounding_box()["width"]  # at 0.25 s of the ten that are shown
     plot.hover(position={"x": end, "y": 20})
     expect(editor.page.get_by_label("cursor of scope")).to_contain_text("root –")  # a gap
+    editor.look("NaN and a warning", panel="inspector")
 
 
 def faces() -> lab.Diagram:
@@ -101,6 +100,7 @@ def test_blocks_have_faces_and_wires_go_round_them(opened):
     expect(editor.block("scope").locator(".picture canvas")).to_be_visible()
     editor.play_until(20)
     assert editor.page.evaluate(CROSSED) == []
+    editor.look("faces and pictures of blocks")
 
 
 def vehicle() -> lab.Diagram:
@@ -134,11 +134,13 @@ def test_a_subsystem_gets_parameters_and_wires_say_their_shapes(opened):
     page.get_by_label("name of parameter gain").fill("mass")
     page.get_by_label("name of parameter gain").press("Enter")
     expect(editor.block("weight 2").locator(".inside")).to_have_text("mass")
+    editor.look("within a subsystem", panel="inspector")
     editor.press("u")
     editor.block("vehicle").click()
     editor.field("mass").fill("4")
     editor.field("mass").press("Enter")
     editor.wait(lambda: session.diagram.nodes["vehicle"].block.parameters == {"mass": 4.0})
+    editor.look("shapes at ports, and a parameter of a subsystem", panel="inspector")
     assert session.diagram.nodes["vehicle"].block.uses == {"weight.gain": "mass", "weight 2.gain": "mass"}
 
 
@@ -155,8 +157,10 @@ def test_code_that_a_file_brings_is_read_before_it_runs(opened, tmp_path):
     editor.dialog.get_by_text("strange.json").click()
     brought = editor.page.get_by_role("region", name="code of the diagram")
     expect(brought).to_contain_text("The diagram brings code of its own (theirs). Nothing of it was run.", timeout=WAIT)
+    editor.look("a diagram that brings code")
     brought.get_by_role("button", name="Read it").click()
     expect(editor.dialog).to_contain_text(source.strip())
+    editor.look("code to be read")
     editor.dialog.get_by_role("button", name="Trust and run").click()
     editor.wait(lambda: editor.tick > 2)
     expect(brought).to_have_count(0)
@@ -190,6 +194,7 @@ def test_two_hundred_blocks_lie_in_layers_and_all_are_shown(opened):
         return b.left >= pane.left && b.right <= pane.right && b.top >= pane.top && b.bottom <= pane.bottom;
       }).length }"""
     editor.wait(lambda: editor.page.evaluate(inside) == 200)
+    editor.look("two hundred blocks", axe=False)  # which would take long, and they are like others
 
 
 def test_a_diagram_of_the_gallery_learns_as_fast_as_possible_when_played(opened):
@@ -202,11 +207,13 @@ def test_a_diagram_of_the_gallery_learns_as_fast_as_possible_when_played(opened)
     others = editor.dialog.get_by_role("region", name="Dynamics and control").get_by_role("button")
     expect(others).to_have_count(5)
     expect(editor.dialog.locator(".card .thumbnail")).to_have_count(len(lab.GALLERY))
+    editor.look("gallery")
     editor.dialog.get_by_role("button", name="Open Lorenz attractor").click()
     expect(editor.page.get_by_label("speed")).to_have_value("1")
     editor.button("One tick").click()
     editor.wait(lambda: editor.tick == 1)
     expect(editor.page.get_by_label("speed")).to_have_value("1")  # which a tick leaves alone
+    editor.look("a diagram of the gallery")
 
 
 def test_a_formula_and_its_inputs_are_edited_as_one(opened):
@@ -226,6 +233,7 @@ def test_a_formula_and_its_inputs_are_edited_as_one(opened):
     law = session.diagram.nodes["law"].block
     assert (law.reads, law.constants) == (("u", "v"), ("k",))
     assert session.diagram.wires["law", "u"] == ("gain", "y")  # what stays keeps its wire
+    editor.look("a formula", panel="inspector")
     editor.field("expression").fill("k * v")
     editor.field("expression").press("Enter")
     expect(editor.port("input", "u", "law")).to_have_count(0)
@@ -233,6 +241,7 @@ def test_a_formula_and_its_inputs_are_edited_as_one(opened):
     editor.field("expression").fill("k * (v")
     editor.field("expression").press("Enter")
     editor.told("column 7")
+    editor.look("a formula with a mistake", panel="inspector")
 
 
 def test_shift_adds_quick_add_is_empty_and_nothing_is_told_twice(opened):
@@ -249,9 +258,11 @@ def test_shift_adds_quick_add_is_empty_and_nothing_is_told_twice(opened):
     mouse.up()
     editor.page.keyboard.up("Shift")
     expect(editor.page.get_by_text("3 blocks", exact=True)).to_be_visible()
+    editor.look("three blocks selected", panel="inspector")
     editor.press("/")
     search = editor.page.get_by_role("searchbox", name="Search blocks")
     search.fill("lag")
+    editor.look("palette sought", widths=[1440])
     editor.page.locator(".react-flow__pane").click(position={"x": 40, "y": 400})  # nothing is selected any more
     editor.block("gain").click()
     editor.press("/")
@@ -275,6 +286,7 @@ def test_play_keeps_its_word_after_the_seeds_change(opened):
     editor.wait(lambda: len(editor.server.session._runner.status["seeds"]) == 3)
     editor.wait(lambda: editor.tick > 5)  # it goes on
     editor.button("Pause").click()
+    editor.look("several seeds")
 
 
 def test_saving_shows_and_work_is_recovered_under_its_last_name(chromium, tmp_path):
@@ -303,6 +315,9 @@ def test_saving_shows_and_work_is_recovered_under_its_last_name(chromium, tmp_pa
         page.get_by_role("button", name="Open", exact=True).click()
         work = page.get_by_role("list", name="unsaved work")
         expect(work).to_contain_text("A longer arm")
+        again = Editor(page)
+        again.look("open, and unsaved work")
+        assert again.faults == []
         work.get_by_role("button").click()
         expect(page.get_by_label("state of the file")).to_have_text("arm.json, changed")
         expect(page.locator(".title strong")).to_have_text("A longer arm")
@@ -325,6 +340,8 @@ def test_a_scope_is_read_by_cursor_and_kept_as_numbers_and_pictures(opened, tmp_
     expect(editor.page.get_by_label("cursor of scope")).to_have_text(
         re.compile(r"t 1\.\d+ s \(Δ (1|0\.9|1\.0)\d*\).*gain .*\(Δ .*\)")
     )
+
+    editor.look("cursor of a scope")
 
     def kept(button, name):
         with editor.page.expect_download() as download:
@@ -380,6 +397,7 @@ def test_a_diagram_is_one_page_with_its_run_that_anyone_opens(chromium, tmp_path
     editor.field("gain").fill("3")
     editor.field("gain").press("Enter")
     editor.told("This page is a recording")
+    editor.look("a page with its run")
     assert editor.faults == []
     assert [url for url in asked if url.startswith("http")] == []
     page.close()
@@ -400,37 +418,3 @@ def test_the_editor_makes_the_same_page_from_its_own_run(opened, tmp_path):
     assert other.tick == tick
     assert other.faults == []
     page.close()
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1440])
-def test_axe_finds_nothing(chromium, tmp_path, width, theme):
-    if not AXE.exists():
-        pytest.skip("axe-core is not installed: make editor")
-    context = chromium.new_context(viewport={"width": width, "height": 900}, color_scheme=theme)
-    with served(tmp_path, falling()) as server:
-        page = context.new_page()
-        editor = Editor(page, server).open(server.url) if width > 900 else Editor(page, server)
-        if width < 900:  # where the palette begins closed
-            page.goto(server.url)
-        expect(editor.block("root")).to_be_attached(timeout=WAIT)
-        page.evaluate(AXE.read_text(encoding="utf-8"))
-
-        def check(where):
-            found = page.evaluate("() => axe.run(document, { resultTypes: ['violations'] })")["violations"]
-            said = [(each["id"], [node["target"] for node in each["nodes"]][:4]) for each in found]
-            assert said == [], where
-
-        check("at first")
-        editor.button("One tick").click()
-        editor.wait(lambda: editor.tick == 1)
-        page.get_by_role("slider", name="time travel").focus()
-        page.keyboard.press("p")
-        check("after a tick")
-        for keys, what in (("g", "gallery"), ("?", "shortcuts"), ("Control+k", "commands"), ("Control+o", "open")):
-            page.keyboard.press(keys)
-            expect(editor.dialog).to_be_visible()
-            check(what)
-            page.keyboard.press("Escape")
-            expect(editor.dialog).to_have_count(0)
-    context.close()

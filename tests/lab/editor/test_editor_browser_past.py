@@ -34,6 +34,7 @@ def test_single_units_are_frozen_and_thawed_while_it_plays(opened):
     before = editor.tick
     editor.wait(lambda: editor.tick > before)  # it has gone on all the while
     editor.button("Pause").click()
+    editor.look("frozen units", panel="inspector")
 
 
 def test_a_log_is_kept_and_replayed_bit_for_bit(opened, tmp_path):
@@ -51,6 +52,7 @@ def test_a_log_is_kept_and_replayed_bit_for_bit(opened, tmp_path):
     editor.page.get_by_role("tab", name="Log").click()
     entries = editor.page.get_by_role("list", name="log").get_by_role("listitem")
     expect(entries).to_have_count(2)
+    editor.look("log", panel="inspector")
     with editor.page.expect_download() as kept:
         editor.button("Keep the log").click()
     kept.value.save_as(tmp_path / "kept.json")
@@ -66,6 +68,7 @@ def test_a_log_is_kept_and_replayed_bit_for_bit(opened, tmp_path):
     (tmp_path / "none.json").write_text("[")
     replay.set_input_files(tmp_path / "none.json")
     editor.told("none.json: is not a log")
+    editor.look("a log that is refused", panel="inspector")
 
 
 def test_unsaved_work_is_offered_and_taken_up(chromium, tmp_path):
@@ -79,6 +82,7 @@ def test_unsaved_work_is_offered_and_taken_up(chromium, tmp_path):
             editor = Editor(page, server).open(server.url)
             offered = page.get_by_role("region", name="unsaved work")
             expect(offered).to_contain_text(re.compile(r"\d changes?, the last on .*\d:\d\d"))
+            editor.look(f"unsaved work taken up {way}")
             if way == "by the dialog":
                 editor.button("Open").click()
                 work = editor.dialog.get_by_role("list", name="unsaved work").get_by_role("button")
@@ -95,6 +99,7 @@ def test_unsaved_work_is_offered_and_taken_up(chromium, tmp_path):
 def test_the_tour_leads_to_the_gallery(opened):
     editor = opened()
     editor.button("First steps").click()
+    editor.look("first steps")
     for step in range(1, 6):
         expect(editor.dialog).to_contain_text(f"{step} of 6")
         editor.press("Enter")  # what leads on has the focus

@@ -19,11 +19,10 @@ import { Toolbar } from "./ui/Toolbar";
 import { setRoot } from "./ui/root";
 import { useUi } from "./ui/ui";
 import { useDark } from "./ui/useDark";
+import { useNarrow } from "./ui/useNarrow";
 import "@xyflow/react/dist/style.css";
 import "uplot/dist/uPlot.min.css";
 import "./style/index.css";
-
-const NARROW = 900; // pixels, below which panels begin closed
 
 interface Props {
   transport: Transport;
@@ -57,9 +56,7 @@ function Frame({ whole }: { whole: boolean }) {
   const dark = useDark();
   const { palette, inspector, dock } = useUi();
   useKeys(root, whole);
-  useEffect(() => {
-    if ((root.current?.clientWidth ?? 0) < NARROW) useUi.setState({ palette: false, inspector: false });
-  }, []);
+  useNarrow(root);
   return (
     <div
       ref={(element) => {

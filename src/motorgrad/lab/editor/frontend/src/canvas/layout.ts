@@ -1,7 +1,7 @@
 import { Graph, layout } from "@dagrejs/dagre";
 import { ends } from "../session/ports";
 import type { Scope } from "../session/types";
-import { GRID, sizeOf } from "./geometry";
+import { GRID, portHeight, sizeOf } from "./geometry";
 
 export type Positions = Record<string, [number, number]>;
 
@@ -30,6 +30,36 @@ export function automaticLayout(scope: Scope, names: string[] = Object.keys(scop
     const { x, y } = graph.node(name) as { x: number; y: number };
     const { width, height } = sizeOf(name, block);
     found[name] = [snapped(x - width / 2), snapped(y - height / 2)];
+  }
+  return straightened(scope, found);
+}
+
+/** Of how far apart two ends of a wire are brought to one height, and what is left free about a block, in pixels. */
+const [NEAR, ROOM] = [2 * GRID, 2 * GRID];
+
+/** Moves blocks up or down a little where that makes a wire straight, and no two come too close. */
+function straightened(scope: Scope, places: Positions): Positions {
+  const found = { ...places };
+  const names = Object.keys(found).sort((a, b) => found[a]![0] - found[b]![0]);
+  const boxOf = (name: string) => ({ x: found[name]![0], y: found[name]![1], ...sizeOf(name, scope.nodes[name]!) });
+  const isFree = (name: string, by: number): boolean => {
+    const { x, y, width, height } = boxOf(name);
+    return names.every((other) => {
+      const box = boxOf(other);
+      const apart = other === name || x >= box.x + box.width + ROOM || box.x >= x + width + ROOM;
+      return apart || y + by >= box.y + box.height + ROOM || box.y >= y + by + height + ROOM;
+    });
+  };
+  for (const name of names) {
+    for (const [row, port] of scope.nodes[name]!.inputs.entries()) {
+      const [from, output] = ends(scope.wires[`${name}.${port.name}`] ?? ".");
+      const source = found[from] && scope.nodes[from];
+      if (!source || boxOf(from).x + boxOf(from).width > found[name]![0]) continue;
+      const start = found[from]![1] + portHeight(source.outputs.findIndex((each) => each.name === output));
+      const by = start - found[name]![1] - portHeight(row);
+      if (Math.abs(by) <= NEAR && isFree(name, by)) found[name] = [found[name]![0], found[name]![1] + by];
+      if (Math.abs(by) <= NEAR) break; // the first such wire decides
+    }
   }
   return found;
 }

@@ -1,5 +1,5 @@
 import { scopeNow } from "../session/useScope";
-import { enter, openDialog, toast, useUi } from "../ui/ui";
+import { enter, openDialog, setPanel, toast, useUi } from "../ui/ui";
 import { find } from "../ui/root";
 import type { Command, Context } from "./command";
 import { copy, paste } from "./clipboard";
@@ -36,17 +36,22 @@ function comment(context: Context): void {
   void context.ask({ op: "comment", at: here(), text: "Comment", box: [x, y, 200, 60] });
 }
 
+function openForm(): void {
+  setPanel("inspector", true);
+  useUi.setState({ tab: "Form" });
+}
+
 function openInner(context: Context): void {
   const [name] = selection(context).names;
   if (name && scopeNow().nodes[name]?.type === "diagram") enter([...here(), name]);
   else if (name) {
-    useUi.setState({ inspector: true });
+    openForm();
     requestAnimationFrame(() => find(".inspector input")?.focus());
   }
 }
 
 function rename(): void {
-  useUi.setState({ inspector: true });
+  openForm();
   requestAnimationFrame(() => find<HTMLInputElement>(".name-field")?.select());
 }
 

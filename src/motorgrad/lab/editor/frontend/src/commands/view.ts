@@ -1,5 +1,5 @@
 import { forgetPlaces } from "../canvas/layout";
-import { openDialog, setTheme, useUi } from "../ui/ui";
+import { openDialog, setPanel, setTheme, useUi } from "../ui/ui";
 import { find } from "../ui/root";
 import type { Command } from "./command";
 
@@ -15,11 +15,12 @@ export function isDark(): boolean {
 export const toggleTheme = (): void => setTheme(isDark() ? "light" : "dark");
 
 export function searchPalette(): void {
-  useUi.setState({ palette: true, sought: "" });
+  setPanel("palette", true);
+  useUi.setState({ sought: "" });
   requestAnimationFrame(() => find<HTMLInputElement>(".palette input")?.focus());
 }
 
-const toggle = (part: "palette" | "inspector" | "dock") => () => useUi.setState((ui) => ({ [part]: !ui[part] }));
+const toggle = (panel: "palette" | "inspector") => () => setPanel(panel, !useUi.getState()[panel]);
 
 export const viewCommands: Command[] = [
   { label: "Add a block…", group: "View", keys: ["/", "A"], run: searchPalette },
@@ -35,7 +36,7 @@ export const viewCommands: Command[] = [
   { label: "Zoom out", group: "View", keys: ["Mod+-"], run: ({ flow }) => flow.zoomOut() },
   { label: "Palette", group: "View", keys: ["1"], run: toggle("palette") },
   { label: "Inspector", group: "View", keys: ["2"], run: toggle("inspector") },
-  { label: "Scopes", group: "View", keys: ["3"], run: toggle("dock") },
+  { label: "Scopes", group: "View", keys: ["3"], run: () => useUi.setState(({ dock }) => ({ dock: !dock })) },
   {
     label: "Pictures of scopes on the canvas",
     group: "View",

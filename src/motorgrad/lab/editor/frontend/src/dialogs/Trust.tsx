@@ -18,7 +18,8 @@ export function Trust() {
       <p>
         {offered
           ? "It can do whatever you can do on this machine. Let it run only if you trust who wrote it."
-          : "It was written in this page or dropped on it. To let it run, start with: motorgrad lab FILE --trust"}
+          : "It was written in this page or dropped on it, and does not run. To let it run, start with: motorgrad lab FILE --trust. " +
+            "A file that was dropped you can also put into the editor's folder, and open it there."}
       </p>
       {foreign.map(({ path, type, code }) => (
         <section key={path} aria-label={`code of ${path}`}>

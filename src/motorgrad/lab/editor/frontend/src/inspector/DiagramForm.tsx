@@ -44,12 +44,13 @@ export function DiagramForm() {
   );
   const fields = at.length ? TEXTS : [...TEXTS, ...TIMES];
   const blocks = Object.keys(scope.nodes).length;
+  const wires = Object.keys(scope.wires).length;
   return (
     <form className="form" onSubmit={(event) => event.preventDefault()} aria-label="form of the diagram">
       <header>
         <strong>{at.length ? "This subsystem" : "This diagram"}</strong>
         <span className="quiet">
-          {blocks} {blocks === 1 ? "block" : "blocks"}, {Object.keys(scope.wires).length} wires
+          {blocks} {blocks === 1 ? "block" : "blocks"}, {wires} {wires === 1 ? "wire" : "wires"}
         </span>
       </header>
       {fields.map((each) => (

@@ -1,18 +1,17 @@
-import { useState } from "react";
 import { LogPanel } from "../run/LogPanel";
 import { useProblems } from "../session/store";
 import { useScope } from "../session/useScope";
-import { useUi } from "../ui/ui";
+import { type Tab, useUi } from "../ui/ui";
 import { BlockForm } from "./BlockForm";
 import { DiagramForm } from "./DiagramForm";
 import { Many } from "./Many";
 import { Problems } from "./Problems";
 
-const TABS = ["Form", "Problems", "Log"] as const;
+const TABS: Tab[] = ["Form", "Problems", "Log"];
 
 /** Beside the canvas: the form of what is selected, what is wrong, and what was done. */
 export function Inspector() {
-  const [tab, setTab] = useState<(typeof TABS)[number]>("Form");
+  const tab = useUi((ui) => ui.tab);
   const scope = useScope();
   const selected = useUi((ui) => ui.selected).filter((name) => name in scope.nodes);
   const problems = useProblems().length;
@@ -22,7 +21,13 @@ export function Inspector() {
     <aside className="inspector side" aria-label="inspector">
       <div role="tablist" className="tabs">
         {TABS.map((each) => (
-          <button key={each} type="button" role="tab" aria-selected={tab === each} onClick={() => setTab(each)}>
+          <button
+            key={each}
+            type="button"
+            role="tab"
+            aria-selected={tab === each}
+            onClick={() => useUi.setState({ tab: each })}
+          >
             {each}
             {each === "Problems" && problems > 0 && <span className="count">{problems}</span>}
           </button>

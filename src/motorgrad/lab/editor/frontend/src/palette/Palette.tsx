@@ -4,7 +4,7 @@ import { freePlace } from "../commands/selection";
 import { useContextOfCommands } from "../commands/useKeys";
 import { useDocument } from "../session/store";
 import { find } from "../ui/root";
-import { useUi } from "../ui/ui";
+import { setPanel, useUi } from "../ui/ui";
 import { PaletteItem } from "./PaletteItem";
 import { found } from "./search";
 
@@ -37,7 +37,7 @@ export function Palette() {
     const needed = declarations[type]?.fields.some((field) => field.required);
     if (needed) useUi.setState({ adding: type });
     else void add(context, type, freePlace(context));
-    if (window.innerWidth <= 820) useUi.setState({ palette: false });
+    if (useUi.getState().narrow) setPanel("palette", false);
   };
   const press = (event: KeyboardEvent) => {
     if (event.key === "ArrowDown" || event.key === "ArrowUp") {

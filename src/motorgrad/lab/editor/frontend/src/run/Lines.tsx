@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from "react";
 import uPlot from "uplot";
 import { useDark } from "../ui/useDark";
-import { labels } from "./axes";
+import { extent, labels } from "./axes";
 import { pageColour } from "./colours";
 import { drawn } from "./series";
 import type { Source } from "./sources";
@@ -24,12 +24,18 @@ const limitsOf = (source: Source): [number, number] | null => {
   return Array.isArray(limits) ? (limits as [number, number]) : null;
 };
 
-/** A little room above and below; 0 to 1 of nothing. */
+/** A little room above and below, and about a signal that does not move; 0 to 1 of nothing. */
 const roomy = (_: uPlot, low: number | null, high: number | null): [number, number] =>
-  low === null || high === null ? [0, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]);
+  low === null || high === null || low === high
+    ? extent([low, high])
+    : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]);
 
 /** The numbers of an axis, with as many digits as tell them apart. */
 const written = (_: uPlot, values: number[]): string[] => labels(values);
+
+/** How wide a vertical axis is, in pixels, so that its numbers do not reach its title. */
+const wideEnough = (_: uPlot, texts: string[] | null): number =>
+  Math.max(52, 16 + 6.6 * Math.max(0, ...(texts ?? []).map((text) => text.length)));
 
 /** Where the run stands, if that is not the end of what was seen. */
 function drawNow(plot: uPlot, tick: number, colour: string): void {
@@ -112,7 +118,7 @@ export function Lines({ source, branches, window: seconds, tick, small }: Props)
             bands: made.bands,
             axes: [
               { ...axis, size: small ? 20 : 26, space: 60, values: written, ...title(source.titles[0]) },
-              { ...axis, size: small ? 40 : 52, space: 28, values: written, ...title(source.titles[1]) },
+              { ...axis, size: small ? 40 : wideEnough, space: 28, values: written, ...title(source.titles[1]) },
             ],
             scales: { x: { time: false }, y: limits ? { range: limits } : { range: roomy } },
             legend: { show: false },

@@ -6,9 +6,13 @@ export interface Frame {
   y: (value: number) => number;
 }
 
+/** The width of a digit, in pixels. */
+const LETTER = 6.6;
+
 /** Room about the axes: for numbers, and for titles where there are some. */
-function marginOf({ head = 8, titles }: Sheet): { left: number; right: number; top: number; bottom: number } {
-  return titles ? { left: 62, right: 10, top: head, bottom: 38 } : { left: 42, right: 10, top: head, bottom: 22 };
+function marginOf({ head = 8, left = 0, titles }: Sheet): { left: number; right: number; top: number; bottom: number } {
+  const [least, bottom] = titles ? [62, 38] : [42, 22];
+  return { left: Math.max(least, left), right: 10, top: head, bottom };
 }
 
 /** Round numbers between two ends. */
@@ -57,6 +61,12 @@ export function axes(
   counted = false,
 ): Frame {
   const { context, width, height, ink, line, titles } = sheet;
+  const { top: above, bottom: below } = marginOf(sheet);
+  const up = ticksBetween(Math.min(bottom, top), Math.max(bottom, top), (height - above - below) / 30).filter(
+    (value) => !counted || Number.isInteger(value),
+  );
+  const numbers = labels(up);
+  sheet.left = (titles ? 28 : 10) + LETTER * Math.max(0, ...numbers.map((text) => text.length));
   const margin = marginOf(sheet);
   const inner = { width: width - margin.left - margin.right, height: height - margin.top - margin.bottom };
   const x = (value: number) => margin.left + ((value - left) / (right - left)) * inner.width;
@@ -72,10 +82,6 @@ export function axes(
     context.fillText(texts[i]!, x(value), margin.top + inner.height + 16);
   });
   context.textAlign = "right";
-  const up = ticksBetween(Math.min(bottom, top), Math.max(bottom, top), inner.height / 30).filter(
-    (value) => !counted || Number.isInteger(value),
-  );
-  const numbers = labels(up);
   up.forEach((value, i) => {
     context.strokeRect(margin.left, Math.round(y(value)) + 0.5, inner.width, 0);
     context.fillText(numbers[i]!, margin.left - 6, y(value) + 4);

@@ -62,6 +62,7 @@ export function drawn(
           width: other ? 1 : 1.5,
           dash: other ? [5, 4] : undefined,
           points: { show: false },
+          pxAlign: 0, // points at whole pixels make waves bumpy
         };
         table.push(main[column]!.slice(from, to));
         series.push(line);
@@ -86,7 +87,7 @@ function addBand(
 ): void {
   for (const part of ["high", "low"] as const) {
     table.push(trace.columns[part]![column]!.slice(from, to));
-    series.push({ label: part, stroke: "transparent", width: 0, points: { show: false } });
+    series.push({ label: part, stroke: "transparent", width: 0, points: { show: false }, pxAlign: 0 });
   }
   bands.push({ series: [series.length - 2, series.length - 1], fill: `${stroke}33` });
 }

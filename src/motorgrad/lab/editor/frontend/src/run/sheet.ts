@@ -5,6 +5,8 @@ export interface Sheet {
   height: number;
   /** Room above the axes. */
   head?: number;
+  /** Room beside the vertical axis, where its numbers need more than usual. */
+  left?: number;
   /** What stands at the axes: below, and beside them. */
   titles?: [across: string, up: string];
   dark: boolean;

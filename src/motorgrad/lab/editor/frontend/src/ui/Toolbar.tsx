@@ -5,7 +5,7 @@ import { arrangeCommands } from "../commands/arrange";
 import { RunControls } from "../run/RunControls";
 import { type Document, useDocument } from "../session/store";
 import { IconButton } from "./IconButton";
-import { openDialog, useUi } from "./ui";
+import { openDialog, setPanel, useUi } from "./ui";
 
 /** How the diagram stands to its file. */
 function stateOf({ recorded, linked, file, saved }: Document, saving: boolean): string {
@@ -33,7 +33,7 @@ export function Toolbar() {
           label="Palette"
           keys="1"
           pressed={palette}
-          onClick={() => useUi.setState({ palette: !palette })}
+          onClick={() => setPanel("palette", !palette)}
         />
         <div className="title">
           <strong>{title || file || "Untitled"}</strong>
@@ -75,7 +75,7 @@ export function Toolbar() {
             label="Inspector"
             keys="2"
             pressed={inspector}
-            onClick={() => useUi.setState({ inspector: !inspector })}
+            onClick={() => setPanel("inspector", !inspector)}
           />
         </div>
       </div>

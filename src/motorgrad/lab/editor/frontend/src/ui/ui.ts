@@ -2,6 +2,7 @@ import { create } from "zustand";
 
 export type Dialog =
   null | "commands" | "connect" | "find" | "shortcuts" | "gallery" | "open" | "save" | "tour" | "python" | "trust";
+export type Tab = "Form" | "Problems" | "Log";
 export type Theme = "system" | "light" | "dark";
 
 /** What this client looks at. */
@@ -11,10 +12,14 @@ export interface Ui {
   selected: string[];
   dialog: Dialog;
   theme: Theme;
+  /** Whether panels lie above the canvas, one at a time, for want of room. */
+  narrow: boolean;
   palette: boolean;
   /** What is sought in the palette. */
   sought: string;
   inspector: boolean;
+  /** What the inspector shows. */
+  tab: Tab;
   dock: boolean;
   toasts: { id: number; text: string; bad: boolean }[];
   /** Whether sinks show what they see on the canvas. */
@@ -42,9 +47,11 @@ export const useUi = create<Ui>(() => ({
   selected: [],
   dialog: null,
   theme: stored(),
+  narrow: false,
   palette: true,
   sought: "",
   inspector: true,
+  tab: "Form",
   dock: true,
   toasts: [],
   pictures: false,
@@ -83,6 +90,10 @@ export function setTheme(theme: Theme): void {
   }
   useUi.setState({ theme });
 }
+
+/** Opens a panel or folds it away; where it is narrow, the other makes room. */
+export const setPanel = (panel: "palette" | "inspector", open: boolean): void =>
+  useUi.setState(({ narrow }) => ({ ...(narrow && { palette: false, inspector: false }), [panel]: open }));
 
 export function enter(at: string[]): void {
   useUi.setState({ at, selected: [] });
