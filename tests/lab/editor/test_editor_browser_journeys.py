@@ -164,6 +164,16 @@ def test_code_that_a_file_brings_is_read_before_it_runs(opened, tmp_path):
     editor.dialog.get_by_role("button", name="Trust and run").click()
     editor.wait(lambda: editor.tick > 2)
     expect(brought).to_have_count(0)
+    # what is dropped on the page can be read, and does not run
+    text = (tmp_path / "strange.json").read_text().replace("7 * u", "8 * u")
+    editor.press("Control+o")
+    editor.page.get_by_label("file to open").set_input_files(
+        [{"name": "dropped.json", "mimeType": "application/json", "buffer": text.encode()}]
+    )
+    brought.get_by_role("button", name="Read it").click()
+    expect(editor.dialog).to_contain_text("return 8 * u")
+    expect(editor.dialog).to_contain_text("motorgrad lab FILE --trust")
+    expect(editor.dialog.get_by_role("button", name="Trust and run")).to_have_count(0)
 
 
 def hundreds(count: int = 200) -> lab.Diagram:

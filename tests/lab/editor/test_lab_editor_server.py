@@ -88,6 +88,15 @@ def test_pages_are_served_to_who_knows_the_token(server):
     assert server.url == f"http://127.0.0.1:{server.port}/{server.token}/"
 
 
+def test_a_checkout_without_built_pages_says_how_to_build_them(server):
+    place, cookie = enter(server)
+    assert server.built
+    (server._static / "index.html").unlink()
+    status, _, text = get(server, place, **cookie)
+    assert (status, server.built) == (404, False)
+    assert "make editor" in text
+
+
 @pytest.mark.parametrize(
     "path", ["/", "/index.html", "/assets/main.js", "/x/", "/{token}x/", "/{short}/", "/?token={token}", "//{token}/"]
 )

@@ -54,7 +54,7 @@ export function Editor({ transport, whole }: Props) {
 function Frame({ whole }: { whole: boolean }) {
   const root = useRef<HTMLDivElement>(null);
   const dark = useDark();
-  const { palette, inspector, dock } = useUi();
+  const { palette, inspector, dock, dialog, adding } = useUi();
   useKeys(root, whole);
   useNarrow(root);
   return (
@@ -82,7 +82,7 @@ function Frame({ whole }: { whole: boolean }) {
         </main>
         {inspector && <Inspector />}
       </div>
-      <Toasts />
+      {dialog === null && adding === null && <Toasts />}
       <Dialogs />
     </div>
   );

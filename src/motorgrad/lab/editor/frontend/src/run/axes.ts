@@ -34,7 +34,7 @@ export function labels(values: number[]): string[] {
   const digits = Array.from({ length: 6 }, (_, n) => n).find(
     (n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6 * step * 10 ** n,
   );
-  if (digits !== undefined && largest < 1e6)
+  if (digits !== undefined && largest < (digits === 0 ? 1e8 : 1e6))
     return values.map((value) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
   const needed = Math.max(0, Math.ceil(Math.log10(largest / step)));
   return values.map((value) => (value === 0 ? "0" : value.toExponential(Math.min(9, needed)).replace("e+", "e")));

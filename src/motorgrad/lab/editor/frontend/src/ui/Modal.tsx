@@ -2,8 +2,9 @@ import { type ReactNode, useEffect, useRef } from "react";
 import { focused } from "./root";
 import { useUi } from "./ui";
 import { IconButton } from "./IconButton";
+import { Toasts } from "./Toasts";
 
-/** A window over the editor. Escape, and a click beside it, close it. */
+/** A window over the editor. Escape, and a click beside it, close it. What is told meanwhile stands in front of it. */
 export function Modal({
   label,
   children,
@@ -41,6 +42,7 @@ export function Modal({
         )}
         {children}
       </div>
+      <Toasts />
     </dialog>
   );
 }
