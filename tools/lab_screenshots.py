@@ -92,9 +92,7 @@ def journeys(folder: Path) -> int:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tools.lab_screenshots", description=(__doc__ or "").split(":")[0])
     parser.add_argument("--width", type=int, default=1280, help="of the page, in pixels")
-    parser.add_argument(
-        "--out", type=Path, help="a folder for the pictures: docs/images, or build/journeys"
-    )
+    parser.add_argument("--out", type=Path, help="a folder for the pictures: docs/images, or build/journeys")
     parser.add_argument("--journeys", action="store_true", help="pictures of all that the tests in a browser look at")
     options = parser.parse_args()
     out: Path = options.out or (ROOT / "build" / "journeys" if options.journeys else IMAGES)

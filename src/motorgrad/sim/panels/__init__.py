@@ -12,4 +12,14 @@ from motorgrad.sim.panels._panels import PANELS, Panels
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.panels._run import DragPush
 
-__all__ = ["PANELS", "ClickSelect", "DragPush", "FilmRecorder", "Overlay", "Panel", "Panels", "ReplayRecorder", "notify"]
+__all__ = [
+    "PANELS",
+    "ClickSelect",
+    "DragPush",
+    "FilmRecorder",
+    "Overlay",
+    "Panel",
+    "Panels",
+    "ReplayRecorder",
+    "notify",
+]
