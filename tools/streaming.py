@@ -38,9 +38,10 @@ class Task:
     - `env_id`: of Gymnasium; `kwargs` of its `make`.
     - `name`: of our task; `None` for the environment itself.
     - `steps`: the budget, in decisions per seed.
-    - `reading`: what is scored when it occurs.
+    - `reading`: what is scored when it occurs: `return` is that of an episode, `reward` that of a decision.
     - `goal`: of the mean over 25 s of simulated time; how long a learner takes to it is reported.
-    - `ours`: the settings of our learners that are not the presets' own, by learner.
+    - `ours`: the settings of our learners that are not the presets' own, by learner; `mushroom`: those of MushroomRL's.
+    - `label`: of what is scored, with its unit; `scale`: what it is multiplied by to have that unit.
     """
 
     env_id: str
@@ -50,6 +51,9 @@ class Task:
     kwargs: dict[str, Any] = dataclasses.field(default_factory=dict)
     goal: float | None = None
     ours: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    mushroom: dict[str, float] = dataclasses.field(default_factory=dict)
+    label: str = "return"
+    scale: float = 1.0
 
     def make(self) -> Any:
         """Our task."""
@@ -63,6 +67,8 @@ class Task:
 
 CLASSIC = {"olgarb-natural": {"decay": 0.98, "learning_rate": 1e-4}}
 """Of Gymnasium's tasks: the best of 18 settings on InvertedPendulum, seeds 100 to 103."""
+WALK = 10_000
+"""Decisions of the hexapods, 200 simulated seconds."""
 TASKS = {
     "hopper": Task(
         "motorgrad/Hopper-v0",
@@ -81,14 +87,36 @@ TASKS = {
             "olgarb-normalized": {"decay": 0.98, "learning_rate": 0.01},
             "olgarb-natural": {"decay": 0.98, "learning_rate": 0.0003},
         },
+        {"alpha_theta": 1e-2, "alpha_v": 1e-3, "alpha_r": 1e-3, "lambda_par": 0.98},
+        label="apex, m",
     ),
     "inverted-pendulum": Task("InvertedPendulum-v5", 50_000, ours=CLASSIC),
     "inverted-double-pendulum": Task("InvertedDoublePendulum-v5", 50_000, ours=CLASSIC),
     "swimmer": Task("Swimmer-v5", 50_000, ours=CLASSIC),
     "hopper-v5": Task("Hopper-v5", 50_000, ours=CLASSIC),
     "half-cheetah": Task("HalfCheetah-v5", 50_000, ours=CLASSIC),
-    "hexapod-synergy": Task("motorgrad/HexapodSynergy-v0", 50_000, "hexapod-synergy", "speed"),
-    "hexapod": Task("motorgrad/Hexapod-v0", 50_000, "hexapod", "speed"),
+    "hexapod-synergy": Task(
+        "motorgrad/HexapodSynergy-v0",
+        WALK,
+        "hexapod-synergy",
+        "reward",
+        {"time_limit": 20.0},
+        ours={"olgarb-natural": {"decay": 0.9, "learning_rate": 3e-4}},
+        mushroom={"alpha_theta": 1e-2, "alpha_v": 1e-3, "alpha_r": 1e-3, "lambda_par": 0.97},
+        label="speed, m/s",
+        scale=1 / 4,
+    ),
+    "hexapod": Task(
+        "motorgrad/Hexapod-v0",
+        WALK,
+        "hexapod",
+        "reward",
+        {"time_limit": 20.0},
+        ours={"olgarb-natural": {"decay": 0.9, "learning_rate": 3e-4}},
+        mushroom={"alpha_theta": 1e-2, "alpha_v": 1e-3, "alpha_r": 1e-3, "lambda_par": 0.97},
+        label="speed along the course, m/s",
+        scale=1 / 4,
+    ),
 }
 """Tasks by short name."""
 OURS = {
@@ -110,7 +138,6 @@ PEERS = {
     "mushroom": "MushroomRL's average-reward actor-critic, with a Bernoulli policy",
 }
 """Peers, and whose settings they have."""
-MUSHROOM = {"alpha_theta": 1e-2, "alpha_v": 1e-3, "alpha_r": 1e-3, "lambda_par": 0.98}
 
 
 def learn(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
@@ -120,11 +147,11 @@ def learn(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
     run = mg.train(made, agent, task.steps, seeds, window=task.steps // POINTS, threads=1, progress=False)
     _, curve = run.curve(task.reading)
     cpu = float(run.metrics["cpu_time"][-1].as_py())
-    return {"cpu": cpu / len(seeds), "settings": run.config["agent"], "curve": curve}
+    return {"cpu": cpu / len(seeds), "settings": run.config["agent"], "curve": task.scale * curve}
 
 
 class Recorded(gymnasium.Wrapper):
-    """Keeps what is scored: the return of every episode, or a reading of `info` when it occurs."""
+    """Keeps what is scored: the return of every episode, every reward, or a reading of `info` when it occurs."""
 
     def __init__(self, environment: gymnasium.Env, reading: str):
         super().__init__(environment)
@@ -141,6 +168,8 @@ class Recorded(gymnasium.Wrapper):
         self._return += float(result[1])
         if self.reading in result[4]:
             self.seen.append((self.steps, float(result[4][self.reading])))
+        elif self.reading == "reward":
+            self.seen.append((self.steps, float(result[1])))
         elif self.reading == "return" and (result[2] or result[3]):
             self.seen.append((self.steps, self._return))
         return result
@@ -171,10 +200,13 @@ def learn_peer(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
         binary = isinstance(environment.action_space, gymnasium.spaces.MultiBinary)
         recorded = Recorded(Thresholded(environment) if binary and learner == "sac" else environment, task.reading)
         clock = Clock()
-        (mushroom if learner == "mushroom" else stable_baselines)(recorded, learner, task.steps, seed)
+        if learner == "mushroom":
+            mushroom(recorded, task.mushroom, task.steps, seed)
+        else:
+            stable_baselines(recorded, learner, task.steps, seed)
         took += clock.read()["cpu"]
-        curves.append(recorded.curve(task.steps))
-    settings = MUSHROOM if learner == "mushroom" else {}
+        curves.append(task.scale * recorded.curve(task.steps))
+    settings = task.mushroom if learner == "mushroom" else {}
     return {"cpu": took / len(seeds), "settings": settings, "curve": np.array(curves)}
 
 
@@ -187,7 +219,7 @@ def stable_baselines(environment: gymnasium.Env, learner: str, steps: int, seed:
     getattr(stable_baselines3, learner.upper())("MlpPolicy", environment, seed=seed, device="cpu").learn(steps)
 
 
-def mushroom(environment: gymnasium.Env, learner: str, steps: int, seed: int) -> None:
+def mushroom(environment: gymnasium.Env, settings: dict[str, float], steps: int, seed: int) -> None:
     """Learn with MushroomRL's average-reward actor-critic (Degris et al., 2012), linear in the observation."""
     from mushroom_rl.algorithms.actor_critic import StochasticAC_AVG
     from mushroom_rl.core import MDPInfo
@@ -224,7 +256,7 @@ def mushroom(environment: gymnasium.Env, learner: str, steps: int, seed: int) ->
     inputs, units = len(observation), len(environment.action_space.sample())
     box = spaces.Box(np.full(inputs, -np.inf), np.full(inputs, np.inf))
     info = MDPInfo(box, spaces.Discrete(2**units), 1.0, np.inf)
-    agent = StochasticAC_AVG(info, Bernoulli(units, inputs), **MUSHROOM)
+    agent = StochasticAC_AVG(info, Bernoulli(units, inputs), **settings)
     agent.episode_start()
     for _ in range(steps):
         action = agent.draw_action(observation)
@@ -234,6 +266,12 @@ def mushroom(environment: gymnasium.Env, learner: str, steps: int, seed: int) ->
         if terminated or truncated:
             observation, _ = environment.reset()
             agent.episode_start()
+
+
+def stored(task: str) -> list[dict[str, Any]]:
+    """The stored runs of a task, ours before peers'."""
+    found = [json.loads(path.read_text(encoding="utf-8")) for path in DATA.glob(f"streaming-{task}--*.json")]
+    return sorted(found, key=lambda run: [*OURS, *PEERS].index(run["learner"]))
 
 
 def reached(run: dict[str, Any]) -> np.ndarray | None:
@@ -254,19 +292,15 @@ def tables() -> str:
     """A table for each task, in Markdown."""
     text = []
     for name, task in TASKS.items():
-        found = [json.loads(path.read_text(encoding="utf-8")) for path in DATA.glob(f"streaming-{name}--*.json")]
+        found = stored(name)
         if not found:
             continue
-        found.sort(key=lambda run: [*OURS, *PEERS].index(run["learner"]))
-        scored = "apex, m" if task.reading == "apex" else "return"
-        titles = ["learner", "runs", f"{scored}, last tenth", "CPU s per seed"]
+        titles = ["learner", "runs", f"{task.label}, last tenth", "CPU s per seed"]
         titles += [] if task.goal is None else [f"simulated s until {task.goal} m", "CPU s until then", "seeds"]
         text += [f"**`{task.env_id}`**, {task.steps:,} decisions", ""]
         text += [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
         for run in found:
-            # no apex is no hop, of 0 m
-            last = np.nan_to_num(np.array(run["curve"], float)[:, -POINTS // 10 :]).mean(axis=1)
-            cells = [f"`{run['learner']}`", str(len(run["seeds"])), _range(last), f"{run['cpu']:.3g}"]
+            cells = [f"`{run['learner']}`", str(len(run["seeds"])), _range(earned(run)), _number(run["cpu"])]
             if (times := reached(run)) is not None:
                 share = times / (task.steps * task.period)
                 cells += [_range(times), _range(run["cpu"] * share), f"{np.isfinite(times).sum()} of {len(times)}"]
@@ -275,12 +309,45 @@ def tables() -> str:
     return "\n".join(text).rstrip()
 
 
+def summary() -> str:
+    """The best learner of ours and the best peer of every task by the median, in Markdown."""
+    titles = ["task", "", "best of ours", "CPU s", "best peer", "CPU s", "runs"]
+    lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
+    for name, task in TASKS.items():
+        cells, counts = [f"`{task.env_id}`", task.label], []
+        for group in (OURS, PEERS):
+            runs = [run for run in stored(name) if run["learner"] in group]
+            if not runs:
+                cells, counts = [*cells, "–", "–"], [*counts, "–"]
+                continue
+            best = max(runs, key=lambda run: _median(earned(run)))
+            cells += [f"`{best['learner']}` {_range(earned(best))}", _number(best["cpu"])]
+            counts.append(str(len(best["seeds"])))
+        lines.append(f"| {' | '.join(cells)} | {', '.join(counts)} |")
+    return "\n".join(lines)
+
+
+def earned(run: dict[str, Any]) -> np.ndarray:
+    """What each seed earned in the last tenth of the decisions; no apex is no hop, of 0 m."""
+    return np.nan_to_num(np.array(run["curve"], float)[:, -POINTS // 10 :]).mean(axis=1)
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.quantile(values, 0.5, method="lower"))
+
+
 def _range(values: np.ndarray) -> str:
     """The median of the seeds, and the least and the greatest."""
-    low, middle, high = (
-        "never" if np.isinf(v) else f"{v:.3g}" for v in np.quantile(values, [0, 0.5, 1], method="lower")
-    )
+    low, middle, high = (_number(v) for v in (np.min(values), _median(values), np.max(values)))
     return middle if len(values) == 1 else f"{middle} [{low} … {high}]"
+
+
+def _number(value: float) -> str:
+    """A number in three digits, without an exponent."""
+    if np.isinf(value):
+        return "never"
+    text = f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return text.replace("-", "−")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -297,8 +364,10 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if given.command == "table":
         page = PAGE.read_text(encoding="utf-8")
-        between = r"(<!-- tables -->\n).*?(\n<!-- end -->)"
-        PAGE.write_text(re.sub(between, lambda at: at[1] + tables() + at[2], page, flags=re.DOTALL), encoding="utf-8")
+        for name, made in (("tables", tables), ("summary", summary)):
+            between = rf"(<!-- {name} -->\n).*?(\n<!-- end -->)"
+            page = re.sub(between, lambda at, made=made: at[1] + made() + at[2], page, flags=re.DOTALL)
+        PAGE.write_text(page, encoding="utf-8")
         return
     task, ours = TASKS[given.task], given.learner in OURS
     seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 3))))

@@ -10,21 +10,28 @@ from motorgrad.learning import (
     SGD,
     ActionTransitions,
     Agent,
+    CompatibleWeights,
+    EpisodicNatural,
     Estimator,
     Exponential,
     Features,
+    FisherMetric,
     LearnedTrace,
     LeastSquares,
+    LeastSquaresNatural,
     LinearCritic,
     MeanReward,
+    ShermanMorrison,
     StationaryMetric,
     gae,
     gpomdp,
+    olgarb,
 )
 from motorgrad.policies import Softmax
+from motorgrad.tasks import ThreeState
 from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
-from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, panels
+from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, PINK, RED, band, panels
 from tools.figures._work import Work, errors
 from tools.figures.critics import LENGTHS, POLICY, SEEDS, TASK
 from tools.figures.family import LATE, sensitivity
@@ -151,4 +158,34 @@ def stationary_metric(work: Work) -> Figure:
     agents = {label: (Agent(policy, batch, SGD(1.0), metric), colour) for label, (metric, colour) in metrics.items()}
     sensitivity(right, work, LATE, agents, [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0], 10_000)
     right.legend(fontsize=7)
+    return figure
+
+
+def natural_actor_critics(work: Work) -> Figure:
+    """What natural actor-critics earn over their learning rates: those of every decision, and those of batches."""
+    figure, (online, batches) = panels(2, height=3.2)
+    steps, episodes = 10_000, ThreeState(time_limit=50)
+    rate = olgarb(0.8)
+    agents = {
+        "plain": (None, RED),
+        "Fisher matrix": (FisherMetric(), FAINT),
+        "compatible weights": (CompatibleWeights(0.02), ORANGE),
+        "Sherman–Morrison": (ShermanMorrison(damping=0.01), BLUE),
+    }
+    policy = mg.policies.softmax(LATE)
+    found = {label: (Agent(policy, rate, SGD(1.0), metric), colour) for label, (metric, colour) in agents.items()}
+    sensitivity(online, work, LATE, found, [1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0], steps)
+    online.set(title=f"chain of six, {steps:,} decisions, a step each")
+    policy, batch = mg.policies.softmax(episodes), Estimator(Exponential(0.8), improve=200)
+    unread, squares = Estimator(Exponential(0.0), None, improve=200), LeastSquares(rate=1e-3, interval=200)
+    found = {
+        "plain": (Agent(policy, batch, SGD(1.0)), RED),
+        "Fisher matrix": (Agent(policy, batch, SGD(1.0), FisherMetric()), FAINT),
+        "LSTD-NAC": (Agent(policy, unread, SGD(1.0), LeastSquaresNatural(Features(bias=False), fit=squares)), GREEN),
+        "episodic": (Agent(policy, unread, SGD(1.0), EpisodicNatural(rate=0.01)), PINK),
+    }
+    sensitivity(batches, work, episodes, found, [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0], steps)
+    batches.set(title=f"three states, {steps:,} decisions, a step every 200", ylabel="")
+    for panel in (online, batches):
+        panel.legend(fontsize=7, loc="lower right")
     return figure

@@ -38,7 +38,7 @@ from motorgrad.learning import (
 from motorgrad.tasks import Chain, LinearRecruitment, Task, ThreeState
 from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
-from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, RED, band, level, panels
+from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, PINK, RED, band, level, panels
 from tools.figures._work import Work
 from tools.figures.critics import POLICY, TASK, values
 from tools.figures.estimators import POINT
@@ -197,6 +197,23 @@ def clipping() -> Figure:
         panel.set(title=rf"{title}, $A$ = {worth:+.0f}", xlabel=r"ratio $\rho$")
     axes[0].set_ylabel(r"$\nabla L$ in units of the score")
     axes[0].legend(fontsize=7)
+    return figure
+
+
+def batches(work: Work) -> Figure:
+    """Presets with networks on the chain: what each earns while it learns."""
+    figure, axes = panels(height=3.0)
+    task, steps = Chain(length=6, variant="reset", time_limit=100), STEPS
+    looks = {"reinforce": ORANGE, "a2c": PINK, "ppo": BLUE, "trpo": GREEN, "stream-ac": RED, "natural": FAINT}
+    for preset, colour in looks.items():
+        run = work.train(task, mg.agent_for(task, preset=preset, steps=steps), steps, 10)
+        decisions, earned = run.curve()
+        width = max(1, len(decisions) // 40)
+        parts = earned[:, : len(decisions) // width * width].reshape(len(earned), -1, width).mean(axis=2)
+        band(axes, decisions[width - 1 :: width] / 1000, parts, colour, preset)
+    level(axes, oracle.optimal_policy(task.dynamics)[1], "best policy")
+    axes.set(xlabel="thousand decisions", ylabel="mean reward")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
