@@ -17,7 +17,7 @@ KEPT_MEMORY := MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_TOP_PAD_=67108864 MALLOC
 PYTEST := $(QUIET_THREADS) $(KEPT_MEMORY) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-share test-all lint format bench torture docs figures gallery notebooks clean
+.PHONY: help install demo editor test test-share test-all lint format release bench torture docs figures gallery notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -63,6 +63,9 @@ lint: $(STAMP)  ## style, format and types
 format: $(STAMP)  ## put the format right
 	$(BIN)/ruff check --fix src tests tools
 	$(BIN)/ruff format src tests tools
+
+release: $(STAMP) $(BUILT)  ## build wheel and source distribution, and try them on the oldest and the newest Python
+	$(BIN)/python -m tools.try_release $(PYTHONS)
 
 bench: $(STAMP)  ## the speed table of docs/performance.md
 	$(BIN)/motorgrad bench

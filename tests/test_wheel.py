@@ -3,7 +3,6 @@
 import importlib.metadata
 import json
 import os
-import re
 import shutil
 import site
 import subprocess
@@ -16,6 +15,9 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from tools.try_release import TESTS, at_hand, named
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,10 +25,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.ci]
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-PYTHONS = [  # that the package names
-    name.rpartition(" ")[2] for name in PROJECT["project"]["classifiers"] if re.search(r":: 3\.\d+$", name)
-]
-HERE = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 
 @pytest.fixture(scope="module")
@@ -191,30 +189,29 @@ def test_without_extras_it_trains_and_names_the_extra_that_is_missing(run, light
     ]
 
 
-@pytest.mark.parametrize("version", [PYTHONS[0], PYTHONS[-1]])
-def test_it_installs_on_the_oldest_and_the_newest_python(wheel, run, version, tmp_path):
-    if version == HERE:
-        pytest.skip(f"the other tests of this file run on Python {version}")
-    python = interpreter(version)
-    if python is None:
-        pytest.skip(f"no Python {version} is at hand")
-    place = tmp_path / "environment"
-    subprocess.run([python, "-m", "venv", place], check=True)
-    own = place / "bin" / "python"
-    run(own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", ROOT / "constraints.txt", wheel)
-    run(own.with_name("motorgrad"), "train", "hopper", "--steps", 20, "--seeds", 2, "--out", "run")
-    assert (tmp_path / "run" / "config.toml").exists()
-    shutil.rmtree(place)  # more than a gigabyte
+def test_the_source_distribution_installs_what_the_wheel_does(built, wheel, installed, tmp_path):
+    (source,) = built.glob("*.tar.gz")
+    pip = [sys.executable, "-m", "pip", "--python", str(installed)]
+    folder = tmp_path / "from source"
+    # what builds it is looked up among the dependencies of `installed`, as no network is needed here
+    options = ["--no-deps", "--no-index", "--no-build-isolation", "--target", str(folder)]
+    subprocess.run([*pip, "install", *options, str(source)], check=True, capture_output=True)
+    held = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("motorgrad/")}
+    package = [path for path in (folder / "motorgrad").rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    assert {path.relative_to(folder).as_posix() for path in package} == held
 
 
-def interpreter(version):
-    """A Python of this version, on the path or of pyenv; `None` without one."""
-    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"), "versions")
-    for python in (shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python"))):
-        tell = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
-        if python and subprocess.run(tell, capture_output=True, text=True).stdout.strip() == version:
-            return python
-    return None
+def test_a_release_is_tried_on_the_oldest_and_the_newest_python():
+    # `make release` does it, as most machines have one Python
+    assert PROJECT["project"]["requires-python"] == f">={named()[0]}"
+    python = at_hand(f"{sys.version_info.major}.{sys.version_info.minor}")
+    assert python is not None
+    assert python.root is None
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pinned = {canonicalize_name(Requirement(line).name) for line in lines if not line.startswith("#")}
+    assert {canonicalize_name(name) for name in closure(PROJECT["project"]["dependencies"])} <= pinned
+    for name in TESTS:
+        assert (ROOT / name.partition("::")[0]).exists(), name
 
 
 SERVES = """
