@@ -43,7 +43,7 @@ def test_margins_are_those_of_three_equal_lags():
 
 
 def test_a_phase_that_only_comes_near_to_half_a_turn_has_no_gain_margin(spring):
-    """A PID loop with a filter and two lags, whose phase nears −180°: python-control finds a crossing at 10⁸ rad/s."""
+    """A PID loop with a filter and two lags, whose phase goes to −180°; rounding lets it cross at 10⁸ rad/s."""
     a = np.array([[0, 0, 0, -2], [0, -10, 0, -10], [1, -10, -1, -14], [0, 0, 0.5, -0.5]])
     b, c, d = np.array([[2.0], [10.0], [14.0], [0.0]]), np.array([[0.0, 0.0, 0.0, 1.0]]), np.zeros((1, 1))
     found = lab.bode(spring._replace(A=a, B=b, C=c, D=d, states=["i", "d", "valve", "process"]))

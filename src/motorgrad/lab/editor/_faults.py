@@ -30,6 +30,7 @@ class Faults:
             seen = signals[0][0] if signals else None
             began = _origin(timeline, diagram, record.first, seen)
             new = [began, *(each for each in new if each[:2] != began[:2])] if began else new
+            new[0] = new[0]._replace(message=". ".join([new[0].message, *timeline.run.unstable]))
         self._found |= {(problem.path, problem.port): problem for problem in new}
         return new
 

@@ -71,6 +71,8 @@ class Run:
         self.tick = 0
         """Number of completed ticks."""
         self._threads, self._warned = threads, False
+        self.unstable: list[str] = []
+        """What `unstable_steps` says, once a continuous state was lost."""
         self._begin(sweep or {}, stacked)
         self._start()
 
@@ -153,7 +155,7 @@ class Run:
             from motorgrad.lab.engine._stability import unstable_steps  # it linearises runs
 
             self._warned = True
-            lines = [] if self._hosts else unstable_steps(self._begun())
+            self.unstable = lines = [] if self._hosts else unstable_steps(self._begun())
             if lines:
                 more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
                 what = f"{lost[0]}{more}: not finite at tick {self.tick}"
