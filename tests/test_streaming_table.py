@@ -20,7 +20,17 @@ def tool():
 
 
 def test_the_tables_are_those_of_the_stored_runs(tool):
-    assert tool.tables() in (ROOT / "docs" / "streaming-table.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "streaming-table.md").read_text(encoding="utf-8")
+    assert tool.tables() in page
+    assert tool.summary() in page
+
+
+def test_the_summary_has_the_best_of_ours_and_of_peers(tool):
+    (line,) = (line for line in tool.summary().splitlines() if line.startswith("| `Hopper-v5`"))
+    ours, peer = (line.split("|")[place].split()[0].strip("`") for place in (3, 5))
+    median = {run["learner"]: float(np.median(tool.earned(run))) for run in tool.stored("hopper-v5")}
+    assert ours == max((name for name in median if name in tool.OURS), key=median.__getitem__)
+    assert peer == max((name for name in median if name in tool.PEERS), key=median.__getitem__)
 
 
 def test_reported_seeds_are_not_those_on_which_settings_were_chosen(tool):
@@ -28,6 +38,16 @@ def test_reported_seeds_are_not_those_on_which_settings_were_chosen(tool):
         run = json.loads(path.read_text(encoding="utf-8"))
         assert max(run["seeds"]) < 100
         assert np.shape(run["curve"]) == (len(run["seeds"]), tool.POINTS)
+
+
+def test_every_reward_can_be_recorded(tool):
+    recorded = tool.Recorded(gymnasium.make("CartPole-v1"), "reward")
+    recorded.reset(seed=0)
+    for step in range(20):
+        _, _, ended, _, _ = recorded.step(step % 2)
+        if ended:
+            recorded.reset()
+    np.testing.assert_array_equal(recorded.curve(20), np.ones(20))
 
 
 def test_returns_are_recorded_when_episodes_end(tool):
