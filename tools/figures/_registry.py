@@ -97,6 +97,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "true-online": critics.true_online,
     "policy-search": searches.policies,
     "bayesian-search": searches.bayesian,
+    "batch-learning": family.batches,
     "actor-critic": family.actor_critics,
     "reward-centring": family.centring,
     "optimal-baselines": family.optimal_baselines,
