@@ -145,6 +145,8 @@ def learn(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
     made = task.make()
     agent = agent_for(made, {**OURS[learner], **task.ours.get(learner, {})}, steps=task.steps)
     run = mg.train(made, agent, task.steps, seeds, window=task.steps // POINTS, threads=1, progress=False)
+    if not run.complete:  # it was asked to stop
+        raise KeyboardInterrupt
     _, curve = run.curve(task.reading)
     cpu = float(run.metrics["cpu_time"][-1].as_py())
     return {"cpu": cpu / len(seeds), "settings": run.config["agent"], "curve": task.scale * curve}
