@@ -224,6 +224,10 @@ def test_a_diagram_of_the_gallery_learns_as_fast_as_possible_when_played(opened)
     editor.wait(lambda: editor.tick == 1)
     expect(editor.page.get_by_label("speed")).to_have_value("1")  # which a tick leaves alone
     editor.look("a diagram of the gallery")
+    with editor.page.expect_download() as download:
+        editor.button("Keep over time as SVG").click()
+    numbers = re.findall(r">(1\.0\d+)</text>", download.value.path().read_text())
+    assert len(set(numbers)) == len(numbers) > 2  # between 1 and 1.001: as many digits as tell one from the other
 
 
 def test_a_formula_and_its_inputs_are_edited_as_one(opened):

@@ -55,7 +55,7 @@ def face_of(diagram: Diagram, name: str) -> Face:
     formula = "" if isinstance(block, Diagram) else _formula(block)
     text = "subsystem" if isinstance(block, Diagram) else formula or _text(name, block, uses)
     rows = max(len(inputs), len(outputs), 1)
-    widest = max(7.4 * len(name), 6 * len(kind) + 16, 6.2 * len(formula)) + 44
+    widest = max(7.8 * len(name), 6 * len(kind) + 16, 6.2 * len(formula)) + 44
     for row in range(rows):
         ports = [side[row] for side in (inputs, outputs) if row < len(side)]
         widest = max(widest, sum(LETTER * (len(label) + 1) + 14 for label in ports) + 16)

@@ -87,7 +87,7 @@ def leg_controller() -> Diagram:
     diagram.add("lateral", DiscreteIntegrator(low=BACK, high=FORWARD, limited=True, shape=legs))
     diagram.add("vertical", DiscreteIntegrator(low=0.0, high=LIFTED, limited=True, shape=legs))
     diagram.add("stands", Expression("if(state == 0, 1, 0)", ("state",), shape=legs))
-    diagram.add("pushes", Expression(f"if(lateral > {BACK + 0.01}, stands, 0)", ("stands", "lateral"), shape=legs))
+    diagram.add("pushes", Expression(f"if(lateral > {BACK + 0.01:g}, stands, 0)", ("stands", "lateral"), shape=legs))
     diagram.add("angles", Expression("4 * lateral", ("lateral",), shape=legs))
     diagram.add("seen", Join((LEGS, LEGS)))
     diagram.add("pushing", Reduce("sum", legs))

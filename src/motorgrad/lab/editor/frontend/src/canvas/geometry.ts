@@ -39,7 +39,7 @@ export function sizeOf(name: string, block: BlockView): Size {
     const widest = Math.max(90, name.length * 7 + 10, gainText(block).length * 15 + 40);
     return { width: whole(Math.min(WIDEST, widest)), height: 80 };
   }
-  let widest = Math.max(name.length * 7.4, block.type.length * 6 + 16, (formulaOf(block)?.length ?? 0) * 6.2) + ICON;
+  let widest = Math.max(name.length * 7.8, block.type.length * 6 + 16, (formulaOf(block)?.length ?? 0) * 6.2) + ICON;
   for (let row = 0; row < rowsOf(block); row += 1) {
     const input = inputLabel(block, row) ? 2 * LETTER + 14 : labelled(block.inputs[row]);
     widest = Math.max(widest, input + labelled(block.outputs[row]) + 16);
