@@ -2,9 +2,12 @@
 
 import contextlib
 import io
+import os
+import pty
 import shlex
 import shutil
 import subprocess
+import time
 
 import pytest
 
@@ -43,6 +46,57 @@ def test_bash_completes_commands_names_and_options(scripts):
     assert offered(script, "reproduce", "fig-5.5") == {"fig-5.5"}
     assert "softmax" in offered(script, "train", "chain", "--agent.policy", "")
     assert offered(script, "plot", "--quan") == {"--quantity"}
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="needs fish")
+def test_fish_completes_commands_names_and_options(scripts, tmp_path):
+    lines = ("tr", "train hop", "train hopper --see", "train chain --agent.policy soft", "reproduce fig-5.5")
+    ask = f"source {scripts['fish']}; " + "; echo; ".join(f"complete -C 'motorgrad {line}'" for line in lines)
+    said = subprocess.run(["fish", "--no-config", "-c", ask], capture_output=True, text=True, check=True, cwd=tmp_path)
+    groups = [sorted(line.partition("\t")[0] for line in group.splitlines()) for group in said.stdout.split("\n\n")]
+    assert groups == [["train"], ["hopper"], ["--seeds"], ["soft-boxes", "soft-spheres", "softmax"], ["fig-5.5"]]
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="needs zsh")
+def test_zsh_completes_commands_names_and_options(scripts, tmp_path):
+    # a terminal, in which a tab completes and another key writes the line to a file
+    found = tmp_path / "found"
+    (tmp_path / ".zshrc").write_text(
+        f"""autoload -Uz compinit; compinit -u -d {tmp_path / "dump"}; source {scripts["zsh"]}
+        tell() {{ print -r -- "$BUFFER" >> {found}; BUFFER= }}; zle -N tell; bindkey '^X' tell; touch {found}\n"""
+    )
+    terminal, inside = pty.openpty()
+    environment = os.environ | {"ZDOTDIR": str(tmp_path), "TERM": "dumb"}
+    zsh = ["zsh", "-i", "+m"]
+    lines = ("tra", "train hop", "train hopper --see", "train chain --agent.policy softm", "reproduce fig-5.5")
+    with subprocess.Popen(
+        zsh, stdin=inside, stdout=inside, stderr=inside, env=environment, start_new_session=True
+    ) as shell:
+        try:
+            until(found.exists)
+            for number, line in enumerate(lines, 1):
+                os.write(terminal, f"motorgrad {line}\t\x18".encode())
+                until(lambda number=number: len(found.read_text().splitlines()) == number)
+        finally:
+            shell.kill()
+            os.close(terminal)
+            os.close(inside)
+    wanted = [
+        "train",
+        "train hopper",
+        "train hopper --seeds",
+        "train chain --agent.policy softmax",
+        "reproduce fig-5.5",
+    ]
+    assert [line.rstrip() for line in found.read_text().splitlines()] == [f"motorgrad {line}" for line in wanted]
+
+
+def until(so, seconds=60):
+    """Wait until something is so."""
+    end = time.monotonic() + seconds
+    while not so():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -21,6 +21,8 @@ from motorgrad.tasks import TASKS
 Shell = Literal["bash", "zsh", "fish"]
 OPTION = re.compile(r"^[│ ]+((?:--?[\w.-]+,? ?)+)", re.MULTILINE)
 ABOUT_TASK = ("train", "sim")
+POLICY = "--agent.policy"
+"""The option whose values are completed, too."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +68,7 @@ def _options(command: str) -> tuple[str, ...]:
     found = {word for line in OPTION.findall(said.getvalue()) for word in re.findall(r"--[\w.-]+", line)}
     own = {word for word in found if not word.startswith(("--task.", "--agent."))}
     if command in ABOUT_TASK:
-        own |= {f"--agent.{short.replace('_', '-')}" for short in Agent.aliases} | {"--agent.policy", HELP_ALL}
+        own |= {f"--agent.{short.replace('_', '-')}" for short in Agent.aliases} | {POLICY, HELP_ALL}
     return tuple(sorted(own))
 
 
@@ -78,7 +80,7 @@ _motorgrad() {{
     local word="${{COMP_WORDS[COMP_CWORD]}}" words=""
     if [ "$COMP_CWORD" -eq 1 ]; then
         words={_quoted(commands, ("--help", "--version"))}
-    elif [ "${{COMP_WORDS[COMP_CWORD-1]}}" = "--agent.policy" ]; then
+    elif [ "${{COMP_WORDS[COMP_CWORD-1]}}" = "{POLICY}" ]; then
         words={_quoted(INITIAL)}
     else
         case "${{COMP_WORDS[1]}}" in
@@ -106,7 +108,7 @@ _motorgrad() {{
 {described}
         )
         _describe command found
-    elif [[ ${{words[CURRENT-1]}} == --agent.policy ]]; then
+    elif [[ ${{words[CURRENT-1]}} == {POLICY} ]]; then
         compadd -- {" ".join(INITIAL)}
     else
         case ${{words[2]}} in
@@ -125,8 +127,10 @@ def _fish(commands: dict[str, str], words: dict[str, Words]) -> str:
     lines += [f"{start} __fish_use_subcommand -f -a {name} -d {shlex.quote(what)}" for name, what in commands.items()]
     for name, of in words.items():
         after = f"{start} '__fish_seen_subcommand_from {name}'"
-        lines += [f"{after} -a {_quoted(of.names)}"] if of.names else []
-        lines += [f"{after} -l {option.removeprefix('--')}" for option in of.options]
+        closed = "" if name in ABOUT_TASK else " -f"  # a task may be a file, too
+        lines += [f"{after}{closed} -a {_quoted(of.names)}"] if of.names else []
+        lines += [f"{after} -l {option.removeprefix('--')}" for option in of.options if option != POLICY]
+        lines += [f"{after} -l {POLICY.removeprefix('--')} -x -a {_quoted(INITIAL)}"] if POLICY in of.options else []
     return "\n".join([*lines, ""])
 
 
