@@ -44,13 +44,13 @@ def natural_actor_critic(
     **Arguments:**
 
     - `policy`: the initial policy.
-    - `batch` (decisions): from one step of the parameters to the next.
-    - `updates` (steps of the parameters): after which annealing ends; the last eighth is averaged.
-    - `discount`: of the critic.
-    - `decay`: of the trace: the discount times the lambda of generalised advantages.
-    - `memory` (batches): of the critic's and the Fisher matrix's means.
+    - `batch` (decisions): number of decisions from one step of the parameters to the next.
+    - `updates` (steps of the parameters): end of annealing; the last eighth is averaged.
+    - `discount`: discount of the critic.
+    - `decay`: decay of the trace: the discount times the lambda of generalised advantages.
+    - `memory` (batches): memory of the critic's and the Fisher matrix's means.
     - `features`: what the critic sees.
-    - `damping`: of the Fisher matrix.
+    - `damping`: damping of the Fisher matrix.
     - `kl` (nats): how far the first and the last step may change the policy.
     - `entropy`: what a nat of entropy is worth at the start, in usual advantages; 0 at the end.
     """
@@ -200,10 +200,10 @@ def batch_actor_critic(
     **Arguments:**
 
     - `task`, `policy`: as of a preset.
-    - `batch` (decisions): from one step, or several, of the policy to the next.
+    - `batch` (decisions): number of decisions between two updates of the policy.
     - `decay`: the lambda of critic and advantages.
     - `fit`: how the critic learns.
-    - `discount`: of the critic, and of the sum by which rewards are scaled.
+    - `discount`: discount of the critic, and of the sum by which rewards are scaled.
     - `estimator`: further settings of the estimator.
     """
     return {

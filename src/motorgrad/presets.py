@@ -43,7 +43,7 @@ def natural(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | N
     **Arguments:**
 
     - `task`: a task, or the name of one.
-    - `steps` (decisions): of the training, per seed.
+    - `steps` (decisions): length of the training, per seed.
     - `changes`, `more`: settings to be changed, by path, by short name or as parts, as in `agent_for`.
 
     **Returns** an `Agent`.

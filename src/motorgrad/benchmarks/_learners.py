@@ -24,11 +24,11 @@ def loop_row(
 
     **Arguments:**
 
-    - `name`: of the row.
+    - `name`: name of the row.
     - `task`: the task.
     - `loop`: learns for a given number of decisions.
     - `seeds`: how many learn together.
-    - `decisions`: of each seed.
+    - `decisions`: decisions of each seed.
     - `pairs`: how many pairs are measured.
     - `wanted`: the target.
     """

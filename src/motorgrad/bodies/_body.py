@@ -66,7 +66,7 @@ class Body(Protocol):
 class Actuator(NamedTuple):
     """What drives a body, of whatever kind.
 
-    - `name`: of the actuator in the model.
+    - `name`: name of the actuator in the model.
     - `group`: the component of the action that is its control.
     """
 

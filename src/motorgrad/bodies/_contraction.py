@@ -44,14 +44,14 @@ def contract(
     **Arguments:**
 
     - `hill`: the muscle.
-    - `length` (m): of its path while it is held.
+    - `length` (m): length of its path while it is held.
     - `seconds` (s): how long.
     - `excitation`: from 0 to 1, from the start.
     - `activation`: at the start, where the muscle is in balance with its tendon.
     - `release` (s): when it is let go; never by default, so that the contraction is isometric.
     - `load` (N): the force that stretches it thereafter.
-    - `mass` (kg): of what it moves.
-    - `timestep` (s): of the physics.
+    - `mass` (kg): mass of what it moves.
+    - `timestep` (s): time step of the physics.
 
     ```python
     soleus = mg.bodies.Hill(3500.0, optimal_fiber_length=0.05, tendon_slack_length=0.25)

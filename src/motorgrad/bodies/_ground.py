@@ -46,7 +46,7 @@ class Terrain:
     - `size` (m): size of the field along x and y, centred on the origin.
     - `clearing` (m): radius of the level disc at the origin, on which a body starts; around it the ground rises to its
       full height within one metre. With 0 the ground is uneven everywhere, with height 0 at the origin.
-    - `seed`: of the random numbers; the same seed gives the same ground at every difficulty.
+    - `seed`: seed of the random numbers; the same seed gives the same ground at every difficulty.
 
     **Raises:** `ValueError` naming the field and what it may be.
     """

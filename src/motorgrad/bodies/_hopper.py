@@ -63,8 +63,8 @@ class Hopper:
     - `muscle_model`: "thesis" (exact law, needs the callback), "native" (MuJoCo's own muscle, an approximation) or
       "hill": Hill-type muscles of the same strengths, with fibers that suit their paths (`Hill.spanning`); the rest
       lengths, `muscle_damping` and `muscle_shape` then have no meaning.
-    - `tendon`: of Hill-type muscles, "compliant" or "rigid".
-    - `curves`: of Hill-type muscles, "de-groote" or "millard".
+    - `tendon`: the tendons of Hill-type muscles, "compliant" or "rigid".
+    - `curves`: the curves of Hill-type muscles, "de-groote" or "millard".
     - `extra_muscles`: further muscles; a new group name adds a component to the action.
 
     **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, with each

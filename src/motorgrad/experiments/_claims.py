@@ -26,7 +26,7 @@ class Claim:
     - `statement`: in our own words.
     - `measured`: the quantity, with its interval.
     - `quantity`: what was measured, in words, where statement and unit do not say it.
-    - `unit`: of the quantity.
+    - `unit`: unit of the quantity.
     - `note`: what a reader must know to judge the claim.
     - `source`: where the statement is made; empty for the source of the experiment.
     - `low`, `high`: the bounds of the range; infinite for none.

@@ -66,7 +66,7 @@ class ActionValues(Part):
     **Arguments:**
 
     - `discount`: $\gamma \in [0, 1)$.
-    - `learning_rate`: of Adam, at least 0.
+    - `learning_rate`: learning rate of Adam, at least 0.
     - `b2`: the decay of Adam's mean of squared gradients, in [0, 1).
     - `network`: the hidden layers. They see the observation and the action, in one vector. With wide layers the last
       digits of a seed depend on how many seeds learn side by side.

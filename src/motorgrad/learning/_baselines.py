@@ -3,9 +3,9 @@ r"""Baselines: what a reward is compared with, $\delta = r - b$.
 A good baseline makes the gradient estimate far less noisy (Weaver & Tao, 2001). A constant does not bias it. A baseline
 that follows the rewards biases short runs, and no longer biases long ones.
 
-Baselines and critics share one interface. `init` makes the state, `observe` is told what an action is chosen on,
-`update` is told what the action led to and gives the advantage. The reward is compared with the baseline *before* the
-update.
+Baselines and critics share one interface. `init` makes the state, `observe` receives the observation for an action,
+`update` receives the outcome of the action and returns the advantage. The reward is compared with the baseline *before*
+the update.
 
 A baseline may depend on the observation: $b(y_t)$ is what an action taken at $y_t$ is expected to earn. The observation
 says nothing about which action was taken on it, so $b(y_t)$ does not bias the credit of that action. Older actions did
@@ -253,7 +253,7 @@ class BinnedBaseline(InputBaseline):
 
     - `low`: the lower bound, in units of the observed number.
     - `high`: the upper bound, above `low`.
-    - `bins`: how many bins.
+    - `bins`: number of bins.
     - `input`: the index of the observed number, from 0.
     - `rate`: $\gamma \in [0, 1]$; the n-th reward of a bin moves its mean by $\max(1/n, \gamma)$ of the distance. 0 is
       the mean of all rewards so far; a larger rate has a memory of $1/\gamma$ rewards.

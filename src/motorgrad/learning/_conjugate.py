@@ -23,7 +23,7 @@ from motorgrad.policies import Policy, split, trainable
 
 
 class Recent(NamedTuple):
-    """The last decisions, in a ring: the oldest gives way. `seen` tells the next place, and whether all are filled."""
+    """The last decisions, in a ring buffer. `seen` counts decisions, and so gives the next place and what is filled."""
 
     observations: Float[Array, "memory inputs"]
     actions: Array
@@ -44,7 +44,7 @@ class ConjugateGradient(LimitedMetric):
 
     - `memory` (decisions): over how many of the last decisions $F$ is a mean. A learner that improves once a batch
       should have that of its batch.
-    - `iterations`: of conjugate gradients, at most.
+    - `iterations`: greatest number of iterations of conjugate gradients.
     - `damping`: $d \ge 0$, in the units of $F$.
     - `kl` (nats): none, or how far one step of the parameters may change the policy, as in `FisherMetric`.
 

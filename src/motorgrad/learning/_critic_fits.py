@@ -16,7 +16,7 @@ Weights = Float[Array, " features"]
 
 
 class CriticStep(NamedTuple):
-    r"""What one decision tells a critic.
+    r"""What a critic learns from one decision.
 
     `slope` $\nabla_w v(y_t)$, of a linear critic the features $\phi(y_t)$; for a linear critic, `next_features`
     $\phi(y_{t+1})$, 0 where the episode terminated; the `reward`, and the `level` $\rho$ that it is compared with; the
@@ -86,7 +86,7 @@ class TemporalDifference(CriticFit):
 
     - `learning_rate`: $\alpha \ge 0$. Steps of a linear critic are stable where $\alpha$ times the squared length of
       the features is well below 1.
-    - `level_rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
+    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
       distance from it.
     """
 
@@ -147,11 +147,12 @@ class LeastSquares(CriticFit):
 
     **Arguments:**
 
-    - `rate`: in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, for a policy that stays.
-    - `initial`: above 0, of the order of a squared feature.
+    - `rate`: rate of forgetting in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, for a policy
+      that does not change.
+    - `initial`: first diagonal of $A$, above 0, of the order of a squared feature.
     - `damping`: $d \ge 0$, in the same units. It bounds the weights where features hardly vary. Values of the average
-      reward are known but for a constant; damping chooses small ones.
-    - `interval` (decisions): from one solution to the next, at least 1.
+      reward are known only up to a constant; damping chooses small ones.
+    - `interval` (decisions): time from one solution to the next, at least 1.
     """
 
     leaves_errors: ClassVar[bool] = False

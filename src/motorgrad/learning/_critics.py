@@ -32,15 +32,16 @@ class Features(FeatureMap):
     **Arguments:**
 
     - `squares`: whether the squares of the inputs are among the features.
-    - `products`: whether the products of all pairs of inputs are.
-    - `nonlinear`: how many nonlinear features there are.
-    - `shape`: the kind of these: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
-    - `scale`: above 0; the greater, the shorter the distance between inputs that the nonlinear features tell apart.
-    - `seed`: of the random numbers of the nonlinear features.
-    - `actions`: whether it sees the previous action too, at whose effect the inputs may only hint; 0 at the start of an
-      episode. A discrete action is a number for each alternative, 1 for the one that was taken.
-    - `bias`: whether it has a constant input of 1 too. It is of no use for the average reward of a task without
-      episodes, where values are known but for a constant.
+    - `products`: whether the products of all pairs of inputs are among the features.
+    - `nonlinear`: the number of nonlinear features.
+    - `shape`: the kind of nonlinear features: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
+    - `scale`: a factor above 0; the greater, the shorter the distance between inputs that the nonlinear features tell
+      apart.
+    - `seed`: seed of the random numbers of the nonlinear features.
+    - `actions`: whether the critic also sees the previous action, whose effect the inputs may only hint at; 0 at the
+      start of an episode. A discrete action is one number per alternative, 1 for the one that was taken.
+    - `bias`: whether the critic also has a constant input of 1. It is useless for the average reward of a task without
+      episodes, whose values are known only up to a constant.
     """
 
     actions: bool = static(False)

@@ -43,8 +43,9 @@ class FittedReturns(CriticFit):
 
     **Arguments:**
 
-    - `learning_rate`: of Adam, at least 0.
-    - `rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its distance from it.
+    - `learning_rate`: learning rate of Adam, at least 0.
+    - `rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its distance from
+      it.
     - `interval` (decisions): in a batch, at least 1; all of them are kept until it is full.
     - `passes`: how often a batch is used, at least 1.
     """

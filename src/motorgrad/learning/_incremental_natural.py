@@ -88,9 +88,9 @@ class ShermanMorrison(Metric):
 
     **Arguments:**
 
-    - `rate`: $\alpha \in (0, 1)$; the matrix is a mean over some $1/\alpha$ decisions.
+    - `rate`: rate $\alpha \in (0, 1)$; the matrix is a mean over about $1/\alpha$ decisions.
     - `damping`: $d > 0$, in the units of $F$.
-    - `initial`: above 0, in the same units: $F$ starts as so much times the identity.
+    - `initial`: factor above 0, in the same units, of the identity matrix with which $F$ starts.
 
     **Raises:** `ValueError` for a value out of range; from `init`, for a policy with more than 4,096 parameters in a
     block.

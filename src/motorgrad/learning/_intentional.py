@@ -75,10 +75,10 @@ class IntentionalTemporalDifference(CriticFit):
 
     **Arguments:**
 
-    - `fraction`: $\eta \in [0, 1]$ of the error.
-    - `rate`: in (0, 1]; the running means have a memory of 1/rate decisions.
-    - `clip`: above 0; an error of more than so many times the running mean of errors' magnitudes counts as that.
-    - `level_rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
+    - `fraction`: the fraction $\eta \in [0, 1]$ of the error that a step takes back.
+    - `rate`: rate in (0, 1]; the running means have a memory of 1/rate decisions.
+    - `clip`: bound above 0 on an error, in multiples of the running mean of the errors' magnitudes.
+    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
       distance from it.
     """
 
@@ -139,8 +139,8 @@ class IntentionalStep(StepBound):
 
     **Arguments:**
 
-    - `change` (nats): $\eta \ge 0$, for an advantage of 1.
-    - `rate`: in (0, 1]; the running means have a memory of 1/rate decisions.
+    - `change` (nats): change $\eta \ge 0$ of the log-probability for an advantage of 1.
+    - `rate`: rate in (0, 1]; the running means have a memory of 1/rate decisions.
     """
 
     change: float = number(0.05, 0)

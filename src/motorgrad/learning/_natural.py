@@ -29,7 +29,7 @@ Blocks = tuple[Float[Array, "units parameters parameters"], ...]
 
 
 class Gathering(NamedTuple):
-    """A running Fisher matrix, and the decisions that it has yet to take in, of which so many are `waiting`."""
+    """A running Fisher matrix, and the decisions that it has yet to take in; `waiting` is their number."""
 
     blocks: Blocks
     observations: Float[Array, "interval inputs"]
@@ -88,11 +88,11 @@ class FisherMetric(LimitedMetric):
 
     **Arguments:**
 
-    - `rate`: $\rho \in (0, 1]$; the matrix is a mean over some $1/\rho$ decisions.
+    - `rate`: rate of forgetting $\rho \in (0, 1]$; the matrix is a mean over about $1/\rho$ decisions.
     - `damping`: $d \ge 0$, one number, or a mapping from names of the policy's fields to numbers or arrays that
       broadcast to the field (fields left out have 0). It has the units of $F$, one over the square of the parameter's,
       and bounds the step along parameters on which the actions hardly depend.
-    - `initial`: at least 0, in the same units.
+    - `initial`: first diagonal of $F$, at least 0, in the same units.
     - `interval` (decisions): how many decisions the matrix takes in at once, each with its own weight. More are faster
       for units with many parameters. A step of the parameters first takes in the decisions that wait. They enter with
       the policy of that moment, so the result is the same for a learner that improves once a batch.

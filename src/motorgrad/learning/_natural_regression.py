@@ -164,7 +164,7 @@ class EpisodicNatural(RegressionMetric):
     **Arguments:**
 
     - `discount`: $\gamma \in (0, 1]$ within an episode.
-    - `rate`: in [0, 1], per episode; the n-th episode moves the means by $\max(1/n, \text{rate})$ of its distance.
+    - `rate`: rate in [0, 1], per episode; the n-th episode moves the means by $\max(1/n, \text{rate})$ of its distance.
     - `damping`: $d > 0$, in the units of the squared sum of scores of an episode.
 
     **Raises:** `ValueError` for a value out of range, for a task without episodes and for several `envs`; from

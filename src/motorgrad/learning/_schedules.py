@@ -15,7 +15,7 @@ class Annealed(Part):
 
     - `start`: the first value, at least 0.
     - `end`: the last value, at least 0.
-    - `steps` (steps of the parameters): after how many the number is at its end.
+    - `steps` (steps of the parameters): duration of the change from `start` to `end`.
     """
 
     start: float = number(low=0)

@@ -75,11 +75,12 @@ class StationaryMetric(Metric):
       1 that of the joint distribution (Morimura et al., 2008).
     - `decay`: $\lambda \in [0, 1)$. The longer, the less it matters that $\phi$ cannot tell all states apart, and the
       noisier $\xi$ is.
-    - `rate`: in [0, 1], per decision; the n-th decision moves the means by $\max(1/n, \text{rate})$ of its distance.
+    - `rate`: rate in [0, 1], per decision; the n-th decision moves the means by $\max(1/n, \text{rate})$ of its
+      distance.
     - `damping`: $d > 0$, in the units of the Fisher matrix, one over the square of a parameter's.
     - `ridge`: $\epsilon > 0$, in the units of a squared feature.
-    - `initial`: at least 0, in the units of the Fisher matrix. $F_a$ starts as this times the identity, which counts
-      as one decision.
+    - `initial`: first diagonal, at least 0, in the units of the Fisher matrix. $F_a$ starts as this times the identity,
+      which counts as one decision.
 
     **Raises:** `ValueError` for a value out of range, for features that see the previous action, for a learner that
     grows and for several `envs`; from `init`, for a policy with more than 4,096 parameters.

@@ -52,7 +52,7 @@ class ClippedSurrogate(Part):
 
     - `clip`: $\epsilon > 0$; a decision whose probability has changed by this share of it, in the direction of its
       advantage, adds nothing to the gradient.
-    - `epochs`: how often each decision is used, at least 1.
+    - `epochs`: number of times that each decision is used, at least 1.
     - `minibatches`: into how many parts a batch is cut, each for a step of the parameters; a divisor of the estimator's
       `improve`.
     - `standardise`: whether the advantages of a batch are made to have mean 0 and deviation 1.

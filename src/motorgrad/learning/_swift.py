@@ -53,7 +53,7 @@ class SwiftTemporalDifference(CriticFit):
     - `meta_rate`: $\theta \ge 0$; 0 leaves the step sizes as they are, but for the bound.
     - `bound`: $\eta \in (0, 1]$.
     - `shrinkage`: $\epsilon \in (0, 1]$, what is left of a step size when the bound was exceeded, for a feature of 1.
-    - `level_rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
+    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
       distance from it.
 
     **Raises:** `ValueError` for a value out of range, and for an `initial` step size above the `bound`.

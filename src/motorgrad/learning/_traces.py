@@ -142,7 +142,7 @@ class Window(_Kernel):
 
     **Arguments:**
 
-    - `length` (decisions): $n \ge 1$.
+    - `length` (decisions): length of the window, $n \ge 1$.
     """
 
     length: int = count(10, 1, LONGEST)

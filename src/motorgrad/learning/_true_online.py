@@ -33,7 +33,7 @@ class TrueOnlineTemporalDifference(CriticFit):
 
     - `learning_rate`: $\alpha \ge 0$. Steps are stable where $\alpha$ times the squared length of the features is below
       1, for any decay.
-    - `level_rate`: in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
+    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
       distance from it.
 
     ```python

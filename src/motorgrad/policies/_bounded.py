@@ -155,15 +155,15 @@ def bounded_hyperplanes(
 
     - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
-    - `density`: of an activation: a squashed, clipped or truncated normal one, or beta.
+    - `density`: density of an activation: squashed, clipped or truncated normal, or beta.
     - `level`: the most probable activation at the start, as a fraction of half the range from its middle.
     - `deviation`: the spread at the start, in units of half the range.
     - `floor`: the least spread that learning may reach.
     - `features`: what the units see beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
       function from a key to a policy with a `Network`.
-    - `autocorrelation`: of the noise of two successive decisions, in [0, 1). Above 0 the policy is `Autoregressive`,
-      and the density squashed or clipped.
+    - `autocorrelation`: correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is
+      `Autoregressive`, and the density squashed or clipped.
     """
     inputs, outputs = sizes(task, units)
     ranges = bounds_of(task, outputs)

@@ -127,7 +127,7 @@ def finite_state_controller(
     - `units`: the number of output units, by default one for each action of the task.
     - `states`: the number of internal states.
     - `links`: how many next states are favoured at first, from every state and on every input.
-    - `strength`: by how much, as a difference of weights.
+    - `strength`: how strongly they are favoured, as a difference of weights.
     - `output`: the output units, a name of an initial policy; by default as of `layered`.
     """
     inputs, _ = sizes(task, units)

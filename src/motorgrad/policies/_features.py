@@ -33,11 +33,11 @@ class FeatureMap(Part):
     **Arguments:**
 
     - `squares`: whether the squares of the inputs are among the features.
-    - `products`: whether the products of all pairs of inputs are.
-    - `nonlinear`: $K$, how many nonlinear features there are.
-    - `shape`: the kind of these: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
+    - `products`: whether the products of all pairs of inputs are among the features.
+    - `nonlinear`: $K$, the number of nonlinear features.
+    - `shape`: the kind of nonlinear features: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
     - `scale`: $c$, above 0; the greater, the shorter the distance between inputs that the features tell apart.
-    - `seed`: of the random numbers. All seeds of a run have the same features.
+    - `seed`: seed of the random numbers. All seeds of a run have the same features.
 
     **Raises:** `ValueError` for a value out of range.
 

@@ -319,7 +319,8 @@ def graded_hyperplanes(
     - `features`: what the units see beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
       function from a key to a policy with a `Network`.
-    - `autocorrelation`: of the noise of two successive decisions, in [0, 1). Above 0 the policy is `Autoregressive`.
+    - `autocorrelation`: correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is
+      `Autoregressive`.
     """
     inputs, outputs = sizes(task, units)
     made = featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor), network)

@@ -71,7 +71,7 @@ def mixed(
     - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `binary`: how many of the first units are binary, where the task does not tell the kind of each action.
-    - `density`: of a graded activation: a squashed, clipped or truncated normal one, or beta.
+    - `density`: density of a graded activation: squashed, clipped or truncated normal, or beta.
     - `level`: the most probable graded activation at the start, as a fraction of half the range from its middle.
     - `deviation`: the spread of graded activations at the start, in units of half the range.
     - `floor`: the least spread that learning may reach.

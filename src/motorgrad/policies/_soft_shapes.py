@@ -124,7 +124,7 @@ def soft_spheres(
 
     - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
-    - `radius`: of every sphere, in the units of the inputs.
+    - `radius`: radius of every sphere, in the units of the inputs.
     - `hardness`: how steeply the probability falls at a unit's surface.
     - `low`: the lower end of the range of the centres in every input.
     - `high`: its upper end.

@@ -122,7 +122,7 @@ class EvolutionStrategy(_Evosax):
 
     - `population`: candidates per round, an even number of at least 2.
     - `width`: $\sigma$, above 0, as a fraction of every number's range.
-    - `learning_rate`: of Adam, above 0, in the same units.
+    - `learning_rate`: learning rate of Adam, above 0, in the same units.
 
     **Raises:** `RuntimeError` if evosax is missing (`motorgrad[search]`).
     """

@@ -112,7 +112,7 @@ def search(
     - `space`: the numbers and their bounds.
     - `method`: by default `CmaEs()`.
     - `evaluations`: the greatest number of candidates to score, at least one round; only whole rounds are made.
-    - `seed`: of all randomness, at least 0. The same search with the same seed gives the same result.
+    - `seed`: seed of all randomness, at least 0. The same search with the same seed gives the same result.
     - `out`: a file that stores the search after every round. If it exists, the search continues from it bit for bit;
       more `evaluations` extend it. None stores nothing.
     - `progress`: whether to show progress.

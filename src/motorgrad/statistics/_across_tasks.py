@@ -78,9 +78,9 @@ def stratified_bootstrap(
       `(…, *shape)`, such as `interquartile_mean`.
     - `samples`: finite scores `(tasks, runs)`, for each method.
     - `paired`: whether run k of every sample has the same random numbers, so that the samples are drawn together.
-    - `level`: of the interval, in (0, 1).
+    - `level`: level of the interval, in (0, 1).
     - `resamples`: how often everything is drawn.
-    - `seed`: of the draws.
+    - `seed`: seed of the draws.
 
     **Returns** the statistic of the samples themselves, and the low and high ends of its interval.
 

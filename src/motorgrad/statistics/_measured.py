@@ -54,7 +54,7 @@ def mean_of(values: Any, level: float = LEVEL) -> Measured:
     **Arguments:**
 
     - `values`: finite numbers, at least one.
-    - `level`: of the interval, in (0, 1).
+    - `level`: level of the interval, in (0, 1).
     """
     values, count = finite(values, level), np.size(values)
     centre, half = float(values.mean()), math.inf
@@ -93,7 +93,7 @@ def median_of(values: Any, level: float = LEVEL) -> Measured:
     **Arguments:**
 
     - `values`: finite numbers, at least one.
-    - `level`: of the interval, in (0, 1).
+    - `level`: level of the interval, in (0, 1).
     """
     from scipy import stats
 
@@ -115,7 +115,7 @@ def share_of(happened: Any, level: float = LEVEL) -> Measured:
     **Arguments:**
 
     - `happened`: a boolean for each case.
-    - `level`: of the interval, in (0, 1).
+    - `level`: level of the interval, in (0, 1).
     """
     happened = np.asarray(happened, bool)
     check_level(level)
@@ -140,7 +140,7 @@ def first_time(time: np.ndarray, happened: np.ndarray, never: float = math.nan) 
 
     **Arguments:**
 
-    - `time`: of each record, in any unit.
+    - `time`: time of each record, in any unit.
     - `happened`: whether it had happened by the record.
     - `never`: the result where it never happened.
     """

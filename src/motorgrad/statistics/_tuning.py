@@ -51,7 +51,7 @@ def sensitivity_of(tuned: Any, shared: Any, level: float = LEVEL, seed: int = 0)
     **Arguments:**
 
     - `tuned`, `shared`: normalized scores `(tasks, runs)` with $h_m$ and with $h$; run k of both has the same seed.
-    - `level`: of the interval, which is a paired `stratified_bootstrap`.
+    - `level`: level of the interval, which is a paired `stratified_bootstrap`.
     """
     value, low, high = stratified_bootstrap(
         lambda one, other: mean_over_tasks(one) - mean_over_tasks(other),

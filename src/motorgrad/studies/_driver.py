@@ -57,14 +57,14 @@ def run_study(
     - `on`: where jobs run: `"here"`, in this process; `"processes"` of this machine; tasks of `"ray"`, by default on
       this machine; jobs of `"slurm"`. The last two need `motorgrad[ray]` and `motorgrad[slurm]`.
     - `workers`: how many jobs run at the same time; 0 for as many as the place has processors.
-    - `threads`: of each job; 0 for all processors of this process, or for each worker's share of them.
+    - `threads`: threads of each job; 0 for all processors of this process, or for each worker's share of them.
     - `attempts`: how often a job that fails is tried before it is set aside and the others go on. A job whose process
       or machine dies has not failed; it continues from its last checkpoint.
     - `checkpoint_every`: seconds between two checkpoints of a job.
     - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
     - `trust`: whether to run code that another process named in the folder: modules of tasks, pickled environments.
     - `progress`: whether to show progress.
-    - `metric`: by which the page `index.html` of the folder ranks settings.
+    - `metric`: the metric by which the page `index.html` of the folder ranks settings.
     - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
       "timeout_min": 120, "mem_gb": 4}`, and `cluster="local"` to try it out.
 

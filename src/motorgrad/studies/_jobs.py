@@ -18,7 +18,7 @@ PATIENCE = 60.0  # seconds for a process that is being killed to let go of a job
 class Outcome(NamedTuple):
     """What comes back from a worker.
 
-    - `result`: of the job; `None` where it was stopped before its end.
+    - `result`: result of the job; `None` where it was stopped before its end.
     - `learned`: seconds of learning, including compiling.
     - `busy`: whether another process has the folder.
     """

@@ -25,7 +25,7 @@ FROZEN = "frozen.npz"
 class Job:
     """One call of `train`, and one run directory.
 
-    - `name`: of its directory.
+    - `name`: name of its directory.
     - `task` and `agent`: the tables from which they are made.
     - `sweep`: the settings that learn side by side; `None` for a single one.
     - `points`: the numbers of the study's points, in the order of the sweep.

@@ -47,7 +47,7 @@ class Search:
     - `metric`: what is to be best, as in `Results.best`: its mean over every second seed, if there are four or more.
       The other seeds report it.
     - `direction`: `"maximize"` or `"minimize"`.
-    - `seed`: of the search.
+    - `seed`: seed of the search.
     """
 
     study: Study

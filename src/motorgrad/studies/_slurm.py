@@ -22,8 +22,8 @@ class Slurm(Place):
     **Arguments:**
 
     - `cluster`: `"slurm"`; or `"local"`, processes of this machine, to try a study out.
-    - `parameters`: of the jobs: submitit's own, such as `timeout_min`, `mem_gb` and `cpus_per_task`, and Slurm's, such
-      as `partition`, `account` and `qos`.
+    - `parameters`: parameters of the jobs: submitit's own, such as `timeout_min`, `mem_gb` and `cpus_per_task`, and
+      Slurm's, such as `partition`, `account` and `qos`.
 
     **Raises** `RuntimeError` without the package, and where there is no Slurm; `ValueError` for unknown parameters.
     """

@@ -27,7 +27,7 @@ class Design:
     - `kind`: `"random"`, independent and uniform draws; or `"sobol"`, a scrambled Sobol sequence, which fills the space
       more evenly (Owen, 1998).
     - `count`: draws for each combination of the lists; for Sobol a power of two.
-    - `seed`: of the draws.
+    - `seed`: seed of the draws.
     """
 
     kind: Literal["random", "sobol"]

@@ -34,7 +34,7 @@ class ArmRecruitment(Recruitment):
     - `reward_type`: `"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete counts
       as none.
     - `scale`: the height of the full lift.
-    - `cost`: of the whole pool's firing.
+    - `cost`: cost of the whole pool's firing.
     - `unloaded`: the height credited for loads of 0 and below, whatever fires.
     - `low` (kg): the load at the start of a sweep.
     - `high` (kg): the load above which a sweep ends; at most 20, including drift.

@@ -85,15 +85,15 @@ class Composed(BodyTask):
     - `observations`: what is observed, at least one term (`Observation`, or any `Quantity`). Short name: `observe`.
     - `rewards`: what is rewarded, at least one term (`Quantity`), each with its `weight`. Short name: `reward`.
     - `targets`: what other terms refer to (`Target`).
-    - `resets`: in which state episodes start (`Reset`), by default in the body's keyframe. Short name: `reset`.
+    - `resets`: the state in which episodes start (`Reset`), by default the body's keyframe. Short name: `reset`.
     - `terminations`: what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`.
     - `recorded`: what is recorded (`Quantity`). Short name: `readings`.
     - `actions`: `"graded"` for controls in the actuators' ranges; `"binary"` for units that are on or off, one for each
       muscle, and two that oppose each other for an actuator that works in both directions.
-    - `groups`: for each unit the actuators that it drives, a name or a pattern such as `"flexor*"`, or a list of them.
+    - `groups`: the actuators that each unit drives, a name or a pattern such as `"flexor*"`, or a list of them.
       Actuators in no group stay at rest. By default each has its own unit.
-    - `scaling`: of observations: `"running"` subtracts the running mean of this seed's observations and divides by
-      their standard deviation, clipped to ±5; `"none"` leaves them as the terms have them.
+    - `scaling`: scaling of observations: `"running"` subtracts the running mean of this seed's observations and divides
+      by their standard deviation, clipped to ±5; `"none"` leaves them unchanged.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     - `commands`: what an action means. `"controls"`: controls in the actuators' ranges. `"sigmoid"`, as in MyoSuite:

@@ -50,7 +50,7 @@ def myosuite(
     - `env_id`: such as `"myoFingerPoseRandom-v0"`. `myosuite_ids()` has all that can be rebuilt; others are Gymnasium
       environments, `from_gymnasium`.
     - `actions`: `"graded"` for numbers in [−1, 1], as in MyoSuite; `"binary"` for muscles that are on or off, 1 or −1.
-    - `scaling`: of observations, as in `Composed`: `"none"` for MyoSuite's own.
+    - `scaling`: scaling of observations, as in `Composed`: `"none"` for MyoSuite's own.
 
     **Raises:** `ValueError` for an environment that does not exist or cannot be rebuilt, and where MyoSuite is missing.
 

@@ -53,7 +53,7 @@ class ParticleTask(Task):
     **Arguments:**
 
     - `units`: number of actions, each a force on the particle, from 1 to 10,000.
-    - `forces` (x, y): of the units, assigned in turn and repeated.
+    - `forces` (x, y): forces of the units, assigned in turn and repeated.
     - `observe_velocity`: whether to observe the velocity in addition to the position.
     - `observation_noise`: standard deviation of normal noise on every observed number; 0 for none.
     - `time_limit`: decisions after which an episode is cut; `None` or 0 for never.

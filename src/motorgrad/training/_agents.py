@@ -127,7 +127,7 @@ def agent_for(
       `Agent.aliases`. A part is given itself, by the name of its kind, as a table with a `kind`, or as `None`.
     - `preset`: the name of a preset in place of the task's own learner, such as `"natural"`, with the task's own
       policy, before which it may put hidden layers. It may stand among the changes.
-    - `steps` (decisions): of the training, to which learners scale that have schedules; by default 100,000.
+    - `steps` (decisions): length of the training, with which the schedules of learners scale; by default 100,000.
     - `more`: the same for names without dots, as keywords.
 
     A setting that is not changed stays as the task has it. A part or policy of another kind starts from that kind's own

@@ -37,11 +37,12 @@ class PolicyScore:
     **Arguments:**
 
     - `task`: a task, or the name of one.
-    - `policy`: whose trainable parameters are sought; the search starts from them. Or a function from a key to one.
-    - `steps` (decisions): of each candidate in each stream, at least 1.
-    - `streams`: how many, at least 1.
-    - `fixed`: whether they are the same in all rounds.
-    - `seed`: of the first stream, at least 0, where they are fixed; the others follow it.
+    - `policy`: a policy whose trainable parameters are optimised, starting from their present values; or a function
+      from a key to one.
+    - `steps` (decisions): length of each candidate's run in each stream, at least 1.
+    - `streams`: number of streams of random numbers, at least 1.
+    - `fixed`: whether the streams are the same in all rounds.
+    - `seed`: seed of the first stream, at least 0, if they are fixed; the others follow it.
     - `of`: `"reward"`, the mean reward per decision, or the name of a reading of the task, such as `"return"`: its mean
       where it occurred.
     - `gradient`: none, or an estimator of the gradient at fixed parameters, such as `gpomdp(0.9)`. The score then comes

@@ -32,11 +32,11 @@ class Gait(NamedTuple):
       0.15 and `correlation` > 0.3; else "intermediate".
     - `speed`: mean velocity along the heading, m/s; `net`: distance from first to last position, divided by the time,
       m/s.
-    - `frequency`: of strides in Hz, the spectral peak of the first tripod's mean lateral angle.
-    - `phase`: between the mean lateral angles of the two tripods at that frequency, in cycles from 0 to 0.5.
-    - `correlation`: of these two angles, from −1 to 1.
-    - `contact_correlation`: of the numbers of feet that the two tripods have on the ground, from −1 to 1; 0 where
-      either number never changes.
+    - `frequency`: frequency of strides in Hz, the spectral peak of the first tripod's mean lateral angle.
+    - `phase`: phase between the mean lateral angles of the two tripods at that frequency, in cycles from 0 to 0.5.
+    - `correlation`: correlation of these two angles, from −1 to 1.
+    - `contact_correlation`: correlation of the two tripods' numbers of feet on the ground, from −1 to 1; 0 if either
+      number never changes.
     - `duty`: fraction of the time that a foot is on the ground, averaged over all six.
     """
 
@@ -55,7 +55,7 @@ class Walk:
     """A recorded walk of several hexapods; time leads, then seeds.
 
     - `time` (decisions,) in s, at the end of each decision; `period`, between two of them.
-    - `states` (decisions, seeds, 6): of the legs in each decision, as in `LegState`.
+    - `states` (decisions, seeds, 6): states of the legs in each decision, as in `LegState`.
     - `reading`: a `HexapodReading` of arrays (decisions, seeds, …).
     - `posture` (decisions, seeds, nq): the positions of all joints, for films.
     - `diverged` (seeds,): how often each simulation diverged and restarted.

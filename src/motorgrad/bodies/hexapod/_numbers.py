@@ -19,8 +19,8 @@ class Segment:
     """A bone, drawn and simulated as a capsule.
 
     - `length` (m): from joint to joint.
-    - `mass` (kg): of the bone.
-    - `radius` (m): of the capsule.
+    - `mass` (kg): mass of the bone.
+    - `radius` (m): radius of the capsule.
     """
 
     length: float
@@ -36,9 +36,9 @@ class Hinge:
     """A hinge joint between stiff stops.
 
     - `range` (degrees): least and greatest angle, with 0 in between.
-    - `stiffness` (N m/rad): of a spring towards 0.
-    - `damping` (N m s/rad): of the joint.
-    - `armature` (kg m²): of the joint.
+    - `stiffness` (N m/rad): stiffness of a spring towards 0.
+    - `damping` (N m s/rad): damping of the joint.
+    - `armature` (kg m²): armature of the joint.
     """
 
     range: tuple[float, float]
@@ -100,9 +100,9 @@ class VerticalPair:
     - `depressor` (N): greatest contractile force of the depressor.
     - `damping` (N s/m): k_SE of both.
     - `shape`: k_CE of both; larger values flatten the force–length curve.
-    - `radius` (m): of the cylinder.
+    - `radius` (m): radius of the cylinder.
     - `distance` (m): from the vertical joint to their ends on the femur.
-    - `height` (m): of the levator's origin above the hip end of the coxa.
+    - `height` (m): height of the levator's origin above the hip end of the coxa.
     """
 
     levator: float = 250.0

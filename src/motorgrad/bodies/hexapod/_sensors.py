@@ -23,8 +23,8 @@ class HexapodReading(NamedTuple):
     - `lateral`, `vertical` (..., 6): angles in rad, positive forward and up; `lateral_velocity`, `vertical_velocity`
       (..., 6) in rad/s.
     - `contact` (..., 6), `belly` (...): normal forces on the feet, and on all three sections together, N.
-    - `position` (..., 3): of the middle section's centre, m.
-    - `heading` (...): of the middle section, rad in [−π, π] from x towards y; `yaw_rate` (...) in rad/s.
+    - `position` (..., 3): position of the middle section's centre, m.
+    - `heading` (...): heading of the middle section, rad in [−π, π] from x towards y; `yaw_rate` (...) in rad/s.
     - `speed` (...): horizontal velocity of the middle section along its heading, m/s.
     - `upright` (...): z component of the middle section's upward axis, from 1, level, to −1, overturned.
     """

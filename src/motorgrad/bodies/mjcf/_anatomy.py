@@ -31,7 +31,7 @@ class Sensor:
 
     **Arguments:**
 
-    - `name`: of the sensor.
+    - `name`: name of the sensor.
     - `kind`: its type, such as `"FRAMEPOS"`.
     - `of`, `target`: the kind of object that it observes, such as `"SITE"`, and its name.
     - `whole`: its integer parameters, where it has any.

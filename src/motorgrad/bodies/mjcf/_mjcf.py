@@ -55,12 +55,12 @@ class Mjcf:
     - `timestep` (s): time step of the physics, by default the model's own.
     - `assets`: the content of files that a document given as text names: pairs of the file's name and its content in
       base64. It is filled in.
-    - `checksum`: of a file and all that it includes or names, or of a model of MyoSuite. It is filled in. A body with
-      another one is refused, so that a run never continues with a model that has changed.
+    - `checksum`: checksum of a file and all that it includes or names, or of a model of MyoSuite. It is filled in. A
+      body with another one is refused, so that a run never continues with a model that has changed.
     - `muscle_model`: `"native"` for MuJoCo's own muscles; `"hill"` to put a Hill-type muscle in place of each that is
       on a tendon (see the page on muscles).
-    - `tendon`: of those, `"compliant"` or `"rigid"`.
-    - `curves`: of those, `"de-groote"` or `"millard"`.
+    - `tendon`: the tendons of Hill-type muscles, `"compliant"` or `"rigid"`.
+    - `curves`: the curves of Hill-type muscles, `"de-groote"` or `"millard"`.
     - `hill`: the numbers of some of them: pairs of an actuator's name, or a pattern such as `"flexor*"`, and a `Hill`.
       All others resemble MuJoCo's, as `hill_of` says.
 

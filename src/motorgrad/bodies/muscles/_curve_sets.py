@@ -90,7 +90,7 @@ def with_curves(
 
     **Arguments:**
 
-    - `name`: of the curves.
+    - `name`: name of the curves.
     - `make`: what to make of each function, such as a compiled one.
     - `instead`: functions in place of those of the same name.
     - `scope`: names that the functions shall find in place of their modules', such as another `np`.

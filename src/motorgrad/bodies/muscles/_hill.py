@@ -35,7 +35,7 @@ class Hill:
 
     **Arguments:**
 
-    - `max_isometric_force` (N): of the fiber at its optimal length.
+    - `max_isometric_force` (N): greatest isometric force of the fiber, at its optimal length.
     - `optimal_fiber_length` (m): at which a fiber is strongest.
     - `tendon_slack_length` (m): beyond which the tendon pulls.
     - `pennation_angle` (rad): between fiber and tendon at the optimal length; the fiber keeps its height as it changes
@@ -45,7 +45,7 @@ class Hill:
     - `fiber_damping`: β, which acts on the velocity as a multiple of the greatest.
     - `tendon`: `"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one that always
       has its slack length, or pulls on nothing.
-    - `tendon_strain`: of a compliant tendon at the greatest isometric force.
+    - `tendon_strain`: strain of a compliant tendon at the greatest isometric force.
     - `curves`: `"de-groote"` for those of De Groote et al. (2016), `"millard"` for those of Millard et al. (2013).
 
     **Raises:** `ValueError` naming the field and what it may be.
@@ -91,7 +91,7 @@ class Hill:
         **Arguments:**
 
         - `path` (m): its least and its greatest length.
-        - `max_isometric_force` (N): of the fiber.
+        - `max_isometric_force` (N): greatest isometric force of the fiber.
         - `span`: what the fiber's length shall be there, on a tendon of its slack length, as multiples of the optimal
           length. By default 0.4 and 1.5.
         - `others`: further numbers of a `Hill`.

@@ -30,9 +30,9 @@ class Wrapping(Experiment):
 
     - `origin_distance` (m): from C to A in the drawing.
     - `insertion_distance` (m): from C to B in the drawing.
-    - `radius` (m): of the capsule in the drawing.
+    - `radius` (m): radius of the capsule in the drawing.
     - `geometries`: number of further, random geometries for which the claims are checked.
-    - `seed`: of the random geometries.
+    - `seed`: seed of the random geometries.
     """
 
     origin_distance: float = 0.13

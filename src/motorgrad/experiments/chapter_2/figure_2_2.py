@@ -43,12 +43,12 @@ class HillClimbing(Experiment):
 
     **Arguments:**
 
-    - `columns`: of the grid of starts, along the Gaussian's mean.
-    - `rows`: of the grid of starts, along its standard deviation.
+    - `columns`: number of columns of the grid of starts, along the Gaussian's mean.
+    - `rows`: number of rows of the grid of starts, along its standard deviation.
     - `runs`: number of learners from rewards alone, for each kind of start.
     - `decisions`: for which each of these learners learns.
     - `rewards`: number of random rewards over which wide and narrow starts are compared.
-    - `seed`: of the learners and of the random rewards.
+    - `seed`: seed of the learners and of the random rewards.
     """
 
     columns: int = ranged(201, 5, 1000)

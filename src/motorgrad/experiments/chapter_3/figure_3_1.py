@@ -62,7 +62,7 @@ class Learner(Experiment):
     - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
     - `seeds`: learners that update at every decision.
     - `steps` (decisions): for which each learner learns.
-    - `decays`: of the traces, per decision, 0 and 0.95 among them.
+    - `decays`: decays of the traces, per decision, 0 and 0.95 among them.
     """
 
     runs: int = ranged(1000, 2, 100_000)

@@ -41,7 +41,7 @@ class Baselines(Experiment):
 
     - `runs`: at fixed parameters, over which estimates are averaged.
     - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `decays`: of the traces at fixed parameters, per decision, 0.95 among them.
+    - `decays`: decays of the traces at fixed parameters, per decision, 0.95 among them.
     - `constants`: constant baselines to compare, in units of reward.
     - `swept`: decays of the traces, per decision, for which the constants are compared.
     - `seeds`: learners with each estimator.

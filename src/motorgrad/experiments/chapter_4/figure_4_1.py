@@ -28,7 +28,7 @@ class ForceGrading(Experiment):
 
     **Arguments:**
 
-    - `units`: of equal force, with thresholds spaced evenly over inputs from 0 to 1.
+    - `units`: number of units of equal force, with thresholds spaced evenly over inputs from 0 to 1.
     - `steepness`: the gain of every unit times the spacing of the thresholds.
     """
 

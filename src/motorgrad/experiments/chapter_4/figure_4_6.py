@@ -32,7 +32,7 @@ class HeightFunction(Experiment):
 
     - `points`: random loads and activations at which the table is compared with simulation, in each of three ranges of
       the load; half of them near the border at which the load just reaches the top.
-    - `seed`: of the random points.
+    - `seed`: seed of the random points.
     """
 
     points: int = ranged(200, 1, 100_000)

@@ -37,7 +37,7 @@ class ChainExploration(Experiment):
 
     - `longest` (states): length of the longest chain.
     - `runs`: walks over which each wait is averaged.
-    - `seed`: of the walks.
+    - `seed`: seed of the walks.
     """
 
     longest: int = ranged(12, DRAWN, 20, " states")

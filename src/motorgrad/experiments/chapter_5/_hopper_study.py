@@ -31,7 +31,7 @@ class HopperStudy(Experiment):
     - `seconds` (simulated s): length of every hopper's practice.
     - `seeds`: independent hoppers.
     - `reward_type`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
-    - `decay`: of the eligibility trace, per decision.
+    - `decay`: decay of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
     - `action_period` (simulated s): time between decisions.
     - `watched` (simulated s): for which the frozen policies are evaluated.

@@ -37,7 +37,7 @@ class MusclePair(Experiment):
 
     **Arguments:**
 
-    - `angles` (degrees): of the knee, at which the muscles are drawn.
+    - `angles` (degrees): angles of the knee, at which the muscles are drawn.
     - `points`: number of angles evaluated in MuJoCo.
     """
 

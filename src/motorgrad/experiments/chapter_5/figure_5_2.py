@@ -21,7 +21,7 @@ class HopperBody(Experiment):
 
     **Arguments:**
 
-    - `angle` (degrees): of the knees in the large drawing.
+    - `angle` (degrees): angle of the knees in the large drawing.
     - `others` (degrees): angles of the knees in the small ones.
     """
 

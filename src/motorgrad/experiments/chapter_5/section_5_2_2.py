@@ -37,7 +37,7 @@ class ActionPeriod(Experiment):
     - `seconds` (simulated s): length of every hopper's practice.
     - `seeds`: hoppers with each period, at least 2.
     - `reward_type`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
-    - `decay`: of the eligibility trace, per decision.
+    - `decay`: decay of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
     - `constant`: what stays the same across periods. With `"decision"`, all numbers do, including the decay of the
       trace and the penalty of a muscle per decision; with `"second"`, their effect per second does, and 10 ms has the

@@ -31,7 +31,7 @@ class LocalStudy(Experiment):
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners of each kind.
     """
 

@@ -27,9 +27,9 @@ class NaturalStep(LayoutStudy):
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners of each kind.
-    - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
+    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     """
 
     def run(self, work: Workspace) -> Values:

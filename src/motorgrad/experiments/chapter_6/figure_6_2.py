@@ -25,10 +25,10 @@ class Partition(Experiment):
 
     **Arguments:**
 
-    - `predictors`: of each kind.
+    - `predictors`: number of predictors of each kind.
     - `brake`: the distance at which to brake.
     - `cells`: along each side of the picture.
-    - `fits`: of linear predictors, each from another random start.
+    - `fits`: number of fits of linear predictors, each from another random start.
     """
 
     predictors: int = ranged(8, 2, 100)

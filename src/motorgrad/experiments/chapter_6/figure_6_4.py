@@ -31,7 +31,7 @@ class InitialPolicy(Experiment):
 
     - `episodes`: over which the share of time in each place is sampled.
     - `drawn` (episodes): paths in the picture.
-    - `seed`: of the episodes.
+    - `seed`: seed of the episodes.
     """
 
     episodes: int = ranged(15_000, 10, 10**6)

@@ -39,10 +39,10 @@ class LocalPolicies(LocalStudy):
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners in each layout.
-    - `episodes`: of the median seed, over which the share of time in each place is sampled.
-    - `looks` (episodes): of every seed, over which the activity of its units is averaged.
+    - `episodes`: number of episodes of the median seed, over which the share of time in each place is sampled.
+    - `looks` (episodes): episodes of every seed, over which the activity of its units is averaged.
     - `drawn` (episodes): paths in each picture.
     """
 

@@ -27,9 +27,9 @@ class AnyUnitFires(LocalStudy):
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: number of learners.
-    - `looks` (episodes): of every seed, for the places that its particle visits.
+    - `looks` (episodes): episodes of every seed, for the places that its particle visits.
     - `cells`: along each side of the box.
     """
 

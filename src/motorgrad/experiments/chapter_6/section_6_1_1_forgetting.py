@@ -88,9 +88,9 @@ class Forgetting(LocalStudy):
 
     **Arguments:**
 
-    - `decisions`: of learning on each side.
+    - `decisions`: decisions of learning on each side.
     - `seeds`: learners of each kind.
-    - `kinds`: of policies: `local`, `narrow`, `linear`, `quadratic`.
+    - `kinds`: kinds of policies: `local`, `narrow`, `linear`, `quadratic`.
     - `gaps`: between the starts on the left and those on the right, as fractions of the box; the smallest first.
     """
 

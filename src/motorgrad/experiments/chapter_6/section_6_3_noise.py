@@ -27,9 +27,9 @@ class Noise(LayoutStudy):
 
     **Arguments:**
 
-    - `decisions`: of learning.
+    - `decisions`: decisions of learning.
     - `seeds`: learners of each kind.
-    - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
+    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     - `observation` (fractions of the box): deviations of the noise on each observed coordinate, rising.
     - `dynamics` (forces): deviations of the random force in each time step, compared with actions of 0.4, rising.
     """

@@ -44,7 +44,7 @@ class Clock(Criterion):
 
     **Arguments:**
 
-    - `interval` (decisions): from one unit to the next, at least as many as the adding phase has.
+    - `interval` (decisions): time from one unit to the next, at least the length of the adding phase.
     """
 
     interval: int = count(10_000, 1, 2**30 - 1)
@@ -106,9 +106,9 @@ class Plateau(Criterion):
 
     **Arguments:**
 
-    - `window` (decisions): at least 40.
-    - `confidence`: of the two-sided interval of a difference, in (0, 1).
-    - `patience` (units): at least 1.
+    - `window` (decisions): length of the windows whose mean rewards are compared, at least 40.
+    - `confidence`: level of the two-sided interval of a difference, in (0, 1).
+    - `patience` (units): number of successive units without improvement after which growth stops, at least 1.
     """
 
     window: int = count(4_000, 2 * BATCHES, 2**30 - 1)

@@ -55,9 +55,9 @@ class Growth(Part):
     - `centre`: where a unit starts, one number for all inputs or one for each.
     - `placement`: none to start there, or `Visited(slots, every)` to start at an observation drawn from the recent
       ones: a unit has an effect only where the learner goes (section 6.5.4). The first unit starts at `centre`.
-    - `width`: of a new unit, positive, in the units of the inputs: $\sigma$ of Gaussians, half the length of boxes, the
-      radius of spheres, in every input. With `cutoff` and `shrink` it sets the length of the adding phase, so all three
-      are static.
+    - `width`: width of a new unit, positive, in the units of the inputs: $\sigma$ of Gaussians, half the length of
+      boxes, the radius of spheres, in every input. With `cutoff` and `shrink` it sets the length of the adding phase,
+      so all three are static.
     - `cutoff`: the width at which the adding phase ends, positive and at most `width`.
     - `shrink`: the factor on the width at every decision of the adding phase, in (0, 1).
     - `boost`: the factor on the steps of the newest unit in the adding phase, at least 0.

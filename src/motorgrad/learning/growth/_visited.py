@@ -25,8 +25,9 @@ class Visited(Part):
 
     **Arguments:**
 
-    - `slots`: how many observations are kept.
-    - `every` (decisions): of how many one is kept. The memory reaches back `slots` times `every` decisions.
+    - `slots`: number of observations that are kept.
+    - `every` (decisions): distance between two kept observations. The memory reaches back `slots` times `every`
+      decisions.
     """
 
     slots: int = count(64, 1, 100_000)

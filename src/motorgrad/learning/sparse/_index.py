@@ -30,8 +30,8 @@ class SpatialIndex(Part):
     - `neglect`: $\varepsilon$, the greatest probability with which a unit may fire where it is not listed, in (0, 1).
     - `margin` (widths): $m > 0$, how far units move before a table is made anew. A wide margin lists more units, a
       narrow one makes more tables.
-    - `cells`: of the grid, in every input; by default so many that there are some four units to a cell.
-    - `rebase` (decisions): after how many all units are updated, at most; fewer where the trace decays so fast that
+    - `cells`: number of cells of the grid in every input; by default there are about four units to a cell.
+    - `rebase` (decisions): greatest time between updates of all units; shorter if the trace decays so fast that
       rounding would matter.
     """
 
@@ -81,7 +81,7 @@ class SpatialIndex(Part):
         size: Float[Array, " inputs"],
         units: int,
     ) -> Int[Array, ""]:
-        """The cell that an observation is in, among those of a `table` for so many units."""
+        """The cell of an observation, among those of a `table` for this number of units."""
         sides = self.sides(units, len(low))
         place = jnp.clip(jnp.floor((observation - low) / size), 0, sides - 1).astype(jnp.int32)
         return functools.reduce(lambda cell, column: cell * sides + column, list(place))

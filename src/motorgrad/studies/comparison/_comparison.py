@@ -85,8 +85,8 @@ class JudgedTask:
     **Arguments:**
 
     - `task`: the name of the task, or a table with its `name` and settings; by default its name in the comparison.
-    - `steps` (decisions): of each run, at least 1; by default those of the comparison.
-    - `metric`: by default that of the comparison.
+    - `steps` (decisions): length of each run, at least 1; by default those of the comparison.
+    - `metric`: metric of the task, by default that of the comparison.
     - `agent`: settings that every method has on this task, such as a policy. They are not tuned.
     - `scale`: what is to be scored 0 and 1, such as what a random and the best policy earn; by default the 5th and the
       95th percentile of what the settings of all methods reached in tuning.
@@ -122,7 +122,7 @@ class Comparison:
     - `methods`: a table of changes to the task's own learner for every method, as in `agent_for`; a list is a grid,
       from which the settings are chosen. `tasks` among them names the tasks that the method is for, by default all.
       A word stands for a named estimator or a preset; a list of words for several.
-    - `metric`: by which methods are compared: `"reward"`, or a reading that all tasks have.
+    - `metric`: the metric by which methods are compared: `"reward"`, or a reading that all tasks have.
     - `seeds`: `Seeds`, or a table with `tune` and `judge`.
     - `steps` (decisions): the budget of every run, at least 1.
     - `seconds` (s of processor time): instead of `steps`, the budget of every run, above 0. A short pilot measures how
@@ -131,7 +131,7 @@ class Comparison:
     - `direction`: `"maximize"` where more of the metric is better, else `"minimize"`.
     - `choose_by`: the score that chooses settings: `"final"`, the last tenth of the records, while learning;
       `"online"`, all records; `"frozen"` or `"frozen-mode"`, without learning.
-    - `evaluate` (decisions): of each run without learning, at least 1.
+    - `evaluate` (decisions): length of each evaluation without learning, at least 1.
     - `window`, `lanes`, `design`: as in `Study`.
 
     **Raises** `ValueError` that names the setting, and the nearest known one, before any work.

@@ -88,15 +88,16 @@ class Gymnasium(HostTask):
 
     - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers, or
       `"module:name"` for a class or a function of a module that makes one.
-    - `kwargs`: passed to `gymnasium.make`: numbers, strings, true or false. They may include `max_episode_steps`.
-    - `repeat`: environment steps per decision, during which the action is held and rewards are summed.
-    - `scaling`: of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the running
-      mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses bounds
-      within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
-    - `code`: of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or `"auto"` for the
-      default of the action space; see `docs/foreign-environments.md`.
-    - `end_reward`: added, for the learner only, to the reward of a decision at which the environment terminates (not at
-      a time limit). If every step has the same reward, only the ends inform an average reward.
+    - `kwargs`: arguments passed to `gymnasium.make`: numbers, strings, true or false. They may include
+      `max_episode_steps`.
+    - `repeat`: number of environment steps per decision, during which the action is held and rewards are summed.
+    - `scaling`: scaling of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the
+      running mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses
+      bounds within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
+    - `code`: encoding of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or `"auto"`
+      for the default of the action space; see `docs/foreign-environments.md`.
+    - `end_reward`: reward added, for the learner only, at a decision at which the environment terminates (not at a time
+      limit). If every step has the same reward, only the ends inform an average reward.
     - `info`: further keys of a step's `info` dictionary to read, each a single number or a flag. The mean over steps is
       recorded under the key's name. Where the environment reports several of `solved`, `success` and `is_success`, the
       one named here means success.

@@ -64,7 +64,7 @@ def find_synergies(activation: Any, units: int, seed: int = 0, restarts: int = 8
 
     - `activation` (…, groups): numbers of at least 0, such as `Evaluation.activation`.
     - `units`: number of synergies, at most the number of groups.
-    - `seed`: of the random starts.
+    - `seed`: seed of the random starts.
     - `restarts`: number of starts.
     - `iterations`: updates per start.
 

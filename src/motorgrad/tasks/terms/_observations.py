@@ -232,7 +232,7 @@ class Clock(Observation):
 
     **Arguments:**
 
-    - `period` (s): of the sine and cosine; 0 for the time itself.
+    - `period` (s): period of the sine and cosine; 0 for the time itself.
     """
 
     period: float = number(0.0, 0)

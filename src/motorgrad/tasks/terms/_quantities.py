@@ -22,7 +22,7 @@ class Distance(Quantity):
     **Arguments:**
 
     - `target`: name of the target.
-    - `power`: to which the length is raised.
+    - `power`: the exponent to which the length is raised.
     - `weight`: in the reward, by default −1.
     """
 
@@ -143,7 +143,7 @@ class Upright(Quantity):
     **Arguments:**
 
     - `part`: name of a site, body or geom.
-    - `axis`: of the part, `"x"`, `"y"` or `"z"`.
+    - `axis`: axis of the part, `"x"`, `"y"` or `"z"`.
     - `weight`: in the reward, by default 1.
     """
 

@@ -37,7 +37,7 @@ class Reach(Target):
       are drawn uniformly in their ranges, so that it can be reached.
     - `reachable`: whether places in the box are drawn only from those that such poses reach.
     - `joints`: names or patterns of the joints of such poses.
-    - `name`: by which other terms refer to the target.
+    - `name`: the name by which other terms refer to the target.
     """
 
     parts: Names = by_name("hand")
@@ -76,7 +76,7 @@ class Pose(Target):
     - `at` (rad or m): fixed positions, one for each joint.
     - `low` (rad or m): least positions; by default those of the joints' own ranges.
     - `high` (rad or m): greatest positions, between which they are drawn uniformly.
-    - `name`: by which other terms refer to the target.
+    - `name`: the name by which other terms refer to the target.
     """
 
     joints: Names = by_name("*")
@@ -110,7 +110,7 @@ class Follow(Target):
     - `values`: for each moment the numbers of all parts or joints, as one list after the other.
     - `repeats`: whether it starts again at its end.
     - `random_start`: whether each episode starts at a random moment of it.
-    - `name`: by which other terms refer to the target.
+    - `name`: the name by which other terms refer to the target.
     """
 
     parts: Names = by_name(())

@@ -54,7 +54,7 @@ class Bound(NamedTuple):
     """A term of a certain body: pure functions of one seed.
 
     - `read`: the quantity, or the observed numbers.
-    - `names`: of the observed numbers.
+    - `names`: names of the observed numbers.
     - `init`: what the term remembers at the start of an episode, where it remembers anything.
     - `step`: what it remembers after a decision, from what it remembered before.
     """
@@ -68,7 +68,7 @@ class Bound(NamedTuple):
 class BoundTarget(NamedTuple):
     """A target of a certain body: pure functions of one seed.
 
-    - `names`: of its numbers.
+    - `names`: names of its numbers.
     - `uniforms`: numbers from U[0, 1) that `draw` consumes.
     - `draw(uniforms)`: what is drawn for an episode, any pytree.
     - `wanted(drawn, time)`: where the target is, at a time (s) in the episode.
@@ -145,7 +145,7 @@ class Target(Part):
 
     **Arguments:**
 
-    - `name`: by which other terms refer to it.
+    - `name`: the name by which other terms refer to it.
     """
 
     _: KW_ONLY
@@ -165,7 +165,7 @@ class Quantity(Part):
     - `weight`: the factor in the reward.
     - `above`: as a termination, the limit above which the episode ends.
     - `below`: as a termination, the limit below which the episode ends.
-    - `name`: of the reading, by default that of the kind.
+    - `name`: name of the reading, by default that of the kind.
     - `at_end`: whether it is recorded only at the end of an episode.
     """
 
@@ -218,7 +218,7 @@ def register(base: type[Part], name: str, term: Any = None) -> Any:
     **Arguments:**
 
     - `base`: `Observation`, `Target`, `Quantity` or `Reset`.
-    - `name`: of the term.
+    - `name`: name of the term.
     - `term`: the class or function. Left out, what follows is decorated.
 
     **Returns** the class of the term.

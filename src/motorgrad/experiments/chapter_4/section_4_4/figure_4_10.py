@@ -24,8 +24,8 @@ class LocalEffect(Experiment):
     **Arguments:**
 
     - `units`: in the learned pools.
-    - `threshold`: of the new unit, a load.
-    - `gains`: of the new unit, rising, the first 0.
+    - `threshold`: threshold of the new unit, a load.
+    - `gains`: gains of the new unit, rising, the first 0.
     - `seeds`: pools that learn.
     - `steps` (decisions): for which each pool learns, by the natural gradient.
     """

@@ -32,7 +32,7 @@ class ForgettingBaseline(Experiment):
     - `units`: in each pool.
     - `seeds`: pools of each kind.
     - `steps` (decisions): for which each pool learns.
-    - `period` (decisions): of the change, which is absent in the first half and present in the second.
+    - `period` (decisions): period of the change, which is absent in the first half and present in the second.
     - `amount`: relative change of the muscle's strength.
     - `added`: load that is added, if the load changes; observed loads are from 0 to 1.
     - `rates` (per decision): the fixed steps γ.

@@ -29,12 +29,12 @@ class GainDecay(Experiment):
 
     - `units`: in each pool.
     - `seeds`: pools of each kind.
-    - `learned` (decisions): of each pool's first practice.
-    - `steps` (decisions): of the second.
-    - `period` (decisions): of the muscle, strong in the first half and weak in the second.
+    - `learned` (decisions): length of each pool's first practice.
+    - `steps` (decisions): length of the second.
+    - `period` (decisions): period of the muscle's change; it is strong in the first half and weak in the second.
     - `amount`: relative change of its strength.
-    - `decays` (per decision): of the gains, λ, three, rising. By default a gain without gradient falls to 1/e in half a
-      period, and in ten times and a tenth of that. The middle one is also used from the start.
+    - `decays` (per decision): three decays of the gains, λ, rising. By default a gain without gradient falls to 1/e in
+      half a period, and in ten times and a tenth of that. The middle one is also used from the start.
     """
 
     units: int = 2

@@ -31,7 +31,7 @@ class LargeLoads(Experiment):
 
     **Arguments:**
 
-    - `sizes` (units): of the pools.
+    - `sizes` (units): sizes of the pools.
     - `seeds`: pools of each size.
     - `steps` (decisions): for which each pool learns.
     - `least` (kg): the smallest of the large loads; the greatest is 14.

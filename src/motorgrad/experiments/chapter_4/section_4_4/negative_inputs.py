@@ -39,8 +39,8 @@ class NegativeInputs(Experiment):
 
     - `units`: in each pool.
     - `seeds`: pools that learn with each kind of sweep.
-    - `steps` (decisions): of each of the two practices.
-    - `decays` (per sweep): of the gains, in further versions of the second practice.
+    - `steps` (decisions): length of each of the two practices.
+    - `decays` (per sweep): decays of the gains, in further versions of the second practice.
     """
 
     units: int = 4

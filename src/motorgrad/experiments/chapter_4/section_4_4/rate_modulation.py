@@ -34,7 +34,7 @@ class RateModulation(Experiment):
 
     - `units`: sizes of the pools, rising.
     - `steps` (decisions): for which each pool learns.
-    - `deviation`: of the graded units' noise before learning.
+    - `deviation`: standard deviation of the graded units' noise before learning.
     - `floor`: lower bound of that deviation.
     - `seeds`: pools of each kind.
     """

@@ -39,7 +39,7 @@ class Muscles(MuscleStudy):
 
     **Arguments:**
 
-    - `updates`: of the parameters; the learner's schedules scale with them.
+    - `updates`: number of updates of the parameters; the learner's schedules scale with them.
     - `seeds`: independent hexapods.
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     - `compared`: seeds of each changed learner; they are compared with as many of the unchanged one.

@@ -32,7 +32,7 @@ class FoundSynergies(MuscleStudy):
 
     **Arguments:**
 
-    - `updates`: of the parameters on 24 muscles; the learner's schedules scale with them.
+    - `updates`: number of updates of the parameters on 24 muscles; the learner's schedules scale with them.
     - `seeds`: independent hexapods that learn on 24 muscles.
     - `watched` (simulated s): for which frozen policies are evaluated, a multiple of 20.
     - `gaits`: number of these hexapods whose gait is factorised, those that get farthest.

@@ -64,7 +64,7 @@ class Morphology(Experiment):
     - `seconds` (simulated s): length of every walk, the first of which does not count.
     - `again`: walks by which a body is judged, of copies with negligible differences; at least 2.
     - `bodies`: random bodies of which variants are compared; at least 2.
-    - `temperature`: of Boltzmann selection, in standard deviations of the scores.
+    - `temperature`: temperature of Boltzmann selection, in standard deviations of the scores.
     - `changed`: numbers that Boltzmann selection changes at a time.
     - `width`: standard deviation of its noise, as a fraction of a number's range.
     """

@@ -38,7 +38,7 @@ class StridePeriod(Experiment):
 
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: hexapods of each kind.
-    - `periods` (s): of the fixed clocks.
+    - `periods` (s): periods of the fixed clocks.
     - `starts`: random phases from which each fixed clock starts on each slope.
     - `watched` (simulated s): for which each is evaluated on each slope, without learning.
     """

@@ -32,7 +32,7 @@ class SynergyStudy(Experiment):
     - `seconds` (simulated s): length of every hexapod's practice.
     - `seeds`: independent hexapods with each lag.
     - `lags` (decisions): delays of the observations, rising; the thesis has none.
-    - `decay`: of the eligibility trace, per decision.
+    - `decay`: decay of the eligibility trace, per decision.
     - `rate`: the step size of all parameters.
     - `watched` (simulated s): for which the frozen policies are evaluated, at least 20.
     """

@@ -35,9 +35,9 @@ class BiomimeticHexapod(Experiment):
 
     **Arguments:**
 
-    - `frictions`: of the feet, rising, at least two.
+    - `frictions`: friction coefficients of the feet, rising, at least two.
     - `highest` (degrees): elevation of front legs that are not clear in the swing.
-    - `height` (m): of the bumps; each seed has its own ground.
+    - `height` (m): height of the bumps; each seed has its own ground.
     - `seconds` (simulated s): length of each walk, after two seconds that do not count.
     - `seeds`: walks of each body.
     """

@@ -37,7 +37,7 @@ class RoughGround(Experiment):
 
     **Arguments:**
 
-    - `heights` (m): of the ground, rising, at least two; the greatest is difficulty 1.
+    - `heights` (m): heights of the ground, rising, at least two; the greatest is difficulty 1.
     - `seconds` (simulated s): length of each walk, after two seconds that do not count.
     - `seeds`: grounds of each kind and height.
     - `clearance` (m): the height up to which the ground counts as passable, one of `heights`; by default about the

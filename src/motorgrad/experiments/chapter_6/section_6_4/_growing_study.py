@@ -25,7 +25,7 @@ class GrowingStudy(Experiment):
 
     **Arguments:**
 
-    - `units`: of the complete pool.
+    - `units`: number of units of the complete pool.
     - `seeds`: independent learners.
     """
 
@@ -57,9 +57,9 @@ class GrowthComparison(GrowingStudy):
 
     **Arguments:**
 
-    - `units`: of the complete pool.
+    - `units`: number of units of the complete pool.
     - `seeds`: learners of each kind.
-    - `layouts`: of rewards, by name.
+    - `layouts`: layouts of rewards, by name.
 
     **Attributes:** `ways`, the settings that each way of growing changes, by its name.
     """

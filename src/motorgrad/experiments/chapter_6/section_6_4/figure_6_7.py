@@ -33,7 +33,7 @@ class GrowingPolicy(GrowingStudy):
 
     **Arguments:**
 
-    - `units`: of the complete pool; 20 take 8,000 episodes.
+    - `units`: number of units of the complete pool; 20 take 8,000 episodes.
     - `seeds`: independent learners.
     - `drawn` (episodes): paths in each tile.
     """

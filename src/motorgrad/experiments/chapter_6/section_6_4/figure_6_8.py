@@ -39,7 +39,7 @@ class GrowingReward(GrowingStudy):
 
     **Arguments:**
 
-    - `units`: of the complete pool; 20 take 8,000 episodes.
+    - `units`: number of units of the complete pool; 20 take 8,000 episodes.
     - `seeds`: learners of each kind.
     """
 

@@ -35,7 +35,7 @@ class Orbits(GrowingStudy):
 
     **Arguments:**
 
-    - `units`: of the complete pool.
+    - `units`: number of units of the complete pool.
     - `seeds`: learners with each reward.
     """
 

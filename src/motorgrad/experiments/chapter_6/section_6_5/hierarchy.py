@@ -61,7 +61,7 @@ class Hierarchy(Experiment):
 
     **Arguments:**
 
-    - `decisions`: of learning.
+    - `decisions`: decisions of learning.
     - `seeds`: learners of each kind.
     - `drawn` (episodes): paths in each picture.
     """

@@ -32,7 +32,7 @@ class Navigation(Experiment):
 
     **Arguments:**
 
-    - `decisions`: of learning.
+    - `decisions`: decisions of learning.
     - `seeds`: learners with each step size.
     - `watched` (decisions): for which the frozen policies are evaluated.
     - `drawn` (episodes): paths in each picture.

@@ -32,9 +32,9 @@ class Pruning(LayoutStudy):
 
     **Arguments:**
 
-    - `decisions`: of learning; 50,000 contain 2,000 episodes.
+    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners in each layout.
-    - `layouts`: of the falling particle: `R1`, `R2` or `R3`.
+    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     - `looks` (episodes): over which activity is averaged; as many others are used for the evaluation.
     - `bounds`: expected firings per episode below which units are removed; the first is that of junk.
     """

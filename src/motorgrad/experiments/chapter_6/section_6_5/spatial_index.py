@@ -36,11 +36,11 @@ class Index(Experiment):
 
     **Arguments:**
 
-    - `sizes` (units): of the pools whose cost is measured, rising.
-    - `pairs`: of stretches for each size, one of either learner.
-    - `decisions`: of each stretch.
-    - `units`: of the pools whose learning is compared.
-    - `seeds`: of either learner.
+    - `sizes` (units): sizes of the pools whose cost is measured, rising.
+    - `pairs`: number of pairs of stretches for each size, one of either learner.
+    - `decisions`: decisions of each stretch.
+    - `units`: number of units of the pools whose learning is compared.
+    - `seeds`: number of seeds of either learner.
     - `steps`: decisions of each of these.
     """
 
