@@ -1,4 +1,4 @@
-"""Help for settings, from the docstrings of their classes: a text is written once."""
+"""Help for settings, from the docstrings of their classes, so that each text is written once."""
 
 import inspect
 import re

@@ -12,7 +12,7 @@ OWN = "import the module that registers your own first, as motorgrad --import MO
 
 
 class NotTrusted(RuntimeError):
-    """A file names code that would run, and nobody has said that it may."""
+    """A file names code that would run, and the user has not trusted it."""
 
 
 def check(condition: Any, name: str, value: Any, allowed: str) -> None:

@@ -1,4 +1,4 @@
-"""Optional packages, and the error that names the extra which installs one."""
+"""Optional packages, and the error that names the extra that installs them."""
 
 import importlib.util
 

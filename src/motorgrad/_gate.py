@@ -1,4 +1,4 @@
-"""The gate of a page in the browser, shared by TimSim and TimLab: who is let in, and how fast they may talk.
+"""Access control of the pages of TimSim and TimLab: which requests are served, and at what rate.
 
 A page prints the address `http://127.0.0.1:PORT/TOKEN/`. The first request moves the token into a cookie and leads to
 `/PLACE/`, so that neither the address bar nor the history keeps it. Browsers send cookies to every port of a host;
@@ -28,7 +28,7 @@ HEADERS = {
 
 
 class Passed(NamedTuple):
-    """A request that is let in.
+    """A request that is served.
 
     - `path`: what it asks for, without the token or the place.
     - `framed`: whether it is for a frame, such as a notebook's, of someone who knows the token.
@@ -128,7 +128,7 @@ class Gate:
 
 
 class Pace:
-    """Slows a client that sends too fast: its next message is read later, and nothing is dropped.
+    """Slow down a client that sends too fast: its next message is read later, and nothing is dropped.
 
     **Arguments:** `rate`: messages per second; a message also counts once for every 64 KiB; `burst`: messages that are
     taken at once.

@@ -15,7 +15,7 @@ P = TypeVar("P")
 
 
 def check_groups(kind: str, name: str, values: Any) -> None:
-    """Refuse what is negative, infinite or no number, among one value for all or a mapping of them."""
+    """Refuse values that are negative, infinite or not numbers, in one value for all or in a mapping."""
     single = not isinstance(values, Mapping)
     for group, value in [(name, values)] if single else values.items():
         more = ", or a mapping from groups to such numbers" if single else ""

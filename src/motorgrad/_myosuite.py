@@ -11,7 +11,7 @@ _FAMILIES = re.compile(r"myo[A-Z]|motorFinger")
 
 
 def is_of_myosuite(env_id: str) -> bool:
-    """Whether an id looks like one of MyoSuite's."""
+    """Whether an id looks like an id of MyoSuite."""
     return _FAMILIES.match(env_id) is not None
 
 

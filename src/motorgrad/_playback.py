@@ -1,4 +1,4 @@
-"""Playback of a live run: a clock that says how much is due, kept states, and a log of changes to repeat.
+"""Playback of a live run: a clock that determines what is due, stored states, and a log of changes to repeat.
 
 A run advances in ticks. Its random numbers are a function of the tick, so restoring a state and repeating what followed
 reproduces the run bit for bit, if the changes that were made by hand are repeated at their ticks.
@@ -107,7 +107,7 @@ class Clock:
 
 
 class Kept(NamedTuple):
-    """A state of a run: after so many ticks and so many changes of the log; `size` in bytes."""
+    """A state of a run after a number of ticks and of changes in the log; `size` in bytes."""
 
     tick: int
     state: Any
@@ -196,7 +196,7 @@ class Playable(Protocol):
         ...
 
     def advance(self, ticks: int, /) -> Any:
-        """Make so many ticks."""
+        """Make this number of ticks."""
         ...
 
     def restore(self, state: Any, /) -> None:

@@ -1,4 +1,4 @@
-"""Learners that are described once, as tables of settings, for tasks of ours and for those of others."""
+"""Learners described once, as tables of settings, for tasks of the library and of others."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -83,7 +83,7 @@ def natural_actor_critic(
 
 
 def annealed(start: float, end: float, steps: int) -> dict[str, Any]:
-    """A number that moves from `start` to `end` in so many steps of the parameters, as a table."""
+    """A number that moves from `start` to `end` within this number of steps of the parameters, as a table."""
     return {"kind": "annealed", "start": start, "end": end, "steps": steps}
 
 

@@ -19,17 +19,17 @@ class Places:
     """Where jobs run."""
 
     on: str = "here"
-    """Where jobs run: here, in this process; processes, of this machine; ray; slurm."""
+    """Where jobs run: here (in this process), processes (of this machine), ray or slurm."""
     address: str = ""
     """The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this machine alone."""
     slurm: tuple[str, ...] | None = None
     """Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4."""
     workers: int = 0
-    """Jobs that run at the same time; 0 for as many as there are processors."""
+    """The number of jobs that run at the same time; 0 for one per processor."""
     threads: int = 0
-    """Threads of each job; 0 for its share of the processors."""
+    """The number of threads of each job; 0 for its share of the processors."""
     attempts: int = 3
-    """How often a job that fails is tried, before it is set aside and the others go on."""
+    """How often a failing job is tried before it is set aside; the others continue."""
 
     def check_places(self) -> None:
         """**Raises** `ValueError` for options that do not fit together."""
@@ -66,14 +66,14 @@ def _parameter(word: str) -> tuple[str, Any]:
 
 @dataclasses.dataclass(frozen=True)
 class StudyFile(Places, abc.ABC):
-    """Options of a command that runs in a folder what a TOML file says."""
+    """Options of a command that runs the study or comparison of a TOML file in a folder."""
 
     study: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
     """The TOML file of the study; without it, that of the folder --out."""
     out: Path | None = None
     """The folder of the study, by default runs/NAME for NAME.toml."""
     checkpoint_every: float = 30.0
-    """Seconds between two checkpoints of a job."""
+    """The time between two checkpoints of a job, in seconds."""
     trust: bool = False
     """Run code that the file or the folder names: the module of a task, pickled environments."""
     json: Path | None = None
@@ -98,7 +98,7 @@ class StudyFile(Places, abc.ABC):
 
     @cached_property
     def made(self) -> Any:
-        """What the file says."""
+        """The study or comparison in the file."""
         return self.kind.read(self.file, trust=self.trust)
 
     @property

@@ -52,7 +52,7 @@ def print_outcome(results: Any) -> None:
 
 
 def print_place(results: Any, files: str, kind: str) -> None:
-    """Say which jobs were set aside, where the results and their further `files` are, and how to go on."""
+    """Print which jobs were set aside, where the results and their further `files` are, and how to continue."""
     for failure in results.failures[:10]:
         print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
     print(f"saved in {results.path}{files}")

@@ -30,7 +30,7 @@ def _integers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
 
 
 def shown_as(hint: Any, default: Any) -> str | None:
-    """What the help shows for a value; `None` where tyro's own will do.
+    """What the help shows for a value; `None` to use tyro's own text.
 
     A default of `None` is not among the values shown, as it is what leaving out the option gives.
     """

@@ -12,7 +12,7 @@ from motorgrad.studies import Comparison, ComparisonResults
 
 @dataclasses.dataclass(frozen=True)
 class Compare(StudyFile):
-    """Compare methods: tasks × methods × settings × seeds, as a TOML file says. Some seeds choose the settings of every
+    """Compare methods: the tasks × methods × settings × seeds of a TOML file. Some seeds choose the settings of every
     method; others judge it. The same command continues a comparison that was stopped or killed."""
 
     file_in_folder: ClassVar[str] = "comparison.toml"

@@ -1,4 +1,4 @@
-"""`motorgrad reproduce NAME…`: measure figures and claims of the thesis again."""
+"""`motorgrad reproduce NAME…`: reproduce figures and claims of the thesis."""
 
 import dataclasses
 import sys
@@ -26,21 +26,20 @@ MARKS = {"holds": "✓", "refuted": "✗", "undecided": "?"}
 
 @dataclasses.dataclass(frozen=True)
 class Reproduce(Places):
-    """Run experiments, draw their figures and check their claims; then write a report of one page on everything in the
-    folder. Finished experiments are not run again; interrupted ones continue. One that fails is tried again, then set
-    aside, and the others go on. --on says where they run. motorgrad reproduce NAME --help shows the
-    settings of one experiment."""
+    """Run experiments, draw their figures and check their claims; then write a one-page report on everything in the
+    folder. Finished experiments are not run again; interrupted ones continue. A failing experiment is tried again, then
+    set aside, and the others continue. motorgrad reproduce NAME --help shows the settings of one experiment."""
 
     experiments: tyro.conf.Positional[tuple[str, ...]]
     """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
     out: Path | None = None
-    """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke size."""
+    """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke test."""
     quick: bool = False
     """A smoke test: small sizes, a minute or two for all experiments, meaningless numbers."""
     strict: bool = False
-    """Exit with status 1 where a claim is refuted or undecided."""
+    """Exit with status 1 if a claim is refuted or undecided."""
     animate: bool = False
-    """Also film the learning of particles, where an experiment has them: animation.mp4 in its folder."""
+    """Also film the learning of particles, in experiments that have them: animation.mp4 in their folders."""
     json: Path | None = None
     """Also write claims, numbers and versions to this file, as JSON; - for the standard output."""
 

@@ -15,12 +15,12 @@ Ranking = list[tuple[dict[str, Any], list[Best]]]
 
 @dataclasses.dataclass(frozen=True)
 class Sweep(StudyFile):
-    """Run a study: tasks × settings × seeds, as a TOML file says. A list in its tables task and agent is a grid.
-    Settings that are numbers of the learner, and seeds, learn side by side in one compiled call; the rest becomes jobs.
-    The same command continues a study that was stopped or killed. Jobs that fail are tried again, then set aside."""
+    """Run a study: the tasks × settings × seeds of a TOML file. A list in its tables task and agent is a grid.
+    Seeds and numbers of the learner are trained side by side in one compiled call; other settings become separate jobs.
+    The same command continues a study that was stopped or killed. Failing jobs are tried again, then set aside."""
 
     metric: str = "reward"
-    """The metric by which settings are the best, here and on the page index.html of the folder."""
+    """The metric that ranks the settings, here and on the page index.html of the folder."""
 
     @property
     def kind(self) -> type[Study | Search]:

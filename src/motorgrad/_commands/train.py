@@ -30,12 +30,12 @@ class Options:
     """Options of `motorgrad train`, beside those of the task and of the agent."""
 
     steps: int = 100_000
-    """The number of decisions per seed, of all its environments together. The schedules of a preset scale with it."""
+    """The number of decisions per seed, summed over its environments. The schedules of a preset scale with it."""
     preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
     """A learner in place of the task's own, which keeps the task's policy. Gymnasium environments use "natural"
     anyway."""
     seeds: int | tuple[int, ...] = 1
-    """The number of learners, with seeds from --first-seed on; or two or more seeds."""
+    """The number of learners, with seeds from --first-seed on; or a list of two or more seeds."""
     first_seed: int = 0
     """The first seed."""
     out: Path | None = None
@@ -54,9 +54,9 @@ class Options:
     envs: int = 1
     """The number of environments that feed the learner of each seed. Steps count the decisions of all."""
     workers: int = 0
-    """The number of processes that step Gymnasium environments; 0 for this one. It changes no result."""
+    """The number of processes that step Gymnasium environments; 0 steps them in this one. The results are the same."""
     give_up_after: float = 3600.0
-    """End a run that could not be saved for this many seconds; until then it goes on learning and tries again."""
+    """End a run that could not be saved for this many seconds; until then it continues to learn and tries again."""
     trust: bool = False
     """Run code that the run directory or the file of options names: the module of its task, pickled environments."""
     allow_changed: bool = False

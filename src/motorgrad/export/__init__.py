@@ -1,4 +1,4 @@
-"""Learned policies for elsewhere: pure functions of JAX as C, as ONNX models and as files for NumPy.
+"""Export of learned policies: pure functions of JAX as C, as ONNX models and as files for NumPy.
 
 A function is traced once to a short list of plain operations, its `Program`. C, ONNX and NumPy each spell these. So
 every policy can be exported, also one of your own. `Policy.export` is the way in; this room knows no policy.

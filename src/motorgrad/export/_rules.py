@@ -1,4 +1,4 @@
-"""How each operation of JAX is made of plain ones."""
+"""Rules that express each operation of JAX by plain ones."""
 
 import string
 from collections.abc import Callable

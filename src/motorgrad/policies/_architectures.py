@@ -44,7 +44,7 @@ class Architecture(Part):
 
     @abc.abstractmethod
     def build(self, inputs: int, key: jax.Array) -> eqx.Module:
-        """The layers: a module that turns a vector of so many `inputs` into a vector. `key` draws its parameters."""
+        """The layers: a module that maps a vector of length `inputs` to a vector. `key` draws its parameters."""
 
 
 class MultilayerPerceptron(Architecture):

@@ -1,4 +1,4 @@
-"""What of a policy is exported, and the files that hold it."""
+"""The functions of a policy that are exported, and the files that hold them."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Policies of something made of what is observed: of fixed features, or of the output of hidden layers."""
+"""Policies that see functions of the observation: fixed features, or the output of hidden layers."""
 
 import abc
 from collections.abc import Callable
@@ -30,7 +30,7 @@ P = TypeVar("P", bound=Policy)
 
 
 class Seeing(Policy):
-    r"""A policy that sees something made of an observation: $\pi(a \mid y) = \pi'(a \mid \varphi(y))$."""
+    r"""A policy that sees a function of an observation: $\pi(a \mid y) = \pi'(a \mid \varphi(y))$."""
 
     pool: eqx.AbstractVar[Policy]
 

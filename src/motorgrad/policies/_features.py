@@ -1,4 +1,4 @@
-"""What linear units and critics see beside their inputs: products, and fixed random or radial features."""
+"""Features that linear units and critics see beside their inputs: products, and fixed random or radial features."""
 
 import functools
 import math
@@ -62,7 +62,7 @@ class FeatureMap(Part):
         return self.squares or self.products or self.nonlinear > 0
 
     def size(self, inputs: int) -> int:
-        """The number of features of so many inputs, the inputs included."""
+        """The number of features for this number of inputs, including the inputs."""
         pairs = inputs * (inputs - 1) // 2
         return inputs + inputs * self.squares + pairs * self.products + self.nonlinear
 

@@ -55,7 +55,7 @@ def frozen(module: T) -> T:
 
 def with_frozen_functions(module: T) -> T:
     """A module whose leaves that are functions, such as the activation of an `eqx.nn.MLP`, are wrapped in `Frozen`,
-    which is called as they are. So a policy of one's own may hold any equinox module.
+    which is called as they are. So a custom policy may hold any equinox module.
 
     **Arguments:** the `module`.
     """

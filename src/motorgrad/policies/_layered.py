@@ -1,4 +1,4 @@
-"""Hidden units: pools that draw one after the other, each from what was drawn before it."""
+"""Hidden units: pools that draw one after the other, each given the draws of the pools before it."""
 
 import abc
 import itertools

@@ -27,7 +27,7 @@ class Standardisation(eqx.Module):
 
     @classmethod
     def of(cls, inputs: int) -> Self:
-        """The layer before any observation, which changes nothing but to clip."""
+        """The layer before any observation, which only clips."""
         zeros = jnp.zeros(inputs)
         return cls(zeros, zeros, zeros, zeros, jnp.zeros((), jnp.uint32))
 

@@ -1,4 +1,4 @@
-"""What the next candidate is worth under a posterior, and where that is greatest."""
+"""The value of the next candidate under a posterior, and where it is greatest."""
 
 from typing import Any
 

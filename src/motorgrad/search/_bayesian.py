@@ -1,4 +1,4 @@
-"""Bayesian optimisation: a Gaussian process over the scores so far says what to try next."""
+"""Bayesian optimisation: a Gaussian process over the scores so far chooses what to try next."""
 
 import dataclasses
 from typing import TYPE_CHECKING, Any

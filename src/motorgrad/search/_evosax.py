@@ -33,11 +33,11 @@ class _Evosax(Method):
 
     @abc.abstractmethod
     def _strategy(self, size: int) -> tuple[Any, Any]:
-        """evosax's strategy for so many numbers, and its parameters."""
+        """evosax's strategy for this number of parameters, and its settings."""
 
     @abc.abstractmethod
     def _costs(self, scores: Float[np.ndarray, " batch"]) -> Float[np.ndarray, " batch"]:
-        """What evosax is told of the scores, to be minimised."""
+        """The scores in the form that evosax minimises."""
 
     def begin(self, start: Float[np.ndarray, " size"]) -> State:
         strategy, params = self._strategy(len(start))

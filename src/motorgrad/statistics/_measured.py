@@ -148,7 +148,7 @@ def first_time(time: np.ndarray, happened: np.ndarray, never: float = math.nan) 
 
 
 def moving_mean(values: np.ndarray, records: int) -> np.ndarray:
-    """Trailing moving average over so many records: `(…, n)` to `(…, n + 1 − records)`."""
+    """Trailing moving average over this number of records: `(…, n)` to `(…, n + 1 − records)`."""
     return np.lib.stride_tricks.sliding_window_view(values, records, axis=-1).mean(-1)
 
 

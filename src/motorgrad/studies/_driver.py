@@ -1,4 +1,4 @@
-"""The driver of a study: keeps workers busy, tries failed jobs again, and writes down what happens."""
+"""The driver of a study: keeps workers busy, retries failed jobs, and records what happens."""
 
 import contextlib
 import threading
@@ -101,10 +101,10 @@ def drive(
     progress: bool = True,
     options: Mapping[str, Any] | None = None,
 ) -> bool:
-    """Do the jobs of a folder that are not done. `run_study` has the arguments that are not said here.
+    """Do the jobs of a folder that are not done. See `run_study` for the other arguments.
 
-    **Arguments:** `told`: what every job is told; `report`: writes down how things stand, now and then and at the end,
-    given the seconds of learning in this session, while it lasts.
+    **Arguments:** `told`: information for every job; `report`: writes down how things stand, now and then and at the
+    end, given the seconds of learning in this session, while it lasts.
 
     **Returns** whether it has come to its end, rather than been asked to stop.
     """

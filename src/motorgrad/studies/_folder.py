@@ -29,7 +29,7 @@ from motorgrad.training import RunDirectoryError, differences, load
 
 
 def check_folder(path: Path, file: str, kind: str, given: Mapping[str, Any], stored: Mapping[str, Any] | None) -> None:
-    """Refuse a folder that cannot be that of a study.
+    """Refuse a folder that cannot belong to a study.
 
     **Arguments:**
 
@@ -50,7 +50,7 @@ def check_folder(path: Path, file: str, kind: str, given: Mapping[str, Any], sto
 
 @contextlib.contextmanager
 def locked(path: Path, kind: str) -> Iterator[None]:
-    """The folder of a study, made where it is missing, and locked against other drivers.
+    """The folder of a study, created if missing, and locked against other drivers.
 
     **Raises** `RunDirectoryError` where another process has it.
     """
@@ -118,7 +118,7 @@ class StudyFolder(JobFolder):
         return int(newest.stem) if (newest := self._newest(job)) else 0
 
     def read_rows(self) -> None:
-        """Find the jobs that are done: in the index, where it is as new as their run directories, or in these."""
+        """Find the jobs that are done: in the index if it is as new as their run directories, or else in these."""
         stored = self._stored()
         for job in self.study.jobs:
             if self.saved(job) < job.steps or not job.is_measured(self.place(job)):
@@ -128,7 +128,7 @@ class StudyFolder(JobFolder):
             self._rows[job.name] = found[1] if found and found[0] == mark else job.rows(load(self.place(job)))
 
     def read_begun(self) -> None:
-        """Look at what the jobs that are not done have saved so far."""
+        """Read what the unfinished jobs have saved so far."""
         found = {}
         for job in self.study.jobs:
             if not self.is_done(job) and self.saved(job):
@@ -137,7 +137,7 @@ class StudyFolder(JobFolder):
         self._begun = found
 
     def add(self, job: Job, result: pa.Table) -> None:
-        """Take note of a job that is done."""
+        """Record a job that is done."""
         self._rows[job.name] = result
 
     def is_done(self, job: Job) -> bool:
@@ -187,7 +187,7 @@ class StudyFolder(JobFolder):
         return table
 
     def about(self, job: Job) -> dict[str, Any]:
-        """What is written down about a job that failed: its points, and the settings of the first."""
+        """The record of a failed job: its points, and the settings of the first."""
         return {"points": list(job.points), "settings": [self.study.settings[point] for point in job.points[:10]]}
 
     def _stored(self) -> dict[str, tuple[Any, pa.Table]]:

@@ -16,7 +16,7 @@ Point = dict[str, Any]
 
 
 class RangeOfNumbers(NamedTuple):
-    """A range of numbers, by the place where it stands."""
+    """A range of numbers, by its place in the settings."""
 
     path: str
     low: float
@@ -97,14 +97,14 @@ def distinctions(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def as_given(value: Any) -> Any:
-    """Settings as a study takes them, where a list is a grid."""
+    """Settings in the form of a study, in which a list is a grid."""
     if isinstance(value, Mapping):
         return {name: as_given(item) for name, item in value.items()}
     return [value] if isinstance(value, list) else value
 
 
 def frozen(value: Any) -> str:
-    """A value as text that is equal for equal values only."""
+    """A value as text, which is equal only for equal values."""
     return json.dumps(value, sort_keys=True)
 
 

@@ -1,4 +1,4 @@
-"""What the driver and the places know of jobs: something to do in a folder of its own."""
+"""Jobs as the driver and the places see them: each has its own folder."""
 
 import abc
 import contextlib
@@ -16,7 +16,7 @@ PATIENCE = 60.0  # seconds for a process that is being killed to let go of a job
 
 
 class Outcome(NamedTuple):
-    """What comes back from a worker.
+    """The result that a worker returns.
 
     - `result`: result of the job; `None` where it was stopped before its end.
     - `learned`: seconds of learning, including compiling.
@@ -29,7 +29,7 @@ class Outcome(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What every job is told beside what it is.
+    """Information for every job, beside the job itself.
 
     - `threads`, `checkpoint_every` and `trust`: as in `train`.
     - `imports`: modules that register tasks and parts.
@@ -46,16 +46,16 @@ class AnyJob(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, which no other job of the folder has."""
+        """Its name, unique in the folder."""
         ...
 
     def do(self, path: Path, told: Work) -> Outcome:
-        """Do the job in its folder, or what is left of it there."""
+        """Do the job in its folder, or the rest of it."""
         ...
 
 
 def work(job: AnyJob, path: Path | str, told: Work) -> Outcome:
-    """Do a job in its folder: all that a worker does."""
+    """Do a job in its folder: the whole work of a worker."""
     path = Path(path)
     path.mkdir(parents=True, exist_ok=True)
     with interrupt_when_asked():
@@ -93,11 +93,11 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
 
     @abc.abstractmethod
     def saved(self, job: Any) -> int:
-        """How far a job has come, in some unit: what a killed worker leaves to the next."""
+        """The progress of a job, in some unit, from which the next worker continues if this one is killed."""
 
     @abc.abstractmethod
     def add(self, job: Any, result: Any) -> None:
-        """Take note of a job that is done."""
+        """Record a job that is done."""
 
     @abc.abstractmethod
     def is_done(self, job: Any) -> bool:
@@ -107,7 +107,7 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
         """Leave the folder to others."""
 
     def about(self, job: Any) -> dict[str, Any]:
-        """What is written down about a job that failed."""
+        """The record of a failed job."""
         return {}
 
     def failures(self) -> list[dict[str, Any]]:
@@ -115,12 +115,12 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
         return [read_json(file) for file in sorted((self.path / "failures").glob("[!.]*.json"))]
 
     def set_aside(self, job: Any, attempts: int, error: BaseException, traceback: str) -> None:
-        """Write down why a job failed."""
+        """Record why a job failed."""
         message = " ".join(f"{type(error).__name__}: {error}".splitlines())
         said = {"job": job.name, "attempts": attempts, "message": message, "traceback": traceback, **self.about(job)}
         (self.path / "failures").mkdir(exist_ok=True)
         write_atomically(self.path / "failures" / f"{job.name}.json", json.dumps(said, indent=2).encode())
 
     def forgive(self, job: Any) -> None:
-        """Forget that a job failed, as it is tried again."""
+        """Forget that a job failed, before it is tried again."""
         (self.path / "failures" / f"{job.name}.json").unlink(missing_ok=True)

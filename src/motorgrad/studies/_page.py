@@ -33,7 +33,7 @@ def write_page(folder: StudyFolder, metric: str, learned: float | None) -> None:
 
 
 def settings_text(settings: Mapping[str, Any], leave_out: Mapping[str, Any] | None = None) -> str:
-    """Settings in words, without those that are said elsewhere."""
+    """Settings in words, without those that appear elsewhere."""
     kept = {path: value for path, value in settings.items() if path not in (leave_out or {})}
     words = (
         _value(value) if path == "task.name" else f"{path.partition('.')[2] or path} = {_value(value)}"

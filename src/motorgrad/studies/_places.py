@@ -24,8 +24,8 @@ from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 
 
 class Place(abc.ABC):
-    """Where jobs run. A place is made with the folder of the study, the number of workers (0 for its own choice), what
-    the jobs are told, and options of its own.
+    """Where jobs run. A place receives the folder of the study, the number of workers (0 for its own choice),
+    information for the jobs, and its own options.
 
     - `itself`: whether jobs run in the process of the driver.
     """
@@ -34,7 +34,7 @@ class Place(abc.ABC):
 
     @property
     def workers(self) -> int:
-        """The jobs that are kept in flight."""
+        """The number of jobs in flight."""
         return 1
 
     @abc.abstractmethod
@@ -47,15 +47,15 @@ class Place(abc.ABC):
         return False
 
     def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
-        """Those of the futures that are done, after at most so many seconds."""
+        """The futures that are done, after at most this number of seconds."""
         return set(wait(flying, seconds, FIRST_COMPLETED).done)
 
     def stop(self) -> None:
-        """Ask all jobs to save what they have and to end. Jobs of this process are asked with it."""
+        """Ask all jobs to save their progress and to end. Jobs of this process receive the request with it."""
         return
 
     def close(self) -> None:
-        """Give everything back. No job is in flight any more, or those that are do not matter."""
+        """Release everything. Jobs that are still in flight are abandoned."""
         return
 
 
@@ -142,13 +142,13 @@ def processors() -> int:
 
 
 def thread_settings(threads: int) -> dict[str, str]:
-    """The environment in which a process uses so many threads. It must be set before JAX is loaded."""
+    """Environment variables for a process with this number of threads. They must be set before JAX is loaded."""
     return {"NPROC": str(threads), "OMP_NUM_THREADS": str(threads)}
 
 
 @contextlib.contextmanager
 def process_environment(threads: int) -> Iterator[None]:
-    """Let processes that are started within the context use so many threads."""
+    """Let processes that are started within the context use this number of threads."""
     settings = thread_settings(threads)
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)

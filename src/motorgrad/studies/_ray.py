@@ -59,7 +59,7 @@ class Ray(Place):
 
     @property
     def workers(self) -> int:
-        """Twice as many jobs as the cluster, which may grow and shrink, has room for."""
+        """Twice the number of jobs for which the cluster, which may grow and shrink, has room."""
         now = time.monotonic()
         if now > self._asked + 1.0:
             self._fit, self._asked = int(self._ray.cluster_resources().get("CPU", 0) // self._told.threads), now

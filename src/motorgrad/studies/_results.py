@@ -17,7 +17,7 @@ from motorgrad.training import Run, load
 
 
 class Best(NamedTuple):
-    """A setting among the best.
+    """One of the best settings.
 
     - `settings`: by path. `point`: its number.
     - `value`: the metric over the seeds that did not choose it, with its interval.
@@ -34,7 +34,7 @@ class Best(NamedTuple):
 
 
 class Results:
-    """What a study has so far. It may still run."""
+    """The results of a study so far. The study may still be running."""
 
     def __init__(self, folder: StudyFolder):
         self._folder = folder
@@ -135,7 +135,7 @@ class Results:
         **Arguments:**
 
         - `metric`: a column of the table.
-        - `count`: at most so many.
+        - `count`: the greatest number of settings.
         - `direction`: whether more is better.
         - `statistic`: over the seeds.
         - `held_out`: `False` chooses and reports by all seeds.

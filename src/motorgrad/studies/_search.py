@@ -113,7 +113,7 @@ class Search:
 
     @staticmethod
     def load(path: Path | str, *, trust: bool = False) -> "SearchResults":
-        """What a search has in its folder so far."""
+        """The results of a search in its folder so far."""
         search = Search.read(Path(path) / "study.toml", trust=trust)
         rounds = [
             Results.load(file.parent, trust=trust) for file in sorted(Path(path).glob("rounds/*/rung-*/study.toml"))

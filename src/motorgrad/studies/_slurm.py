@@ -85,7 +85,7 @@ class Slurm(Place):
 
 
 class ResumableWork:
-    """`work` as submitit wants it: `checkpoint` says what is left to do when Slurm stops a job, the same again."""
+    """`work` in the form for submitit: if Slurm stops a job, `checkpoint` submits the same job again."""
 
     def __call__(self, *arguments: Any) -> Outcome:
         return work(*arguments)

@@ -363,7 +363,7 @@ class Composed(BodyTask):
         return {name: (look(each), memory.ended if late else True) for name, late, each in self._bound.readings}
 
     def marks(self, memory: ComposedMemory, state: BodyState) -> Float[Array, "marks 4"]:
-        """Where parts of the body should be, in balls as large as the least tolerance of a term."""
+        """Where parts of the body should be: balls with the radius of the smallest tolerance of a term."""
         now, found = self._now(memory, state), [jnp.zeros((0, 4))]
         for name, target in self._bound.scene.targets.items():
             if target.marked:

@@ -74,7 +74,7 @@ class Task(abc.ABC):
         """Number of binary or graded actions, or of alternatives."""
 
     def learner_for(self, steps: int) -> Mapping[str, Any]:
-        """Learner settings suited to the task and to a training of so many decisions; by default `learner`."""
+        """Learner settings suited to the task and to a training of this number of decisions; by default `learner`."""
         del steps
         return self.learner
 

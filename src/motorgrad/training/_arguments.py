@@ -64,7 +64,7 @@ def check_training(
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = agent is None or isinstance(agent, Agent | Mapping)
     check(known, "agent", agent, "an Agent, a mapping of changes, or None for the task's own")
-    check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "how many, or a list of them")
+    check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "a number of seeds, or a list of them")
     if isinstance(seeds, int | np.integer):
         check(0 < seeds <= MAX_LANES, "seeds", seeds, f"from 1 to {MAX_LANES} seeds")
     chosen = list(range(seeds) if isinstance(seeds, int | np.integer) else seeds)

@@ -1,4 +1,4 @@
-"""What `train` tells its callbacks, and the callback that ends a training early."""
+"""The reports that callbacks receive from `train`, and the callback that ends training early."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""Reading the run in a directory: the whole of it, or what it was told."""
+"""Reading the run in a directory, or only its configuration."""
 
 import warnings
 from collections.abc import Mapping

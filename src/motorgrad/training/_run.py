@@ -279,7 +279,7 @@ def _with_numbers(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> P
 
 
 def _switched(policies: Any, units: Float[np.ndarray, "records lanes"]) -> Any:
-    """Growing pools with so many active units: growth activates the first inactive unit."""
+    """Growing pools with this number of active units: growth activates the first inactive unit."""
     start = np.asarray(policies.active)
     place_in_queue = np.cumsum(~start, axis=-1) * ~start
     active = place_in_queue <= (units - start.sum(-1))[..., None]
@@ -372,7 +372,7 @@ NOT_FINAL = frozenset({"setting", "seed", "decision", *CLOCKS, "parameters", "ba
 
 
 def final_metrics(run: Run, share: float = 0.1) -> dict[str, np.ndarray]:
-    """One number per lane for every column of a run's metrics: what learning has led to.
+    """One number per lane for every column of a run's metrics: the results of learning.
 
     **Arguments:** `share`: of the records, the last ones, at least one.
 

@@ -1,4 +1,4 @@
-"""Saving a run while it learns: a disk that is full, or a folder that is gone, does not end it."""
+"""Saving a run while it learns: a full disk or a missing folder does not end it."""
 
 import contextlib
 import time
@@ -71,7 +71,7 @@ class Saving:
     def save(
         self, state: PyTree[np.ndarray], about: dict[str, Any], records: pa.Table | None, short: pa.Table | None
     ) -> bool:
-        """Commit, as `RunDirectory.save`; whether that succeeded. A failure is said, and so is its end."""
+        """Commit, as `RunDirectory.save`. Returns whether that succeeded. Warns of a failure, and when it is over."""
         if records is not None:
             self._waiting.append(records)
         self._short = [] if short is None else [short]
@@ -84,7 +84,7 @@ class Saving:
                 self._failing_since = time.monotonic()
             if why != self.why:
                 warnings.warn(
-                    f"{path}: decision {decision:,} could not be saved: {why}. Learning goes on, and the next "
+                    f"{path}: decision {decision:,} could not be saved: {why}. Learning continues, and the next "
                     f"checkpoint tries again; it ends after {self.give_up_after:,.0f} s of this",
                     RunWarning,
                     stacklevel=2,

@@ -1,4 +1,4 @@
-"""Code that a run directory or a settings file names: nothing of it runs before its user says so."""
+"""Code that a run directory or a settings file names: none of it runs before the user consents."""
 
 import importlib.util
 import sys
@@ -15,7 +15,7 @@ HOW = "trust=True in Python, --trust on the command line"
 
 
 def check_imports(settings: Any, where: str, trust: bool = False, words: Sequence[str] = ()) -> None:
-    """Refuse to make the task of a stored configuration where that imports a module which nobody has imported yet.
+    """Refuse to make the task of a stored configuration if that would import a module that is not imported yet.
 
     **Arguments:** the table `settings` of the task, with its `name`; `where` it was found; whether its user trusts it;
     the user's own `words`, which may name the module, too.

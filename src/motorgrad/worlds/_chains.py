@@ -1,4 +1,4 @@
-"""Markov chains by linear algebra: stationary distributions, values, and what is rounding in them."""
+"""Markov chains by linear algebra: stationary distributions, values, and their rounding errors."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ ROUNDING = 16 * np.finfo(float).eps
 
 
 def lead(choice: np.ndarray, worth: np.ndarray, doubt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By how much each action is better than the chosen one in every state, and how much of that may be rounding."""
+    """The advantage of each action over the chosen one in every state, and its possible rounding error."""
     every = np.arange(len(choice))
     return worth - worth[choice, every], doubt + doubt[choice, every]
 

@@ -1,4 +1,4 @@
-"""What acts on a particle from outside: the walls of a box, and a circular field of force (appendix A.3 of the
+"""External forces on a particle: the walls of a box, and a circular field of force (appendix A.3 of the
 thesis)."""
 
 import dataclasses

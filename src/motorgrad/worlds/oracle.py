@@ -249,7 +249,7 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
 
 
 def joint(mdp: FiniteMDP, policy: Policy) -> FiniteMDP:
-    """The MDP in which a policy's hidden units and memory lie in the open.
+    """The MDP in which a policy's hidden units and memory are visible.
 
     Its actions are all that the policy draws, in the order of `policy.enumerate()`. A state of it is one of `mdp` and,
     changing fastest, an internal state of the policy where it is a `FiniteStateController`, 0 at the start. All

@@ -1,4 +1,4 @@
-"""What a MuJoCo model will take of memory, estimated before it is compiled."""
+"""The memory that a MuJoCo model will need, estimated before it is compiled."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -42,7 +42,7 @@ _USERS = {
 
 
 def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
-    """Refuse a description whose model would take more than `MOST_BYTES`, or would compile without end.
+    """Refuse a description whose model would need more than `MOST_BYTES`, or would never finish compiling.
 
     **Arguments:** `spec`: the description; `folders`: where its files may be, beside its own folder.
 

@@ -1,4 +1,4 @@
-"""The one way in for MuJoCo models: read, bounded, compiled."""
+"""Reading MuJoCo models: every model is read, bounded and compiled here."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -27,7 +27,7 @@ _BROKEN = {
 
 
 def read_model(source: Path | str, edit: Callable[[mujoco.MjSpec], object] | None = None) -> mujoco.MjModel:
-    """Compile a model that may come from anywhere. What is broken or would exhaust memory is one clear error.
+    """Compile a model from any source. A broken or oversized model raises one clear error.
 
     **Arguments:**
 

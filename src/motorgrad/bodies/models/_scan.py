@@ -1,4 +1,4 @@
-"""What an MJCF document becomes when MuJoCo expands it, counted without expanding it."""
+"""The size of an MJCF document after MuJoCo expands it, counted without expanding it."""
 
 import math
 import os

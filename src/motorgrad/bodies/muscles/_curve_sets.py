@@ -93,7 +93,7 @@ def with_curves(
     - `name`: name of the curves.
     - `make`: what to make of each function, such as a compiled one.
     - `instead`: functions in place of those of the same name.
-    - `scope`: names that the functions shall find in place of their modules', such as another `np`.
+    - `scope`: names that replace those of the functions' modules, such as another `np`.
 
     **Returns:** an object with the functions by name. They call each other, and not those of their modules.
     """

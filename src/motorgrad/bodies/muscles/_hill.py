@@ -1,4 +1,4 @@
-"""Hill-type muscles as a user describes them, and how they stand in a MuJoCo model."""
+"""Hill-type muscles as a user describes them, and as they appear in a MuJoCo model."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -92,7 +92,7 @@ class Hill:
 
         - `path` (m): its least and its greatest length.
         - `max_isometric_force` (N): greatest isometric force of the fiber.
-        - `span`: what the fiber's length shall be there, on a tendon of its slack length, as multiples of the optimal
+        - `span`: the fiber's lengths at these ends, on a tendon of its slack length, as multiples of the optimal
           length. By default 0.4 and 1.5.
         - `others`: further numbers of a `Hill`.
 

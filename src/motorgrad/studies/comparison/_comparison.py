@@ -33,7 +33,7 @@ MEASURES: tuple[Measure, ...] = ("online", "frozen", "frozen-mode")
 
 @dataclasses.dataclass(frozen=True)
 class Seeds:
-    """Two sets of seeds that have none in common.
+    """Two disjoint sets of seeds.
 
     **Arguments:**
 
@@ -74,7 +74,7 @@ class Seeds:
 
 
 def _numbers(seeds: int | tuple[int, ...], first: int) -> list[int]:
-    """Seeds as a list: so many from the first on, or those that are listed."""
+    """Seeds as a list: a number of them from the first on, or a given list."""
     return list(range(first, first + seeds)) if isinstance(seeds, int) else list(seeds)
 
 
@@ -203,11 +203,11 @@ class Comparison:
 
     @functools.cached_property
     def pairs(self) -> list[tuple[str, str]]:
-        """Every method with every task that it is for."""
+        """Every method with each of its tasks."""
         return [(name, task) for name, method in self.methods.items() for task in method.get("tasks", self.tasks)]
 
     def settings(self, method: str, task: str) -> list[dict[str, Any]]:
-        """The settings of a method that are tried on a task, as changes to its learner; the same for every task."""
+        """The settings of a method to try on a task, as changes to its learner; the same for every task."""
         case = self.case(method, task, 1)
         return [point["agent"] for point in points_of(case, self.design if has_range(case["agent"]) else None)]
 

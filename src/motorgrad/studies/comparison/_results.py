@@ -1,4 +1,4 @@
-"""What a comparison has found: the settings that were chosen, the scores of the judging seeds, and tables of them."""
+"""The results of a comparison: the chosen settings, the scores of the judging seeds, and tables of them."""
 
 import functools
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ PILOT = 2000  # decisions per run of the pilot
 
 
 class ComparisonResults:
-    """What a comparison has so far. It may still run.
+    """The results of a comparison so far. The comparison may still be running.
 
     Scores are normalized: 0 and 1 are the ends of each task's `scale`, and more is better.
     """
@@ -153,7 +153,7 @@ class ComparisonResults:
         return found
 
     def tasks_of(self, method: str) -> list[str]:
-        """The tasks that a method is for."""
+        """The tasks of a method."""
         return [task for name, task in self.comparison.pairs if name == method]
 
     def _judged(self, pair: Pair) -> list[int]:
@@ -293,7 +293,7 @@ class ComparisonResults:
 
     @property
     def sign(self) -> int:
-        """What the metric is multiplied by, so that more is better."""
+        """The factor of the metric that makes greater values better: 1 or -1."""
         return 1 if self.comparison.direction == "maximize" else -1
 
     def _goodness(self, stage: str, task: str, scored: Scored) -> np.ndarray:

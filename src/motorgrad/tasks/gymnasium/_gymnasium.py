@@ -248,7 +248,7 @@ class Gymnasium(HostTask):
         return list(dict.fromkeys(name for each in saved if is_pickle(each) for name in called_by(each)))
 
     def batch(self, seeds: Sequence[int], threads: int = 0, workers: int = 0) -> EnvironmentBatch | WorkerBatch:
-        """One environment per seed, stepped one after the other in this process, or in so many `workers`."""
+        """One environment per seed, stepped one after the other in this process, or in worker processes (`workers`)."""
         del threads
         facts, size = self._facts, len(self._facts.scaling.centre)
         settings = (size, facts.code, self.repeat, self._how_saved.saved_as, facts.info)

@@ -28,7 +28,7 @@ def _numbered(found: Sequence[tuple[str, str]], size: int) -> tuple[str, ...]:
 
 
 def _short(words: str) -> str:
-    """A name without what is said of it in brackets, in small letters."""
+    """A name in lower case, without the remarks in brackets."""
     plain = re.sub(r"\s+\([^)]*\)", "", words).replace("`", "").replace("$", "").strip()
     plain = plain.lower() if plain[1:2].islower() else plain
     return plain if len(plain) <= LONGEST else f"{plain[: LONGEST - 1]}…"

@@ -1,4 +1,4 @@
-"""What a term of a composed task is, and what it sees."""
+"""The terms of composed tasks, and what they see."""
 
 import abc
 import inspect

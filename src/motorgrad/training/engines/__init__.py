@@ -43,8 +43,8 @@ def stepper_for(
     envs: int = 1,
     workers: int = 0,
 ) -> Stepper:
-    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies, one by one for environments, or in
-    so many `workers`. Several `envs` feed each learner, where their dynamics run on the host."""
+    """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies; environments are stepped one by
+    one, or in worker processes (`workers`). Several `envs` can feed each learner if the dynamics run on the host."""
     if isinstance(task, HostTask):
         kind = BodyStepper if isinstance(task, BodyTask) else HostStepper
         return kind(task, agent, seeds, mode, threads, initial, numbers, envs=envs, workers=workers)

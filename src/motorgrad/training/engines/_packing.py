@@ -20,7 +20,7 @@ LARGE = 4096  # numbers of all seeds; where a copy begins to cost more than a bo
 
 
 class Packing:
-    """How to pack trees with the structure of `example` (arrays or shapes), of one seed of so many. The leaves whose
+    """How to pack trees with the structure of `example` (arrays or shapes), for one of several seeds. The leaves whose
     indices are in `still` stand in arrays of their own, whose names the attribute `still` has."""
 
     def __init__(self, example: PyTree[Any], seeds: int, still: Collection[int] = ()):

@@ -1,4 +1,4 @@
-"""What every engine of training is: something that can be advanced, saved and restored."""
+"""The interface of every engine of training: it can be advanced, saved and restored."""
 
 import abc
 import itertools
@@ -118,7 +118,7 @@ class Stepper(abc.ABC):
 
     @abc.abstractmethod
     def advance(self, decisions: int) -> None:
-        """Make so many decisions per seed."""
+        """Make this number of decisions per seed."""
 
     @property
     @abc.abstractmethod
