@@ -209,7 +209,7 @@ def root_locus(
 
 
 class Trim(NamedTuple):
-    """An equilibrium: the `run` that stands there, the values of the `inputs` and `outputs` by address, and the largest
+    """An equilibrium: the `run` in this state, the values of the `inputs` and `outputs` by address, and the largest
     `residual`, by which a state changes in a tick or an output misses its value.
     """
 

@@ -1,8 +1,8 @@
 r"""Credit only where the action changes: differences of action values at action transitions.
 
 The policy gradient is $\mathbb E[\nabla\log\pi(a \mid y)\,(Q(y, a) - c)]$ for any $c$ that does not depend on $a$
-(Sutton, McAllester, Singh & Mansour, 2000). The value of the action $b$ of the decision *before* is such a $c$. With it
-a sample is 0 wherever the action stays, and elsewhere what changing it was worth:
+(Sutton, McAllester, Singh & Mansour, 2000). The value of the action $b$ of the decision *before* is such a $c$. With
+it, a sample is 0 if the action stays the same, and otherwise the worth of changing it:
 
 $$g = (Q(y, a) - Q(y, b))\,\nabla\log\pi(a \mid y).$$
 
@@ -42,15 +42,15 @@ class TransitionState(NamedTuple):
 class ActionTransitions(Baseline):
     r"""How much better an action is than the one before it, $Q(y_t, a_t) - Q(y_t, a_{t-1})$, by learned action values.
 
-    Only the newest action is credited, whatever the trace: what comes later is in $Q$. Give the learner a trace of
-    decay 0, which costs least. Values are linear in features of the observation, $Q(y, a) = w_a \cdot \phi(y)$, with
+    Only the newest action is credited, whatever the trace: $Q$ contains what comes later. Use a trace of decay 0, which
+    costs least. Values are linear in features of the observation, $Q(y, a) = w_a \cdot \phi(y)$, with
     weights for each action, and learned by expected SARSA (Van Seijen, Van Hasselt, Whiteson & Wiering, 2009):
 
     $$\delta = r - \rho + \gamma \sum_{a'} \pi(a' \mid y')\,Q(y', a') - Q(y, a).$$
 
     With exact values the mean of samples is the exact gradient: of the average reward without a `discount`. With
-    errors of the values it is $\mathbb E \sum_a \nabla\pi(a \mid y)\,Q(y, a)$ of the values there are. The first action
-    of an episode has none before it, and is compared with the mean over actions.
+    inexact values it is $\mathbb E \sum_a \nabla\pi(a \mid y)\,Q(y, a)$ for these values. The first action
+    of an episode has no predecessor and is compared with the mean over actions.
 
     **Arguments:**
 

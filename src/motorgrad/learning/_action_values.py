@@ -1,7 +1,7 @@
 r"""The gradient of an action's value, through the action (Vasan et al., 2024).
 
 Every other estimator follows scores: it asks how a change of parameters changes the *probability* of the action that
-was drawn. With real-valued actions one can ask how it changes the *action*. A policy draws it as a function of random
+was drawn. With real-valued actions, one can ask how it changes the *action*. A policy draws it as a function of random
 numbers, $a_\theta(y, u)$. Where the value $Q(y, a)$ of an action is known,
 
 $$\nabla_\theta\,\mathbb E\,Q(y, a) = \mathbb E\,\nabla_\theta\,Q(y, a_\theta(y, u)),$$
@@ -42,7 +42,7 @@ class ErrorScale(NamedTuple):
 
 
 class ActionValueState(NamedTuple):
-    """The network, the state of Adam, the scale of errors, and the key of what the next actions are drawn from."""
+    """The network, the state of Adam, the scale of errors, and the key that draws the next actions."""
 
     weights: ValueNetwork
     rule: Any

@@ -30,7 +30,7 @@ from motorgrad.policies import Policy, split, trainable, with_frozen_functions
 
 
 class Decision(NamedTuple):
-    """What the units saw, and the action that they drew; from which random numbers, where the estimator needs them."""
+    """The observation of the units, the action that they drew, and the random numbers if the estimator needs them."""
 
     observation: Float[Array, " inputs"]
     action: Array
@@ -279,14 +279,14 @@ class Agent(Part):
         return after if ended is False else self.restart(after, ended)
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
-        """Where `ended`, begin a new episode: trace and memory are empty, and the discount starts again from 1."""
+        """Begin a new episode if `ended`: trace and memory are empty, and the discount starts again from 1."""
         chain = self.chain.map(lambda stage, inner: stage.restart(inner, ended), state.chain)
         fresh = self.estimator.restart(state.estimator, state.policy), state.policy.initial_memory()
         estimator, memory = where(ended, fresh, (state.estimator, state.memory))
         return state._replace(estimator=estimator, memory=memory, chain=chain)
 
     def final_policy(self, state: AgentState) -> Policy:
-        """The policy to keep: the averaged one where there is one, else the one that acts. States of many seeds are
+        """The policy to keep: the averaged one if there is one, else the one that acts. States of many seeds are
         allowed."""
         return self.chain.final_policy(state.chain, state.policy)
 
@@ -296,11 +296,11 @@ class Agent(Part):
         return state._replace(policy=policy, chain=chain)
 
     def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
-        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, where the estimator says that it is time, and do
+        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator requires a step now, and do
         the periodic work of a critic.
 
-        Call it after every decision but those that `rest` allows to skip. A growing learner counts its decisions here,
-        and may then add a unit.
+        Call it after every decision, except those that `rest` allows you to skip. A growing learner counts its
+        decisions here, and may then add a unit.
 
         `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
         `reinforce`, that there is no sample: an online learner then does not move, and neither does its momentum.
@@ -322,7 +322,7 @@ class Agent(Part):
         return not self.estimator.online and self.estimator.improve != "episode" and self.growth is None
 
     def rest(self, state: AgentState) -> Int[Array, ""]:
-        """How many decisions at least may go without `improve`, which would change nothing."""
+        """The least number of coming decisions for which `improve` would change nothing and can be skipped."""
         if not self.rests:
             return jnp.asarray(0, jnp.int32)
         estimator, rest = self.estimator, jnp.asarray(NEVER, jnp.int32)

@@ -1,4 +1,4 @@
-r"""Baselines: what a reward is compared with, $\delta = r - b$.
+r"""Baselines: the values with which rewards are compared, $\delta = r - b$.
 
 A good baseline makes the gradient estimate far less noisy (Weaver & Tao, 2001). A constant does not bias it. A baseline
 that follows the rewards biases short runs, and no longer biases long ones.
@@ -82,7 +82,7 @@ class Baseline(Part):
         """The state before any reward, for a policy's observations and actions."""
 
     def start(self, policy: Policy, dtype: Any, key: jax.Array) -> Any:
-        """The state before any reward of one seed, whose `key` draws what is random in it. By default `init`."""
+        """The state of one seed before any reward; `key` draws its random numbers. By default `init`."""
         return self.init(policy, dtype)
 
     @abc.abstractmethod
@@ -99,11 +99,11 @@ class Baseline(Part):
         return state
 
     def solve(self, state: Any) -> Any:
-        """Do the work that is due once in many decisions. `rest` says when it is."""
+        """Do the work that is due once in many decisions. `rest` returns when it is due."""
         return state
 
     def rest(self, state: Any) -> Int[Array, ""]:
-        """For how many decisions at least `solve` changes nothing."""
+        """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
     def restart(self, state: Any) -> Any:

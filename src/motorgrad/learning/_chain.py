@@ -54,7 +54,7 @@ class Transformation(Part):
     earlier ones, which several environments would not share."""
 
     def validate_in(self, agent: Any) -> None:
-        """Refuse, by name, an `Agent` whose other parts do not go with this one."""
+        """Refuse, by name, an `Agent` whose other parts are incompatible with this one."""
 
     def init(self, policy: Policy) -> Any:
         """The state before the first decision."""
@@ -82,11 +82,11 @@ class Transformation(Part):
         return updates, state
 
     def constrain(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> Updates:
-        """The step, limited as a whole. It sees what all transformations have made of the gradient."""
+        """The step, limited as a whole. It receives the result of all transformations."""
         return updates
 
     def after_step(self, state: Any, policy: Policy, steps: Any) -> Any:
-        """The state after the parameters have moved to those of `policy`, in the last of so many `steps`."""
+        """The state after the parameters have moved to those of `policy`; `steps` counts all steps so far."""
         return state
 
     def final_policy(self, state: Any, policy: Policy) -> Policy:
@@ -196,7 +196,7 @@ class Optax(Optimizer):
     An agent wraps one by itself: `Agent(policy, optimizer=optax.adam(1e-3))`. The transformation is static. Numbers
     that it takes from `optax.inject_hyperparams` are leaves of the tree, `hyperparameters`, which may differ by seed
     and change while the learner runs; those with a schedule of their own stay with optax. Its functions cannot be
-    saved: to go on with a run, give the agent again.
+    saved: to continue a run, pass the agent again.
 
     **Arguments:**
 

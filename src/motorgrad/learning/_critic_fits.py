@@ -49,11 +49,11 @@ class CriticFit(Part):
 
     @abc.abstractmethod
     def init(self, weights: Any, features: int) -> Any:
-        """The state before any decision, for a critic with so many `features` and weights of this structure, all 0."""
+        """The state before any decision, for a critic with `features` features and weights of this structure, all 0."""
 
     @abc.abstractmethod
     def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
-        """The weights and the state after one decision. One that is to be `dropped` changes nothing learned."""
+        """The weights and the state after one decision. A decision that is `dropped` changes nothing learned."""
 
     @abc.abstractmethod
     def restart(self, state: Any) -> Any:

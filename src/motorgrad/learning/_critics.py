@@ -1,4 +1,4 @@
-r"""Critics: value functions, by which an action is judged by the state that it led to.
+r"""Critics: value functions, which judge an action by the state to which it led.
 
 $$\delta_t = r_{t+1} - \rho + \gamma\,v(y_{t+1}) - v(y_t)$$
 
@@ -27,7 +27,7 @@ from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, P
 
 
 class Features(FeatureMap):
-    r"""What a linear critic sees of a decision: the inputs, and more (see `FeatureMap` for what is made of them).
+    r"""The features of a linear critic: the inputs, and functions of them (see `FeatureMap`).
 
     **Arguments:**
 
@@ -78,7 +78,7 @@ class Critic(Baseline):
 
     @abc.abstractmethod
     def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Any:
-        """The weights before any reward, for so many features."""
+        """The weights before any reward, for this number of features."""
 
     @abc.abstractmethod
     def value(self, weights: Any, features: Weights) -> Float[Array, ""]:

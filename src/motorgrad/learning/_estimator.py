@@ -232,8 +232,8 @@ class Estimator(Part):
         return state if self.baseline is None else state._replace(baseline=self.baseline.solve(state.baseline))
 
     def climb(self, state: Any, step: Callable[[Any, PyTree[Array]], Any]) -> Any:
-        """The state of a learner after all steps that its batch is good for, of which `step(state, gradient)` makes
-        one; the batch is empty then."""
+        """The state of a learner after all steps from its batch, each made by `step(state, gradient)`;
+        the batch is then empty."""
         reuse, own = self.reuse, state.estimator
         assert reuse is not None
 

@@ -15,7 +15,7 @@ from motorgrad.policies import split
 
 
 class FittedState(NamedTuple):
-    """The decisions that wait for the next fit, of which there are so many, `waiting`; the state of Adam, `rule`.
+    """The decisions that wait for the next fit and their number, `waiting`; the state of Adam, `rule`.
 
     `seen` and `following` are what the critic saw of each decision and of the next; `live` is 0 where the episode
     terminated; after an `end` another episode began.
@@ -46,8 +46,8 @@ class FittedReturns(CriticFit):
     - `learning_rate`: learning rate of Adam, at least 0.
     - `rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its distance from
       it.
-    - `interval` (decisions): in a batch, at least 1; all of them are kept until it is full.
-    - `passes`: how often a batch is used, at least 1.
+    - `interval` (decisions): length of a batch, at least 1; its decisions are kept until it is full.
+    - `passes`: number of times that a batch is used, at least 1.
     """
 
     linear: ClassVar[bool] = False

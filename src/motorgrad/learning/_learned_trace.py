@@ -1,4 +1,4 @@
-r"""An eligibility filter that is learned: how much a reward says of an action so long ago, against how noisily.
+r"""A learned eligibility filter: how much a reward tells about an action a given time ago, relative to the noise.
 
 The gradient is a sum over lags, $\nabla\eta = \sum_k m_k$ with $m_k = \mathbb E[\delta_t s_{t-k}]$ for the score
 $s_{t-k}$ of the action $k$ decisions before. A filter weights the lags, $\sum_k c_k \hat m_k$. A mean $\hat m_k$ of

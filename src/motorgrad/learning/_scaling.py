@@ -1,4 +1,4 @@
-r"""Scales: rewards in units of what their discounted sum varies by, advantages in units of their usual size."""
+r"""Scales: rewards in units of the variation of their discounted sum, advantages in units of their usual size."""
 
 from typing import Any, NamedTuple
 
@@ -43,7 +43,7 @@ class RewardScaling(Part):
         return ScalingState(trace, *add_observation(state.mean, state.variance, trace))
 
     def factor(self, state: ScalingState) -> Float[Array, ""]:
-        """What a reward is multiplied by."""
+        """The factor of a reward."""
         some = state.variance.mean > 0
         return jnp.where(some, 1 / jnp.sqrt(jnp.where(some, state.variance.mean, 1)), 1)
 
@@ -87,6 +87,6 @@ class RootMeanSquare(Part):
         )
 
     def factor(self, state: NormalizationState) -> Float[Array, ""]:
-        """What an advantage is multiplied by; 0 where all of them have been 0."""
+        """The factor of an advantage; 0 if all advantages have been 0."""
         some = state.squares > 0
         return jnp.where(some, jnp.sqrt(state.weight / jnp.where(some, state.squares, 1)), 0)

@@ -24,7 +24,7 @@ class Annealed(Part):
 
 
 def at(value: float | Annealed, steps: Int[Array, ""] | None) -> Float[Array, ""]:
-    """The value of a number after so many steps of the parameters; `None` for one that does not change."""
+    """The value of a number after this many steps of the parameters; `None` for one that does not change."""
     if not isinstance(value, Annealed):
         return jnp.asarray(value, jnp.result_type(float))
     if steps is None:

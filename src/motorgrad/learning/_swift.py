@@ -15,7 +15,7 @@ SMALLEST = 1e-10
 
 
 class SwiftState(NamedTuple):
-    r"""What SwiftTD keeps beside the weights.
+    r"""The state of SwiftTD beside the weights.
 
     - `log_rates`: $\beta$, of which $e^\beta$ are the step sizes.
     - `trace`: the dutch trace $z$, with the step sizes in it.

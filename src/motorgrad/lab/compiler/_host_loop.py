@@ -1,4 +1,4 @@
-"""The loop over the ticks of a diagram with hosts: what lies between them is compiled, and called at every tick."""
+"""The loop over the ticks of a diagram with hosts: the parts between them are compiled, and called at every tick."""
 
 from collections.abc import Mapping
 from typing import Any

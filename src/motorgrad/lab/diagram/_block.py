@@ -158,7 +158,7 @@ class Block:
         """Numbers that a solver with adaptive steps watches: where one changes between negative and not negative, it
         locates the zero and begins a new step there. `inputs` contains all ports.
 
-        During a step the block goes by `now.above`, or by `now.sides`, so that nothing jumps inside the step. With RK4,
+        During a step the block uses `now.above` or `now.sides`, so that nothing jumps inside the step. With RK4,
         only blocks with a continuous state and `crossed` have crossings, and they are found at ticks.
         """
         del state, inputs, now

@@ -79,7 +79,7 @@ HEAD: dict[str, Any] = {
 
 @dataclasses.dataclass(frozen=True)
 class Node:
-    """A block in a diagram. Random numbers and state go by its `id`, which stays the same when it is renamed or
+    """A block in a diagram. Random numbers and state depend on its `id`, which stays the same when it is renamed or
     moved.
     """
 
@@ -242,7 +242,7 @@ class Diagram:
         del self.wires[end]
 
     def use(self, address: str, name: str) -> None:
-        """Let a parameter of the diagram stand for one of a block, or of a subsystem, at an address
+        """Let a parameter of the diagram set one of a block or a subsystem, at an address
         `"block.parameter"`. A parameter that the diagram does not have yet begins with the block's value.
 
             plant.use("inertia.gain", "mass")

@@ -1,4 +1,4 @@
-"""How a block looks: its size, its picture, and what its face says. The editor's pages draw blocks in the same way."""
+"""The appearance of a block: its size, its picture and its text. The editor's pages draw blocks in the same way."""
 
 import functools
 import json

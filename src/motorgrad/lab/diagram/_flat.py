@@ -278,7 +278,7 @@ def _loose_uses(scope: Scope) -> Iterator[Problem]:
 
 
 def shared(diagram: Diagram) -> dict[str, tuple[str, ...]]:
-    """The addresses of the blocks' parameters that a parameter of a diagram stands for, by its own address:
+    """The addresses of the blocks' parameters that a parameter of a diagram sets, by its own address:
     `"subsystem.name"`, or `"name"` in the outermost diagram.
     """
     found: dict[str, tuple[str, ...]] = {}

@@ -61,7 +61,7 @@ class Trigger(Gate):
 
 @dataclasses.dataclass(frozen=True)
 class Condition(Block):
-    """What stands for a gate in the flat list of blocks: whether the gate is open in this tick."""
+    """A gate in the flat list of blocks: whether it is open in this tick."""
 
     on: Annotated[str, Setting("which changes open it; empty where the condition itself does")] = ""
 

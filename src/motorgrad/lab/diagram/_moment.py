@@ -29,7 +29,7 @@ class Moment(NamedTuple):
     """Seconds since the tick."""
     above: Bool[Array, " crossings"] | None = None
     """Which of the block's `crossings` count as at least 0. They are held during a step of a solver that locates zero
-    crossings; elsewhere `None`, and the block goes by its inputs."""
+    crossings; elsewhere `None`, and the block uses its inputs."""
     turned: Bool[Array, " crossings"] | None = None
     """In `crossed`: which of them have just changed."""
     begun: Float[Array, ""] | float = 0.0
@@ -50,7 +50,7 @@ class Moment(NamedTuple):
             return function(self._seconds(at), *(jnp.asarray(each).astype(jnp.float64) for each in values)).astype(real)
 
     def later(self, seconds: Any) -> Any:
-        """The time so many seconds after `start`, in double precision: what `next_jump` returns."""
+        """The time this number of seconds after `start`, in double precision: what `next_jump` returns."""
         with jax.enable_x64(True):
             return self._seconds("start") + jnp.asarray(seconds).astype(jnp.float64)
 

@@ -133,7 +133,7 @@ class Run:
 
     @precisely
     def _piece(self, most: int) -> Record:
-        """As many ticks as one call can run, at most so many."""
+        """The number of ticks that one call can run, at most this number."""
         now, first = min(most, self._loop.longest), self.tick
         values = self._parameters.values
         if isinstance(self._loop, HostLoop):

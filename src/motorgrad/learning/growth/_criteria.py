@@ -20,7 +20,7 @@ class Criterion(Part):
     """When the next unit is due."""
 
     def check(self, adding: int) -> None:
-        """Refuse settings that do not fit an adding phase of so many decisions."""
+        """Refuse settings that do not fit an adding phase of this length in decisions."""
 
     @abc.abstractmethod
     def init(self, dtype: Any) -> Any:
@@ -93,7 +93,7 @@ class PlateauState(NamedTuple):
 
 
 class Plateau(Criterion):
-    r"""A unit once the reward no longer rises; none any more once units no longer raise it.
+    r"""Adds a unit once the reward no longer rises, and stops once units no longer raise it.
 
     After the adding phase, rewards are averaged over windows. The variance of a window's mean comes from its 20 parts.
     A unit is due when a window is not better than the one before it by more than the interval of the difference,

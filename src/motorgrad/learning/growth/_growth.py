@@ -20,7 +20,7 @@ LONG = 2**30  # where the count of decisions since an addition stands still
 
 
 class GrowthState(NamedTuple):
-    """What growth remembers.
+    """The state of growth.
 
     - `unit`: the newest unit's index in the pool, −1 where none was added.
     - `age`: decisions since then.

@@ -38,7 +38,7 @@ MOVED = 0.75  # of the margin: a table is made anew once a unit has moved so far
 
 
 class IndexState(NamedTuple):
-    r"""What a sparse learner knows beside its policy, which is up to date only where it was published.
+    r"""The state of a sparse learner beside its policy, which is up to date only after `publish`.
 
     - `rows`: of each unit the base, the slope, and the episode in which it was last updated.
     - `sums`: $S$ of each episode since the rebase; `travel`, the same of $|\delta|$; `limit`, the travel at which a
@@ -199,7 +199,7 @@ class SparseAgent(Agent):
         return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
 
     def take_up(self, state: AgentState) -> AgentState:
-        """The inverse of `publish`, of a policy that was put in place: learning goes on from there, without a trace."""
+        """The inverse of `publish`, for a policy that was put in place: learning continues from it, without a trace."""
         (theta,) = state.policy.blocks(trainable(state.policy))
         index = _index(state)
         moved = jnp.full_like(index.moved, jnp.inf)

@@ -44,8 +44,8 @@ MOST_PARAMETERS = 1_000_000
 
 
 class Vector(eqx.Module):
-    """All parameters of a policy as one array, in the place of the policy: what an optimizer and a baseline of the
-    eligibility are told of it. They are one unit."""
+    """All parameters of a policy as one array, in place of the policy, for an optimizer or a baseline that is weighted
+    by eligibility. They count as one unit."""
 
     parameters: Float[Array, " size"]
 
@@ -58,7 +58,7 @@ class Vector(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class BlockField:
-    """A field of a block that stands for the field at a `path` of a part's tree."""
+    """A field of a block that represents the field at a `path` of a part's tree."""
 
     name: str
     path: str

@@ -177,7 +177,7 @@ class ModelExchange(Instance):
         return high
 
     def _crosses(self, now: float, h: float, state: np.ndarray, before: np.ndarray) -> bool:
-        """Make one step of RK4, and tell whether an event indicator has changed its sign."""
+        """Make one step of RK4. Returns whether an event indicator has changed its sign."""
         total, slope = np.zeros(self._size), np.zeros(self._size)
         for place, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
             slope = self._slope(now + place * h, state + place * h * slope)
@@ -207,7 +207,7 @@ class ModelExchange(Instance):
         return np.array(values)
 
     def _finish_event(self) -> None:
-        """Update discrete states until they stay, and go on in continuous time."""
+        """Update discrete states until they no longer change, and continue in continuous time."""
         defined, following = False, math.inf
         for _ in range(MOST_EVENTS):
             update = self.fmu.newDiscreteStates if self.old else self.fmu.updateDiscreteStates

@@ -27,16 +27,16 @@ class HillMuscle(Block):
     name: ClassVar[str] = "hill muscle"
     category: ClassVar[str] = "bodies and worlds"
 
-    max_isometric_force: Annotated[Any, Parameter("of the fiber at its optimal length", "N", low=0.0)] = 1000.0
-    optimal_fiber_length: Annotated[Any, Parameter("where the fiber is strongest", "m", low=1e-6)] = 0.1
-    tendon_slack_length: Annotated[Any, Parameter("beyond which the tendon pulls", "m", low=1e-6)] = 0.2
-    pennation_angle: Annotated[Any, Parameter("at the optimal length", "rad", low=0.0)] = 0.0
-    max_contraction_velocity: Annotated[Any, Parameter("in optimal lengths", "1/s", low=1e-6)] = 10.0
-    activation_time_constant: Annotated[Any, Parameter("of a rising activation", "s", low=1e-6)] = 0.015
-    deactivation_time_constant: Annotated[Any, Parameter("of a falling activation", "s", low=1e-6)] = 0.06
+    max_isometric_force: Annotated[Any, Parameter("force of the fiber at its optimal length", "N", low=0.0)] = 1000.0
+    optimal_fiber_length: Annotated[Any, Parameter("length at which the fiber is strongest", "m", low=1e-6)] = 0.1
+    tendon_slack_length: Annotated[Any, Parameter("length beyond which the tendon pulls", "m", low=1e-6)] = 0.2
+    pennation_angle: Annotated[Any, Parameter("angle at the optimal length", "rad", low=0.0)] = 0.0
+    max_contraction_velocity: Annotated[Any, Parameter("greatest speed, in optimal lengths", "1/s", low=1e-6)] = 10.0
+    activation_time_constant: Annotated[Any, Parameter("time constant of a rising activation", "s", low=1e-6)] = 0.015
+    deactivation_time_constant: Annotated[Any, Parameter("time constant of a falling activation", "s", low=1e-6)] = 0.06
     fiber_damping: Annotated[Any, Parameter(r"$\beta$", low=0.0)] = 0.1
-    tendon_strain: Annotated[Any, Parameter("at the greatest isometric force", low=1e-6)] = 0.049
-    tendon: Annotated[str, Setting("whether it stretches", ("compliant", "rigid"))] = "compliant"
+    tendon_strain: Annotated[Any, Parameter("strain of the tendon at the greatest isometric force", low=1e-6)] = 0.049
+    tendon: Annotated[str, Setting("whether the tendon stretches", ("compliant", "rigid"))] = "compliant"
     curves: Annotated[str, Setting("whose force–length and force–velocity curves", tuple(CURVES))] = "de-groote"
     shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
 

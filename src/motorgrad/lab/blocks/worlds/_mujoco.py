@@ -142,8 +142,10 @@ class MujocoModel(HostBlock):
     muscle_model: Annotated[
         str, Setting("native for MuJoCo's own muscles, hill for Hill-type muscles in their place", ("native", "hill"))
     ] = "native"
-    tendon: Annotated[str, Setting("of Hill-type muscles", ("compliant", "rigid"))] = "compliant"
-    curves: Annotated[str, Setting("of Hill-type muscles", tuple(CURVES))] = "de-groote"
+    tendon: Annotated[str, Setting("whether the tendons of Hill-type muscles stretch", ("compliant", "rigid"))] = (
+        "compliant"
+    )
+    curves: Annotated[str, Setting("the curves of Hill-type muscles", tuple(CURVES))] = "de-groote"
 
     def validate(self) -> None:
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):

@@ -61,7 +61,7 @@ def scene_ports(task: Task) -> Ports:
 
 
 def scene_outputs(scene: Scene, started: Any) -> Signals:
-    """The outputs for a scene, of one seed or many; `started` tells whether an action has been taken."""
+    """The outputs for a scene, of one seed or many; `started` is whether an action has been taken."""
     diverged = ~scene.valid & started
     return {
         "observation": scene.observation,
