@@ -133,7 +133,7 @@ class Run:
 
     @precisely
     def _piece(self, most: int) -> Record:
-        """The number of ticks that one call can run, at most this number."""
+        """Run one piece: as many ticks as one call can run, at most `most`. **Returns** its record."""
         now, first = min(most, self._loop.longest), self.tick
         values = self._parameters.values
         if isinstance(self._loop, HostLoop):
