@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
+from motorgrad._commands._side_by_side import bodies, gathered
 from motorgrad._commands._task_options import command_with_learner, split_task
 from motorgrad._errors import check, unknown
 from motorgrad._extras import FILM, require
@@ -26,6 +27,9 @@ USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --task FILE | --run RU
 
 Watch a body, its muscles and its learner live in the browser. They run in a process of their own. A task learns, a body
 or an MJCF file is simulated without a learner, and a run continues from its learned policy.
+
+Several bodies stand side by side: seeds of a run (--run RUN --seeds 0 3 5), two runs (--run A --run B), and any other
+policy beside a learner (--beside before=untrained PPO=ppo.zip). They act in step.
 """
 
 NEW = "a new file with --run, which starts with the policy of the run"
@@ -39,6 +43,12 @@ class Options:
     """Start with the policy of the run in this directory; TASK may then be left out."""
     seed: int | None = None
     """The seed of the learner; with --run, which of its seeds. By default 0, or the run's first."""
+    seeds: tuple[int, ...] = ()
+    """Several seeds of the run side by side, which act without learning."""
+    beside: tuple[str, ...] = ()
+    """Other policies side by side, as LABEL=PATH: a run, a saved policy (.npz), a model (.zip), or untrained."""
+    runs_beside: tuple[Path, ...] = ()
+    """Further runs of the task side by side; --run, given again, means the same."""
     autosave: Path | None = None
     """Save the policy to this file (.npz) as it learns, and at the end; start with it if the file exists."""
     autosave_every: float = 10.0
@@ -66,6 +76,8 @@ class Options:
     common: ClassVar[tuple[str, ...]] = (
         "run",
         "seed",
+        "seeds",
+        "beside",
         "frozen",
         "paused",
         "speed",
@@ -123,15 +135,15 @@ def run(arguments: list[str]) -> int:
 
 def prepared(arguments: list[str]) -> tuple[live.Setup, Any]:
     """What the arguments ask for, and the options."""
-    given = read_arguments(arguments)
+    given = read_arguments(gathered(arguments))
     place, model, scene, given = _scene_parts(given)
     given = _with_run(given)
     if model is not None:
         kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace={"scene": scene})
         options = resolve(kind, given, "sim MODEL")
-        for name in ("run", "autosave"):
+        for name in ("run", "autosave", "seeds", "beside", "runs_beside"):
             value = getattr(options, name)
-            check(value is None, name, str(value), "left out with a model, which has no learner")
+            check(value is None or value == (), name, str(value), "left out with a model, which has no learner")
         setup = _with_file_name(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
     else:
         options = _learner_options(given, scene)
@@ -151,17 +163,18 @@ def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:
 
 
 def _setup(options: Any, place: Place) -> Any:
-    agent, seed = options.agent, options.seed
+    agent = options.agent
+    seed, label, beside = bodies(options)
+    frozen = options.frozen or bool(label)
     if options.run is not None:
         known = load(options.run)
-        seed = known.seeds[0] if seed is None else seed
         if known.config["agent"]["policy"]["kind"] == "given":  # made in Python, and not to be made again
             why = "true: the learner of this run was made in Python, so that its policy can only act"
-            check(options.frozen, "frozen", options.frozen, why)
+            check(frozen, "frozen", frozen, why)
             agent = live.acting(known, seed)
     saved = options.autosave if options.autosave and options.autosave.exists() else None
-    rest = {"frozen": options.frozen, "stage": place.stage, "planet": place.planet}
-    return live.setup_of(options.task, agent, seed or 0, run=options.run or saved, **rest)
+    rest = {"frozen": frozen, "stage": place.stage, "planet": place.planet, "beside": beside, "label": label}
+    return live.setup_of(options.task, agent, seed, run=options.run or saved, **rest)
 
 
 def _show(setup: Any, options: Options) -> int:

@@ -4,7 +4,7 @@
 # (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,8 @@ def view(
     task: Task | Body | mujoco.MjModel | Path | str,
     agent: Agent | Mapping[str, Any] | None = None,
     *,
-    seed: int = 0,
+    seed: int | Sequence[int] = 0,
+    beside: Mapping[str, Any] | None = None,
     run: Run | Path | str | None = None,
     frozen: bool = False,
     stage: Stage | None = None,
@@ -43,7 +44,12 @@ def view(
     - `task`: a task or its name; or, without a learner, a body or its name (`"arm"`), a MuJoCo model, or the path of
       an MJCF file.
     - `agent`: the learner, or changes of the learner that goes with the task; by default that learner itself.
-    - `seed`: of the random numbers; with a `run`, which of its seeds.
+    - `seed`: of the random numbers; with a `run`, which of its seeds, or several of them side by side. Several act and
+      do not learn.
+    - `beside`: other policies on the same task, by the label of their bodies, which act in step and do not learn: a
+      run, its directory, or a pair of one and a seed; a policy, or a file of one (.npz); a model of stable-baselines3,
+      or a file of one (.zip); anything with a method `predict(observation)`, or such a function, whose actions are
+      those of the task's Gymnasium environment; or `"untrained"`.
     - `run`: a run of the task, or its directory, whose policy to start from.
     - `frozen`: start without learning.
     - `stage`: gravity, physics step, terrain and cameras (`motorgrad.sim.live.Stage`).
@@ -66,15 +72,21 @@ def view(
     ```py
     page = view("hopper", seed=3, speed=2.0)
     page.wait()
+
+    view("hopper", run="runs/hop", seed=[0, 3, 5])                    # seeds of a run side by side
+    view("hopper", beside={"PPO": model, "before": "untrained"})      # a model of stable-baselines3
     ```
     """
     from motorgrad._errors import check
-    from motorgrad.sim.live import Session, Speed, setup_of
+    from motorgrad.sim.live import Session, Speed, setup_of, side_by_side
     from motorgrad.sim.page import Page, check_port, warn_of
 
     Speed(speed)  # refuses an impossible one before anything starts
     check_port(host, port)
-    setup = setup_of(task, agent, seed, run=run, frozen=frozen, stage=stage, planet=planet)
+    first, label, others = side_by_side(run, seed, beside)
+    frozen = frozen or bool(label)
+    given = {"run": run, "frozen": frozen, "stage": stage, "planet": planet, "beside": others, "label": label}
+    setup = setup_of(task, agent, first, **given)
     warn_of(host)
     playing = setup.task is not None if playing is None else playing
     check(wait or record is None, "record", record, "left out without wait: call `page.record` after `page.ready()`")

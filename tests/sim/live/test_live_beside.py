@@ -37,7 +37,8 @@ def test_policies_of_all_kinds_stand_beside_and_go_back_bit_for_bit(run, driven)
     assert watched.worker.records.labels == ["learned", *beside]
     assert seen["bodies"] == 6
     assert np.array_equal(seen["position"][1], alone.seen()["position"][0])  # what this seed does by itself
-    assert len(np.unique(seen["position"][: int(seen["bodies"])], axis=0)) == 6
+    assert np.array_equal(seen["position"][4], seen["position"][0])  # the same policy with the same random numbers
+    assert len(np.unique(seen["position"][:6], axis=0)) == 5
     assert np.isnan(seen["parameters"][2]).all()
     count = int(watched.seen("trail 3")["next"])
     acted = watched.seen("trail 3")["action"][:count]
@@ -59,10 +60,9 @@ def test_the_actions_of_a_function_are_those_that_are_taken(driven):
     flow(live.Step(5))
     seen = flow.seen("trail 1")
     assert np.all(seen["action"][:5].argmax(1) == 1)
-    graded = mg.tasks.LinearRecruitment() if hasattr(mg.tasks, "LinearRecruitment") else None
-    assert graded is not None
 
 
+@pytest.mark.ci
 def test_a_ppo_model_stands_beside_as_an_object_and_as_a_file(tmp_path, driven):
     sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
     import gymnasium
@@ -86,7 +86,7 @@ def test_a_ppo_model_stands_beside_as_an_object_and_as_a_file(tmp_path, driven):
         ({"x": 3}, "beside 'x': policy = 3: must be a run, a policy"),
         ({"": "untrained"}, "label in beside"),
         ({"x": "no/such/run"}, "must be a run directory, a saved policy"),
-        ({str(i): "untrained" for i in range(9)}, "beside = 9 policies: must be at most 7"),
+        ({str(i): "untrained" for i in range(9)}, "number of policies beside = 9: must be at most 7"),
     ],
 )
 def test_what_cannot_stand_beside_is_refused_by_name(beside, says):
@@ -96,5 +96,5 @@ def test_what_cannot_stand_beside_is_refused_by_name(beside, says):
 
 
 def test_a_run_of_another_task_is_refused(run):
-    with pytest.raises(ValueError, match="beside 'a': run = a run of the task 'hopper': must be one of 'chain'"):
+    with pytest.raises(ValueError, match="beside 'a': task of the run = 'hopper': must be 'chain'"):
         live.setup_of("chain", beside={"a": run})

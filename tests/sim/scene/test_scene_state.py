@@ -123,7 +123,7 @@ def test_two_bodies_stand_side_by_side_and_one_is_left(hexapod, staged):
         blocks = next(pool for pool in layer_of(scene, Bodies).pools if pool.handle.name == "/bodies/blocks").handle
         there = blocks.batched_positions[blocks.batched_scales[:, 0] > 1e-5]
         assert len(there) == 3 * count
-        assert (scene._server.scene.get_handle_by_name("/labels/untrained") is not None) == (count == 2)
+        assert (scene._server.scene.get_handle_by_name("/labels/1") is not None) == (count == 2)
     np.testing.assert_allclose(pose.offset, [[0, 0, 0]])
     pose.place(moment(np.tile(start, (2, 1)), model=hexapod))
     assert pose.offset[1, 1] > 0.75  # wider than the body

@@ -8,6 +8,7 @@ session.close()
 ```
 """
 
+from motorgrad.sim.live._beside import side_by_side
 from motorgrad.sim.live._branches import Alongside, Branch, Delete, Fork, Rename, Switch
 from motorgrad.sim.live._messages import (
     Compare,
@@ -75,4 +76,5 @@ __all__ = [
     "is_path",
     "owned",
     "setup_of",
+    "side_by_side",
 ]

@@ -7,14 +7,14 @@ import inspect
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 
-from motorgrad._errors import check, shown
+from motorgrad._errors import check
 from motorgrad._extras import require
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
@@ -102,6 +102,24 @@ class BesideBody:
         self.stepper.set_actions(scale_action(self._task, action.reshape(1, *([] if size == 1 else [size]))))
 
 
+def side_by_side(
+    run: Any, seeds: int | Sequence[int], beside: Mapping[str, Any] | None = None
+) -> tuple[int, str, dict[str, Any] | None]:
+    """What `setup_of` is given for one seed, or for several of a run.
+
+    **Returns** the first seed; its label, "" where there is only one; and the bodies `beside`, with the other seeds.
+
+    **Raises** `ValueError` for several seeds without a run, and for a seed that is given twice.
+    """
+    if isinstance(seeds, int):
+        return seeds, "", None if beside is None else dict(beside)
+    chosen = list(seeds)
+    check(len(chosen) == len(set(chosen)) > 0, "seed", chosen, "an integer, or several different ones")
+    check(len(chosen) == 1 or run is not None, "seed", chosen, "one seed: several are shown side by side of a run")
+    others = {f"seed {seed}": (run, seed) for seed in chosen[1:]} | dict(beside or {})
+    return chosen[0], f"seed {chosen[0]}" if len(chosen) > 1 else "", others or None
+
+
 def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int) -> tuple[Beside, ...]:
     """The bodies that `setup_of` is asked for, by label.
 
@@ -111,7 +129,7 @@ def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int) -> 
 
     **Raises** `ValueError` for anything else, and for a policy that does not fit the task.
     """
-    check(len(given) <= MOST, "beside", f"{len(given)} policies", f"at most {MOST}")
+    check(len(given) <= MOST, "number of policies beside", len(given), f"at most {MOST}")
     found = []
     for label, what in given.items():
         fine = isinstance(label, str) and 0 < len(label) <= LONGEST_LABEL
@@ -123,10 +141,9 @@ def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int) -> 
     return tuple(found)
 
 
-def _beside(task: Task, agent: Agent, label: str, what: Any, seed: int) -> Beside:
-    of = None
-    if isinstance(what, tuple) and len(what) == 2:
-        what, of = what
+def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int) -> Beside:
+    pair: Any = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
+    what, of = pair
     if isinstance(what, str) and what == UNTRAINED:
         return Beside(label, agent, seed)
     if isinstance(what, Policy):
@@ -142,7 +159,7 @@ def _beside(task: Task, agent: Agent, label: str, what: Any, seed: int) -> Besid
         what = load(path)
     if isinstance(what, Run):
         name = what.config["task"]["name"]
-        check(name == task.name, "run", f"a run of the task {name!r}", f"one of {task.name!r}")
+        check(name == task.name, "task of the run", name, repr(task.name))
         of = what.seeds[0] if of is None else of
         memory = what.memory
         row = what.seeds.index(of) if of in what.seeds else 0
@@ -155,7 +172,7 @@ def _beside(task: Task, agent: Agent, label: str, what: Any, seed: int) -> Besid
     if callable(what):
         return Beside(label, agent, seed, predict=what)
     allowed = "a run, a policy, a path of one, a model with `predict`, or a function of the observation"
-    check(False, "policy", shown(what), allowed)
+    check(False, "policy", what, allowed)
     raise AssertionError
 
 
@@ -181,7 +198,8 @@ def load_stable_baselines(path: Path) -> Any:
     if issubclass(kind, ActorCriticPolicy):
         settings["use_sde"] = data.get("use_sde", False)
     policy = kind(data["observation_space"], data["action_space"], lambda _: 0.0, **settings)
-    policy.load_state_dict(parameters["policy"])
+    weights: Any = parameters["policy"]
+    policy.load_state_dict(weights)
     policy.set_training_mode(False)
     return policy
 

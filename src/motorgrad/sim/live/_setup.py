@@ -222,6 +222,8 @@ def setup_of(
     """
     if isinstance(subject, Task) or (isinstance(subject, str) and subject in TASKS):
         found = _of_task(subject, agent, seed, run, frozen, stage or Stage(), planet)
+        assert found.task is not None
+        assert found.agent is not None
         others = beside_of(found.task, found.agent, beside or {}, seed)
         return dataclasses.replace(found, beside=others, label=label or ("learned" if frozen else "learning"))
     check(planet is None, "planet", planet, "left out where there is no task: only a learner walks on a planet")

@@ -128,7 +128,7 @@ SCALARS = ("reward", "baseline", "gradient_norm")
 def layout(sizes: Sizes) -> dict[str, dict[str, tuple[int, ...]]]:
     """The shapes of the arrays in shared memory, by part; all are double precision."""
     named = sizes._asdict() | {"probability": sizes.action, "contacts": sizes.feet}
-    moment = dict.fromkeys(NUMBERS, ())
+    moment: dict[str, tuple[int, ...]] = dict.fromkeys(NUMBERS, ())
     moment |= {name: (MOST_BODIES, named[name]) for name in ARRAYS}
     moment |= dict.fromkeys(SCALARS, (MOST_BODIES,))
     moment["labels"] = (MOST_BODIES, LONGEST_LABEL)

@@ -3,6 +3,8 @@
 import html
 from pathlib import Path
 
+from motorgrad.sim.page._plots import plots_script, plots_style
+
 
 def with_additions(page: bytes, name: str, watching: bool = False) -> bytes:
     """viser's page with this room's style and scripts, which stand in files of their own.
@@ -11,8 +13,10 @@ def with_additions(page: bytes, name: str, watching: bool = False) -> bytes:
     lights cast no shadows and reflect nothing, and the picture is coarser. For those who are `watching` it leaves out
     what they may not use.
     """
-    files = (Path(__file__).with_name(each) for each in ("client.css", "loading.js", "client.js", "watching.js"))
-    style, loading, client, watched = (file.read_text("utf-8") for file in files)
+    names = ("client.css", "loading.js", "client.js", "watching.js", "strip.js")
+    files = (Path(__file__).with_name(each) for each in names)
+    style, loading, client, watched, strip = (file.read_text("utf-8") for file in files)
+    style, client = style + plots_style(), client + plots_script() + strip
     cover = f'<div id="motorgrad-cover" role="status"><b>{html.escape(name)}</b><span>loading the page</span></div>'
     first = f"<style>{style}</style>{cover}<script>{loading}</script>"
     if watching:

@@ -23,8 +23,9 @@ from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.live import Session
 from motorgrad.sim.page._links import WATCHED, Links, Place, camera_named, link_element
+from motorgrad.sim.page._plots import PlotPages
 from motorgrad.sim.page._server import gated_server
-from motorgrad.sim.panels import ClickSelect, DragPush, FilmRecorder, Overlay, Panels, ReplayRecorder
+from motorgrad.sim.panels import ClickSelect, DragPush, Figures, FilmRecorder, Overlay, Panels, ReplayRecorder
 from motorgrad.sim.scene import Pose, Scene, View
 
 HERE = "127.0.0.1"
@@ -72,7 +73,7 @@ class Page:
     to return only when the body is in the picture. Without, `ready` waits for that.
 
     **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `read_only_url`, by which others,
-    such as a class, may watch and change nothing; `server`, viser's; `session`;
+    such as a class, may watch and change nothing; `plots_url`, of the page of plots; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
     `motorgrad.sim.panels.Overlay`); `failures`: how many frames a part could not draw; `spent`: seconds
     spent drawing in all.
@@ -85,7 +86,8 @@ class Page:
         self.session, self.host = session, host
         self._recordings: list[FilmRecorder | ReplayRecorder] = []
         self._gate = Gate(host, "`motorgrad sim`, or `page.url`,", watched=True)
-        self.server = gated_server(self._gate, host, PORT if port is None else port, session.name)
+        self._plots = PlotPages()
+        self.server = gated_server(self._gate, host, PORT if port is None else port, session.name, self._plots)
         # a browser may disconnect between two messages
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
@@ -153,12 +155,18 @@ class Page:
             with self.server.gui.add_folder("Links"):
                 self.server.gui.add_html(link_element("", "Copy link", "This page as it is, to open in this browser."))
                 self.server.gui.add_html(link_element(self.read_only_url, "Copy link to watch only", WATCHED))
+        self._plots.figures = Figures(session)
         self.parts: list[Any] = [*drawn, self.view, self.panels, self.overlay, *hands]
 
     @property
     def url(self) -> str:
         """The whole address of the page, with the secret that opens it."""
         return f"{self._public_url}/{self._gate.token}/"
+
+    @property
+    def plots_url(self) -> str:
+        """The address of the page of plots, for a window of its own; it opens where `url` was opened before."""
+        return f"{self._public_url}/{self._gate.place}/plots"
 
     @property
     def read_only_url(self) -> str:

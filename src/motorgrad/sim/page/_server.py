@@ -9,7 +9,7 @@ import io
 import logging
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import msgspec
@@ -24,6 +24,7 @@ from websockets.http11 import Request, Response
 from motorgrad._errors import check, choice, shown
 from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
 from motorgrad.sim.page._additions import with_additions
+from motorgrad.sim.page._plots import PlotPages
 from motorgrad.sim.page._watching import SHARE, may_watch
 
 KINDS: dict[str, Any] = {
@@ -59,9 +60,9 @@ _silent.setLevel(logging.CRITICAL + 1)  # at a lower level it would log whole re
 _opening = threading.Lock()
 
 
-def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserServer:
-    """Start viser's server behind a gate. It takes the next free port if `port` is in use."""
-    front, serve = _Front(gate, label), websockets.asyncio.server.serve
+def gated_server(gate: Gate, host: str, port: int, label: str, plots: PlotPages) -> viser.ViserServer:
+    """Start viser's server behind a gate, with the pages of plots. It takes the next free port if `port` is in use."""
+    front, serve = _Front(gate, label, plots), websockets.asyncio.server.serve
 
     def gated(handler: Any, *arguments: Any, **settings: Any) -> Any:
         if getattr(handler, "__module__", "") != _infra.__name__:
@@ -86,8 +87,8 @@ def gated_server(gate: Gate, host: str, port: int, label: str) -> viser.ViserSer
 class _Front:
     """What stands before viser's server: the gate for handshakes and pages, and bounds for messages."""
 
-    def __init__(self, gate: Gate, label: str):
-        self._gate, self._label, self._clients, self.used = gate, label, 0, False
+    def __init__(self, gate: Gate, label: str, plots: PlotPages):
+        self._gate, self._label, self._plots, self._clients, self.used = gate, label, plots, 0, False
         self._pages: dict[tuple[bool, bool], bytes] = {}
         self.server: viser.ViserServer | None = None
 
@@ -119,9 +120,12 @@ class _Front:
         return run
 
     def _process(self, serve_page: Callable[[Any, Request], Response | None]) -> Any:
-        def process(connection: Any, request: Request) -> Response | None:
+        def process(connection: Any, request: Request) -> Response | Awaitable[Response] | None:
             upgrade = "Upgrade" in request.headers
             verdict = self._gate.judge(request.path, request.headers.raw_items(), upgrade)
+            if isinstance(verdict, Passed) and not upgrade and verdict.path in self._plots:
+                host = request.headers["Host"]
+                return asyncio.to_thread(self._plot, verdict, host)  # drawing takes some milliseconds
             if isinstance(verdict, Passed) and not upgrade and verdict.path != "/":  # the page is one file
                 verdict = Answer(404, HEADERS, "There is no such page.\n")
             if isinstance(verdict, Answer):
@@ -143,6 +147,15 @@ class _Front:
             return page
 
         return process
+
+    def _plot(self, verdict: Passed, host: str) -> Response:
+        """The page of plots, or figures of it."""
+        found = self._plots.answer(verdict.path)
+        status, body = http.HTTPStatus(found.status), found.text.encode()
+        policy = POLICY.format(host=host)
+        headers = Headers({**HEADERS, "Content-Type": found.kind, "Content-Length": str(len(body))})
+        headers["Content-Security-Policy"] = policy if verdict.framed else f"{policy}; frame-ancestors 'none'"
+        return Response(status, status.phrase, headers, body)
 
     def _complete(self, page: Response, zipped: bool, watches: bool) -> None:
         """Add this page's own style and scripts to viser's."""

@@ -6,6 +6,7 @@ Each panel is a tab that adds its own elements and updates them. Panels do not k
 
 from motorgrad.sim.panels._capture import FilmRecorder
 from motorgrad.sim.panels._clicks import ClickSelect
+from motorgrad.sim.panels._figures import Figures
 from motorgrad.sim.panels._overlay import Overlay
 from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._panels import PANELS, Panels
@@ -16,6 +17,7 @@ __all__ = [
     "PANELS",
     "ClickSelect",
     "DragPush",
+    "Figures",
     "FilmRecorder",
     "Overlay",
     "Panel",

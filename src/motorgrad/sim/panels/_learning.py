@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from motorgrad.sim.panels._charts import CurvePlot, TracePlot
+from motorgrad.sim.panels._figures import Figures
 from motorgrad.sim.panels._panel import Numbers, Panel, brief, table
 from motorgrad.sim.panels._settings_form import SettingsForm
-from motorgrad.sim.panels._units import with_unit
+from motorgrad.sim.scene import with_unit
 
 if TYPE_CHECKING:
     from motorgrad.sim.live import Event, Session, Snapshot
@@ -43,10 +44,14 @@ class LearningPanel(Panel):
         )
         self._which.on_update(self.renew)
         self._curve = CurvePlot(gui)
+        self._several = gui.add_html("", visible=False)
+        self._figures = Figures(self.session)
         self._traces = [TracePlot(gui, ("reward", "baseline")), TracePlot(gui, ("gradient norm",))]
         learn = gui.add_button_group("Learning", ("Freeze", "Thaw"), hint="Frozen, it acts and learns nothing.")
         learn.on_click(self.guarded(lambda event: self._freeze(event.target.value)))
-        beside = gui.add_checkbox("Before and after", False, hint="An untrained body beside the one that learns.")
+        beside = gui.add_checkbox(
+            "Before and after", False, hint='An untrained body beside. Branches: in the tab "Run".'
+        )
         beside.on_update(self.guarded(lambda event: self._compare(event.target.value)))
         self._form = SettingsForm(self)
         self._form.fill(gui, [name for name in self.session.settings if not name.startswith("body.")])
@@ -70,6 +75,12 @@ class LearningPanel(Panel):
         del pose
         curve = self.session.curve()
         self._curve.show(curve.seconds, curve.values[self._which.value], with_unit(self._which.value))
+        several = len(snapshot.labels) > 1
+        if self._several.visible != several:
+            self._several.visible = several
+        if several:
+            drawn = self._figures.curves(self._which.value, snapshot.labels)
+            self._several.content = f'<div style="padding:0 8px 6px">{drawn}</div>'
         moments = np.array(self._moments).reshape(-1, 4)
         self._traces[0].show(moments[:, 0], moments[:, 1:3])
         self._traces[1].show(moments[:, 0], moments[:, 3:])

@@ -20,8 +20,7 @@ from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._panel import brief
 from motorgrad.sim.panels._run import weight_of
-from motorgrad.sim.panels._units import with_unit
-from motorgrad.sim.scene import Pose, weight_arrow
+from motorgrad.sim.scene import BODY_COLOURS, Pose, main_reading, weight_arrow, with_unit
 
 Moment = Snapshot
 Text = str | Callable[[Moment], str]
@@ -63,7 +62,7 @@ class Item:
             parts.append(html.escape(self.text(moment) if callable(self.text) else self.text))
         if self.plot is not None:
             x, y = np.array(self.seen).reshape(-1, 2).T if callable(self.plot) else map(np.asarray, self.plot)
-            parts.append(small_plot(x, y, with_unit(name, self.unit), self.colour))
+            parts.append(small_plot([(x, y, self.colour)], with_unit(name, self.unit)))
         return _card("".join(parts)) if parts else ""
 
 
@@ -169,7 +168,7 @@ class Overlay:
     def _html(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> str:
         added = "".join(_tried(item, item.html, name, snapshot) or "" for name, item in items.items())
         corners = {
-            "top-left": _card(self._state(snapshot)) + self._curve(),
+            "top-left": _card(self._state(snapshot)) + self._curve(snapshot.labels),
             "top-right": added,
             "bottom-left": self._legend(pose),
         }
@@ -188,17 +187,20 @@ class Overlay:
             lines.append(f'<span class="value">reward {brief(float(snapshot.reward[0]))}</span>')
         return "<br>".join(lines)
 
-    def _curve(self) -> str:
+    def _curve(self, labels: Sequence[str]) -> str:
         if self._session.agent is None:
             return ""
-        curve = self._session.curve()
-        name = next((name for name in ("return", *self._session.readings) if name in curve.values), "reward")
-        values = curve.values[name]
-        known = np.isfinite(values)
-        if np.count_nonzero(known) < 3:
+        name, lines = main_reading(self._session.readings), []
+        for row in range(len(labels)):
+            curve = self._session.curve(row)
+            known = np.isfinite(curve.values[name])
+            if np.count_nonzero(known) >= 3:
+                colour = BODY_COLOURS[row % len(BODY_COLOURS)] if row else "var(--line)"
+                lines.append((curve.seconds[known], _charts.smoothed(curve.values[name][known]), colour))
+        if not lines:
             return ""
         words = with_unit("reward of a decision" if name == "reward" else name)
-        return _card(small_plot(curve.seconds[known], _charts.smoothed(values[known]), words, "var(--line)"))
+        return _card(small_plot(lines, words) + _bodies(labels))
 
     def _legend(self, pose: Pose) -> str:
         model = self._session.model
@@ -255,22 +257,37 @@ def goal_of(task: Any) -> str:
     return first[:end].rstrip(".")
 
 
-def small_plot(x: np.ndarray, y: np.ndarray, label: str, colour: str) -> str:
-    """A line as SVG, small enough to stand on the scene: x is simulated time in s."""
-    step = max(1, -(-len(x) // POINTS))
-    x, y = np.asarray(x, float)[::-1][::step][::-1], np.asarray(y, float)[::-1][::step][::-1]
-    good = y[np.isfinite(y)]
+def small_plot(lines: Sequence[tuple[np.ndarray, np.ndarray, str]], label: str) -> str:
+    """Lines as SVG, small enough to stand on the scene: x is simulated time in s, y, and the colour of each."""
+    thin = []
+    for x, y, colour in lines:
+        step = max(1, -(-len(x) // POINTS))
+        thin.append((*(np.asarray(part, float)[::-1][::step][::-1] for part in (x, y)), colour))
+    times, values = (np.concatenate([np.ravel(line[axis]) for line in thin]) for axis in (0, 1))
+    good = values[np.isfinite(values)]
     if not len(good):
         return html.escape(label)
     room = 0.08 * (float(np.ptp(good)) or abs(float(good[0])) or 1.0)
     box = (44.0, 18.0, WIDE - 8, HIGH - 18)
-    chart = _charts.Chart((float(x[0]), float(x[-1])), (float(good.min()) - room, float(good.max()) + room), box=box)
-    chart.line(x, y, colour, 2.0)
+    limits = float(times.min()), float(times.max())
+    chart = _charts.Chart(limits, (float(good.min()) - room, float(good.max()) + room), box=box)
+    for x, y, colour in thin:
+        chart.line(x, y, colour, 2.0)
     title = [_charts.text(4, 8, label), _charts.text(WIDE - 8, 8, "time (s)", "end", 'opacity=".7"')]
     return (
         f'<svg role="img" aria-label="{html.escape(label)}" viewBox="0 0 {WIDE:g} {HIGH:g}" '
         f'font-size="{_charts.SIZE}" fill="currentColor">{"".join([*title, *chart.elements()])}</svg>'
     )
+
+
+def _bodies(labels: Sequence[str]) -> str:
+    """What the bodies in view are, in their colours, where there are several."""
+    colours = ["var(--line)", *BODY_COLOURS[1:]]
+    marks = [
+        f'<span style="white-space:nowrap"><b style="color:{colour}">—</b> {html.escape(label)}</span>'
+        for label, colour in zip(labels, colours, strict=False)
+    ]
+    return f'<div style="line-height:1.25;max-width:250px">{" &ensp;".join(marks)}</div>' if len(labels) > 1 else ""
 
 
 def _card(words: str) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 import viser
 
 from motorgrad.sim.live import Pause, Play, Push, Reset, Scrub, Session, Snapshot, Speed, Step, Undo
+from motorgrad.sim.panels._branches import BranchFolder
 from motorgrad.sim.panels._panel import Numbers, Panel, brief, columns_of, command, notify, table
 from motorgrad.sim.scene import Pose
 
@@ -169,11 +170,18 @@ class RunPanel(Panel):
         self._speed.on_update(self.guarded(self._set_speed))
         with gui.add_folder("Back in time"):
             self._back = gui.add_slider(
-                "To (s)", min=-1.0, max=0.0, step=self._step, initial_value=0.0, hint="Restores body and learner."
+                "To (s)",
+                min=-1.0,
+                max=0.0,
+                step=self._step,
+                initial_value=0.0,
+                hint="Restores body and learner. What followed is kept, as a branch where something is changed.",
             )
             self._back.on_update(self._scrub)
             go = gui.add_button("Continue from here", icon="player-play")
             go.on_click(self.guarded(lambda _: self._press("Play")))
+        self._branches = BranchFolder(self)
+        self._branches.fill(gui)
         self._undo = gui.add_button(
             "Undo the last change",
             icon="arrow-back-up",
@@ -213,6 +221,7 @@ class RunPanel(Panel):
             ("speed", f"{brief(snapshot.speed)}×" if snapshot.playing else "–"),
         ]
         self._summary.content = table(rows)
+        self._branches.show()
         pace = round(self._place(self.session.speed), 2)
         if abs(self._speed.value[0] - pace) > 0.02 and time.monotonic() - self._paced > HELD:
             self._speed.value = (pace,)  # set from Python or by another browser

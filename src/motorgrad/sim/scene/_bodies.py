@@ -14,6 +14,7 @@ import viser
 
 from motorgrad.sim.film import MARK, MARK_OPACITY, geom_colours, texture_of, texture_pixels, visible_geoms
 from motorgrad.sim.live import Session
+from motorgrad.sim.scene._beside import tinted_beside
 from motorgrad.sim.scene._geometry import (
     Shape,
     arrow,
@@ -88,8 +89,8 @@ class Bodies(Layer):
             pieces = self._pieces[kind].take(some)
             rgba = colours[pieces.geom]
             rows = [
-                (*placed_pieces(data, offset, pieces), rgba[:, :3], rgba[:, 3])
-                for data, offset in zip(pose.bodies, pose.offset, strict=True)
+                (*placed_pieces(data, offset, pieces), tinted_beside(rgba[:, :3], row), rgba[:, 3])
+                for row, (data, offset) in enumerate(zip(pose.bodies, pose.offset, strict=True))
             ]
             pool.show(*(np.concatenate(column) for column in zip(*rows, strict=True)))
 
@@ -204,7 +205,7 @@ class Meshes(Layer):
                 continue
             shape, colour = smooth_shaded(vertices, faces), colours[geom]
             opacity = None if colour[3] >= 1 else float(colour[3])
-            look = {"color": tuple(colour[:3]), "opacity": opacity}
+            look = {"color": tuple(tinted_beside(colour[None, :3], row)[0]), "opacity": opacity}
             node = scene.add_mesh_simple(name, shape.vertices, shape.faces, **look, **where)
             self._nodes += [(node, int(geom))] if row == 0 else []
 
@@ -286,20 +287,3 @@ class JointAxes(Layer):
         colours = np.tile(self._colours, (len(pose.bodies), 1))
         turn, size = quaternions_from_z(axes), np.full((len(axes), 3), long)
         self.pools[0].show(anchors - axes * long / 2, turn, size, colours)
-
-
-class Labels(Layer):
-    """Writes a word above each body while two are compared."""
-
-    def build(self, server: viser.ViserServer, session: Session) -> None:
-        self.applies, self._scene = session.model is not None, server.scene
-        self._words: list[Any] = []
-
-    def draw(self, pose: Pose) -> None:
-        wanted = BODY_LABELS[: len(pose.bodies)] if len(pose.bodies) > 1 else ()
-        while len(self._words) > len(wanted):
-            self._words.pop().remove()
-        for label in wanted[len(self._words) :]:
-            self._words.append(self._scene.add_label(f"/labels/{label}", label, anchor="bottom-center"))
-        for word, data, offset in zip(self._words, pose.bodies, pose.offset, strict=False):
-            word.position = data.subtree_com[0] + offset + (0.0, 0.0, 0.55 * pose.size)

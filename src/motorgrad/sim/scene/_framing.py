@@ -30,7 +30,8 @@ def moment_of(pose: Pose) -> Moment | None:
     if not pose.bodies:
         return None
     centres, boxes = pose.centres, pose.boxes
-    near = np.linalg.norm(centres - centres[0], axis=1) <= MOST * pose.size  # of two that part, the first is followed
+    apart = centres - pose.offset - (centres[0] - pose.offset[0])  # of two that part, the first is followed
+    near = np.linalg.norm(apart, axis=1) <= MOST * pose.size
     low, high = boxes[near, 0].min(0), boxes[near, 1].max(0)
     if len(centres) > 1:
         high[2] += HEADROOM * pose.size
@@ -84,7 +85,7 @@ class Framing:
     def see(self, moment: Moment) -> None:
         """Widen the frame for a moment; another number of bodies begins a new frame."""
         centre, (low, high) = moment.centre, moment.box
-        around = np.minimum(np.maximum(high - centre, centre - low), MOST * self._size)
+        around = np.minimum(np.maximum(high - centre, centre - low), MOST * self._size * max(1, moment.bodies / 2))
         if moment.bodies != self._count:
             self._count, self._low, self._high, self._around = moment.bodies, low, high, around
         self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)

@@ -12,6 +12,7 @@ import viser
 
 from motorgrad.sim.live import Session
 from motorgrad.sim.plane import Animation, direction_colours, draw_reward, shapes_of
+from motorgrad.sim.scene._beside import rgb_of_body
 from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
 from motorgrad.sim.scene._layer import Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
@@ -69,8 +70,7 @@ class Board:
 
 
 FLOOR = np.array([0.74, 0.77, 0.77])
-WHO = ((0.82, 0.01, 0.11), (0.45, 0.48, 0.52))
-"""Colours of the particle that learns and of an untrained one."""
+LEARNING = (0.82, 0.01, 0.11)  # of the particle that learns; those beside it have the colours of bodies
 TRAIL = 80  # decisions of the path that are shown
 BALL, LINE = 0.018, 0.0035  # m
 MOST = 1_000  # units that are drawn at most
@@ -102,6 +102,8 @@ class Plane(Layer):
             MeshPool(scene, "/plane/particle", ball(), 2),
             MeshPool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
         ]
+        self._scene = scene
+        self._texts: list[Any] = []
         self._trails: list[deque[np.ndarray]] = []
         self._began = -1
 
@@ -116,13 +118,26 @@ class Plane(Layer):
                 trail.clear()  # a new episode starts elsewhere
             trail.append(np.array(place[:2]))
         here = self._board.place(snapshot.position[:, :2], BALL)
-        colours = np.array(WHO)[np.arange(count) % len(WHO)]
+        colours = np.array([LEARNING, *(rgb_of_body(row) for row in range(1, count))])
+        self._name(snapshot.labels, here)
         self.pools[0].show_balls(here, BALL, colours)
         paths = [self._board.place(np.array(trail), 2 * LINE) for trail in self._trails]
         start, end = (np.concatenate([path[part] for path in paths]) for part in (slice(-1), slice(1, None)))
         age = np.concatenate([np.linspace(0.25, 1, TRAIL)[TRAIL - len(path) + 1 :] for path in paths])
         who = np.repeat(colours, [len(path) - 1 for path in paths], axis=0)
         self.pools[1].show_rods(start, end, LINE * age, who)
+
+    def _name(self, labels: tuple[str, ...], here: np.ndarray) -> None:
+        """Write above each particle what it is, while there are several."""
+        names = labels if len(here) > 1 else ()
+        while len(self._texts) > len(names):
+            self._texts.pop().remove()
+        for row in range(len(self._texts), len(names)):
+            self._texts.append(self._scene.add_label(f"/labels/{row}", names[row], anchor="bottom-center"))
+        for text, name, place in zip(self._texts, names, here, strict=False):
+            text.position = np.add(place, (0.0, 0.0, 2 * BALL))
+            if text.text != name:
+                text.text = name
 
 
 class PlaneUnits(Layer):

@@ -11,7 +11,8 @@ import viser
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.scene._abstract import MotoneuronPool, States
 from motorgrad.sim.scene._annotations import Ghost, ScaleBar, Trail
-from motorgrad.sim.scene._bodies import Bodies, JointAxes, Labels, Meshes, Sites, Targets
+from motorgrad.sim.scene._beside import Labels
+from motorgrad.sim.scene._bodies import Bodies, JointAxes, Meshes, Sites, Targets
 from motorgrad.sim.scene._cameras import Cameras, GroundAt
 from motorgrad.sim.scene._contacts import Balance, Contacts
 from motorgrad.sim.scene._layer import Layer

@@ -1,0 +1,125 @@
+"""Several bodies beside each other: a colour for each, and a label above it with what it is and how it does."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+import viser
+
+from motorgrad.sim.live import Session
+from motorgrad.sim.scene._layer import Layer
+from motorgrad.sim.scene._pose import Pose
+from motorgrad.sim.scene._units import UNITS
+
+BODY_COLOURS = (
+    "#0b6bcb",
+    "#d9730d",
+    "#2b9348",
+    "#a43ec2",
+    "#c2255c",
+    "#0c8599",
+    "#8a6a00",
+    "#5f3dc4",
+    "#c92a2a",
+    "#495057",
+)
+"""Of the bodies in view, in charts and labels; those beside the first are tinted with theirs."""
+TINT = 0.4  # share of a body's colour in its tint
+RATE = 2.0  # Hz of the readings in labels
+SPAN = 2.0  # s of simulated time over which speed and reward are averaged
+
+
+def tinted_beside(colours: np.ndarray, row: int) -> np.ndarray:
+    """Colours `(n, 3)` of parts of the body in a row, tinted unless it is the first."""
+    return colours if row == 0 else colours + TINT * (rgb_of_body(row) - colours)
+
+
+def rgb_of_body(row: int) -> np.ndarray:
+    """The colour of the body in a row, `(3,)` in [0, 1]."""
+    return np.array([*bytes.fromhex(BODY_COLOURS[row % len(BODY_COLOURS)][1:])]) / 255
+
+
+def main_reading(names: Any) -> str:
+    """The reading that tells best how a body does: the return of episodes, or the task's first one, or the reward."""
+    named = [name for name in names if name != "reward"]
+    return "return" if "return" in named else named[0] if named else "reward"
+
+
+class Readings:
+    """How each body in view does, in words: the task's reading, and the speed of its centre of mass."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._name = main_reading(session.readings)
+        self._past: deque[tuple[float, np.ndarray]] = deque(maxlen=600)
+        self._due, self._words = 0.0, [""]
+        self._began = -1, 0
+
+    def words(self, pose: Pose) -> list[str]:
+        """One text for each body, renewed twice a second."""
+        snapshot = pose.snapshot
+        assert snapshot is not None
+        began = snapshot.reset_count, len(snapshot.position)
+        if began != self._began:
+            self._began, self._due = began, 0.0
+            self._past.clear()
+        if pose.bodies and (not self._past or snapshot.seconds > self._past[-1][0]):
+            self._past.append((snapshot.seconds, pose.centres))
+            while len(self._past) > 2 and self._past[1][0] <= snapshot.seconds - SPAN:
+                self._past.popleft()
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + 1 / RATE
+            speeds = self._speeds()
+            self._words = [
+                " · ".join(filter(None, [self._reading(row), speeds[row]])) for row in range(len(snapshot.position))
+            ]
+        return self._words
+
+    def _reading(self, row: int) -> str:
+        if self._session.agent is None:
+            return ""
+        values = self._session.curve(row).values[self._name]
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return ""
+        name = "reward" if self._name == "reward" else self._name
+        return f"{name} {known[-1]:.3g} {UNITS.get(name, '')}".replace("-", "−").rstrip()
+
+    def _speeds(self) -> list[str]:
+        """The speed of each centre of mass; empty where there is no body or no time has passed."""
+        count = self._began[1]
+        if len(self._past) < 2 or self._past[-1][0] - self._past[0][0] < 0.1:
+            return [""] * count
+        (before, start), (now, end) = self._past[0], self._past[-1]
+        away = np.linalg.norm((end - start)[:, :2], axis=1) / (now - before)
+        return [f"{each:.2f} m/s" if np.isfinite(each) else "" for each in away]
+
+
+class Labels(Layer):
+    """Writes above each body what it is and how it does, while there are several."""
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        self.applies, self._scene = session.model is not None, server.scene
+        self._readings = Readings(session)
+        self._texts: list[Any] = []
+
+    def draw(self, pose: Pose) -> None:
+        assert pose.snapshot is not None
+        names = pose.snapshot.labels if len(pose.bodies) > 1 else ()
+        while len(self._texts) > len(names):
+            self._texts.pop().remove()
+        for row in range(len(self._texts), len(names)):
+            self._texts.append(self._scene.add_label(f"/labels/{row}", names[row], anchor="bottom-center"))
+        if not names:
+            return
+        told = self._readings.words(pose)
+        for row, (label, data, offset) in enumerate(zip(self._texts, pose.bodies, pose.offset, strict=False)):
+            words = f"{names[row]}: {told[row]}" if told[row] else names[row]
+            if label.text != words:
+                label.text = words
+            # one above the other in turn, so that long ones do not overlap
+            up = (0.5 + 0.14 * (row % 2) * (len(names) > 2)) * pose.size
+            label.position = data.subtree_com[0] + offset + (0.0, 0.0, up)
