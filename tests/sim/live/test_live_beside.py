@@ -98,3 +98,32 @@ def test_what_cannot_stand_beside_is_refused_by_name(beside, says):
 def test_a_run_of_another_task_is_refused(run):
     with pytest.raises(ValueError, match="beside 'a': task of the run = 'hopper': must be 'chain'"):
         live.setup_of("chain", beside={"a": run})
+
+
+def test_seeds_and_runs_are_gathered_from_the_command_line(run):
+    from motorgrad._commands._side_by_side import gathered
+    from motorgrad._commands.sim import prepared
+
+    assert gathered(["hopper", "--seed", "2", "--seed=7"]) == ["hopper", "--seeds", "2", "7"]
+    assert gathered(["--run", "a", "--run", "b", "--seeds", "0,3", "--paused"]) == (
+        ["--paused", "--seeds", "0", "3", "--run", "a", "--runs-beside", "b"]
+    )
+    setup, options = prepared(["--run", str(run.path), "--seed", "7", "--seed", "2"])
+    assert (setup.seed, setup.label, setup.frozen) == (7, "seed 7", True)
+    assert [each.label for each in setup.beside] == ["seed 2"]
+    assert options.seeds == (7, 2)
+    setup, _ = prepared(["hopper", "--beside", "before=untrained", f"other={run.path}"])
+    assert ([each.label for each in setup.beside], setup.frozen) == (["before", "other"], False)
+    with pytest.raises(ValueError, match="given with --trust"):
+        prepared(["hopper", "--beside", "ppo.zip"])
+    with pytest.raises(ValueError, match="several are shown side by side of a run"):
+        prepared(["hopper", "--seeds", "1", "2"])
+
+
+def test_two_runs_stand_beside_each_other(run, tmp_path):
+    from motorgrad._commands.sim import prepared
+
+    other = mg.train("hopper", steps=100, seeds=[4], out=tmp_path / "other", progress=False)
+    setup, _ = prepared(["--run", str(run.path), "--run", str(other.path)])
+    assert (setup.label, [each.label for each in setup.beside]) == ("run", ["other"])
+    assert setup.beside[0].seed == 4

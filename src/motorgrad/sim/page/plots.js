@@ -31,8 +31,11 @@ const motorgradPlots = (root, { strip, closed }) => {
       const wide = grid.clientWidth - 24 - 8 * (chosen.length - 1);
       return [Math.max(LEAST, Math.floor(wide / Math.max(1, chosen.length)) - 2), Math.max(120, grid.clientHeight - 12)];
     }
-    const first = grid.querySelector("figure");
-    return [first ? first.clientWidth : 400, HIGH];
+    const first = grid.querySelector("figure"), wide = first ? first.clientWidth : 400;
+    // as high as there is room for all of them, between two limits
+    const columns = Math.max(1, Math.floor((grid.clientWidth - 16) / (wide + 8)));
+    const rows = Math.ceil(Math.max(1, chosen.length) / columns), room = window.innerHeight - grid.offsetTop - 24;
+    return [wide, Math.max(HIGH, Math.min(0.7 * wide, room / rows - 10))];
   };
   const later = () => { if (!stopped) setTimeout(renew, PERIOD); };
   const renew = async () => {

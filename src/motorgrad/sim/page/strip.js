@@ -1,6 +1,6 @@
 // A strip of plots below the scene, which a button over the scene opens and closes.
 (() => {
-  const SHARE = 0.36;  // of the window's height
+  const SHARE = 0.36, NARROW = 768;  // of the window's height; pixels
   const open = Object.assign(document.createElement("button"), { className: "motorgrad-plots-open", textContent: "Plots" });
   let strip = null;
   const scene = () => document.querySelector("canvas")?.getBoundingClientRect();
@@ -9,7 +9,6 @@
     if (!box || document.getElementById("motorgrad-cover")) return;
     if (!strip && !open.isConnected) document.body.append(open);
     Object.assign(open.style, { left: `${box.right - 76}px`, top: `${box.bottom - 42}px` });
-    if (strip) Object.assign(strip.style, { left: `${box.left}px`, width: `${box.width}px`, top: `${box.bottom}px` });
   };
   const close = () => {
     strip.remove();
@@ -18,6 +17,7 @@
     open.hidden = false;
   };
   open.onclick = () => {
+    if (window.innerWidth < NARROW) { window.open("plots", "_blank"); return; }  // the panel is where the strip would be
     strip = Object.assign(document.createElement("section"), { className: "motorgrad-plots motorgrad-strip" });
     strip.setAttribute("aria-label", "Plots");
     strip.style.height = `${100 * SHARE}vh`;

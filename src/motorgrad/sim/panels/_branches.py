@@ -44,11 +44,12 @@ class BranchFolder:
         self._seen = seen
         self._list.content = branch_list(branches, period)
         names = tuple(branch.name for branch in branches)
+        others, chosen = [branch.name for branch in branches if not branch.present], self._which.value
         if self._which.options != names:
-            chosen = self._which.value
             self._which.options = names
-            others = [branch.name for branch in branches if not branch.present]
-            self._which.value = chosen if chosen in others else (others or names)[-1]
+        wanted = chosen if chosen in others else (others or names)[-1]
+        if self._which.value != wanted:
+            self._which.value = wanted
 
     def _press(self, button: str) -> None:
         panel, chosen, name = self._panel, self._which.value, self._name.value.strip()

@@ -18,7 +18,7 @@ SCALE = 1.25  # pixels of a unit of a chart, whose letters are then 13 pixels hi
 POINTS = 700  # of a line, at most
 MOST = 24  # figures at a time
 SMALLEST, LARGEST = 120, 4_000  # pixels, of a side
-SPAN = 20.0  # s of simulated time that traces show, at most
+SPAN = 8.0  # s of simulated time that traces show, at most
 
 Line = tuple[np.ndarray, np.ndarray]
 
@@ -33,7 +33,7 @@ class Figure(NamedTuple):
 
 
 class Figures:
-    """All figures of a session: learning curves, and over the last 20 simulated seconds rewards, joints, muscles,
+    """All figures of a session: learning curves, and over the last 8 simulated seconds rewards, joints, muscles,
     contact forces, observations and firing.
 
     **Attributes:** `all`: the figures, in the order of the list; `first`: the numbers of those shown at first.
@@ -64,7 +64,7 @@ class Figures:
             found.append(Figure(f"probability of {name}", "Policy", self._column("probability", column)))
         self.all = found
         groups = [figure.group for figure in found]
-        self.first = [groups.index(group) for group in ("Learning", "Joints", "Muscles") if group in groups]
+        self.first = [groups.index(group) for group in ("Learning", "Joints", "Contacts") if group in groups]
         self.first = self.first or list(range(min(3, len(found))))
 
     def about(self) -> dict[str, Any]:
@@ -142,7 +142,8 @@ class Figures:
 
     def _trace(self, row: int, name: str) -> Line:
         trail = self._trail(row)
-        return trail.seconds, getattr(trail, name)
+        recent = trail.seconds > trail.seconds[-1:].sum() - SPAN
+        return trail.seconds[recent], getattr(trail, name)[recent]
 
     def _column(self, name: str, column: int, factor: float = 1.0) -> Callable[[int], Line]:
         def line(row: int) -> Line:

@@ -1,11 +1,14 @@
 """Several bodies beside each other: a colour for each, and a label above it with what it is and how it does."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 import time
 from collections import deque
 from typing import Any
 
+import mujoco
 import numpy as np
 import viser
 
@@ -54,6 +57,8 @@ class Readings:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._name = main_reading(session.readings)
+        joints = [] if session.model is None else session.model.jnt_type
+        self._travels = bool(np.any(np.asarray(joints) == mujoco.mjtJoint.mjJNT_FREE))
         self._past: deque[tuple[float, np.ndarray]] = deque(maxlen=600)
         self._due, self._words = 0.0, [""]
         self._began = -1, 0
@@ -89,9 +94,9 @@ class Readings:
         return f"{name} {known[-1]:.3g} {UNITS.get(name, '')}".replace("-", "−").rstrip()
 
     def _speeds(self) -> list[str]:
-        """The speed of each centre of mass; empty where there is no body or no time has passed."""
+        """The speed of each centre of mass; empty where the body cannot go away, or no time has passed."""
         count = self._began[1]
-        if len(self._past) < 2 or self._past[-1][0] - self._past[0][0] < 0.1:
+        if not self._travels or len(self._past) < 2 or self._past[-1][0] - self._past[0][0] < 0.1:
             return [""] * count
         (before, start), (now, end) = self._past[0], self._past[-1]
         away = np.linalg.norm((end - start)[:, :2], axis=1) / (now - before)
