@@ -18,6 +18,7 @@ from motorgrad._gate import LOCAL
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES
 from motorgrad.sim import live
+from motorgrad.sim.film import ENDINGS
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS
@@ -70,7 +71,7 @@ class Options:
     trust: bool = False
     """Run code that the run directory or the scene file names: the module of its task."""
     record: Path | None = None
-    """Record the simulation from its start to this file: a film (.mp4), or a replay as one page (.html)."""
+    """Record the simulation from its start to this file: a film (.mp4, .gif, .webp), or a replay (.html)."""
     seconds: float | None = None
     """End after this many seconds of wall time; by default with Ctrl-C."""
     common: ClassVar[tuple[str, ...]] = (
@@ -95,9 +96,8 @@ class Options:
         live.Speed(self.pace)
         check_port(self.host, self.port)
         if self.record is not None:
-            check(
-                self.record.suffix in (".mp4", ".html"), "record", str(self.record), "a path that ends in .mp4 or .html"
-            )
+            known = (*ENDINGS, ".html")
+            check(self.record.suffix in known, "record", str(self.record), f"a path that ends in {' or '.join(known)}")
             check_writable("record", self.record)
             if self.record.suffix == ".mp4":
                 require(*FILM)
@@ -209,7 +209,7 @@ def _show(setup: Any, options: Options) -> int:
                 session.order(save)
             if film is not None:
                 film.stop()
-                print(f"{'film' if film.path.suffix == '.mp4' else 'replay'}: {film.path}")
+                print(f"{'replay' if film.path.suffix == '.html' else 'film'}: {film.path}")
         if session.ended:
             raise RuntimeError(page.last_words)
     return 0

@@ -10,7 +10,7 @@ MuJoCo, matplotlib, JAX and ffmpeg load with the first picture.
 """
 
 from motorgrad.sim._view import view
-from motorgrad.sim.film import Drawing, Film, Motion, Painter, draw, gl_problem, still, write_film
+from motorgrad.sim.film import Drawing, Film, Motion, Painter, Viewpoint, draw, gl_problem, still, write_film
 from motorgrad.sim.plane import (
     Course,
     DrawnPaths,
@@ -36,6 +36,7 @@ __all__ = [
     "Painter",
     "Plot",
     "Replay",
+    "Viewpoint",
     "draw",
     "draw_occupancy",
     "draw_paths",

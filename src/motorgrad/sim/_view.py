@@ -59,8 +59,8 @@ def view(
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
     - `host`, `port`: where the page listens. Other machines reach a host other than 127.0.0.1; whoever knows the whole
       address can drive the simulation. The default port is 8080, or the next free one.
-    - `record`: a file to record the run to from its start until `page.close()`: a film (".mp4"), or a replay (".html"),
-      one page of at most 10 MB that plays anywhere without a server.
+    - `record`: a file to record the run to from its start until `page.close()`: a film (".mp4", ".gif", ".webp"), or a
+      replay (".html"), one page of at most 10 MB that plays anywhere without a server.
     - `wait`: whether to return only when the run has started. Without, the page is there at once and says what is being
       done until the body is in the picture; `page.ready()` waits for that, before which `page.session` cannot be used.
 

@@ -22,6 +22,8 @@ from motorgrad.tasks._registry import TASKS, load, make, settings_in
 from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome, scale_action
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
+from motorgrad.tasks.gymnasium._making import make_environment
+from motorgrad.tasks.gymnasium._pictures import EnvironmentPictures, physics_of, renders
 from motorgrad.tasks.hexapod._hexapod import Hexapod, HexapodSynergy
 from motorgrad.tasks.hexapod._primitive import HexapodPrimitive
 from motorgrad.tasks.hexapod._stride import HexapodStride
@@ -40,6 +42,7 @@ __all__ = [
     "Drift",
     "EnvironmentBatch",
     "EnvironmentMemory",
+    "EnvironmentPictures",
     "EnvironmentState",
     "FallingParticle",
     "FiniteTask",
@@ -72,11 +75,14 @@ __all__ = [
     "from_gymnasium",
     "load",
     "make",
+    "make_environment",
     "myosuite",
     "myosuite_ids",
     "observe",
     "outcome",
+    "physics_of",
     "region_reward",
+    "renders",
     "scale_action",
     "settings_in",
     "spacing_error",

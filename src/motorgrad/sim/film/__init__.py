@@ -19,24 +19,43 @@ from motorgrad.sim.film._appearance import (
     texture_pixels,
 )
 from motorgrad.sim.film._drawing import Drawing, draw, ground_height
-from motorgrad.sim.film._film import GAP, Film, output_path, still, write_film, write_gif, write_mp4
+from motorgrad.sim.film._film import (
+    ENDINGS,
+    GAP,
+    Film,
+    output_path,
+    rate_of,
+    still,
+    write_film,
+    write_frames,
+    write_gif,
+    write_mp4,
+)
 from motorgrad.sim.film._framing import Outline, bounding_box, camera_axes, natural_angles, visible_geoms
-from motorgrad.sim.film._gl import gl_problem
+from motorgrad.sim.film._gl import Ground, gl_problem
 from motorgrad.sim.film._motion import Motion
 from motorgrad.sim.film._painter import Painter, caption, check_picture
+from motorgrad.sim.film._plots import MOST_LINES, Plot, PlotStrip
 from motorgrad.sim.film._scenery import nice_step
+from motorgrad.sim.film._viewpoint import Viewpoint
 
 __all__ = [
+    "ENDINGS",
     "FIRING",
     "GAP",
     "MARK",
     "MARK_OPACITY",
+    "MOST_LINES",
     "SILENT",
     "Drawing",
     "Film",
+    "Ground",
     "Motion",
     "Outline",
     "Painter",
+    "Plot",
+    "PlotStrip",
+    "Viewpoint",
     "bounding_box",
     "camera_axes",
     "caption",
@@ -52,12 +71,14 @@ __all__ = [
     "natural_angles",
     "nice_step",
     "output_path",
+    "rate_of",
     "still",
     "tendon_activation",
     "texture_of",
     "texture_pixels",
     "visible_geoms",
     "write_film",
+    "write_frames",
     "write_gif",
     "write_mp4",
 ]

@@ -4,6 +4,8 @@
 # (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +25,8 @@ from motorgrad.sim.film._appearance import (
 )
 from motorgrad.sim.film._framing import DOWNWARDS, SIDEWAYS, UPWARDS, View, camera_axes, visible_geoms
 from motorgrad.sim.film._scenery import SKY, nice_step
+from motorgrad.sim.film._sight import Parallel, Perspective, Sight
+from motorgrad.sim.film._viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     import mujoco
@@ -33,10 +37,10 @@ OUTLINE_POINTS = 40
 CIRCLE = np.stack([f(2 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS) for f in (np.cos, np.sin)], 1)
 
 
-def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, screen: np.ndarray) -> np.ndarray:
+def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, sight: Sight) -> np.ndarray:
     """The silhouette of a sphere, capsule, ellipsoid, cylinder, box, or the convex hull of a mesh.
 
-    **Arguments:** `screen`: `(2, 3)`, the picture's right and up as unit vectors of the world.
+    **Arguments:** `sight`: how the picture is projected.
 
     **Returns:** `(OUTLINE_POINTS, 2)` m: the support point, the farthest of the shape, in each of that many directions
     of the picture. This works for any orientation.
@@ -44,9 +48,10 @@ def outline(model: mujoco.MjModel, data: mujoco.MjData, geom: int, screen: np.nd
     turn = data.geom_xmat[geom].reshape(3, 3)
     # slightly off the axes, so that an upright box has one farthest corner rather than an edge
     angles = 2 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS + 1e-3
+    screen = sight.screen(data.geom_xpos[geom])
     ways = np.stack([np.cos(angles), np.sin(angles)], 1) @ screen @ turn  # (OUTLINE_POINTS, 3), in the geom's own axes
     points = _support(model, geom, ways)
-    return (points @ turn.T + data.geom_xpos[geom]) @ screen.T
+    return sight.flat(points @ turn.T + data.geom_xpos[geom])
 
 
 def _support(model: mujoco.MjModel, geom: int, ways: np.ndarray) -> np.ndarray:
@@ -122,6 +127,7 @@ def _field_height(model: mujoco.MjModel, field: int, places: np.ndarray) -> np.n
     return tall * (below * (1 - y) + above * y)
 
 
+DISC = 0.75  # radius of the ground that is drawn as a camera sees it, in sizes of the body
 GROUND, SURFACE = "#dcdcd6", "#8e9088"
 MUSCLE_EDGE = "#5c1a1a"
 
@@ -134,14 +140,14 @@ class Drawing:
     """
 
     def __init__(
-        self, ax: Axes, model: mujoco.MjModel, screen: np.ndarray, linewidth: float, alpha: float, ground: bool
+        self, ax: Axes, model: mujoco.MjModel, sight: Sight, linewidth: float, alpha: float, ground: bool
     ) -> None:
         import mujoco
         from matplotlib.collections import LineCollection, PolyCollection
 
         self._model, self._data = model, mujoco.MjData(model)
-        self._screen, self._linewidth = screen, linewidth
-        self._forward = np.cross(screen[0], screen[1])  # towards the viewer
+        self._sight, self._linewidth = sight, linewidth
+        self._screen, self._forward = sight.axes[:2], sight.axes[2]
         seen = visible_geoms(model)
         flat = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
         self._geoms = seen[~np.isin(model.geom_type[seen], flat)]
@@ -172,14 +178,16 @@ class Drawing:
         turns = data.geom_xmat[self._geoms].reshape(-1, 3, 3)
         middle, half = model.geom_aabb[self._geoms, :3], model.geom_aabb[self._geoms, 3:]
         towards = np.einsum("gij,i->gj", turns, self._forward)
-        face = data.geom_xpos[self._geoms] @ self._forward + np.sum(middle * towards + half * np.abs(towards), 1)
+        far = self._sight.depth(data.geom_xpos[self._geoms])
+        face = np.sum(middle * towards + half * np.abs(towards), 1) - far
         order = np.argsort(np.round(face, 6), kind="stable")
-        self.parts.set_verts([outline(model, data, geom, self._screen) for geom in self._geoms[order]])
+        order = order[np.isfinite(far[order])]  # the others are behind the camera
+        self.parts.set_verts([outline(model, data, geom, self._sight) for geom in self._geoms[order]])
         self.parts.set_facecolor(self._fill[order])
         self.parts.set_edgecolor(self._edge[order])
-        pieces = tendon_paths(model, data)
+        pieces = [piece for piece in tendon_paths(model, data) if np.isfinite(self._sight.depth(piece[1])).all()]
         level = tendon_activation(model, activation)[[tendon for tendon, _ in pieces]]
-        lines = [points @ self._screen.T for _, points in pieces]
+        lines = [self._sight.flat(points) for _, points in pieces]
         wide = self._linewidth * muscle_width(level)
         self._rims.set_segments(lines if self._rimmed else [])
         self._rims.set_linewidth((wide + 0.5 * self._linewidth).tolist())
@@ -190,6 +198,9 @@ class Drawing:
     def update_ground(self, centre: np.ndarray, reach: float, size: float) -> None:
         """Draw the ground within `reach` metres of the point `centre` `(3,)`, marked for a body of `size` metres."""
         if self._ground is None:
+            return
+        if isinstance(self._sight, Perspective):
+            self._draw_disc(centre, size)
             return
         middle = centre @ self._screen[0]
         step = nice_step(size / 2)
@@ -204,6 +215,17 @@ class Drawing:
         self._ground.set_verts([np.concatenate([surface, [[along[-1], floor], [along[0], floor]]])])
         marks = surface[::8]
         self._marks.set_segments([np.stack([mark, mark - [0, 0.02 * size]]) for mark in marks])
+
+    def _draw_disc(self, centre: np.ndarray, size: float) -> None:
+        """Draw the ground around and below a point as a camera sees it."""
+        angle = np.linspace(0, 2 * np.pi, 96, endpoint=False)
+        rim = centre + DISC * size * np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+        height = ground_height(self._model, self._data, rim)
+        if height is not None:
+            rim[:, 2] = height
+            seen = rim[np.isfinite(self._sight.depth(rim))]
+            self._ground.set_verts([self._sight.flat(seen)] if len(seen) > 2 else [])
+            self._ground.set_edgecolor("none")
 
     def bounds(self) -> np.ndarray:
         """The lowest and highest corner of the body with its muscles on the axes: `(2, 2)` m."""
@@ -253,7 +275,7 @@ def draw(
     check(linewidth > 0, "linewidth", linewidth, "above 0")
     check(np.isfinite(azimuth), "azimuth", azimuth, "a finite number of degrees")
     check(-90 <= elevation <= 90, "elevation", elevation, "in [-90, 90] degrees")
-    drawing = Drawing(ax, model, camera_axes(azimuth, elevation)[:2], linewidth, alpha, ground)
+    drawing = Drawing(ax, model, Parallel(camera_axes(azimuth, elevation)), linewidth, alpha, ground)
     drawing.update(position, activation)
     bounds = drawing.bounds()
     size = max(float((bounds[1] - bounds[0]).max()), 1e-3)
@@ -274,7 +296,9 @@ class MatplotlibRenderer:
     One figure is drawn again and again, with its artists moved from frame to frame.
     """
 
-    def __init__(self, model: mujoco.MjModel, view: View, which: int, width: int, height: int) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, view: View, which: int, width: int, height: int, ground: str = "marked"
+    ) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.collections import PolyCollection
         from matplotlib.figure import Figure
@@ -289,8 +313,9 @@ class MatplotlibRenderer:
         self._screen = axes[:2]
         self._which, self._aspect = which, width / height
         self.set_view(view)
-        line = height / 480 * 2.4
-        self._drawing = Drawing(self._axes, model, self._screen, line, 1.0, True)
+        self._model, self._line, self._marked = model, height / 480 * 2.4, ground == "marked"
+        self._viewpoint: Viewpoint | None = None
+        self._drawing = Drawing(self._axes, model, Parallel(axes), self._line, 1.0, self._marked)
         self._marks = PolyCollection([], facecolors=tuple(MARK), alpha=MARK_OPACITY, linewidths=0, zorder=2.3)
         self._axes.add_collection(self._marks, autolim=False)
 
@@ -305,17 +330,51 @@ class MatplotlibRenderer:
         self._lift = self._tall * (DOWNWARDS - UPWARDS) / 2
         self._size = 2 * float(self._half.max())
 
-    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it."""
-        centre = self._centres[frame]
-        right, up = self._screen @ centre
-        self._axes.set_xlim(right - self._reach, right + self._reach)
-        self._axes.set_ylim(up + self._lift - self._tall, up + self._lift + self._tall)
+    def look(self, viewpoint: Viewpoint | None) -> None:
+        """Look from a viewpoint, or, with None, as the view says."""
+        if viewpoint is not None and viewpoint != self._viewpoint:
+            self._viewpoint, self._drawing._sight = viewpoint, Perspective(viewpoint)
+            self._drawing._forward = viewpoint.axes[2]
+
+    def paint(
+        self,
+        frame: int,
+        position: np.ndarray,
+        activation: np.ndarray,
+        marks: np.ndarray,
+        beside: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
+    ) -> np.ndarray:
+        """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it. It
+        shows no further bodies.
+        """
+        del beside
+        centre, viewpoint, sight = self._centres[frame], self._viewpoint, self._drawing._sight
+        if viewpoint is None:
+            right, up = self._screen @ centre
+            wide, tall, up = self._reach, self._tall, up + self._lift
+        else:
+            right = up = 0.0
+            tall = viewpoint.distance * np.tan(np.radians(viewpoint.field_of_view) / 2)
+            wide = self._aspect * tall
+        self._axes.set_xlim(right - wide, right + wide)
+        self._axes.set_ylim(up - tall, up + tall)
         self._drawing.update(position, activation)
         self._drawing.update_ground(centre, 1.1 * self._reach, self._size)
-        self._marks.set_verts([at[:3] @ self._screen.T + at[3] * CIRCLE for at in marks])
+        self._marks.set_verts([sight.flat(at[None, :3]) + at[3] * CIRCLE for at in marks])
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3]
+
+    def svg(self) -> bytes:
+        """What was painted last as a vector picture, without a background."""
+        from matplotlib import rc_context
+
+        content = io.BytesIO()
+        # no date and no random names, so that the same posture is the same file; text stays text
+        with rc_context({"svg.hashsalt": "motorgrad", "svg.fonttype": "none"}):
+            figure = self._canvas.figure
+            figure.savefig(content, format="svg", transparent=True, metadata={"Date": None, "Creator": "motorgrad"})
+            self._canvas.figure.set_canvas(self._canvas)
+        return content.getvalue()
 
     def close(self) -> None:
         """Do nothing; here because `GlRenderer` has it."""

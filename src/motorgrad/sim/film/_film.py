@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import subprocess
 import tempfile
@@ -16,10 +17,15 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._extras import FILM, require
 from motorgrad._files import write_atomically
+from motorgrad.sim.film._appearance import muscle_colour
 from motorgrad.sim.film._framing import frame_motions
+from motorgrad.sim.film._gl import Ground
 from motorgrad.sim.film._motion import Motion, resample
 from motorgrad.sim.film._painter import Camera, Renderer, caption, check_picture, choose_renderer, renderer_class
+from motorgrad.sim.film._plots import Plot, PlotStrip
+from motorgrad.sim.film._viewpoint import Viewpoint, viewpoint_at
 
+ENDINGS = (".mp4", ".webp", ".gif")
 GAP = 4  # pixels between motions side by side
 
 
@@ -48,6 +54,8 @@ def write_film(
     speed: float = 1.0,
     camera: Camera = None,
     renderer: Renderer = "auto",
+    ground: Ground = "marked",
+    plots: Sequence[Plot] = (),
     progress: Callable[[int, int], object] | None = None,
 ) -> Film:
     """Write a film of one motion, or of several side by side, each with its caption and running time.
@@ -55,16 +63,21 @@ def write_film(
     **Arguments:**
 
     - `motions`: shown from left to right at the same scale; the last posture of a shorter one stays until the end.
-    - `path`: ends in ".mp4", or in ".webp" for an animated picture that repeats forever, as a README shows it; missing
-      folders are created, an existing film is replaced.
-    - `fps`: frames per second of the film, above 0; it may differ from the recording's.
+    - `path`: ends in ".mp4", or in ".webp" or ".gif" for an animated picture that repeats forever, as a README shows
+      it; missing folders are created, an existing film is replaced.
+    - `fps`: frames per second of the film, above 0; it may differ from the recording's. A GIF has the nearest rate of
+      which a frame lasts a whole number of hundredths of a second.
     - `width`, `height`: of each motion's picture in pixels, even, at least 64.
     - `speed`: seconds of motion per second of film, above 0; 0.25 is slow motion.
     - `camera`: the name of a camera of the model, or the azimuth in degrees of a camera that frames the whole motion
       (90 looks along +y). None: the model's camera "side" if it has one that contains the motion, else one that frames
       the motion, along the hinges of a planar body. A long path is followed. A drawn picture takes only the heading
-      from a named camera, and frames the motion itself.
+      from a named camera, and frames the motion itself. Or a `Viewpoint`, or a function that returns one of the time on
+      the motion's clock, for a camera that moves.
     - `renderer`: "gl" (OpenGL), "drawn" (matplotlib), or "auto": OpenGL where it works.
+    - `ground`: "marked" shows the model's ground, with lines where it has no texture; "plain" an even one of the
+      background's colour, for print.
+    - `plots`: drawn to the right of the bodies, with a line at the present moment.
     - `progress`: called after each frame with the number of frames done and their total.
 
     **Returns:** a `Film`.
@@ -77,30 +90,37 @@ def write_film(
     ```
     """
     motions = _checked(motions)
-    target = output_path(path, ".mp4", ".webp")
+    target = output_path(path, *ENDINGS)
     check(np.isfinite(fps) and fps > 0, "fps", fps, "a number above 0")
     check(np.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
     kind, note = choose_renderer(renderer)
-    check_picture([motion.model for motion in motions], width, height, camera)
+    check_picture([motion.model for motion in motions], width, height, camera, ground)
+    fps = rate_of(target, fps)
 
     seconds = max(motion.seconds for motion in motions)
     frames = int(np.floor(seconds / speed * fps + 1e-6)) + 1
     shots = [resample(motion, np.arange(frames) * speed / fps) for motion in motions]
     full = len(motions) * width + (len(motions) - 1) * GAP
+    strip = PlotStrip(plots, height) if plots else None
+    whole = full + (0 if strip is None else GAP + strip.width)
     pace = "" if speed == 1 else f"  ×{speed:g}"
 
     def pictures() -> Iterator[np.ndarray]:
         places = [shot[1] for shot in shots], [shot[3] for shot in shots]
-        painters = _open_renderers(motions, *places, width, height, camera, kind)
-        canvas = np.full((height, full, 3), 255, np.uint8)
+        painters = _open_renderers(motions, *places, width, height, camera, kind, ground)
+        canvas = np.full((height, whole, 3), 255, np.uint8)
         try:
             for frame in range(frames):
                 for index, (painter, motion, shot) in enumerate(zip(painters, motions, shots, strict=True)):
                     time, position, activation, marks = (part[frame] for part in shot)
+                    if (viewpoint := viewpoint_at(camera, time)) is not None:
+                        painter.look(viewpoint)
                     picture = painter.paint(frame, position, activation, marks)
                     left = index * (width + GAP)
                     clock = f"{time - motion.time[0]:.2f} s{pace}"
                     canvas[:, left : left + width] = caption(picture, motion.label, clock)
+                    if strip is not None and index == 0:
+                        canvas[:, full + GAP :] = strip.at(time)
                 yield canvas
                 if progress is not None:
                     progress(frame + 1, frames)
@@ -109,10 +129,7 @@ def write_film(
                 painter.close()
 
     target.parent.mkdir(parents=True, exist_ok=True)
-    if target.suffix.lower() == ".webp":
-        write_webp(target, pictures(), fps)
-    else:
-        write_mp4(target, pictures(), (full, height), fps)
+    write_frames(target, pictures(), (whole, height), fps)
     return Film(target, kind, frames, frames / fps, note)
 
 
@@ -125,26 +142,38 @@ def still(
     height: int = 480,
     camera: Camera = None,
     renderer: Renderer = "auto",
+    ground: Ground = "marked",
 ) -> np.ndarray:
     """Make one picture of a motion, framed as its film is, with caption and time.
 
     **Arguments:** `frame`: index of the recorded frame, from the end if negative; `path`: a file ending in ".png", or
-    None for no file; the others as of `write_film`.
+    in ".svg" for a vector picture, or None for no file; the others as of `write_film`.
 
-    **Returns:** `(height, width, 3)`, uint8.
+    A vector picture has the body's parts as outlines and muscles along their wrapped paths, coloured by activation, as
+    `draw` draws them, without caption. A `Viewpoint` is seen in perspective, any other camera along parallel lines.
+
+    **Returns:** `(height, width, 3)`, uint8; of a vector picture, its pixels.
 
     **Raises:** as `write_film` does.
     """
     _checked(motion)
-    target = None if path is None else output_path(path, ".png")
+    target = None if path is None else output_path(path, ".png", ".svg")
     count = motion.time.size
     check(isinstance(frame, int | np.integer) and -count <= frame < count, "frame", frame, f"in [{-count}, {count})")
     kind, _ = choose_renderer(renderer)
-    check_picture([motion.model], width, height, camera)
+    check_picture([motion.model], width, height, camera, ground)
     row = int(frame) % count
-    (painter,) = _open_renderers([motion], [motion.position], [motion.marks], width, height, camera, kind)
+    vector = target is not None and target.suffix.lower() == ".svg"
+    kind = "drawn" if vector else kind
+    (painter,) = _open_renderers([motion], [motion.position], [motion.marks], width, height, camera, kind, ground)
     try:
+        painter.look(viewpoint_at(camera, float(motion.time[row])))
         picture = painter.paint(row, motion.position[row], motion.activation[row], motion.marks[row])
+        if vector:
+            assert target is not None
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(target, painter.svg())
+            return picture.copy()
         picture = caption(picture, motion.label, f"{motion.time[row] - motion.time[0]:.2f} s")
     finally:
         painter.close()
@@ -182,6 +211,7 @@ def _open_renderers(
     height: int,
     camera: Camera,
     kind: str,
+    ground: Ground,
 ) -> list[Any]:
     """One renderer for each motion, all with the same line of sight and, for the same kind of body, the same scale."""
     brush = renderer_class(kind)
@@ -192,10 +222,36 @@ def _open_renderers(
     painters: list[Any] = [None] * len(motions)
     for members in groups.values():
         them, moved, marked = ([each[i] for i in members] for each in (models, positions, marks))
-        view = frame_motions(them, moved, marked, camera, width / height)
+        found = None if callable(camera) or isinstance(camera, Viewpoint) else camera
+        view = frame_motions(them, moved, marked, found, width / height)
         for which, index in enumerate(members):
-            painters[index] = brush(models[index], view, which, width, height)
+            painters[index] = brush(models[index], view, which, width, height, ground)
     return painters
+
+
+def rate_of(path: Path, fps: float) -> float:
+    """The frames per second that a file can have, nearest to those wanted."""
+    return 100 / max(1, round(100 / fps)) if path.suffix.lower() == ".gif" else fps
+
+
+def write_frames(path: Path, frames: Iterator[np.ndarray], size: tuple[int, int], fps: float) -> None:
+    """Write a film of the kind that its path's ending names; arguments as of `write_mp4`."""
+    kind = path.suffix.lower()
+    if kind == ".webp":
+        write_webp(path, frames, fps)
+    elif kind == ".gif":
+        first = next(frames).copy()
+        write_gif(path, itertools.chain([first], frames), fps, _with_muscles(first))
+    else:
+        write_mp4(path, frames, size, fps)
+
+
+def _with_muscles(frame: np.ndarray) -> np.ndarray:
+    """A frame with the colours of muscles below it, so that a palette made of it has them, although all are silent."""
+    shades = np.linspace(0, 1, frame.shape[1])[:, None]
+    bands = [np.clip(light * 255 * muscle_colour(shades[:, 0]), 0, 255) for light in (0.7, 0.85, 1.0)]
+    rows = np.repeat(np.array(bands, np.uint8), max(1, frame.shape[0] // 40), axis=0)
+    return np.concatenate([frame, rows])
 
 
 def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], fps: float) -> None:

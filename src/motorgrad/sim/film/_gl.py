@@ -10,7 +10,8 @@ import os
 import platform
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from motorgrad.sim.film._appearance import (
 )
 from motorgrad.sim.film._framing import DOWNWARDS, SIDEWAYS, UPWARDS, View, visible_geoms
 from motorgrad.sim.film._scenery import SHADE, SKY, add_backdrop, add_geom, add_lamp, add_marks, add_shadows
+from motorgrad.sim.film._viewpoint import Viewpoint
 
 if TYPE_CHECKING:
     import mujoco
@@ -109,6 +111,7 @@ def _problem(kind: str) -> str:
     return f"a trial picture with {kind} failed: {lines[-1] if lines else f'exit status {probe.returncode}'}"
 
 
+Ground = Literal["marked", "plain"]
 MARK_RGBA = np.append(MARK, MARK_OPACITY)
 FIELD_OF_VIEW = 26.0  # degrees; a long lens distorts less
 
@@ -116,26 +119,34 @@ FIELD_OF_VIEW = 26.0  # degrees; a long lens distorts less
 class GlRenderer:
     """Renders pictures of one body: call `paint` for each frame, and `close` at the end.
 
-    **Arguments:** `model`; `view`, from `frame_motions`; `which` of the view's motions this is; picture size in pixels.
+    **Arguments:** `model`; `view`, from `frame_motions`; `which` of the view's motions this is; picture size in pixels;
+    `ground`: "marked", or "plain" for an even one of the background's colour.
     """
 
-    def __init__(self, model: mujoco.MjModel, view: View, which: int, width: int, height: int) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, view: View, which: int, width: int, height: int, ground: Ground = "marked"
+    ) -> None:
         import mujoco
 
         self._gl_context = self._resources = None
         self._model = copy.copy(model)
+        if ground == "plain":
+            _make_plain(self._model)
         self._data = mujoco.MjData(self._model)
         self._which = which
+        self._viewpoint: Viewpoint | None = None
         self._size = width, height
         self._bare = model
         self._terrain = bool(np.any(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD))
-        self._ground = _level_ground(model)
+        self._marked, self._ground = ground == "marked", _level_ground(model)
+        if self._ground is not None and not self._marked:
+            self._ground = (*self._ground[:2], SKY, True)
         self._style()
         self.set_view(view)
 
         self._gl_context = make_context(backend(), width, height)
         self._gl_context.make_current()
-        self._scene = mujoco.MjvScene(self._model, maxgeom=10 * (model.ngeom + model.nsite) + 60 * model.ntendon + 400)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=20 * (model.ngeom + model.nsite) + 120 * model.ntendon + 400)
         self._resources = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._resources)
         flags = self._scene.flags
@@ -158,9 +169,21 @@ class GlRenderer:
         # MuJoCo measures fog and clipping planes in units of the extent
         model.stat.extent = size
         model.vis.map.znear, model.vis.map.zfar = 0.02, 80.0
-        model.vis.map.fogstart = self._distance / size + 2.0
-        model.vis.map.fogend = self._distance / size + 14.0
+        self._set_fog(self._distance)
         self._tendon_width = muscle_radius(self._bare, size)
+
+    def look(self, viewpoint: Viewpoint | None) -> None:
+        """Look from a viewpoint, or, with None, as the view says."""
+        self._viewpoint = viewpoint
+        centre = self._view.centres[self._which][0]
+        away = self._distance if viewpoint is None else float(np.linalg.norm(centre - viewpoint.position))
+        self._model.vis.global_.fovy = FIELD_OF_VIEW if viewpoint is None else viewpoint.field_of_view
+        self._set_fog(away)
+
+    def _set_fog(self, distance: float) -> None:
+        model, size = self._model, self._model.stat.extent
+        model.vis.map.fogstart = distance / size + 2.0
+        model.vis.map.fogend = distance / size + 14.0
 
     def _style(self) -> None:
         """Set the appearance of the model's copy: picture size, light, no markers."""
@@ -187,18 +210,35 @@ class GlRenderer:
         model.site_rgba[np.concatenate([markers, beside[beside >= 0], sensed]).astype(int), 3] = 0
         model.tendon_matid[:] = -1
 
-    def paint(self, frame: int, position: np.ndarray, activation: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it."""
+    def paint(
+        self,
+        frame: int,
+        position: np.ndarray,
+        activation: np.ndarray,
+        marks: np.ndarray,
+        beside: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
+    ) -> np.ndarray:
+        """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it.
+
+        `beside` are further bodies of the model: position, activation, and how far they are moved, `(3,)` m.
+        """
         import mujoco
 
         model, data, scene = self._model, self._data, self._scene
-        level = tendon_activation(model, activation)
-        model.tendon_rgba[:, :3] = muscle_colour(level)
-        model.tendon_rgba[:, 3] = 1
-        model.tendon_width[:] = self._tendon_width * muscle_width(level)
-        set_posture(model, data, position)
+        self._place(position, activation)
         self._aim(frame)
         mujoco.mjv_updateScene(model, data, self._options, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
+        nobody, moving = mujoco.MjvPerturb(), mujoco.mjtCatBit.mjCAT_DYNAMIC.value
+        for other_position, other_activation, shift in beside:
+            first = scene.ngeom
+            self._place(other_position, other_activation)
+            mujoco.mjv_addGeoms(model, data, self._options, nobody, moving, scene)
+            for index in range(first, scene.ngeom):
+                scene.geoms[index].pos[:] += shift
+        if self._viewpoint is not None:
+            right_up_near, place = self._viewpoint.axes, self._viewpoint.position
+            for eye in scene.camera:  # one for each eye
+                eye.pos[:], eye.forward[:], eye.up[:] = place, -right_up_near[2], right_up_near[1]
         self._decorate(frame)
         for x, y, z, radius in marks:
             add_geom(scene, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), np.array([x, y, z]), np.eye(3), MARK_RGBA)
@@ -209,11 +249,20 @@ class GlRenderer:
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._resources)
         return self._pixels[::-1]
 
+    def _place(self, position: np.ndarray, activation: np.ndarray) -> None:
+        """Set the posture, and the colours and widths of the muscles."""
+        model = self._model
+        level = tendon_activation(model, activation)
+        model.tendon_rgba[:, :3] = muscle_colour(level)
+        model.tendon_rgba[:, 3] = 1
+        model.tendon_width[:] = self._tendon_width * muscle_width(level)
+        set_posture(model, self._data, position)
+
     def _aim(self, frame: int) -> None:
         import mujoco
 
         camera, view = self._camera, self._view
-        if view.camera >= 0:
+        if view.camera >= 0 and self._viewpoint is None:
             camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, view.camera
             return
         camera.type = mujoco.mjtCamera.mjCAMERA_FREE
@@ -227,12 +276,13 @@ class GlRenderer:
         add_lamp(scene, centre, size, self._terrain)
         if self._ground is not None:
             point, normal, rgb, plain = self._ground
-            if plain and normal[2] > 0.999:
+            if plain and self._marked and normal[2] > 0.999:
                 add_marks(scene, centre, point[2], size, np.append(rgb * 0.86, 1.0), 12 * size)
             # opaque, as overlapping transparent shadows would be darker
             shade = np.append(rgb * SHADE, 1.0)
             add_shadows(scene, count, point, normal, size, shade)
-        add_backdrop(scene, centre, view.axes, 40 * size)
+        axes = view.axes if self._viewpoint is None else self._viewpoint.axes
+        add_backdrop(scene, centre, axes, 40 * size)
 
     def close(self) -> None:
         """Free the resources of the graphics driver."""
@@ -256,6 +306,16 @@ def _stand_back(view: View, aspect: float) -> tuple[float, float]:
         near - (up - lift) / (slope * DOWNWARDS),
     ]
     return float(np.max(needed)), float(lift)
+
+
+def _make_plain(model: mujoco.MjModel) -> None:
+    """Hide planes, and give height fields the background's colour without texture."""
+    import mujoco
+
+    flat, hilly = (model.geom_type == kind for kind in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD))
+    model.geom_matid[flat | hilly] = -1
+    model.geom_rgba[hilly, :3] = SKY
+    model.geom_rgba[flat, 3] = 0
 
 
 def _level_ground(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool] | None:

@@ -16,8 +16,9 @@ from motorgrad._errors import check, unknown
 from motorgrad.sim.film._appearance import check_posture
 from motorgrad.sim.film._drawing import MatplotlibRenderer
 from motorgrad.sim.film._framing import View, bounding_box, find_camera, frame_motions
-from motorgrad.sim.film._gl import ADVICE, GlRenderer, gl_problem
+from motorgrad.sim.film._gl import ADVICE, GlRenderer, Ground, gl_problem
 from motorgrad.sim.film._motion import NO_MARKS
+from motorgrad.sim.film._viewpoint import Moving, Viewpoint
 
 if TYPE_CHECKING:
     import mujoco
@@ -63,7 +64,8 @@ def caption(picture: np.ndarray, left: str, right: str) -> np.ndarray:
 
 
 RENDERERS = ("auto", "drawn", "gl")
-Camera = str | float | None
+Camera = str | float | Viewpoint | Moving | None
+GROUNDS = ("marked", "plain")
 Renderer = Literal["auto", "gl", "drawn"]
 
 
@@ -86,19 +88,26 @@ def renderer_class(kind: str) -> Any:
     return {"gl": GlRenderer, "drawn": MatplotlibRenderer}[kind]
 
 
-def check_picture(models: Sequence[mujoco.MjModel], width: int, height: int, camera: Camera) -> None:
-    """Refuse impossible picture sizes and cameras. **Raises** `ValueError`."""
+def check_picture(
+    models: Sequence[mujoco.MjModel], width: int, height: int, camera: Camera, ground: str = "marked"
+) -> None:
+    """Refuse impossible picture sizes, cameras and grounds. **Raises** `ValueError`."""
+    if ground not in GROUNDS:
+        raise unknown("ground", ground, GROUNDS)
     for name, value in (("width", width), ("height", height)):
         whole = isinstance(value, int | np.integer) and value >= 64 and value % 2 == 0
         check(whole, name, value, "an even number of pixels, at least 64")
     if isinstance(camera, str):
         for model in models:
             find_camera(model, camera)
-    elif camera is not None:
+    elif camera is not None and not isinstance(camera, Viewpoint) and not callable(camera):
         number = isinstance(camera, int | float | np.number) and np.isfinite(camera)
-        check(number, "camera", camera, "the name of a camera of the model, an azimuth in degrees, or None")
+        check(number, "camera", camera, ALLOWED)
 
 
+ALLOWED = (
+    "the name of a camera of the model, an azimuth in degrees, a Viewpoint or a function that returns one, or None"
+)
 ROOM = 1.3  # a view is larger than needed by this factor, so that a growing motion seldom needs another
 
 
@@ -108,7 +117,8 @@ class Painter:
     A film knows the whole motion and frames it. A painter frames what it has seen so far and widens its view when the
     body leaves it; a body that goes far is followed in leaps.
 
-    **Arguments:** `model`, of which a copy is painted; `width`, `height`, `camera` and `renderer` as of `write_film`.
+    **Arguments:** `model`, of which a copy is painted; `width`, `height`, `camera`, `renderer` and `ground` as of
+    `write_film`; a camera that moves is given to `paint`.
 
     **Attributes:** `renderer` and `note`, as of a `Film`.
 
@@ -129,10 +139,14 @@ class Painter:
         height: int = 480,
         camera: Camera = None,
         renderer: Renderer = "auto",
+        ground: Ground = "marked",
     ) -> None:
         self.renderer, self.note = choose_renderer(renderer)
-        check_picture([model], width, height, camera)
-        self._model, self._camera, self._size = model, camera, (width, height)
+        check_picture([model], width, height, camera, ground)
+        self._viewpoint = camera if isinstance(camera, Viewpoint) else None
+        self._ground: Ground = ground
+        self._model, self._size = model, (width, height)
+        self._camera = camera if isinstance(camera, str | float | int) else None
         self._seen: list[tuple[np.ndarray, np.ndarray]] = []
         self._view: View | None = None
         self._backend: Any = None
@@ -145,11 +159,14 @@ class Painter:
         left: str = "",
         right: str = "",
         marks: np.ndarray = NO_MARKS[0],
+        viewpoint: Viewpoint | None = None,
+        beside: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
     ) -> np.ndarray:
         """Paint one picture.
 
         **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; `left` and `right`: text above the body;
-        `marks` `(marks, 4)` as of a `Motion`.
+        `marks` `(marks, 4)` as of a `Motion`; `viewpoint`, for this picture; `beside`: further bodies of the same
+        model, each a position, an activation, and how far it is moved, `(3,)` m, which drawn pictures leave out.
 
         **Returns:** `(height, width, 3)`, uint8, a new array.
         """
@@ -157,7 +174,8 @@ class Painter:
             raise RuntimeError("this painter is closed: make another one")
         position, activation = check_posture(self._model, position, activation)
         self._hold(position, marks)
-        picture = self._backend.paint(0, position, activation, marks)
+        self._backend.look(viewpoint or self._viewpoint)
+        picture = self._backend.paint(0, position, activation, marks, beside)
         return caption(picture, left, right) if left or right else picture.copy()
 
     def close(self) -> None:
@@ -179,7 +197,7 @@ class Painter:
             view = self._frame()
         self._view = dataclasses.replace(view, half=view.half * ROOM)
         if self._backend is None:
-            self._backend = renderer_class(self.renderer)(self._model, self._view, 0, *self._size)
+            self._backend = renderer_class(self.renderer)(self._model, self._view, 0, *self._size, self._ground)
         else:
             self._backend.set_view(self._view)
 

@@ -10,6 +10,7 @@ session.close()
 
 from motorgrad.sim.live._beside import side_by_side
 from motorgrad.sim.live._branches import Alongside, Branch, Delete, Fork, Rename, Switch
+from motorgrad.sim.live._foreign import Picture
 from motorgrad.sim.live._messages import (
     Compare,
     Control,
@@ -17,6 +18,7 @@ from motorgrad.sim.live._messages import (
     Event,
     Freeze,
     Load,
+    Look,
     Order,
     Pause,
     Play,
@@ -51,8 +53,10 @@ __all__ = [
     "Fork",
     "Freeze",
     "Load",
+    "Look",
     "Order",
     "Pause",
+    "Picture",
     "Play",
     "Push",
     "Rename",

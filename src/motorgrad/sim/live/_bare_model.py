@@ -133,6 +133,9 @@ class BareModel:
     def set_policy(self, policy: Any, memory: Any) -> None:
         self._refuse("load")
 
+    def look(self) -> NoReturn:
+        self._refuse("look")
+
     def _refuse(self, what: str) -> NoReturn:
         raise ValueError(f"{what}: this model has no learner")
 

@@ -62,6 +62,11 @@ class BodyPart:
             told[:, self._driven] = np.clip(stepper.activation[:, self._source], *self._limits)
         return told
 
+    def seen(self, stepper: Stepper) -> dict[str, np.ndarray]:
+        """What the task's state does not tell of the body, by the names of a snapshot, `(seeds, …)`: nothing."""
+        del stepper
+        return {}
+
     def push(self, body: str, force: Any, stepper: Stepper) -> None:
         """Push a part of the body until `release`."""
         if not isinstance(stepper, BodyStepper):

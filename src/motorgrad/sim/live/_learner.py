@@ -10,14 +10,14 @@ from motorgrad._errors import check
 from motorgrad._tree import is_live, numbers_of
 from motorgrad.learning import SparseAgent
 from motorgrad.sim.live._beside import UNTRAINED, Beside, BesideBody
-from motorgrad.sim.live._body import BodyPart
+from motorgrad.sim.live._foreign import Picture, body_in, picture_of
 from motorgrad.sim.live._messages import Ready
 from motorgrad.sim.live._numbers import check_number
 from motorgrad.sim.live._policy import load_policy, save_policy
 from motorgrad.sim.live._probe import Probed, gradient_norm, probe
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
-from motorgrad.tasks import Task
+from motorgrad.tasks import EnvironmentPictures, Task
 from motorgrad.training import Stepper, stepper_for
 
 ROOM = 20.0  # simulated seconds of the trail
@@ -38,7 +38,8 @@ class Learner:
         self._changes: dict[str, float] = {}
         self._engines: dict[Any, Stepper] = {}
         self._probes: dict[Stepper, Any] = {}
-        self._body = BodyPart(stepper := self._engine())
+        self._body = body_in(stepper := self._engine())
+        self._pictures = EnvironmentPictures()
         if setup.memory is not None:
             stepper.set_policies(stepper.policies(), setup.memory)
         self._stepper = stepper
@@ -188,6 +189,9 @@ class Learner:
     def control(self, actuator: int, value: float) -> None:
         raise ValueError("control: the learner moves this body")
 
+    def look(self) -> Picture:
+        return picture_of(self._pictures, self._stepper)
+
     @property
     def _shown(self) -> list[BesideBody]:
         """The bodies beside the learner."""
@@ -254,14 +258,18 @@ class Learner:
         stepper = self._stepper
         if stepper not in self._probes:
             self._probes[stepper] = probe(stepper, self._body.feet)
-        return self._probes[stepper]() | {"control": self._body.control(stepper)}
+        return self._probes[stepper]() | self._of_body(stepper)
+
+    def _of_body(self, stepper: Stepper) -> Probed:
+        """What the body alone tells of the present moment."""
+        return self._body.seen(stepper) | {"control": self._body.control(stepper)}
 
     def _probe_bodies(self) -> Probed:
         """Every body in view as it is now, one below the other."""
         found = self._probe_learner()
         if not self._beside:
             return found
-        others = [each.look() | {"control": self._body.control(each.stepper)} for each in self._shown]
+        others = [each.look() | self._of_body(each.stepper) for each in self._shown]
         below = {name: [fitted(each[name], rows) for each in others] for name, rows in found.items()}
         return {name: np.concatenate([rows, *below[name]]) for name, rows in found.items()}
 

@@ -107,6 +107,10 @@ class Subject(Protocol):
 
     def control(self, actuator: int, value: float) -> None: ...
 
+    def look(self) -> Any:
+        """The picture of a Gymnasium environment (`live.Picture`)."""
+        ...
+
 
 class Order:
     """A request to a run."""
@@ -180,6 +184,14 @@ class Save(Order):
 @dataclasses.dataclass(frozen=True)
 class Undo(Order):
     """Go back to before the last intervention, forget it with all that followed, and pause there."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Look(Order):
+    """Ask for the picture of a Gymnasium environment, which comes as `Session.picture`."""
+
+    def check(self, session: Any) -> None:
+        check(session.setup.rendered, "look", session.name, "a Gymnasium environment that has a picture of its own")
 
 
 class Intervention(Order):

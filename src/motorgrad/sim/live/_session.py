@@ -22,6 +22,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad.policies import Policy, split
 from motorgrad.sim.live._branches import Branch
+from motorgrad.sim.live._foreign import Picture
 from motorgrad.sim.live._messages import Event, Order, Ready, Reply, Speed
 from motorgrad.sim.live._numbers import editable_numbers, write_numbers
 from motorgrad.sim.live._setup import Setup
@@ -57,6 +58,7 @@ class Session:
     - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
     - `period`: simulated seconds of a decision; `speed`: simulated seconds per second of wall time, as wanted.
     - `settings`: what `Edit` can change, by name, with its present value.
+    - `picture`: of a Gymnasium environment without a body, the answer to the last `Look`; `pictures`: how many came.
     - `log`: the last events, whether or not `events` has returned them.
     - `folders`: where a page may save and load policies: the working folder, and that of the run it began with.
 
@@ -69,6 +71,8 @@ class Session:
         self.folders = [Path.cwd(), *([] if setup.folder is None else [setup.folder])]
         self._events: deque[Event] = deque(maxlen=KEPT)
         self.log: deque[Event] = deque(maxlen=KEPT)
+        self.picture: Picture | None = None
+        self.pictures = 0
         self._ended = threading.Event()
         self._lock = threading.Lock()
         context = multiprocessing.get_context("spawn")
@@ -257,7 +261,10 @@ class Session:
         """Receive the worker's replies, so that it never waits."""
         with contextlib.suppress(EOFError, OSError):
             while True:
-                reply: Reply = self._pipe.recv()
+                reply: Reply | Picture = self._pipe.recv()
+                if isinstance(reply, Picture):
+                    self.picture, self.pictures = reply, self.pictures + 1
+                    continue
                 self.settings.update(reply.settings)
                 if reply.branches is not None:
                     self._branches = reply.branches

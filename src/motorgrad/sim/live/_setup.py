@@ -20,6 +20,7 @@ from motorgrad.bodies import BODIES, Body, Mjcf, Terrain, WrappedBody, compile_m
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._beside import Beside, beside_of
+from motorgrad.sim.live._foreign import look_of
 from motorgrad.sim.live._policy import load_policy, policy_of_run
 from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task
 from motorgrad.training import Run, check_training
@@ -166,6 +167,7 @@ class Setup:
     - `frozen`: whether to start without learning.
     - `model`: of the body in view, with the page's cameras; None for worlds in JAX.
     - `folder`: of the run whose policy is the first.
+    - `rendered`: whether it is a Gymnasium environment with a picture of its own, and no body.
     - `key`: the keyframe in which a bare model starts; −1 for its reference pose.
     - `label`: of the body, where others stand beside it; `beside`: those others, which act and do not learn.
     """
@@ -182,6 +184,7 @@ class Setup:
     key: int = 0
     label: str = "learning"
     beside: tuple[Beside, ...] = ()
+    rendered: bool = False
 
 
 def setup_of(
@@ -253,8 +256,9 @@ def _of_task(
         read: Any = policy_of_run if isinstance(run, Run) else load_policy
         initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
-    model = compile_model(staged.dynamics) if isinstance(staged, BodyTask) else None
-    return Setup(_title(staged), staged, asked.agent, seed, initial, memory, frozen, model, folder)
+    model, rendered = (compile_model(staged.dynamics), False) if isinstance(staged, BodyTask) else look_of(staged)
+    shown: Any = {"model": model, "rendered": rendered}
+    return Setup(_title(staged), staged, asked.agent, seed, initial, memory, frozen, folder=folder, **shown)
 
 
 def _title(task: Task) -> str:

@@ -22,6 +22,7 @@ from motorgrad.sim.live._learner import Learner
 from motorgrad.sim.live._messages import (
     Event,
     Intervention,
+    Look,
     Order,
     Pause,
     Play,
@@ -160,6 +161,9 @@ class Worker:
                 case Save():
                     subject.save(order.path)
                     text, kind = "" if order.quiet else f"policy saved to {order.path}", "saved"
+                case Look():
+                    self.pipe.send(subject.look())
+                    return
                 case Undo():
                     text = f"took back: {self._undo()}"
                 case BranchOrder():

@@ -21,12 +21,23 @@ import mujoco
 
 from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
+from motorgrad.sim.film import Viewpoint
 from motorgrad.sim.live import Session
 from motorgrad.sim.page._links import WATCHED, Links, Place, camera_named, link_element
 from motorgrad.sim.page._plots import PlotPages
 from motorgrad.sim.page._server import gated_server
-from motorgrad.sim.panels import ClickSelect, DragPush, Figures, FilmRecorder, Overlay, Panels, ReplayRecorder
-from motorgrad.sim.scene import Pose, Scene, View
+from motorgrad.sim.page._watching import watches
+from motorgrad.sim.panels import (
+    ClickSelect,
+    DragPush,
+    Figures,
+    FilmRecorder,
+    Overlay,
+    Panels,
+    ReplayRecorder,
+    SlowFilmRecorder,
+)
+from motorgrad.sim.scene import Pose, Scene, View, viewpoint_of
 
 HERE = "127.0.0.1"
 EVERYWHERE = ("0.0.0.0", "::")
@@ -84,7 +95,7 @@ class Page:
     def __init__(self, session: Session, host: str = HERE, port: int | None = None, wait: bool = True):
         check_port(host, port)
         self.session, self.host = session, host
-        self._recordings: list[FilmRecorder | ReplayRecorder] = []
+        self._recordings: list[FilmRecorder | SlowFilmRecorder | ReplayRecorder] = []
         self._gate = Gate(host, "`motorgrad sim`, or `page.url`,", watched=True)
         self._plots = PlotPages()
         self.server = gated_server(self._gate, host, PORT if port is None else port, session.name, self._plots)
@@ -226,13 +237,34 @@ class Page:
         if sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(self.url)
 
-    def record(self, path: Path | str, **settings: Any) -> FilmRecorder | ReplayRecorder:
+    def viewpoint(self, time: float | None = None) -> Viewpoint:
+        """The camera of the browser that came last and may drive: for films that show what it shows.
+
+        **Arguments:** `time`, which films give to a camera that moves, does not matter.
+
+        **Raises** `RuntimeError` where no such browser is there.
+
+        ```py
+        film = page.record("hop.mp4", camera=page.viewpoint)
+        ```
+        """
+        del time
+        clients = self.server.get_clients()
+        driving = [number for number in clients if not watches(self.server, number)]
+        if not driving:
+            raise RuntimeError("viewpoint: no browser shows this page")
+        return viewpoint_of(clients[max(driving)].camera)
+
+    def record(self, path: Path | str, **settings: Any) -> FilmRecorder | SlowFilmRecorder | ReplayRecorder:
         """Record the run from now on, until `stop` of what is returned, or `close`.
 
-        A path that ends in ".html" becomes a replay (`motorgrad.sim.panels.ReplayRecorder`), one in ".mp4" a film
-        (`motorgrad.sim.panels.FilmRecorder`, which has the `settings`).
+        A path that ends in ".html" becomes a replay (`motorgrad.sim.panels.ReplayRecorder`), one in ".mp4", ".gif" or
+        ".webp" a film (`motorgrad.sim.panels.FilmRecorder`, which has the `settings`: size, camera, plots, ground).
+        With `speed`, the film shows every decision at that speed, and is made when it ends
+        (`motorgrad.sim.panels.SlowFilmRecorder`).
         """
-        kind = ReplayRecorder if Path(path).suffix.lower() == ".html" else FilmRecorder
+        kind: Any = SlowFilmRecorder if "speed" in settings else FilmRecorder
+        kind = ReplayRecorder if Path(path).suffix.lower() == ".html" else kind
         recording = kind(self.session, path, **settings)
         self._recordings.append(recording)
         return recording

@@ -4,9 +4,9 @@ Each panel is a tab that adds its own elements and updates them. Panels do not k
 `Session` alone, and appear only where they apply.
 """
 
-from motorgrad.sim.panels._capture import FilmRecorder
 from motorgrad.sim.panels._clicks import ClickSelect
 from motorgrad.sim.panels._figures import Figures
+from motorgrad.sim.panels._film_recorder import FilmRecorder, SlowFilmRecorder
 from motorgrad.sim.panels._overlay import Overlay
 from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._panels import PANELS, Panels
@@ -23,5 +23,6 @@ __all__ = [
     "Panel",
     "Panels",
     "ReplayRecorder",
+    "SlowFilmRecorder",
     "notify",
 ]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import html
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._files import write_atomically
-from motorgrad.sim.film import Motion, muscle_colour, output_path
+from motorgrad.sim.film import MOST_LINES, Motion, Plot, muscle_colour, output_path
 from motorgrad.sim.film._motion import resample
 from motorgrad.sim.replay._packing import packed
 from motorgrad.sim.replay._recorded import recorded
@@ -26,40 +26,6 @@ if TYPE_CHECKING:
 LARGEST = 10_000_000
 """The largest replay, in bytes."""
 SLOWEST = 5.0  # frames per second, below which a motion is no longer seen
-MOST_LINES = 12  # in one plot; more cannot be told apart
-
-
-@dataclass(frozen=True, eq=False)
-class Plot:
-    """Numbers over time, drawn beside the bodies of a replay.
-
-    **Arguments:**
-
-    - `title`: what is shown, such as "reward".
-    - `time`: `(n,)` s on the clock of the motions, increasing.
-    - `values`: `(n, lines)` or `(n,)`; NaN leaves a gap. Of more than 12 lines, the 12 that vary most are drawn.
-    - `names`: of the lines; may be left out for one line.
-    - `unit`: such as "N"; "" for pure numbers.
-
-    **Raises:** `ValueError` where shapes disagree or time does not increase.
-    """
-
-    title: str
-    time: np.ndarray
-    values: np.ndarray
-    names: Sequence[str] = field(default=())
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        time, values = np.asarray(self.time, float), np.asarray(self.values, float)
-        values = values[:, None] if values.ndim == 1 else values
-        names = tuple(self.names) or (self.title,)
-        increasing = time.ndim == 1 and time.size > 0 and bool(np.all(np.diff(time) > 0))
-        check(increasing, f"time of the plot {self.title!r}", time.shape, "(n,) and increasing, n at least 1")
-        allowed = f"({time.size}, {len(names)}): as many rows as times, a column for each name"
-        check(values.shape == (time.size, len(names)), f"values.shape of {self.title!r}", values.shape, allowed)
-        for name, value in (("time", time), ("values", values), ("names", names)):
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The three-dimensional scene of TimSim's page and the cameras that look at it, drawn in the browser by viser."""
 
 from motorgrad.sim.scene._beside import BODY_COLOURS, main_reading
-from motorgrad.sim.scene._cameras import Cameras
+from motorgrad.sim.scene._cameras import Cameras, viewpoint_of
 from motorgrad.sim.scene._contacts import touches, weight_arrow
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._own import own, own_elements
@@ -20,6 +20,7 @@ __all__ = [
     "own",
     "own_elements",
     "touches",
+    "viewpoint_of",
     "weight_arrow",
     "with_unit",
 ]

@@ -15,7 +15,7 @@ import numpy as np
 import viser
 
 from motorgrad._errors import check
-from motorgrad.sim.film import camera_axes, ground_height, natural_angles
+from motorgrad.sim.film import Viewpoint, camera_axes, ground_height, natural_angles
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.scene._framing import Framing, History
 from motorgrad.sim.scene._own import own
@@ -235,6 +235,15 @@ def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
         return
     camera.position = place
     camera.look_at = target
+
+
+def viewpoint_of(camera: Any, aspect: float | None = None) -> Viewpoint:
+    """The viewpoint of a browser's camera; for a picture with this `aspect` (width over height) wide enough to show
+    what the browser shows.
+    """
+    place, target, up = (tuple(map(float, each)) for each in (camera.position, camera.look_at, camera.up_direction))
+    found = Viewpoint(place, target, float(np.clip(np.degrees(camera.fov), 1, 170)), up)  # type: ignore[arg-type]
+    return found if aspect is None else found.for_aspect(camera.aspect, aspect)
 
 
 ORBIT, WALK, FOLLOW = "Orbit", "Walk", "Follow"

@@ -178,5 +178,10 @@ class Layer:
         """viser's handles of what can be dragged, and the geom of each of their copies."""
         return []
 
+    def renew(self, pose: Pose) -> int:
+        """A number that changes where something is to be drawn although the moment is the same; called every frame."""
+        del pose
+        return 0
+
     def draw(self, pose: Pose) -> None:
         """Show the present moment; called only where the layer applies and is shown."""

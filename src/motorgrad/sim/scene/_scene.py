@@ -15,6 +15,7 @@ from motorgrad.sim.scene._beside import Labels
 from motorgrad.sim.scene._bodies import Bodies, JointAxes, Meshes, Sites, Targets
 from motorgrad.sim.scene._cameras import Cameras, GroundAt
 from motorgrad.sim.scene._contacts import Balance, Contacts
+from motorgrad.sim.scene._environment import EnvironmentPicture
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._muscles import Muscles
 from motorgrad.sim.scene._own import own
@@ -36,7 +37,17 @@ class Scene:
 
     def __init__(self, layers: list[Layer] | None = None) -> None:
         usual = [Sky(), Ground(), Bodies(), Meshes(), Muscles(), Contacts(), Balance(), Sites(), JointAxes(), Labels()]
-        usual += [Targets(), Plane(), PlaneUnits(), States(), MotoneuronPool(), Trail(), Ghost(), ScaleBar()]
+        usual += [
+            Targets(),
+            Plane(),
+            PlaneUnits(),
+            States(),
+            MotoneuronPool(),
+            EnvironmentPicture(),
+            Trail(),
+            Ghost(),
+            ScaleBar(),
+        ]
         self.layers = usual if layers is None else layers
         self._drawn: tuple[object, ...] = ()
 
@@ -71,7 +82,9 @@ class Scene:
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Show the present moment atomically; nothing is sent where nothing has changed."""
         active = [layer for layer in self.layers if layer.applies and layer.shown]
-        moment = (snapshot.decision, snapshot.reset_count, len(snapshot.position), pose.edits, *map(id, active))
+        renewed = [layer.renew(pose) for layer in active]
+        moment = (snapshot.decision, snapshot.reset_count, len(snapshot.position), pose.edits, *renewed)
+        moment = (*moment, *map(id, active))
         if moment == self._drawn:
             return
         self._drawn = moment

@@ -111,6 +111,11 @@ class EnvironmentBatch:
     def unpack(self) -> Callable[[Any], EnvironmentState]:
         return functools.partial(_unpack, self._size, len(self.info))
 
+    @property
+    def environments(self) -> Sequence["gymnasium.Env"]:
+        """The environments, one for each seed. They are others after `restore`."""
+        return self._environments
+
     def snapshot(self) -> dict[str, np.ndarray]:
         """The environments as bytes, empty if they cannot be saved, and the packed rows."""
         write = {"data": write_state, "pickle": serialize}.get(self.saved_as, lambda environment: b"")

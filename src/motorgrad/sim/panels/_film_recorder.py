@@ -1,0 +1,405 @@
+"""Films of a run as it goes on: as it is seen now, in the time of the clock, or every decision, in slow motion."""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from motorgrad._errors import check, unknown
+from motorgrad._files import check_writable
+from motorgrad.sim.film import (
+    ENDINGS,
+    GAP,
+    Ground,
+    Painter,
+    Plot,
+    PlotStrip,
+    Viewpoint,
+    caption,
+    check_picture,
+    output_path,
+    rate_of,
+    write_film,
+    write_frames,
+)
+from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.panels._motion_recorder import PLOTS, MotionRecorder, trail_plots
+from motorgrad.sim.plane import PlanePicture, has_local_units
+from motorgrad.sim.scene import Pose
+
+FPS, WIDTH, HEIGHT = 30.0, 640, 480
+RENEW = 0.5  # s between two drawings of the plots beside a film
+RECENT = 8.0  # s of simulated time that they show
+ROOM = 400_000_000  # bytes of the pictures of a GIF or WebP, which are kept until it ends
+CURVE = "learning curve"
+CHOICES = (*PLOTS, CURVE)
+"""What can be plotted beside a film."""
+Looking = str | float | Viewpoint | Callable[[float], Viewpoint] | None
+
+
+class FilmRecorder:
+    """Films a session from now on, in wall time, until it is stopped.
+
+    MuJoCo's renderer paints the present moment `fps` times a second, with muscles as in all films of this library but
+    without multisampling. A moment that takes too long to paint is shown for longer, so that a film lasts as long as
+    what it shows. The video is H.264 (x264), preset "veryfast", constant rate factor 20, 4:2:0. A GIF or WebP repeats
+    for ever, and is kept in memory until it ends, by itself when it has 400 MB: after 14 s at 640 × 480. If an
+    untrained body is shown at the start, both bodies are filmed. The plane of a particle can be filmed too.
+
+    **Arguments:**
+
+    - `session`; `path`, ending in ".mp4", ".webp" or ".gif"; `fps`: frames per second.
+    - `width` and `height` of each body's picture, in pixels, even; with a viewpoint, of one picture with all bodies.
+    - `camera`: as of `motorgrad.sim.write_film`; a function is given the simulated time, so that with `page.viewpoint`
+      the film shows what the browser shows.
+    - `ground`: "marked", or "plain" for an even one.
+    - `plots`: what is drawn beside the bodies: "reward", "activations", "contact forces", "learning curve". What the
+      session does not have is left out.
+    - `titles`: whether name and time stand above the bodies.
+
+    **Attributes:** `path`; `frames` of the film; `painted`: how many of them were painted; `busy`: seconds spent
+    painting.
+
+    **Raises** `ValueError` for a session that cannot be filmed, or a file that cannot be written; `stop` raises any
+    later error.
+
+    ```py
+    film = FilmRecorder(session, "run.mp4")
+    film.stop()
+    ```
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: str | os.PathLike[str],
+        *,
+        fps: float = FPS,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        camera: Looking = None,
+        ground: Ground = "marked",
+        plots: Sequence[str] = (),
+        titles: bool = True,
+    ) -> None:
+        self.path = _checked(path, fps, width, height, camera, ground, plots, session)
+        self._session, self._fps = session, rate_of(self.path, fps)
+        self._look = width, height, camera, ground, titles
+        painting = painting_of(session)
+        if painting is None:
+            raise ValueError(f"{session.name}: has neither a body nor local units, so there is nothing to film")
+        self._painting = painting
+        self._strip = _LiveStrip(session, plots, height) if plots else None
+        self.frames = self.painted = 0
+        self.busy = 0.0
+        self._stop = threading.Event()
+        self._failed: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="motorgrad sim film", daemon=True)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether it is filming."""
+        return self._thread.is_alive()
+
+    @property
+    def seconds(self) -> float:
+        """How long the film is so far."""
+        return self.frames / self._fps
+
+    def stop(self) -> None:
+        """End the film and wait until its file is complete. A second call does nothing."""
+        self._stop.set()
+        self._thread.join()
+        failed, self._failed = self._failed, None
+        if failed is not None:
+            raise failed
+
+    def _run(self) -> None:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            painting = self._painting(self._session, self._session.snapshot(), *self._look)
+            try:
+                first = self._paint(painting)
+                size = (first.shape[1], first.shape[0])
+                most = math.inf if self.path.suffix.lower() == ".mp4" else ROOM // first.nbytes
+                write_frames(self.path, self._pictures(painting, most), size, self._fps)
+            finally:
+                painting.close()
+        except Exception as error:  # raised by `stop`, in the caller's thread
+            self._failed = error
+
+    def _paint(self, painting: Painting) -> np.ndarray:
+        picture = painting.paint(self._session.snapshot())
+        if self._strip is None:
+            return picture
+        gap = np.full((len(picture), GAP, 3), 255, np.uint8)
+        return np.concatenate([picture, gap, self._strip.paint()], axis=1)
+
+    def _pictures(self, painting: Painting, most: float) -> Iterator[np.ndarray]:
+        begin = time.monotonic()
+        while not self.frames or (not self._stop.is_set() and self.frames < most):
+            since = time.monotonic()
+            try:
+                picture = self._paint(painting)
+            except RuntimeError:
+                if self._session.ended:  # the film ends with the run
+                    return
+                raise
+            self.busy += time.monotonic() - since
+            self.painted += 1
+            due = max(self.frames + 1, math.floor((time.monotonic() - begin) * self._fps))
+            for _ in range(due - self.frames):
+                yield picture
+            self.frames = due
+            self._stop.wait(max(0.0, begin + self.frames / self._fps - time.monotonic()))
+
+
+class SlowFilmRecorder:
+    """Films every decision of a session's body from now on; the film is made when it is stopped.
+
+    The film runs at a speed of its own whatever that of the run is, so that slow motion is smooth. At most 120
+    simulated seconds are kept.
+
+    **Arguments:** as of `FilmRecorder`; `speed`: simulated seconds per second of film, above 0; 0.25 is slow motion.
+
+    **Attributes:** `path`; `seconds` recorded, of simulated time; `done`: the share of the film that is made.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        path: str | os.PathLike[str],
+        *,
+        speed: float,
+        fps: float = FPS,
+        width: int = WIDTH,
+        height: int = HEIGHT,
+        camera: Looking = None,
+        ground: Ground = "marked",
+        plots: Sequence[str] = (),
+    ) -> None:
+        self.path = _checked(path, fps, width, height, camera, ground, plots, session)
+        check(math.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
+        self._look: dict[str, Any] = {"fps": fps, "width": width, "height": height, "ground": ground, "speed": speed}
+        self._session, self._camera, self._plots = session, camera, plots
+        self._seen: list[tuple[float, Viewpoint]] = []
+        self._recorder = MotionRecorder(session)
+        self.done, self._stop = 0.0, threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="motorgrad sim camera", daemon=True)
+        self._thread.start()
+
+    @property
+    def seconds(self) -> float:
+        """Simulated seconds recorded so far."""
+        return self._recorder.seconds
+
+    @property
+    def running(self) -> bool:
+        """Whether it is recording."""
+        return self._recorder.running
+
+    def stop(self) -> None:
+        """End the recording and make the film. A second call does nothing."""
+        if self._stop.is_set():
+            return
+        self._stop.set()
+        self._thread.join()
+        motion, seconds, found = self._recorder.stop()
+        camera: Looking = self._camera
+        if callable(camera):
+            path = sorted(self._seen, key=lambda each: each[0])
+            when = np.array([moment for moment, _ in path])
+            rows = np.array([[*v.position, *v.target, *v.up, v.field_of_view] for _, v in path])
+
+            def moved(at: float) -> Viewpoint:
+                moment = np.interp(at, motion.time, seconds)
+                x = [float(np.interp(moment, when, column)) for column in rows.T]
+                return Viewpoint((x[0], x[1], x[2]), (x[3], x[4], x[5]), x[9], (x[6], x[7], x[8]))
+
+            camera = moved
+
+        plots = [found[name] for name in self._plots if name in found]
+        write_film(motion, self.path, camera=camera, plots=plots, progress=self._note, **self._look)
+
+    def _note(self, made: int, of: int) -> None:
+        self.done = made / of
+
+    def _watch(self) -> None:
+        """Keep where a moving camera is at every moment."""
+        while callable(self._camera) and not self._session.ended:
+            moment = self._session.snapshot().seconds
+            self._seen.append((moment, self._camera(moment)))
+            if self._stop.wait(1 / FPS):
+                return
+
+
+class _LiveStrip:
+    """The plots beside a film of a run that goes on."""
+
+    def __init__(self, session: Session, names: Sequence[str], height: int) -> None:
+        self._session, self._names, self._height = session, names, height
+        self._strip: PlotStrip | None = None
+        self._due = 0.0
+
+    def paint(self) -> np.ndarray:
+        """The picture of the present moment."""
+        now = time.monotonic()
+        if now >= self._due:
+            self._due = now + RENEW
+            plots = self._present()
+            if self._strip is None:
+                self._strip = PlotStrip(plots, self._height)
+            else:
+                self._strip.show(plots)
+        assert self._strip is not None
+        return self._strip.at(math.nan)
+
+    def _present(self) -> list[Plot]:
+        session, trail = self._session, self._session.trail()
+        end = session.snapshot().seconds
+        recent = trail.seconds > end - RECENT
+        shown = type(trail)(*(column[recent] for column in trail))
+        known = trail_plots(session, shown, shown.seconds) if recent.any() else {}
+        curve = session.curve() if session.agent is not None else None
+        if curve is not None and len(curve.seconds) > 1:
+            name = next((each for each in ("return", *session.readings) if each in curve.values), "reward")
+            known[CURVE] = Plot(f"{CURVE}: {name}", curve.seconds, curve.values[name])
+        found = [known[name] for name in self._names if name in known]
+        return found or [Plot("nothing yet", np.array([end]), np.array([np.nan]))]
+
+
+class Painting(Protocol):
+    """Paints pictures of a session's moments. Use it from one thread only."""
+
+    def __init__(
+        self,
+        session: Session,
+        snapshot: Snapshot,
+        width: int,
+        height: int,
+        camera: Looking,
+        ground: Ground,
+        titles: bool,
+    ) -> None: ...
+
+    def paint(self, snapshot: Snapshot) -> np.ndarray:
+        """The picture `(height, width, 3)`, uint8."""
+        ...
+
+    def close(self) -> None:
+        """Free the resources of the graphics driver."""
+
+
+class _Bodies(Painting):
+    """Pictures of the bodies side by side; with a viewpoint, one picture with all of them, as on the page."""
+
+    def __init__(
+        self,
+        session: Session,
+        snapshot: Snapshot,
+        width: int,
+        height: int,
+        camera: Looking,
+        ground: Ground,
+        titles: bool,
+    ) -> None:
+        self._pose = Pose(session.model)
+        self._camera: Any = camera
+        self._together = callable(camera) or isinstance(camera, Viewpoint)
+        count = 1 if self._together else len(snapshot.position)
+        model: Any = copy.copy(session.model)
+        model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
+        look: Any = {"width": width, "height": height, "camera": None if callable(camera) else camera}
+        self._painters = [Painter(model, ground=ground, **look) for _ in range(count)]
+        self._labels = snapshot.labels if count > 1 else (session.name,)
+        self._canvas = np.full((height, count * (width + GAP) - GAP, 3), 255, np.uint8)
+        self._width, self._titles = width, titles
+
+    def paint(self, snapshot: Snapshot) -> np.ndarray:
+        self._pose.place(snapshot)
+        marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
+        pose, clock = self._pose, f"{snapshot.seconds:.2f} s" if self._titles else ""
+        viewpoint: Any = self._camera(snapshot.seconds) if callable(self._camera) else None
+        beside = []
+        if self._together:
+            others = zip(pose.bodies[1:], pose.activation[1:], pose.offset[1:], strict=True)
+            beside = [(data.qpos, activation, shift) for data, activation, shift in others]
+        shown = zip(self._painters, pose.bodies, pose.activation, self._labels, marks, strict=False)
+        for index, (painter, data, activation, label, marked) in enumerate(shown):
+            left = index * (self._width + GAP)
+            label = label if self._titles else ""
+            picture = painter.paint(data.qpos, activation, label, clock, marked, viewpoint, beside)
+            self._canvas[:, left : left + self._width] = picture
+        return self._canvas.copy()
+
+    def close(self) -> None:
+        for painter in self._painters:
+            painter.close()
+
+
+class _Plane(Painting):
+    """Pictures of a particle's plane with the units of its policy."""
+
+    def __init__(
+        self,
+        session: Session,
+        snapshot: Snapshot,
+        width: int,
+        height: int,
+        camera: Looking,
+        ground: Ground,
+        titles: bool,
+    ) -> None:
+        del camera, ground
+        self._session, self._titles = session, titles
+        side = min(width, height)
+        self._picture = PlanePicture(session.task, session.policy(snapshot.parameters[0]), side)
+        self._canvas = np.full((height, width, 3), 255, np.uint8)
+        self._corner = (height - side) // 2, (width - side) // 2
+
+    def paint(self, snapshot: Snapshot) -> np.ndarray:
+        policy = self._session.policy(snapshot.parameters[0])
+        if policy is not None:
+            drawn = self._picture.paint(policy, self._session.trail().position[:, :2])
+            top, left = self._corner
+            self._canvas[top : top + len(drawn), left : left + len(drawn)] = drawn
+        if not self._titles:
+            return self._canvas.copy()
+        return caption(self._canvas, self._session.name, f"{snapshot.decision:,}")
+
+
+def painting_of(session: Session) -> type[Painting] | None:
+    """What paints a session: its bodies, or the plane of a particle with local units; None for any other."""
+    if session.model is not None:
+        return _Bodies
+    policy = session.policy(session.snapshot().parameters[0])
+    return _Plane if has_local_units(session.task, policy) else None
+
+
+def _checked(
+    path: str | os.PathLike[str],
+    fps: float,
+    width: int,
+    height: int,
+    camera: Looking,
+    ground: str,
+    plots: Sequence[str],
+    session: Session,
+) -> Path:
+    found = output_path(path, *ENDINGS)
+    check_writable("path", found)
+    check(math.isfinite(fps) and 0 < fps <= 120, "fps", fps, "above 0, at most 120")
+    check_picture([] if session.model is None else [session.model], width, height, camera, ground)
+    for name in plots:
+        if name not in CHOICES:
+            raise unknown("plot", name, CHOICES)
+    return found
