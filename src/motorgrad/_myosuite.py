@@ -1,4 +1,7 @@
-"""MyoSuite's environments, where the extra is installed."""
+"""MyoSuite's environments and models, where the extra is installed."""
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
 
 import functools
 import re
@@ -34,6 +37,47 @@ def ids() -> list[str]:
 
     register()
     return sorted(name for name in gymnasium.registry if is_of_myosuite(name))
+
+
+def models() -> list[str]:
+    """The names of the models that come with MyoSuite without an environment, such as `myofullbody`: none where it is
+    missing or too old."""
+    try:
+        from myo_sim.build.compose import MODEL_REGISTRY  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        return []
+    return sorted(MODEL_REGISTRY)
+
+
+def description(name: str) -> Any:
+    """The `mujoco.MjSpec` of an environment of MyoSuite, by its id, or of a model, by its name.
+
+    **Raises:** `ValueError` for anything else, and where MyoSuite is missing.
+    """
+    if name in models():
+        return _model(name)
+    if not is_of_myosuite(name):
+        raise unknown("environment or model of MyoSuite", name, [*ids(), *models()])
+    try:
+        return environment(name)._mj_spec
+    except (OSError, RuntimeError) as error:  # some environments download a motion
+        raise ValueError(f"MyoSuite cannot make {name!r}: {' '.join(str(error).split())}") from None
+
+
+def _model(name: str) -> Any:
+    """The description of a model, without the repeated classes of defaults that MuJoCo writes and refuses to read."""
+    import mujoco
+    from myo_sim.build import compose  # pyright: ignore[reportMissingImports]
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        given: Any = compose.build_spec(name)
+        text = compose.sanitize_spec_xml(given.to_xml(), asset_dir=str(compose.ROOT), model=given.compile())
+    spec: Any = mujoco.MjSpec.from_string(text)
+    files = {each.file for each in (*spec.meshes, *spec.textures) if each.file}
+    spec.assets = {file: (compose.ROOT / file).read_bytes() for file in files}
+    spec.meshdir = spec.texturedir = ""  # not a place on this machine
+    return spec
 
 
 @functools.lru_cache(maxsize=32)

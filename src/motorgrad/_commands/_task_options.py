@@ -83,10 +83,12 @@ def changes_from_task(task: Task, agent: Agent, preset: str | None, steps: int) 
 def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     """The task's name, from the command line or from a file, and the other arguments.
 
-    The file of options may be a run's own `config.toml`: its table `run` holds options. `--task FILE` names the file of
-    a task alone.
+    The file of options may be a run's own `config.toml`: its table `run` holds options. `--task FILE`, or a first word
+    that ends in ".toml", names the file of a task alone.
     """
     word, rest = pop_option("task", given.rest)
+    if word is None and rest and _is_file(rest[0]):
+        word, *rest = rest
     if word is not None:
         check(not rest or rest[0].startswith("-"), "--task", word, f"left out, as the command names {rest[:1]}")
         check("task" not in given.table, "--task", word, f"left out, as {given.file} has a task")
@@ -110,6 +112,15 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     except (ValueError, RunDirectoryError) as error:
         raise ValueError(f"{given.file}: {error}") from None
     return name or named, given._replace(table=values, rest=rest)
+
+
+def is_task_word(word: str) -> bool:
+    """Whether a first word names a task: by its name, as a file, or as the id of a Gymnasium environment."""
+    return word in TASKS or _is_file(word) or _is_environment(word)
+
+
+def _is_file(word: str) -> bool:
+    return not word.startswith("-") and word.lower().endswith(".toml")
 
 
 def _is_environment(word: str) -> bool:

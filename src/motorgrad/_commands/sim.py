@@ -10,24 +10,26 @@ from typing import Any, ClassVar, Literal
 
 from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._side_by_side import bodies, gathered
-from motorgrad._commands._task_options import command_with_learner, split_task
+from motorgrad._commands._task_options import command_with_learner, is_task_word, split_task
 from motorgrad._errors import check, unknown
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._gate import LOCAL
+from motorgrad._myosuite import is_of_myosuite
 from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES
 from motorgrad.sim import live
 from motorgrad.sim.film import ENDINGS
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
 from motorgrad.sim.planet import Planet
-from motorgrad.tasks import TASKS
+from motorgrad.tasks import TASKS, Composed
 from motorgrad.training import agent_table, load, saved_config
 
-USAGE = """usage: motorgrad sim TASK | BODY | MODEL.xml | --task FILE | --run RUN | --config SCENE [options]
+USAGE = """usage: motorgrad sim TASK | TASK.toml | BODY | MODEL.xml | MYOSUITE-ID | --run RUN | --config SCENE [options]
 
-Watch a body, its muscles and its learner live in the browser. They run in a process of their own. A task learns, a body
-or an MJCF file is simulated without a learner, and a run continues from its learned policy.
+Watch a body, its muscles and its learner live in the browser. They run in a process of their own. A task learns: one of
+the library, a file of a composed one, or MyoSuite's. A body or an MJCF file is simulated without a learner, which you
+may then start on the page. A run continues from its learned policy.
 
 Several bodies stand side by side: seeds of a run (--run RUN --seeds 0 3 5), two runs (--run A --run B), and any other
 policy beside a learner (--beside before=untrained PPO=ppo.zip). They act in step.
@@ -70,6 +72,10 @@ class Options:
     """Open the page in the browser, where there is a screen."""
     trust: bool = False
     """Run code that the run directory or the scene file names: the module of its task."""
+    motion: Path | None = None
+    """Play this stored motion of a model (.mot, .sto, .csv, .npz or .npy), by the names of its joints."""
+    motion_partial: bool = False
+    """Play it although joints have no column, or columns are not of this model."""
     record: Path | None = None
     """Record the simulation from its start to this file: a film (.mp4, .gif, .webp), or a replay (.html)."""
     seconds: float | None = None
@@ -144,7 +150,8 @@ def prepared(arguments: list[str]) -> tuple[live.Setup, Any]:
         for name in ("run", "autosave", "seeds", "beside", "runs_beside"):
             value = getattr(options, name)
             check(value is None or value == (), name, str(value), "left out with a model, which has no learner")
-        setup = _with_file_name(given, lambda: live.setup_of(model, stage=place.stage, planet=place.planet))
+        rest = {"planet": place.planet, "motion": options.motion, "partial": options.motion_partial}
+        setup = _with_file_name(given, lambda: live.setup_of(model, stage=place.stage, **rest))
     else:
         options = _learner_options(given, scene)
         setup = _with_file_name(given, lambda: _setup(options, place))
@@ -173,6 +180,7 @@ def _setup(options: Any, place: Place) -> Any:
             check(frozen, "frozen", frozen, why)
             agent = live.acting(known, seed)
     saved = options.autosave if options.autosave and options.autosave.exists() else None
+    check(options.motion is None, "motion", str(options.motion), "left out with a task: give its model")
     rest = {"frozen": frozen, "stage": place.stage, "planet": place.planet, "beside": beside, "label": label}
     return live.setup_of(options.task, agent, seed, run=options.run or saved, **rest)
 
@@ -182,7 +190,8 @@ def _show(setup: Any, options: Options) -> int:
     until = math.inf if options.seconds is None else time.monotonic() + options.seconds
     print(f"{setup.name}: starting …", file=sys.stderr)
     # a model that nobody drives would fall before anyone has seen it
-    playing = not options.paused and (setup.task is not None or options.record is not None)
+    moving = setup.task is not None or setup.motion is not None or options.record is not None
+    playing = not options.paused and moving
     with (
         live.Session(setup, playing=playing, speed=options.pace, wait=False) as session,
         Page(session, options.host, options.port, wait=False) as page,
@@ -197,20 +206,20 @@ def _show(setup: Any, options: Options) -> int:
         save = None if options.autosave is None else live.Save(str(options.autosave), quiet=True)
         saved = time.monotonic()
         try:
-            while time.monotonic() < until and not session.ended:
+            while time.monotonic() < until and not page.session.ended:
                 time.sleep(min(0.2, max(0.0, until - time.monotonic())))
                 if save is not None and time.monotonic() > saved + options.autosave_every:
-                    session.order(save)
+                    page.session.order(save)
                     saved = time.monotonic()
         except KeyboardInterrupt:
             print(f"{setup.name}: ended", file=sys.stderr)
         finally:
-            if save is not None and not session.ended:
-                session.order(save)
+            if save is not None and not page.session.ended:
+                page.session.order(save)
             if film is not None:
                 film.stop()
                 print(f"{'replay' if film.path.suffix == '.html' else 'film'}: {film.path}")
-        if session.ended:
+        if page.session.ended:
             raise RuntimeError(page.last_words)
     return 0
 
@@ -237,13 +246,21 @@ def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, 
             check(model is None, "the first word", word, f"left out, as {given.file} says what is shown")
             model, rest = (Path(word) if live.is_path(word) else word), rest[1:]
             scene["model" if live.is_path(word) else "body"] = str(model)
-        elif word not in TASKS:
-            raise unknown("task, body or file (.xml)", word, {*TASKS, *BODIES}, registered=True)
+        elif not is_task_word(word) or is_of_myosuite(word.removeprefix(live.MYOSUITE)):
+            named = live.named_subject(word)
+            if isinstance(named, Composed):  # an environment of MyoSuite that is rebuilt
+                check("task" not in values, "the first word", word, f"left out, as {given.file} has a task")
+                values["task"], rest = table(named), [Composed.name, *rest[1:]]
+            elif named is word:
+                raise unknown("task, body or file (.xml, .toml)", word, {*TASKS, *BODIES}, registered=True)
+            else:
+                scene["body"] = model = word
+                rest = rest[1:]
     return place, model, scene, given._replace(table=values, rest=rest)
 
 
 def _body(word: str) -> str:
-    if word not in BODIES:
+    if word not in BODIES and live.named_subject(word) is word:
         raise unknown("body", word, BODIES)
     return word
 

@@ -10,7 +10,19 @@ MuJoCo, matplotlib, JAX and ffmpeg load with the first picture.
 """
 
 from motorgrad.sim._view import view
-from motorgrad.sim.film import Drawing, Film, Motion, Painter, Viewpoint, draw, gl_problem, still, write_film
+from motorgrad.sim.film import (
+    Drawing,
+    Film,
+    Motion,
+    Painter,
+    Viewpoint,
+    draw,
+    gl_problem,
+    read_activations,
+    read_motion,
+    still,
+    write_film,
+)
 from motorgrad.sim.plane import (
     Course,
     DrawnPaths,
@@ -46,6 +58,8 @@ __all__ = [
     "film_learning",
     "gl_problem",
     "occupancy",
+    "read_activations",
+    "read_motion",
     "still",
     "trajectories",
     "view",

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from motorgrad.bodies import Body
     from motorgrad.learning import Agent
+    from motorgrad.sim.film import Motion
     from motorgrad.sim.live import Stage
     from motorgrad.sim.page import Page
     from motorgrad.sim.planet import Planet
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def view(
-    task: Task | Body | mujoco.MjModel | Path | str,
+    task: Task | Body | mujoco.MjModel | mujoco.MjSpec | Path | str,
     agent: Agent | Mapping[str, Any] | None = None,
     *,
     seed: int | Sequence[int] = 0,
@@ -30,6 +31,7 @@ def view(
     frozen: bool = False,
     stage: Stage | None = None,
     planet: Planet | None = None,
+    motion: Motion | Path | str | None = None,
     playing: bool | None = None,
     speed: float = 1.0,
     host: str = "127.0.0.1",
@@ -41,8 +43,9 @@ def view(
 
     **Arguments:**
 
-    - `task`: a task or its name; or, without a learner, a body or its name (`"arm"`), a MuJoCo model, or the path of
-      an MJCF file.
+    - `task`: a task or its name, the file of a composed one (.toml), or the id of one that `motorgrad.tasks.myosuite`
+      rebuilds; or, without a learner, a body or its name (`"arm"`), a MuJoCo model or description, the path of an MJCF
+      file, another id of MyoSuite, or one of its models, such as `"myofullbody"`.
     - `agent`: the learner, or changes of the learner that goes with the task; by default that learner itself.
     - `seed`: of the random numbers; with a `run`, which of its seeds, or several of them side by side. Several act and
       do not learn.
@@ -55,7 +58,9 @@ def view(
     - `stage`: gravity, physics step, terrain and cameras (`motorgrad.sim.live.Stage`).
     - `planet`: a round world (`motorgrad.sim.planet.Planet`), for a task on level ground whose body is free to move,
       such as `"hexapod"`.
-    - `playing`: whether it starts at once; by default a learner does, and a model waits in its keyframe for Play.
+    - `motion`: a stored motion of the model, or its file (see `motorgrad.sim.read_motion`), which is played.
+    - `playing`: whether it starts at once; by default a learner and a motion do, and a model waits in its keyframe for
+      Play.
     - `speed`: simulated seconds per second, at least 0.05; `math.inf` for as fast as possible.
     - `host`, `port`: where the page listens. Other machines reach a host other than 127.0.0.1; whoever knows the whole
       address can drive the simulation. The default port is 8080, or the next free one.
@@ -86,9 +91,10 @@ def view(
     first, label, others = side_by_side(run, seed, beside)
     frozen = frozen or bool(label)
     given = {"run": run, "frozen": frozen, "stage": stage, "planet": planet, "beside": others, "label": label}
-    setup = setup_of(task, agent, first, **given)
+    setup = setup_of(task, agent, first, motion=motion, **given)
     warn_of(host)
-    playing = setup.task is not None if playing is None else playing
+    moving = setup.task is not None or setup.motion is not None
+    playing = moving if playing is None else playing
     check(wait or record is None, "record", record, "left out without wait: call `page.record` after `page.ready()`")
     session = Session(setup, playing=playing, speed=speed, wait=False)
     try:

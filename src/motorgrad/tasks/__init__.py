@@ -19,6 +19,7 @@ from motorgrad.tasks._particle import (
 )
 from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
 from motorgrad.tasks._registry import TASKS, load, make, settings_in
+from motorgrad.tasks._suggestions import suggestions
 from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome, scale_action
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
@@ -86,6 +87,7 @@ __all__ = [
     "scale_action",
     "settings_in",
     "spacing_error",
+    "suggestions",
     "synergy_matrix",
     "terms",
 ]

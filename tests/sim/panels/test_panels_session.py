@@ -48,7 +48,7 @@ def test_panels_that_do_not_apply_do_not_appear(server, hopping, legged):
         "Policy",
         "Capture",
     ]
-    assert list(panels_of(server, legged).panels) == ["Run", "Body", "Joints", "Muscles", "Capture"]
+    assert list(panels_of(server, legged).panels) == ["Run", "Motion", "Body", "Joints", "Muscles", "Capture"]
     assert is_hexapod(compile_model(Hexapod()))
     assert not is_hexapod(hopping.model)
     assert not is_hexapod(None)
@@ -64,7 +64,7 @@ def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping
             try:
                 columns = panel.numbers()
             except NotImplementedError:
-                assert panel.title in ("Body", "Capture")
+                assert panel.title in ("Motion", "Body", "Capture")
                 continue
             rows = list(csv.reader(io.StringIO(csv_of(columns).decode())))
             assert len(rows) > 3
@@ -124,8 +124,8 @@ def test_a_fault_of_ours_is_not_taken_for_the_users(server, legged):
 def test_a_bare_models_muscles_are_driven_by_hand(server, legged):
     muscles = panels_of(server, legged).panels["Muscles"]
     muscles._which.value = legged.muscles[2]
-    muscles._drive.value = 0.75
-    muscles._control(types.SimpleNamespace(client=object()))
+    muscles._drive._slider.value = 0.75
+    muscles._drive._control(types.SimpleNamespace(client=object()))
     assert until(lambda: legged.snapshot().control[0, 2] == pytest.approx(0.75))
     legged.order(Pause())
     assert until(lambda: not legged.snapshot().playing)

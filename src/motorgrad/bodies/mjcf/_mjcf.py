@@ -16,7 +16,7 @@ from typing import Any, Literal
 import mujoco
 
 from motorgrad._errors import check, check_positive, unknown
-from motorgrad._myosuite import environment
+from motorgrad._myosuite import description
 from motorgrad._settings import check_fields
 from motorgrad.bodies._body import Actuator, to_mjcf
 from motorgrad.bodies.mjcf._to_hill import to_hill
@@ -29,7 +29,7 @@ from motorgrad.bodies.muscles._muscle import Muscle
 BUNDLED = {"arm6": Path(__file__).with_name("arm6.xml")}
 """Models that come with the library, by name."""
 MYOSUITE = "myosuite:"
-"""What precedes the id of an environment of MyoSuite, whose model is meant."""
+"""What precedes the id of an environment of MyoSuite, whose model is meant, or the name of a model."""
 _SHOWN = 60  # characters of a document in its representation
 _UNNAMED = ("joint", "tendon", "actuator", "sensor")
 
@@ -46,8 +46,9 @@ class Mjcf:
     **Arguments:**
 
     - `source`: the path of an MJCF or URDF file, with its meshes and textures beside it; the document itself, as text;
-      a `mujoco.MjSpec`; `"arm6"`, a two-joint arm with six muscles that comes with the library; or the model of an
-      environment of MyoSuite, where that is installed, such as `"myosuite:myoFingerPoseRandom-v0"`. Text and
+      a `mujoco.MjSpec`; `"arm6"`, a two-joint arm with six muscles that comes with the library; or, where MyoSuite is
+      installed, the model of one of its environments, `"myosuite:myoFingerPoseRandom-v0"`, or one of its models by
+      name, such as `"myosuite:myolegs"` or `"myosuite:myofullbody"`. Text and
       descriptions are kept as they are, with the files that they name, so that a run with such a body needs no other
       file. A path is kept as an absolute path, with a checksum; a model of MyoSuite by its name, with a checksum.
     - `start`: the keyframe in which simulations start; by default the first, or the model's reference pose where it has
@@ -193,10 +194,10 @@ class Mjcf:
 
 
 @functools.lru_cache(maxsize=32)
-def _of_myosuite(env_id: str) -> Mjcf:
+def _of_myosuite(name: str) -> Mjcf:
     with warnings.catch_warnings():  # MuJoCo warns of parts that MyoSuite attached without a prefix
         warnings.simplefilter("ignore")
-        return Mjcf(environment(env_id)._mj_spec)
+        return Mjcf(description(name))
 
 
 def _checksum(body: Mjcf | None) -> str:

@@ -33,7 +33,8 @@ from motorgrad.sim.film._film import (
 )
 from motorgrad.sim.film._framing import Outline, bounding_box, camera_axes, natural_angles, visible_geoms
 from motorgrad.sim.film._gl import Ground, gl_problem
-from motorgrad.sim.film._motion import Motion
+from motorgrad.sim.film._motion import Motion, resample
+from motorgrad.sim.film._motion_file import read_activations, read_motion
 from motorgrad.sim.film._painter import Painter, caption, check_picture
 from motorgrad.sim.film._plots import MOST_LINES, Plot, PlotStrip
 from motorgrad.sim.film._scenery import nice_step
@@ -72,6 +73,9 @@ __all__ = [
     "nice_step",
     "output_path",
     "rate_of",
+    "read_activations",
+    "read_motion",
+    "resample",
     "still",
     "tendon_activation",
     "texture_of",

@@ -10,6 +10,7 @@ session.close()
 
 from motorgrad.sim.live._beside import side_by_side
 from motorgrad.sim.live._branches import Alongside, Branch, Delete, Fork, Rename, Switch
+from motorgrad.sim.live._drive import PATTERNS, Drive, DriveRecorded, control_limits
 from motorgrad.sim.live._foreign import Picture
 from motorgrad.sim.live._messages import (
     Compare,
@@ -33,13 +34,25 @@ from motorgrad.sim.live._messages import (
 )
 from motorgrad.sim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, geom_of, owned
 from motorgrad.sim.live._policy import confined
-from motorgrad.sim.live._session import Session
-from motorgrad.sim.live._setup import Camera, Setup, Stage, acting, is_path, setup_of
+from motorgrad.sim.live._session import Session, succeed
+from motorgrad.sim.live._setup import (
+    MYOSUITE,
+    Camera,
+    Setup,
+    Stage,
+    acting,
+    is_path,
+    named_subject,
+    setup_of,
+    with_motion,
+)
 from motorgrad.sim.live._snapshot import MOST_BODIES, Curve, Snapshot, Trail
 
 __all__ = [
     "MOST_BODIES",
     "MUSCLE_FIELDS",
+    "MYOSUITE",
+    "PATTERNS",
     "WORLD",
     "Alongside",
     "Branch",
@@ -48,6 +61,8 @@ __all__ = [
     "Control",
     "Curve",
     "Delete",
+    "Drive",
+    "DriveRecorded",
     "Edit",
     "Event",
     "Fork",
@@ -75,10 +90,14 @@ __all__ = [
     "Undo",
     "acting",
     "confined",
+    "control_limits",
     "field_of",
     "geom_of",
     "is_path",
+    "named_subject",
     "owned",
     "setup_of",
     "side_by_side",
+    "succeed",
+    "with_motion",
 ]

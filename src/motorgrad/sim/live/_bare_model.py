@@ -10,6 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import install_muscle_callback
+from motorgrad.sim.live._drive import Driving, control_limits
 from motorgrad.sim.live._messages import Ready
 from motorgrad.sim.live._numbers import check_number, editable_numbers, write_numbers
 from motorgrad.sim.live._setup import Setup
@@ -27,7 +28,7 @@ class BareModel:
     """
 
     frozen = False
-    diverged = 0
+    diverged = horizon = 0
 
     def __init__(self, setup: Setup):
         self.labels = [setup.label]
@@ -43,6 +44,9 @@ class BareModel:
         sensors = [self.model.sensor(i) for i in range(self.model.nsensor)]
         feet = [each for each in sensors if each.type[0] == mujoco.mjtSensor.mjSENS_TOUCH]
         self._feet = [(each.name, int(each.adr[0])) for each in feet]
+        self._limits = control_limits(self.model)
+        self._drives: tuple[tuple[int, Driving], ...] = ()
+        """What drives actuators, each with the decision since when."""
         self.begin_again()
 
     def about(self) -> Ready:
@@ -54,6 +58,10 @@ class BareModel:
 
     def advance(self, ticks: int) -> None:
         for _ in range(ticks):
+            for since, each in self._drives:
+                rows = list(each.actuators)
+                low, high = self._limits[rows].T
+                self._data.ctrl[rows] = low + each.shares((self.tick - since) * self.period) * (high - low)
             mujoco.mj_step(self.model, self._data, self.substeps)
             self.tick += 1
             if self.tick == self._pushed_until:
@@ -90,16 +98,19 @@ class BareModel:
             "sensors": np.array(self._data.sensordata),
             "pushed": np.array(self._pushed_until),
             "settings": dict(self.settings),
+            "drives": self._drives,
         }
 
     def restore(self, state: Any) -> None:
         mujoco.mj_setState(self.model, self._data, state["physics"], STATE)
         np.copyto(self._data.sensordata, state["sensors"])
         self.tick, self._pushed_until = int(state["tick"]), int(state["pushed"])
+        self._drives = state["drives"]
         self._apply(state["settings"])
 
     def begin_again(self) -> None:
         self.tick = self._pushed_until = 0
+        self._drives = ()
         mujoco.mj_resetData(self.model, self._data)
         self._to_start()
 
@@ -116,7 +127,18 @@ class BareModel:
         low, high = self.model.actuator_ctrlrange[actuator]
         limited = bool(self.model.actuator_ctrllimited[actuator])
         check(not limited or low <= value <= high, "control", value, f"from {low:g} to {high:g}")
+        self._released((actuator,))
         self._data.ctrl[actuator] = value
+
+    def drive(self, order: Driving) -> None:
+        """Let an order drive actuators from now on, in place of what drives them so far."""
+        self._released(order.actuators)
+        self._drives = (*self._drives, (self.tick, order))
+
+    def _released(self, actuators: tuple[int, ...]) -> None:
+        """Take actuators away from what drives them."""
+        left = ((since, each.without(actuators)) for since, each in self._drives)
+        self._drives = tuple((since, each) for since, each in left if each is not None)
 
     def freeze(self, on: bool) -> None:
         self._refuse("freeze")

@@ -30,6 +30,8 @@ SKIPPED = ("action_period", "time_limit")
 class Learner:
     """One seed of a task's learner, in the engine of training; and the bodies beside it, which do not learn."""
 
+    horizon = 0
+
     def __init__(self, setup: Setup):
         assert setup.task is not None
         assert setup.agent is not None

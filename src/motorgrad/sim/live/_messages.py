@@ -42,10 +42,12 @@ class Subject(Protocol):
     - `labels`: of the bodies in view, the one that learns first.
     - `settings`: what can be edited, with its present value.
     - `diverged`: how often the simulation has broken down, and was set to its start.
+    - `horizon`: the decision up to which it is known from the start, as of a stored motion; 0 of what is simulated.
     """
 
     frozen: bool
     diverged: int
+    horizon: int
     settings: dict[str, float]
 
     @property

@@ -23,7 +23,7 @@ from jax.flatten_util import ravel_pytree
 from motorgrad.policies import Policy, split
 from motorgrad.sim.live._branches import Branch
 from motorgrad.sim.live._foreign import Picture
-from motorgrad.sim.live._messages import Event, Order, Ready, Reply, Speed
+from motorgrad.sim.live._messages import Edit, Event, Order, Ready, Reply, Speed
 from motorgrad.sim.live._numbers import editable_numbers, write_numbers
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import (
@@ -57,7 +57,8 @@ class Session:
     - `task`, `agent`: None for a model without a learner.
     - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
     - `period`: simulated seconds of a decision; `speed`: simulated seconds per second of wall time, as wanted.
-    - `settings`: what `Edit` can change, by name, with its present value.
+    - `settings`: what `Edit` can change, by name, with its present value; `started`: with its value at first.
+    - `successor`: another session, already running, that a page is to show in place of this one.
     - `picture`: of a Gymnasium environment without a body, the answer to the last `Look`; `pictures`: how many came.
     - `log`: the last events, whether or not `events` has returned them.
     - `folders`: where a page may save and load policies: the working folder, and that of the run it began with.
@@ -67,6 +68,7 @@ class Session:
 
     def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0, wait: bool = True):
         self.setup, self.name, self.speed = setup, setup.name, speed
+        self.successor: Session | None = None
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
         self.folders = [Path.cwd(), *([] if setup.folder is None else [setup.folder])]
         self._events: deque[Event] = deque(maxlen=KEPT)
@@ -99,7 +101,7 @@ class Session:
         told("starting a process for the simulation")
         ready = self._first(told)
         self.sizes: Sizes = ready.sizes
-        self.period, self.settings = ready.period, dict(ready.settings)
+        self.period, self.settings, self.started = ready.period, dict(ready.settings), dict(ready.settings)
         numbers = {} if self.model is None else editable_numbers(self.model)
         self._numbers = {name: number for name, number in numbers.items() if name in self.settings}
         self.observations, self.actions, self.muscles = ready.observations, ready.actions, ready.muscles
@@ -279,6 +281,27 @@ class Session:
     def _note(self, event: Event) -> None:
         self._events.append(event)
         self.log.append(event)
+
+
+def succeed(session: Session, setup: Setup, told: Callable[[str], object] = lambda _: None) -> Session:
+    """Start another run, with the numbers of the body that were edited by hand, and let the page of a session show it.
+
+    **Arguments:** `session` of the page; `setup` of what follows; `told`, as of `Session.wait_until_ready`.
+
+    **Raises** `ValueError` or `RuntimeError` where it cannot start; the page then stays as it is.
+    """
+    playing = setup.task is not None or setup.motion is not None
+    found = Session(setup, playing=playing, speed=session.speed, wait=False)
+    try:
+        found.wait_until_ready(told)
+        for name, value in session.settings.items():
+            if name.startswith("body.") and value != session.started[name] and name in found.settings:
+                found.order(Edit(name, value))
+    except BaseException:
+        found.close()
+        raise
+    session.successor = found
+    return found
 
 
 @contextlib.contextmanager

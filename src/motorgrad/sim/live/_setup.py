@@ -16,17 +16,23 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import BODIES, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
+from motorgrad._myosuite import is_of_myosuite, models
+from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.sim.film import Motion, read_motion
 from motorgrad.sim.live._beside import Beside, beside_of
 from motorgrad.sim.live._foreign import look_of
 from motorgrad.sim.live._policy import load_policy, policy_of_run
-from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task
+from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task, load, myosuite, myosuite_ids
 from motorgrad.training import Run, check_training
 
 if TYPE_CHECKING:
     from motorgrad.sim.planet import Planet
+
+
+MYOSUITE = "myosuite:"
+"""What precedes the id of an environment of MyoSuite whose model is meant, without its task."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +176,9 @@ class Setup:
     - `rendered`: whether it is a Gymnasium environment with a picture of its own, and no body.
     - `key`: the keyframe in which a bare model starts; −1 for its reference pose.
     - `label`: of the body, where others stand beside it; `beside`: those others, which act and do not learn.
+    - `body`: of which a bare model was made, so that tasks can be composed on it; None for a compiled model.
+    - `stage`: of the body.
+    - `motion`: a stored motion of a bare model, which is played instead of a simulation.
     """
 
     name: str
@@ -185,10 +194,13 @@ class Setup:
     label: str = "learning"
     beside: tuple[Beside, ...] = ()
     rendered: bool = False
+    body: Any = None
+    stage: Stage = dataclasses.field(default_factory=Stage)
+    motion: Motion | None = None
 
 
 def setup_of(
-    subject: Task | Body | mujoco.MjModel | Path | str,
+    subject: Task | Body | mujoco.MjModel | mujoco.MjSpec | Path | str,
     agent: Any = None,
     seed: int = 0,
     *,
@@ -198,13 +210,17 @@ def setup_of(
     planet: Planet | None = None,
     beside: Mapping[str, Any] | None = None,
     label: str = "",
+    motion: Motion | Path | str | None = None,
+    partial: bool = False,
 ) -> Setup:
     """The setup of a learner or of a model without one.
 
     **Arguments:**
 
-    - `subject`: a task or its name, for a learner; or a body or its name, a compiled MuJoCo model, or the path of an
-      MJCF file.
+    - `subject`: for a learner a task, its name, the file of a composed task (.toml), or the id of an environment of
+      MyoSuite that `motorgrad.tasks.myosuite` rebuilds; or a body or its name, a MuJoCo model or its description, the
+      path of an MJCF file, or the id of another environment of MyoSuite, whose model is meant, or the name of a model
+      of MyoSuite, such as `"myofullbody"`. `"myosuite:ID"` is the model of an environment without the task.
     - `agent`: as `motorgrad.train` takes it.
     - `seed`: of the learner, or of the run that it continues.
     - `run`: a run of the same task, its directory, or a saved policy (.npz): the first policy.
@@ -216,6 +232,8 @@ def setup_of(
       with a method `predict(observation)`, or such a function; or `"untrained"`. Actions are those of the task's
       Gymnasium environment. They act and do not learn.
     - `label`: of the body itself beside these, by default "learning", or "learned" where it starts `frozen`.
+    - `motion`: a stored motion of a model, or its file (`motorgrad.sim.read_motion`), to be played without a
+      simulation; `partial`: whether its columns and the joints may differ.
 
     **Raises** `ValueError` for anything else, for parts that do not fit together, and for a file that MuJoCo refuses.
 
@@ -223,7 +241,9 @@ def setup_of(
     session = live.Session(live.setup_of("hopper", seed=3))
     ```
     """
+    subject = named_subject(subject)
     if isinstance(subject, Task) or (isinstance(subject, str) and subject in TASKS):
+        check(motion is None, "motion", motion, "left out with a task, whose learner moves the body: give its model")
         found = _of_task(subject, agent, seed, run, frozen, stage or Stage(), planet)
         assert found.task is not None
         assert found.agent is not None
@@ -231,12 +251,36 @@ def setup_of(
         return dataclasses.replace(found, beside=others, label=label or ("learned" if frozen else "learning"))
     check(planet is None, "planet", planet, "left out where there is no task: only a learner walks on a planet")
     if isinstance(subject, str) and not is_path(subject) and subject not in BODIES:
-        raise unknown("task or body", subject, {*TASKS, *BODIES})
+        raise unknown("task or body", subject, {*TASKS, *BODIES, *BUNDLED})
     for name, value in (("agent", agent), ("run", run), ("beside", beside)):
         check(value is None, name, value, "left out where there is a model but no task")
-    known = isinstance(subject, Path | str | mujoco.MjModel) or hasattr(subject, "spec")
+    known = isinstance(subject, Path | str | mujoco.MjModel | mujoco.MjSpec) or hasattr(subject, "spec")
     check(known, "task", subject, "a task, a body, a MuJoCo model, or the path of one")
-    return _of_model(subject, stage or Stage())
+    found = _of_model(subject, stage or Stage())
+    return found if motion is None else with_motion(found, motion, partial)
+
+
+def with_motion(setup: Setup, motion: Motion | Path | str, partial: bool = False) -> Setup:
+    """A bare model that plays a stored motion, or one in a file. **Raises** `ValueError` for one that does not fit."""
+    model: Any = setup.model
+    if not isinstance(motion, Motion):
+        motion = read_motion(motion, model, partial)
+    fits = motion.position.shape[1] == model.nq and motion.activation.shape[1] == model.nu
+    check(fits, "motion", f"of {motion.position.shape[1]} coordinates", f"of the model, which has {model.nq}")
+    return dataclasses.replace(setup, motion=dataclasses.replace(motion, model=model))
+
+
+def named_subject(subject: Any) -> Any:
+    """The task or body that a file or an id of MyoSuite stands for; anything else is returned as it is."""
+    if isinstance(subject, Path | str) and str(subject).lower().endswith(".toml"):
+        return load(subject)
+    if not isinstance(subject, str) or subject in TASKS or subject in BODIES:
+        return subject
+    if is_of_myosuite(subject):
+        return myosuite(subject) if subject in myosuite_ids() else Mjcf(f"{MYOSUITE}{subject}")
+    if subject.startswith("myo") and subject in models():
+        return Mjcf(f"{MYOSUITE}{subject}")
+    return Mjcf(subject) if subject in BUNDLED or subject.startswith(MYOSUITE) else subject
 
 
 def _of_task(
@@ -257,7 +301,7 @@ def _of_task(
         initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
     model, rendered = (compile_model(staged.dynamics), False) if isinstance(staged, BodyTask) else look_of(staged)
-    shown: Any = {"model": model, "rendered": rendered}
+    shown: Any = {"model": model, "rendered": rendered, "stage": stage}
     return Setup(_title(staged), staged, asked.agent, seed, initial, memory, frozen, folder=folder, **shown)
 
 
@@ -265,8 +309,14 @@ def _title(task: Task) -> str:
     """The name of a task, of the environment behind it, or of the body of a composed one."""
     if isinstance(task, Gymnasium):
         return task.env_id
-    name = task.body.spec().modelname if isinstance(task, Composed) else ""
+    name = _name_of(task.body) if isinstance(task, Composed) else ""
     return task.name if name in ("", "MuJoCo Model") else name  # MuJoCo's own name for a model without one
+
+
+def _name_of(body: Any) -> str:
+    """The name of a body: of MyoSuite the id, otherwise that in the description."""
+    source = str(getattr(body, "source", ""))
+    return source.removeprefix(MYOSUITE) if source.startswith(MYOSUITE) else body.spec().modelname
 
 
 def _of_model(subject: Any, stage: Stage) -> Setup:
@@ -277,11 +327,13 @@ def _of_model(subject: Any, stage: Stage) -> Setup:
         name, body = Path(subject).stem, Mjcf(Path(subject))
     else:
         body: Any = BODIES[subject]() if isinstance(subject, str) else subject
+        body = Mjcf(body) if isinstance(body, mujoco.MjSpec) else body  # type: ignore[arg-type]
         name = subject if isinstance(subject, str) else type(subject).__name__.lower()
+        name = _name_of(body) if isinstance(body, Mjcf) else name
     spec = body.spec()
     stage.put_into(spec)
     model = compile_model(spec)
-    return Setup(name, model=model, key=start_key(body, model))
+    return Setup(name, model=model, key=start_key(body, model), body=body, stage=stage)
 
 
 def acting(run: Run, seed: int) -> Agent:

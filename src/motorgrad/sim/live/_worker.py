@@ -35,6 +35,7 @@ from motorgrad.sim.live._messages import (
     Subject,
     Undo,
 )
+from motorgrad.sim.live._motion_player import MotionPlayer
 from motorgrad.sim.live._records import STRETCH, Records, SamplingBudget
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, Sample, SharedArrays, Tally, encoded, layout
@@ -109,7 +110,9 @@ class Worker:
 
     @staticmethod
     def _subject(setup: Setup) -> Subject:
-        return BareModel(setup) if setup.task is None else Learner(setup)
+        if setup.task is not None:
+            return Learner(setup)
+        return BareModel(setup) if setup.motion is None else MotionPlayer(setup)
 
     @property
     def labels(self) -> list[str]:
@@ -341,8 +344,8 @@ class Worker:
         """Go to a decision: restore the last state before it and repeat the decisions between."""
         subject, playback = self.subject, self.playback
         oldest = playback.history.oldest
-        if not oldest <= decision <= playback.end:
-            raise ValueError(f"decision = {decision}: must be from {oldest:,} to {playback.end:,}")
+        if not oldest <= decision <= self._newest:
+            raise ValueError(f"decision = {decision}: must be from {oldest:,} to {self._newest:,}")
         if playback.history.newest < subject.tick == playback.end:
             self._keep()  # so that coming back repeats nothing
         playback.rewind(decision)
@@ -369,6 +372,11 @@ class Worker:
         self.records.skip(decision)
         self._watched = None
         self._resets += 1
+
+    @property
+    def _newest(self) -> int:
+        """The last decision that the run can go to."""
+        return max(self.playback.end, self.subject.horizon)
 
     def _undo(self) -> str:
         """Go back to before the last intervention, pause there, and return its name."""
@@ -439,7 +447,7 @@ class Worker:
             "speed": self.clock.achieved(subject.tick),
             "reset_count": self._resets,
             "oldest": self.playback.history.oldest,
-            "newest": self.playback.end,
+            "newest": self._newest,
             "bodies": len(sample["position"]),
         }
         with self._shared["moment"].writing() as arrays:

@@ -25,7 +25,7 @@ from motorgrad.sim.film import Viewpoint
 from motorgrad.sim.live import Session
 from motorgrad.sim.page._links import WATCHED, Links, Place, camera_named, link_element
 from motorgrad.sim.page._plots import PlotPages
-from motorgrad.sim.page._server import gated_server
+from motorgrad.sim.page._server import clear, gated_server
 from motorgrad.sim.page._watching import watches
 from motorgrad.sim.panels import (
     ClickSelect,
@@ -101,8 +101,8 @@ class Page:
         self.server = gated_server(self._gate, host, PORT if port is None else port, session.name, self._plots)
         # a browser may disconnect between two messages
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-        self.server.gui.main_panel.dock_right()
+        self.overlay = Overlay()
+        self._dock()
         self._progress = self.server.gui.add_html("")
         self._stop, self._built, self._error = threading.Event(), threading.Event(), None
         self._thread = threading.Thread(target=self._begin, name="motorgrad sim page", daemon=True)
@@ -136,6 +136,24 @@ class Page:
             self._built.set()
         self._run()
 
+    def _dock(self) -> None:
+        """Give the panels their place."""
+        self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        self.server.gui.main_panel.dock_right()
+
+    def _succeed(self, session: Session) -> None:
+        """Show another session in place of the present one, which ends. Recordings end, too."""
+        old, self.session = self.session, session
+        for recording in self._recordings:
+            recording.stop()
+        self.panels.close()
+        clear(self.server)
+        self._dock()
+        self._build()
+        old.close()
+        for client in self.server.get_clients().values():
+            self._clicks.bring_forward(client, "Run" if session.task is None else "Learning")
+
     def _tell(self, words: str) -> None:
         """Say on the cover of the page what is going on; the page's script reads it from this element."""
         self._progress.content = f'<div class="motorgrad-progress">{html.escape(words)}</div>'
@@ -144,7 +162,7 @@ class Page:
         if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a file into the user's folder
             mujoco.set_mju_user_warning(log.debug)
         session = self.session
-        self.scene, self.panels, self.overlay = Scene(), Panels(), Overlay()
+        self.scene, self.panels = Scene(), Panels()
         self.failures, self.spent = 0, 0.0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
@@ -156,7 +174,8 @@ class Page:
             planet, ground_at = PlanetScene(), ground_finder(session.task, session.model, self._pose)
         self.view = View(self.scene, ground_at=ground_at)
         self.links = Links(self.view.cameras)
-        hands = DragPush(self.scene.draggable), ClickSelect(self.scene, self.panels), self.links
+        self._clicks = ClickSelect(self.scene, self.panels)
+        hands = DragPush(self.scene.draggable), self._clicks, self.links
         drawn = [self.scene, *([] if planet is None else [planet])]
         for part in (*drawn, self.panels, self.overlay, *hands):
             part.build(self.server, session)
@@ -292,7 +311,8 @@ class Page:
                 time.sleep(LAST)
             with contextlib.redirect_stdout(io.StringIO()):  # viser prints that it stopped
                 self.server.stop()
-            self.session.close()
+            for session in filter(None, (self.session, self.session.successor)):
+                session.close()
 
     def __enter__(self) -> Self:
         return self
@@ -312,6 +332,8 @@ class Page:
         due = time.perf_counter()
         while not self._stop.is_set():
             start = time.perf_counter()
+            if self.session.successor is not None:
+                self._guard("another run", self._succeed, self.session.successor)
             try:
                 snapshot = self.session.snapshot()
             except RuntimeError:  # the session is closed, or its worker died in the middle of a write

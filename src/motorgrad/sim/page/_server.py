@@ -84,6 +84,16 @@ def gated_server(gate: Gate, host: str, port: int, label: str, plots: PlotPages)
     return server
 
 
+def clear(server: viser.ViserServer) -> None:
+    """Remove all that stands on the page, in every browser, and what each new browser would be given."""
+    with server._client_lock:  # viser has no public way to take a callback back
+        server._client_connect_cb.clear()
+        server._client_disconnect_cb.clear()
+    for api in (*server.get_clients().values(), server):
+        api.gui.reset()
+        api.scene.reset()
+
+
 class _Front:
     """What stands before viser's server: the gate for handshakes and pages, and bounds for messages."""
 

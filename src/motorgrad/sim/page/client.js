@@ -109,18 +109,36 @@
     else byHand();
   });
 
+  // the server draws only the panels that some browser shows, and so is told which tab is in front
+  const setValue = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+  let field = null;
+  const tellTab = () => {
+    if (!field || !field.isConnected) field = document.querySelector('input[aria-label="Tab in front"]');
+    const tab = document.querySelector("[role=tab][aria-selected=true]");
+    if (!field || !tab) return;
+    const row = field.closest(".mantine-Flex-root");
+    if (row && row.style.display !== "none") row.style.display = "none";
+    const words = tab.textContent.trim();
+    if (field.value === words) return;
+    setValue.call(field, words);
+    field.dispatchEvent(new Event("input", { bubbles: true }));
+  };
+
   let due = false;
   const renew = () => {
     due = false;
     bringForward();
     nameInputs();
     overlay();
+    tellTab();
   };
   const later = () => {
     if (!due) { due = true; setTimeout(renew, 30); }
   };
   new MutationObserver(changes => {
     if (changes.some(change => !copy.contains(change.target))) later();
-  }).observe(document.body, { childList: true, subtree: true, characterData: true });
+  }).observe(document.body, {
+    childList: true, subtree: true, characterData: true, attributes: true, attributeFilter: ["aria-selected"],
+  });
   window.addEventListener("resize", later);
 })();

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -31,7 +32,7 @@ class ClickSelect:
     def __init__(self, scene: Scene, panels: Panels) -> None:
         self._scene, self._panels = scene, panels
         self._known: dict[int, Any] = {}
-        self._fronts: dict[int, tuple[Any, int]] = {}
+        self._fronts: dict[int, Any] = {}
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Remember the session, and forget browsers that have gone."""
@@ -69,7 +70,7 @@ class ClickSelect:
         def act(event: Any) -> None:
             copy = (event.instance_index or 0) % len(geoms)  # beyond: of the body beside, which has the same parts
             panel.choose(int(model.geom_bodyid[geoms[copy]]))
-            self._bring_forward(event.client, PartsPanel.title)
+            self.bring_forward(event.client, PartsPanel.title)
 
         return act
 
@@ -80,14 +81,17 @@ class ClickSelect:
             name = self._tendons.get(int(tendons[copy])) if 0 <= copy < len(tendons) else None
             if name is not None:
                 panel.choose(name)
-                self._bring_forward(event.client, MusclesPanel.title)
+                self.bring_forward(event.client, MusclesPanel.title)
 
         return act
 
-    def _bring_forward(self, client: Any, title: str) -> None:
+    def bring_forward(self, client: Any, title: str) -> None:
         """Bring a tab to the front in one browser; the page's script reads which from this element."""
-        element, count = self._fronts.get(client.client_id, (None, 0))
+        element = self._fronts.get(client.client_id)
         if element is None:
-            element = client.gui.add_html("")
-        self._fronts[client.client_id] = element, count + 1
-        element.content = f'<div class="motorgrad-front" data-count="{count + 1}">{html.escape(title)}</div>'
+            element = self._fronts[client.client_id] = client.gui.add_html("")
+        element.content = f'<div class="motorgrad-front" data-count="{next(_counts)}">{html.escape(title)}</div>'
+
+
+_counts = itertools.count(1)
+"""Numbers for calls, all different, by which browsers tell a new one from one that they have followed."""

@@ -12,9 +12,10 @@ import mujoco
 import numpy as np
 
 from motorgrad.sim.film import muscle_colour
-from motorgrad.sim.live import MUSCLE_FIELDS, Control, Event, Session, Snapshot, field_of, owned
+from motorgrad.sim.live import MUSCLE_FIELDS, Event, Session, Snapshot, field_of, owned
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._charts import FAINT, STRONG
+from motorgrad.sim.panels._drive import DriveFolder, MuscleFinder
 from motorgrad.sim.panels._muscle_law import Law
 from motorgrad.sim.panels._panel import Numbers, Panel, brief, columns_of, table
 from motorgrad.sim.panels._settings_form import SettingsForm
@@ -137,6 +138,8 @@ def units_of(model: Any, actuator: int) -> tuple[str, str]:
     return "m", "N"
 
 
+SHOWN = 40
+"""Muscles in the diagram of activations at a time."""
 ARMS = 3  # joints whose moment arm is shown
 
 
@@ -152,6 +155,9 @@ class MusclesPanel(Panel):
 
     def fill(self, gui: Any) -> None:
         session = self.session
+        self._pose: Pose | None = None
+        self._finder = MuscleFinder(self, self._levels)
+        self._finder.fill(gui)
         self._raster = gui.add_html("")
         self._which = gui.add_dropdown("Muscle", tuple(session.muscles), initial_value=session.muscles[0])
         self._summary = gui.add_html("")
@@ -163,21 +169,25 @@ class MusclesPanel(Panel):
             first = max(session.muscles, key=lambda name: len(self._settings_of(name)))
             self._form.fill(gui, self._settings_of(first))
             self._form.point_at(self._settings_of(self._which.value))
-        self._drive: Any = None
-        if session.task is None:
-            low, high = self._limits()
-            self._drive = gui.add_slider("Drive", low, high, step=(high - low) / 200, initial_value=low)
-            self._drive.on_update(self.guarded(self._control))
+        self._drive = DriveFolder(self, self._finder, lambda: self._chosen) if session.task is None else None
+        if self._drive is not None and session.setup.motion is None:
+            self._drive.fill(gui)
         self._which.on_update(self._select)
-        self._pose: Pose | None = None
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         self._pose = pose
         trail, row = self.session.trail(), self._chosen
-        names = self.session.muscles
-        self._raster.content = draw_raster(
-            trail.seconds, self._share(trail.activation), names, self.session.period, row
-        )
+        rows, names = self._finder.rows(), self.session.muscles
+        told = tuple(names[each] for each in rows) or tuple(names)
+        if told != self._which.options and (self._which.value in told or self._finder.narrowed):
+            self._which.options = told  # which chooses the first where the present one is not among them
+            row = self._chosen
+        seen = rows[:SHOWN]
+        mark = seen.index(row) if row in seen else -1
+        level = self._share(trail.activation)[:, seen]
+        named = [names[each] for each in seen]
+        shown = draw_raster(trail.seconds, level, named, self.session.period, mark) if seen else ""
+        self._raster.content = shown + self._finder.note(len(seen))
         if not pose.bodies:
             return
         data, law = pose.bodies[0], Law(self.model, row)
@@ -241,20 +251,15 @@ class MusclesPanel(Panel):
         if self._editable:
             self._form.point_at(self._settings_of(self._which.value))
         if self._drive is not None:
-            low, high = self._limits()
-            now = float(self.session.snapshot().control[0, self._chosen])
-            self._drive.min, self._drive.max, self._drive.step = low, high, (high - low) / 200
-            self._drive.value = float(np.clip(now, low, high))
+            self._drive.follow()
         self.renew()
 
-    def _limits(self) -> tuple[float, float]:
-        model, row = self.model, self._chosen
-        low, high = model.actuator_ctrlrange[row].tolist()
-        return (low, high) if model.actuator_ctrllimited[row] and high > low else (-1.0, 1.0)
-
-    def _control(self, event: Any) -> None:
-        if event.client is not None:
-            self.order(Control(self._chosen, float(self._drive.value)))
+    def _levels(self, force: bool) -> np.ndarray:
+        """The forces in N or N·m, or the activations, of all actuators `(nu,)`."""
+        pose = self._pose
+        if pose is None or not pose.bodies:
+            return np.zeros(len(self.session.muscles))
+        return pose.bodies[0].actuator_force if force else pose.activation[0]
 
 
 def _fresh() -> Range:

@@ -133,6 +133,7 @@ class Overlay:
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the element that browsers copy onto the scene."""
         self._server, self._session = server, session
+        self._arrows, self._content, self._due = {}, "", 0.0
         self._handle = server.gui.add_html("", order=1e6)
 
     def add_switch(self) -> None:

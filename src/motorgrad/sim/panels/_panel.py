@@ -75,8 +75,8 @@ class Panel:
     """A tab of the page. A subclass adds its elements in `fill`, updates them in `show`, and may return the numbers
     behind them from `numbers`.
 
-    **Attributes:** `title` of the tab; `rate` of updates in Hz. Nothing is drawn without a
-    browser or without a change.
+    **Attributes:** `title` of the tab; `rate` of updates in Hz; `hidden`: whether no browser shows the tab. Nothing is
+    drawn without a browser, without a change, or while it is hidden.
     """
 
     title: ClassVar[str]
@@ -87,6 +87,7 @@ class Panel:
 
     def __init__(self) -> None:
         self._due, self._seen = 0.0, ()
+        self.hidden = False
         self.spent = 0.0
         """Seconds spent drawing in all."""
 
@@ -113,7 +114,7 @@ class Panel:
         """Update what is shown, if it is due and anything has changed."""
         now = time.monotonic()
         seen = (snapshot.decision, snapshot.reset_count, snapshot.playing, snapshot.frozen, len(snapshot.position))
-        if now < self._due or seen == self._seen or not self.server.get_clients():
+        if self.hidden or now < self._due or seen == self._seen or not self.server.get_clients():
             return
         self._due, self._seen = now + 1 / self.rate, seen
         self.show(snapshot, pose)

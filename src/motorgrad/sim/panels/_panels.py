@@ -11,7 +11,9 @@ from motorgrad.sim.live import Event, Session, Snapshot
 from motorgrad.sim.panels._capture import CapturePanel
 from motorgrad.sim.panels._gait import GaitPanel
 from motorgrad.sim.panels._joints import JointsPanel
+from motorgrad.sim.panels._learn import LearnPanel
 from motorgrad.sim.panels._learning import LearningPanel
+from motorgrad.sim.panels._motion import MotionPanel
 from motorgrad.sim.panels._muscles import MusclesPanel
 from motorgrad.sim.panels._network import NetworkPanel
 from motorgrad.sim.panels._panel import Panel, notify
@@ -23,6 +25,8 @@ from motorgrad.sim.scene import Pose
 PANELS: tuple[type[Panel], ...] = (
     RunPanel,
     LearningPanel,
+    LearnPanel,
+    MotionPanel,
     PartsPanel,
     JointsPanel,
     MusclesPanel,
@@ -41,6 +45,30 @@ NOTIFIED = {
 }
 
 
+FIELD = "Tab in front"
+"""The label of the hidden field by which a browser's page tells its tab."""
+
+
+class TabsInFront:
+    """Which tab each browser shows, as its page tells in a hidden field; a client that does not tell may show any."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server, self._titles = server, dict[int, str]()
+        server.on_client_connect(self._ask)
+        server.on_client_disconnect(self._forget)
+
+    def shows(self, title: str) -> bool:
+        """Whether a browser may show this tab."""
+        return any(self._titles.get(client, title) == title for client in self._server.get_clients())
+
+    def _ask(self, client: Any) -> None:
+        field = client.gui.add_text(FIELD, "", order=2e6)
+        field.on_update(lambda event: self._titles.__setitem__(client.client_id, event.target.value))
+
+    def _forget(self, client: Any) -> None:
+        self._titles.pop(client.client_id, None)
+
+
 class Panels:
     """The tabs of a page: those of `PANELS` that apply to its session.
 
@@ -57,6 +85,7 @@ class Panels:
     def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the tabs to the open container."""
         self._server, self._session = server, session
+        self._fronts = TabsInFront(server)
         self.tabs = server.gui.add_tab_group()
         for kind in PANELS:
             if kind.applies(session):
@@ -68,7 +97,8 @@ class Panels:
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Show the present moment; each panel limits its own rate."""
         self._tell(self._session.events())
-        for panel in self.panels.values():
+        for title, panel in self.panels.items():
+            panel.hidden = not self._fronts.shows(title)
             panel.update(snapshot, pose)
 
     def close(self) -> None:

@@ -113,6 +113,7 @@ class ScaleBar(Layer):
     def __init__(self) -> None:
         super().__init__()
         self._label: Any = None
+        self._at: tuple[float, ...] = ()
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self._scene = server.scene
@@ -123,6 +124,9 @@ class ScaleBar(Layer):
     def draw(self, pose: Pose) -> None:
         long = nice_step(0.7 * pose.size)
         middle = np.round(pose.centre[:2] / long) * long  # it stands still while the body moves by less than its length
+        if (*middle, pose.edits) == self._at:
+            return
+        self._at = (*middle, pose.edits)
         aside = np.array([*middle, 0.0]) - (0.0, 0.3 * pose.size, 0.0)
         height = ground_height(pose.model, pose.bodies[0], aside[None])
         low = pose.middle[2] - 0.5 * pose.size if height is None else float(height[0])

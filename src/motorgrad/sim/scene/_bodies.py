@@ -26,7 +26,7 @@ from motorgrad.sim.scene._geometry import (
     smooth_shaded,
     textured_glb,
 )
-from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._layer import Layer, MeshPool, place_nodes, sent_colour, unchanging
 from motorgrad.sim.scene._pose import Pose
 
 TINT, TINT_SHARE = (1.0, 0.62, 0.0), 0.65  # of the part that is chosen
@@ -61,7 +61,8 @@ class Bodies(Layer):
         model = session.model
         if model is None:
             return
-        self._colours, self._edits = geom_colours(model), 0
+        self._colours, self._looks = geom_colours(model), (-1, -1)
+        self._copies: list[tuple[Any, ...]] = []
         for kind, shape, pieces in unit_pieces(model):
             self._pieces[kind] = pieces
             for clear in (False, True):
@@ -81,15 +82,25 @@ class Bodies(Layer):
 
     def draw(self, pose: Pose) -> None:
         assert pose.model is not None
-        if pose.edits != self._edits:  # sizes may have changed; the number of copies does not
-            self._edits = pose.edits
-            self._pieces = {kind: pieces for kind, _, pieces in unit_pieces(pose.model)}
-        colours = tinted(pose.model, self._colours, self.chosen)
-        for pool, kind, some in self._parts:
-            pieces = self._pieces[kind].take(some)
-            rgba = colours[pieces.geom]
+        looks = (pose.edits, self.chosen)
+        if looks != self._looks:  # sizes may have changed; the number of copies does not
+            self._looks = looks
+            pieces = {kind: pieces for kind, _, pieces in unit_pieces(pose.model)}
+            colours = tinted(pose.model, self._colours, self.chosen)
+            self._copies = []
+            for _, kind, some in self._parts:
+                copies = pieces[kind].take(some)
+                rgba = colours[copies.geom]
+                self._copies.append(
+                    (copies, rgba, *map(unchanging, (copies.size, sent_colour(rgba[:, :3]), rgba[:, 3])))
+                )
+        for (pool, *_), (copies, rgba, size, colour, opacity) in zip(self._parts, self._copies, strict=True):
+            if len(pose.bodies) == 1:
+                place, turn, _ = placed_pieces(pose.bodies[0], pose.offset[0], copies)
+                pool.show(place, turn, size, colour, opacity)
+                continue
             rows = [
-                (*placed_pieces(data, offset, pieces), tinted_beside(rgba[:, :3], row), rgba[:, 3])
+                (*placed_pieces(data, offset, copies)[:2], size, tinted_beside(rgba[:, :3], row), opacity)
                 for row, (data, offset) in enumerate(zip(pose.bodies, pose.offset, strict=True))
             ]
             pool.show(*(np.concatenate(column) for column in zip(*rows, strict=True)))
@@ -157,7 +168,8 @@ class Meshes(Layer):
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self._frames: list[dict[int, Any]] = []
         self._nodes: list[tuple[Any, int]] = []
-        self._tinted = -1
+        self._placed: dict[int, np.ndarray] = {}
+        self._tinted, self._seen = -1, 0
         self._server, model = server, session.model
         if model is None:
             return
@@ -181,12 +193,15 @@ class Meshes(Layer):
                     node.color = tuple(map(int, 255 * tinted(pose.model, colours, self.chosen)[geom, :3]))
         while len(self._frames) < len(pose.bodies):
             self._add(pose.model, len(self._frames))
-        for frames, data, offset in zip(self._frames, pose.bodies, pose.offset, strict=False):
-            for part, frame in frames.items():
-                frame.position, frame.wxyz = data.xpos[part] + offset, data.xquat[part]
-        for row, frames in enumerate(self._frames):
-            for frame in frames.values():
-                frame.visible = row < len(pose.bodies)
+        for row, (data, offset) in enumerate(zip(pose.bodies, pose.offset, strict=True)):
+            handles = list(self._frames[row].values())
+            places = data.xpos[self._parts] + offset
+            self._placed[row] = place_nodes(handles, places, data.xquat[self._parts], self._placed.get(row))
+        if len(pose.bodies) != self._seen:
+            self._seen = len(pose.bodies)
+            for row, frames in enumerate(self._frames):
+                for frame in frames.values():
+                    frame.visible = row < self._seen
 
     def _add(self, model: mujoco.MjModel, row: int) -> None:
         """Add the nodes of one more body."""

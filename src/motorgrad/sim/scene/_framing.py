@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,6 +67,10 @@ class History:
         self._moments.append(now)
 
 
+CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+"""The corners of a box, `(8, 3)`, as signs."""
+
+
 class Framing:
     """The frame of a motion so far.
 
@@ -81,6 +85,8 @@ class Framing:
     def __init__(self, size: float, travels: bool) -> None:
         self._size, self._travels, self._count = size, travels, 0
         self.target, self.half = np.zeros(3), np.full(3, size / 2)
+        self._asked: tuple[Any, ...] = ()
+        self._needed = 0.0
 
     def see(self, moment: Moment) -> None:
         """Widen the frame for a moment; another number of bodies begins a new frame."""
@@ -101,10 +107,13 @@ class Framing:
         **Arguments:** `towards` `(3,)`: the direction from the target to the camera, which stands upright; `fov`: from
         the lower to the upper edge of the picture, in rad; `aspect`: width over height.
         """
-        near = towards / np.linalg.norm(towards)
-        right = np.cross([0.0, 0.0, 1.0], near)
-        right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-6 else np.array([1.0, 0.0, 0.0])
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        across, up, depth = (signs * self.half @ np.stack([right, np.cross(near, right), near]).T).T
-        slope = FILL * np.tan(fov / 2)
-        return float(np.max(depth + np.maximum(np.abs(up), np.abs(across) / aspect) / slope))
+        asked = (towards.tobytes(), self.half.tobytes(), fov, aspect)
+        if asked != self._asked:  # in most frames neither the range nor the view changes
+            near = towards / np.linalg.norm(towards)
+            right = np.cross([0.0, 0.0, 1.0], near)
+            right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-6 else np.array([1.0, 0.0, 0.0])
+            across, up, depth = (CORNERS * self.half @ np.stack([right, np.cross(near, right), near]).T).T
+            slope = FILL * np.tan(fov / 2)
+            self._needed = float(np.max(depth + np.maximum(np.abs(up), np.abs(across) / aspect) / slope))
+            self._asked = asked
+        return self._needed

@@ -6,11 +6,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 import viser
+from viser._messages import SetOrientationMessage, SetPositionMessage
 
 from motorgrad.sim.live import Session
 from motorgrad.sim.scene._geometry import Shape, identity_quaternions, quaternions_from_z
 from motorgrad.sim.scene._pose import Pose
 
+STILL = 1e-6  # m, and of a quaternion's number: less is no movement
 AWAY = 1e-6  # the size of an unused copy: invisible, but with an invertible matrix
 
 
@@ -58,15 +60,16 @@ class MeshPool:
     def show(
         self,
         position: np.ndarray,
-        turn: np.ndarray,
+        turn: np.ndarray | None,
         size: np.ndarray,
         colour: np.ndarray,
         opacity: np.ndarray | None = None,
     ) -> None:
         """Show as many copies as there are rows.
 
-        **Arguments:** `position` `(n, 3)`, quaternions `turn` `(n, 4)`, `size` `(n, 3)`, `colour` `(n, 3)` as RGB in
-        [0, 1], and `opacity` `(n,)` where copies have their own.
+        **Arguments:** `position` `(n, 3)`; quaternions `turn` `(n, 4)`, or None where copies are never turned; `size`
+        `(n, 3)`; `colour` `(n, 3)` as RGB in [0, 1], or as the bytes of `sent_colour`; and `opacity` `(n,)` where
+        copies have their own.
         """
         count = len(position)
         if count > self._room or self._handle is None:
@@ -75,24 +78,38 @@ class MeshPool:
             self._handle = self._add()
         room = self._room
         self._send("positions", _filled(position, (room, 3), 0.0))
-        self._send("wxyzs", _filled(turn, (room, 4), (1.0, 0.0, 0.0, 0.0)))
-        self._send("scales", _filled(size, (room, 3), AWAY))
-        self._send("colors", _filled(colour, (room, 3), 0.0))
-        if self._faded:
+        if turn is not None:
+            self._send("wxyzs", _filled(turn, (room, 4), (1.0, 0.0, 0.0, 0.0)))
+        if self._is_new("scales", size):
+            self._send("scales", _filled(size, (room, 3), AWAY))
+        if self._is_new("colors", colour):
+            colours = np.zeros((room, 3), np.uint8)
+            colours[:count] = colour if colour.dtype == np.uint8 else sent_colour(colour)
+            self._send("colors", colours)
+        if self._faded and (opacity is None or self._is_new("opacities", opacity)):
             self._send("opacities", _filled(np.ones(count) if opacity is None else opacity, (room,), 0.0))
 
+    def _is_new(self, name: str, values: np.ndarray) -> bool:
+        """Whether an array may differ from the one before: the same array, if it is `unchanging`, does not."""
+        known = values is self._given.get(name)
+        self._given[name] = None if values.flags.writeable else values
+        return not known
+
     def _send(self, name: str, values: np.ndarray) -> None:
-        """Set what has changed: viser takes much longer to find that nothing has."""
+        """Send what has changed. viser's own assignment converts and compares each array again, which takes longer than
+        all else here; so the array, which nobody changes any more, is given to what that calls in the end.
+        """
         if name not in self._sent or not np.array_equal(values, self._sent[name]):
             self._sent[name] = values
-            sent = np.round(255 * _linear(values)).astype(np.uint8) if name == "colors" else values
-            setattr(self._handle, f"batched_{name}", sent)
+            if not self._handle._impl.removed:
+                setattr(self._handle._impl.props, f"batched_{name}", values)
+                self._handle._queue_update(f"batched_{name}", values)
 
     def show_balls(self, position: np.ndarray, radius: Any, colour: Any, opacity: np.ndarray | None = None) -> None:
         """Show copies of a unit sphere; `radius` `(n,)` and `colour` `(n, 3)` may be the same for all."""
         count = len(position)
         size = np.broadcast_to(np.reshape(radius, (-1, 1)), (count, 3))
-        self.show(position, identity_quaternions(count), size, np.broadcast_to(colour, (count, 3)), opacity)
+        self.show(position, None, size, np.broadcast_to(colour, (count, 3)), opacity)
 
     def show_rods(
         self, start: np.ndarray, end: np.ndarray, radius: Any, colour: np.ndarray, opacity: np.ndarray | None = None
@@ -106,6 +123,7 @@ class MeshPool:
     def _add(self) -> Any:
         room, shape = self._room, self._shape
         self._sent: dict[str, np.ndarray] = {}
+        self._given: dict[str, np.ndarray | None] = {}
         return self._scene.add_batched_meshes_simple(
             self._name,
             shape.vertices,
@@ -119,6 +137,37 @@ class MeshPool:
             cast_shadow=self._shadow,
             visible=self._visible,
         )
+
+
+def unchanging(values: np.ndarray) -> np.ndarray:
+    """An array that nobody can change, so that a pool need not look at it twice."""
+    values = np.array(values)
+    values.flags.writeable = False
+    return values
+
+
+def sent_colour(colour: np.ndarray) -> np.ndarray:
+    """Colours as the bytes that are sent: RGB in linear light, which viser expects for batched copies only."""
+    return np.round(255 * _linear(np.nan_to_num(colour))).astype(np.uint8)
+
+
+def place_nodes(handles: list[Any], position: np.ndarray, turn: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+    """Move nodes that have moved, with one comparison for all of them.
+
+    **Arguments:** `handles`, viser's; `position` `(n, 3)`, quaternions `turn` `(n, 4)`; `before`: what this returned
+    for them last.
+
+    **Returns** the places, to be given the next time.
+    """
+    now = np.concatenate([position, turn], axis=1)
+    moved = np.arange(len(now)) if before is None else np.flatnonzero(np.any(np.abs(now - before) > STILL, axis=1))
+    now = now if before is None else np.where(np.isin(np.arange(len(now)), moved)[:, None], now, before)
+    for row in moved:
+        impl, values = handles[row]._impl, now[row].tolist()
+        impl.position[:], impl.wxyz[:] = values[:3], values[3:]
+        impl.api._queue_scene_message(SetPositionMessage(impl.name, tuple(values[:3])))
+        impl.api._queue_scene_message(SetOrientationMessage(impl.name, tuple(values[3:])))
+    return now
 
 
 def _linear(colour: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from motorgrad.bodies import hill_actuators
 from motorgrad.sim.film import muscle_colour, muscle_radius, muscle_width, tendon_activation
 from motorgrad.sim.live import Session
 from motorgrad.sim.scene._geometry import ball, tube
-from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._layer import Layer, MeshPool, sent_colour
 from motorgrad.sim.scene._pose import Pose
 
 ARC = 8  # straight segments of an arc
@@ -186,7 +186,7 @@ class Muscles(Layer):
             run = segments(model, data)
             level = tendon_activation(model, activation)
             thick = radius * muscle_width(tendon_tension(model, data.actuator_force))
-            colour, solid = muscle_colour(level), np.nan_to_num(level, nan=1.0)
+            colour, solid = sent_colour(muscle_colour(level)), np.nan_to_num(level, nan=1.0)
             fade = SILENT_OPACITY + (1 - SILENT_OPACITY) * solid
             of = run.tendon
             tendons.append(of)
