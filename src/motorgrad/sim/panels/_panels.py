@@ -20,7 +20,7 @@ from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._parts import PartsPanel
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
-from motorgrad.sim.scene import Pose
+from motorgrad.sim.scene import Pose, own
 
 PANELS: tuple[type[Panel], ...] = (
     RunPanel,
@@ -62,7 +62,7 @@ class TabsInFront:
         return any(self._titles.get(client, title) == title for client in self._server.get_clients())
 
     def _ask(self, client: Any) -> None:
-        field = client.gui.add_text(FIELD, "", order=2e6)
+        field = own(client.gui.add_text(FIELD, "", order=2e6))
         field.on_update(lambda event: self._titles.__setitem__(client.client_id, event.target.value))
 
     def _forget(self, client: Any) -> None:
