@@ -4,13 +4,18 @@
     python -m tools.myosuite learn elbow --learner sac   # a peer with its published settings, one seed
     python -m tools.myosuite learn hand --learner natural-network --run runs/hand   # hours: to be continued if stopped
     python -m tools.myosuite table                       # put the table of all that is stored into docs/myosuite.md
+    python -m tools.myosuite noise                       # how far noise of the muscles carries the hand's fingertips
 
 Each run is evaluated over 100 episodes with fresh targets, deterministic and drawn, and stored as one JSON file in
 `docs/data`, from which the table and the figure are made.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 import argparse
 import json
+import math
 import os
 import re
 import time
@@ -19,10 +24,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium
+import mujoco
 import numpy as np
 
 import motorgrad as mg
-from motorgrad._myosuite import register
+from motorgrad._myosuite import environment, register
 from motorgrad.training import agent_for, provenance
 
 ROOT = Path(__file__).parents[1]
@@ -215,8 +221,47 @@ def with_table(page: str) -> str:
     return re.sub(r"(<!-- table -->\n).*?(\n<!-- end -->)", lambda at: at[1] + table() + at[2], page, flags=re.DOTALL)
 
 
+def carried(deviation: float, autocorrelation: float, tones: int = 10, draws: int = 6, seed: int = 100) -> np.ndarray:
+    """How far noise of the muscles carries the fingertips of MyoSuite's hand, in m, at each of so many muscle tones.
+
+    The muscles act around a tone that is drawn once, by squashed units of this deviation and autocorrelation. The
+    distance is the deviation over the draws, as a root of summed squares over the fingertips like the task's, in the
+    second half of 0.8 s.
+    """
+    given, random = environment(TASKS["hand"][0]), np.random.default_rng(seed)
+    model, data = given.model, mujoco.MjData(given.model)
+    tips = [model.site(name).id for name in given.target_reach_range]
+    around = 0.7 * random.normal(size=(tones, model.nu))
+
+    def path(tone: np.ndarray) -> np.ndarray:
+        mujoco.mj_resetData(model, data)
+        noise, places = deviation * random.normal(size=model.nu), []
+        for _ in range(40):
+            fresh = deviation * random.normal(size=model.nu)
+            noise = autocorrelation * noise + math.sqrt(1 - autocorrelation**2) * fresh
+            data.ctrl[:] = 1 / (1 + np.exp(-5 * (np.tanh(tone + noise) - 0.5)))
+            mujoco.mj_step(model, data, given.frame_skip)
+            places.append(data.site_xpos[tips].ravel())
+        return np.array(places[20:])
+
+    paths = np.array([[path(tone) for _ in range(draws)] for tone in around])
+    return np.sqrt(paths.var(axis=1, ddof=1).sum(axis=-1).mean(axis=-1))
+
+
+def noise_table() -> str:
+    """How far noise of the muscles carries the hand's fingertips, in cm, median over tones and range, in Markdown."""
+    lags, deviations = (0.0, 0.8, 0.9), (0.1, 0.3, 1.0)
+    titles = ["autocorrelation", *(f"deviation {each:g}" for each in deviations)]
+    lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
+    for lag in lags:
+        found = [100 * carried(each, lag) for each in deviations]
+        cells = [f"{np.median(each):.1f} [{each.min():.1f} … {each.max():.1f}]" for each in found]
+        lines.append(f"| {lag:g} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def main(arguments: list[str] | None = None) -> None:
-    """Learn and store, or put the table into its page."""
+    """Learn and store, put the table into its page, or print how far noise carries."""
     parser = argparse.ArgumentParser(prog="python -m tools.myosuite", description=(__doc__ or "").partition("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True)
     learning = commands.add_parser("learn", help="train, evaluate and store")
@@ -229,9 +274,13 @@ def main(arguments: list[str] | None = None) -> None:
     learning.add_argument("--run", type=Path, default=None, help="directory of our run, which continues there")
     learning.add_argument("--out", type=Path, default=DATA)
     commands.add_parser("table", help="put the table into docs/myosuite.md")
+    commands.add_parser("noise", help="print how far noise of the muscles carries the hand's fingertips")
     given = parser.parse_args(arguments)
     if given.command == "table":
         PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+        return
+    if given.command == "noise":
+        print(noise_table())
         return
     steps, ours = given.steps or TASKS[given.task][1], given.learner in OURS
     seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 1))))
