@@ -79,6 +79,7 @@ def test_two_branches_stand_beside_each_other_and_share_their_plots(browser):
     with mg.sim.view(LEG, playing=False) as page, opened(browser) as (seen, _):
         session = page.session
         session.order(live.Step(200))
+        assert until(lambda: session.snapshot().decision == 200)
         session.order(live.Fork(decision=100))
         session.order(live.Control(0, 1.0))
         session.order(live.Step(100))
