@@ -1,13 +1,16 @@
 """The folder of branches: what it tells, and what is pressed there."""
 
+from pathlib import Path
+
 import mujoco
 import pytest
 from panel_studio import studio, until
 
-from conftest import LEG
 from motorgrad.sim import live
 from motorgrad.sim.live import Branch, Session, Setup
 from motorgrad.sim.panels._branches import branch_list
+
+LEG = Path(__file__).parents[1] / "leg.xml"
 
 
 def test_the_list_tells_name_fork_length_and_edits():
