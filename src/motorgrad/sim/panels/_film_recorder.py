@@ -36,7 +36,7 @@ from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
 
 FPS, WIDTH, HEIGHT = 30.0, 640, 480
-RENEW = 0.5  # s between two drawings of the plots beside a film
+RENEW = 1.0  # s between two drawings of the plots beside a film, each of which takes about 0.1 s for a plot
 RECENT = 8.0  # s of simulated time that they show
 ROOM = 400_000_000  # bytes of the pictures of a GIF or WebP, which are kept until it ends
 CURVE = "learning curve"
