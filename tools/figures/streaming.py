@@ -1,5 +1,7 @@
 """The learning curves of the streaming table, from its stored runs."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -46,7 +48,7 @@ def _figure(tasks: tuple[str, ...] | list[str], rows: int, columns: int) -> Figu
     spare = axes.flat[len(tasks) :]
     for panel in spare:
         panel.set_axis_off()
-    where = {"loc": "center"} if len(spare) else {"loc": "outside upper center", "ncols": 6}
+    where: dict[str, Any] = {"loc": "center"} if len(spare) else {"loc": "outside upper center", "ncols": 6}
     (spare[0] if len(spare) else figure).legend([named[name] for name in names], names, **where)
     return figure
 
