@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from page_clients import until
+from pictured import Lamp
 from PIL import Image
 
 import motorgrad as mg
@@ -279,4 +280,28 @@ def test_names_with_markup_are_shown_as_they_are(browser, tmp_path):
         assert seen.evaluate("window.pwned") is None
         assert seen.locator("img[onerror], script:text('pwned')").count() == 0
         assert not any(url.endswith("/x") for url in asked)
+        assert page.failures == 0
+
+
+@pytest.mark.slow
+@pytest.mark.ci
+def test_an_environment_s_picture_stands_upright_on_screen(browser):
+    """Its red corner above on the left, its blue one below on the right; and who watches sees no button."""
+    with mg.sim.view(mg.tasks.from_gymnasium(Lamp), playing=False) as page, opened(browser) as (seen, _):
+        seen.goto(page.read_only_url)
+        seen.locator("#motorgrad-cover").wait_for(state="detached")
+
+        def corner(channel):
+            picture = np.asarray(Image.open(io.BytesIO(seen.screenshot())).convert("RGB")).astype(int)
+            rest = picture.sum(axis=2) - picture[..., channel]
+            rows, columns = np.nonzero((picture[..., channel] > 120) & (rest < 120))
+            return (np.mean(columns), np.mean(rows)) if len(rows) > 30 else None
+
+        assert until(lambda: corner(0) is not None and corner(2) is not None)
+        (left, above), (right, below) = corner(0), corner(2)
+        assert left < right - 50
+        assert above < below - 50
+        seen.get_by_text("watching only").wait_for()
+        seen.get_by_text("simulated time", exact=True).wait_for()
+        assert seen.get_by_role("button", name="Play").count() == 0
         assert page.failures == 0

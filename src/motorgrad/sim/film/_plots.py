@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.sim.film._appearance import FIRING
 
 MOST_LINES = 12  # in one plot; more cannot be told apart
 
@@ -108,14 +109,23 @@ def _fill(axes: Any, plot: Plot, letters: float) -> None:
     spread = np.nanmax(plot.values, axis=0, initial=-np.inf) - np.nanmin(plot.values, axis=0, initial=np.inf)
     chosen = np.sort(np.argsort(-np.nan_to_num(spread, neginf=0.0), kind="stable")[:MOST_LINES])
     step = max(1, -(-len(plot.time) // LONGEST))
-    for line in chosen:
-        axes.plot(plot.time[::step], plot.values[::step, line], linewidth=1.0, label=plot.names[line])
+    shown = plot.values[::step, chosen]
+    shares = len(chosen) > 1 and not plot.unit and np.nanmin(shown) >= 0 and np.nanmax(shown) <= 1
+    if shares and len(plot.time) > 1:  # such as activations, whose lines would hide one another: a row for each
+        from matplotlib.colors import LinearSegmentedColormap
+
+        span = (plot.time[0], plot.time[-1], len(chosen) - 0.5, -0.5)
+        colours = LinearSegmentedColormap.from_list("muscles", ["white", tuple(FIRING)])
+        axes.imshow(shown.T, cmap=colours, vmin=0, vmax=1, extent=span, aspect="auto", interpolation="nearest")
+        axes.set_yticks(range(len(chosen)), [plot.names[line][:9] for line in chosen])
+    else:
+        axes.plot(plot.time[::step], shown, linewidth=1.0, label=[plot.names[line] for line in chosen])
+        axes.locator_params(nbins=4)  # text takes most of the time
+        if 1 < len(chosen) <= 4:
+            axes.legend(fontsize=letters - 1, frameon=False, loc="upper left", ncols=2, handlelength=1.2)
     unit = f" ({plot.unit})" if plot.unit else ""
     axes.set_title(f"{plot.title}{unit}", fontsize=letters + 0.5, loc="left", color=INK, pad=3)
     axes.tick_params(labelsize=letters - 0.5, colors=INK, length=2, pad=2)
     axes.margins(x=0)
-    axes.locator_params(nbins=4)  # text takes most of the time
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    if 1 < len(chosen) <= 4:
-        axes.legend(fontsize=letters - 1, frameon=False, loc="upper left", ncols=2, handlelength=1.2, borderpad=0.1)

@@ -10,11 +10,13 @@ import viser
 
 from motorgrad.sim.live import Look, Session
 from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._plane import FACING, FLOOR
+from motorgrad.sim.scene._plane import FLOOR
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._surroundings import floor_glb
 
 RATE = 5.0  # Hz; the learner waits while its environment is drawn, some milliseconds
+UPRIGHT = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
+"""The rotation of a picture, whose x goes to the right and y down, for a viewer who looks along the world's y."""
 LIFT, SIDE = 0.06, 1.1  # m: of the board's lower edge, and its longer side
 TOOK = 0.04  # share of the time that drawing may take of the learner's
 
@@ -61,7 +63,7 @@ class EnvironmentPicture(Layer):
             return
         if self._handle is None or self._handle.image.shape != pixels.shape:
             high, wide = SIDE * np.array(pixels.shape[:2]) / max(pixels.shape[:2])
-            where: Any = {"wxyz": FACING, "position": (0.0, 0.0, LIFT + high / 2)}
+            where: Any = {"wxyz": UPRIGHT, "position": (0.0, 0.0, LIFT + high / 2)}
             self._handle = self._server.scene.add_image("/environment/picture", pixels, wide, high, **where)
         else:
             self._handle.image = pixels

@@ -5,7 +5,9 @@ import numpy as np
 
 
 class Lamp(gymnasium.Env):
-    """A lamp that moves by one pixel a step; its picture has it as a white column on black."""
+    """A lamp that moves by one pixel a step; its picture has it as a white column on black, with a red corner above on
+    the left and a blue one below on the right.
+    """
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012
     observation_space = gymnasium.spaces.Box(0.0, 1.0, (1,))
@@ -32,6 +34,7 @@ class Lamp(gymnasium.Env):
         picture = np.frombuffer(self.canvas, np.uint8).reshape(64, 64, 3)
         picture[:] = 0
         picture[:, self.place % 64] = 255
+        picture[2:18, 2:18], picture[-18:-2, -18:-2] = (255, 0, 0), (0, 0, 255)
         return picture
 
     def _seen(self):
