@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 import tomli_w
 
 from motorgrad._errors import check
+from motorgrad._presets import PRESETS
 from motorgrad._settings import table
 from motorgrad.bodies import Anatomy
-from motorgrad.presets import PRESETS
 from motorgrad.sim.live import Session, Setup, confined, setup_of, succeed
 from motorgrad.sim.panels._panel import REFUSED, Panel
 from motorgrad.sim.panels._term_forms import PLACES, TermList
