@@ -13,8 +13,8 @@ import pytest
 from motorgrad.bodies import BODIES, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
 from motorgrad.sim.live._policy import save_policy
+from motorgrad.sim.live._records import LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
-from motorgrad.sim.live._worker import LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.planet import Planet, ground_finder, on_planet
 from motorgrad.tasks import TASKS, make
 from motorgrad.training import agent_for, fingerprint

@@ -246,10 +246,10 @@ def test_policies_are_saved_and_loaded(hopper, tmp_path, driven):
 
 def test_the_curve_is_the_mean_of_the_rewards(hopper):
     hopper(live.Reset())
-    hopper.worker._counted = -np.inf
+    hopper.worker.records._added = -np.inf
     rewards = []
     for _ in range(100):
-        hopper.worker._counted = -np.inf
+        hopper.worker.records._added = -np.inf
         hopper(live.Step(1))
         rewards.append(float(hopper.seen()["reward"][0]))
     curve = hopper.seen("curve")

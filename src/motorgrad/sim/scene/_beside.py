@@ -56,7 +56,6 @@ class Readings:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._name = main_reading(session.readings)
         joints = [] if session.model is None else session.model.jnt_type
         self._travels = bool(np.any(np.asarray(joints) == mujoco.mjtJoint.mjJNT_FREE))
         self._past: deque[tuple[float, np.ndarray]] = deque(maxlen=600)
@@ -86,11 +85,11 @@ class Readings:
     def _reading(self, row: int) -> str:
         if self._session.agent is None:
             return ""
-        values = self._session.curve(row).values[self._name]
+        name = main_reading(self._session.readings)
+        values = self._session.curve(row).values[name]
         known = values[np.isfinite(values)]
         if not len(known):
             return ""
-        name = "reward" if self._name == "reward" else self._name
         return f"{name} {known[-1]:.3g} {UNITS.get(name, '')}".replace("-", "−").rstrip()
 
     def _speeds(self) -> list[str]:
