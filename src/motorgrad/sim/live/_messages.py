@@ -193,7 +193,7 @@ class Look(Order):
     """Ask for the picture of a Gymnasium environment, which comes as `Session.picture`."""
 
     def check(self, session: Any) -> None:
-        check(session.setup.rendered, "look", session.name, "a Gymnasium environment that has a picture of its own")
+        check(session.rendered, "look", session.name, "a Gymnasium environment that has a picture of its own")
 
 
 class Intervention(Order):

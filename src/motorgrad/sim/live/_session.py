@@ -59,7 +59,8 @@ class Session:
     - `period`: simulated seconds of a decision; `speed`: simulated seconds per second of wall time, as wanted.
     - `settings`: what `Edit` can change, by name, with its present value; `started`: with its value at first.
     - `successor`: another session, already running, that a page is to show in place of this one.
-    - `picture`: of a Gymnasium environment without a body, the answer to the last `Look`; `pictures`: how many came.
+    - `rendered`: whether it is a Gymnasium environment with a picture of its own, and no body.
+    - `picture`: of such an environment, the answer to the last `Look`; `pictures`: how many came.
     - `log`: the last events, whether or not `events` has returned them.
     - `folders`: where a page may save and load policies: the working folder, and that of the run it began with.
 
@@ -70,6 +71,7 @@ class Session:
         self.setup, self.name, self.speed = setup, setup.name, speed
         self.successor: Session | None = None
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent
+        self.rendered = setup.rendered
         self.folders = [Path.cwd(), *([] if setup.folder is None else [setup.folder])]
         self._events: deque[Event] = deque(maxlen=KEPT)
         self.log: deque[Event] = deque(maxlen=KEPT)

@@ -28,7 +28,7 @@ class EnvironmentPicture(Layer):
     """
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        self.applies = session.setup.rendered
+        self.applies = session.rendered
         if not self.applies:
             return
         self._server, self._session = server, session
