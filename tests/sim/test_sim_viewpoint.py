@@ -1,12 +1,13 @@
 """Films and pictures from a camera anywhere: every renderer sees the body where geometry says it is."""
 
+import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from motorgrad.sim import Plot, Viewpoint, still, write_film
+from motorgrad.sim import Motion, Plot, Viewpoint, still, write_film
 
 SMALL = {"width": 160, "height": 120}
 BACKGROUND = np.array([237, 242, 247])
@@ -114,3 +115,15 @@ def test_a_pose_as_a_vector_picture(hop, tmp_path):
     again = still(hop, 12, tmp_path / "again.svg", camera=camera, **SMALL)
     assert np.array_equal(again, pixels)
     assert (tmp_path / "again.svg").read_text() == text
+
+
+def test_every_muscle_is_a_path_of_its_own_coloured_by_activation(hop, tmp_path):
+    rest = np.zeros((1, 4))
+    rest[0, 2] = 1.0
+    still(Motion(hop.model, hop.time[:1], hop.position[:1], rest), 0, tmp_path / "one.svg", camera=90, **SMALL)
+    root = ElementTree.fromstring((tmp_path / "one.svg").read_text())
+    styles = [path.get("style") for path in root.findall(f".//{SVG}g[@id='muscles']//{SVG}path")]
+    assert len(styles) == hop.model.nu
+    silent, firing = ([re.search(r"stroke: (#\w{6})", styles[row])[1] for row in rows] for rows in ([0, 1, 3], [2]))
+    assert len({*silent}) == 1
+    assert {*silent}.isdisjoint(firing)

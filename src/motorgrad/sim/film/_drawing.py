@@ -316,6 +316,8 @@ class MatplotlibRenderer:
         self._model, self._line, self._marked = model, height / 480 * 2.4, ground == "marked"
         self._viewpoint: Viewpoint | None = None
         self._drawing = Drawing(self._axes, model, Parallel(axes), self._line, 1.0, self._marked)
+        self._drawing.parts.set_gid("parts")  # names of the groups in a vector picture
+        self._drawing.muscles.set_gid("muscles")
         self._marks = PolyCollection([], facecolors=tuple(MARK), alpha=MARK_OPACITY, linewidths=0, zorder=2.3)
         self._axes.add_collection(self._marks, autolim=False)
 

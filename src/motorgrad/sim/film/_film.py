@@ -150,7 +150,8 @@ def still(
     in ".svg" for a vector picture, or None for no file; the others as of `write_film`.
 
     A vector picture has the body's parts as outlines and muscles along their wrapped paths, coloured by activation, as
-    `draw` draws them, without caption. A `Viewpoint` is seen in perspective, any other camera along parallel lines.
+    `draw` draws them, without caption; its groups "parts" and "muscles" have a path for each. A `Viewpoint` is seen in
+    perspective, any other camera along parallel lines.
 
     **Returns:** `(height, width, 3)`, uint8; of a vector picture, its pixels.
 
