@@ -21,6 +21,7 @@ from motorgrad.bodies import BODIES
 from motorgrad.sim import live
 from motorgrad.sim.film import ENDINGS
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
+from motorgrad.sim.panels import TourStep
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS, Composed
 from motorgrad.training import agent_table, load, saved_config
@@ -131,6 +132,7 @@ class Place:
 
     stage: live.Stage = dataclasses.field(default_factory=live.Stage)
     planet: Planet | None = None
+    tour: tuple[TourStep, ...] = ()
 
 
 def run(arguments: list[str]) -> int:
@@ -202,6 +204,8 @@ def _show(setup: Any, options: Options) -> int:
         if options.browser:
             page.open()
         page.ready()
+        if steps := options.scene.get("tour"):
+            page.tour(steps)
         film = None if options.record is None else page.record(options.record)
         save = None if options.autosave is None else live.Save(str(options.autosave), quiet=True)
         saved = time.monotonic()
@@ -225,10 +229,10 @@ def _show(setup: Any, options: Options) -> int:
 
 
 def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], Arguments]:
-    """The stage and planet of a scene file, the model or body to show, both as plain values, and the rest."""
+    """The stage, planet and tour of a scene file, the model or body to show, both as plain values, and the rest."""
     values, rest, model, scene = dict(given.table), list(given.rest), None, {}
     try:
-        place = build(Place, {name: values.pop(name) for name in ("stage", "planet") if name in values})
+        place = build(Place, {name: values.pop(name) for name in ("stage", "planet", "tour") if name in values})
         scene = table(place)
         for name in ("model", "body"):
             if (word := values.pop(name, None)) is None:

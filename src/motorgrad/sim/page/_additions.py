@@ -13,10 +13,10 @@ def with_additions(page: bytes, name: str, watching: bool = False) -> bytes:
     lights cast no shadows and reflect nothing, and the picture is coarser. For those who are `watching` it leaves out
     what they may not use.
     """
-    names = ("client.css", "loading.js", "client.js", "watching.js", "strip.js")
+    names = ("client.css", "loading.js", "client.js", "watching.js", "strip.js", "tour.js")
     files = (Path(__file__).with_name(each) for each in names)
-    style, loading, client, watched, strip = (file.read_text("utf-8") for file in files)
-    style, client = style + plots_style(), client + plots_script() + strip
+    style, loading, client, watched, strip, tour = (file.read_text("utf-8") for file in files)
+    style, client = style + plots_style(), client + plots_script() + strip + tour
     cover = f'<div id="motorgrad-cover" role="status"><b>{html.escape(name)}</b><span>loading the page</span></div>'
     first = f"<style>{style}</style>{cover}<script>{loading}</script>"
     if watching:

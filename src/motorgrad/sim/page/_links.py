@@ -11,11 +11,11 @@ from urllib.parse import parse_qsl, quote, urlencode
 
 import viser
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check
 from motorgrad.sim.live import Scrub, Session, Snapshot
 from motorgrad.sim.page._watching import watches
 from motorgrad.sim.panels import notify
-from motorgrad.sim.scene import Cameras, Pose, own, own_elements
+from motorgrad.sim.scene import Cameras, Pose, camera_named, own, own_elements
 
 RATE = 4.0  # Hz, at which changes are looked for
 WATCHED = "Whoever opens it sees the run, turns the camera and switches tabs, and can change nothing."
@@ -68,14 +68,6 @@ def read_place(fragment: str) -> Place:
         except ValueError:
             check(False, name, text[:40], "a number")
     return Place(**found)
-
-
-def camera_named(name: str, cameras: list[str]) -> str:
-    """The name in the list of cameras that is meant. **Raises** `ValueError` for an unknown one."""
-    for known in cameras:
-        if name.lower() in (known.lower(), known.lower().removeprefix("fixed: ")):
-            return known
-    raise unknown("camera", name, [known.removeprefix("Fixed: ").lower() for known in cameras])
 
 
 def link_element(address: str, words: str, hint: str) -> str:

@@ -23,7 +23,7 @@ from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.film import Viewpoint
 from motorgrad.sim.live import Session
-from motorgrad.sim.page._links import WATCHED, Links, Place, camera_named, link_element
+from motorgrad.sim.page._links import WATCHED, Links, Place, link_element
 from motorgrad.sim.page._plots import PlotPages
 from motorgrad.sim.page._server import clear, gated_server
 from motorgrad.sim.page._watching import watches
@@ -36,8 +36,9 @@ from motorgrad.sim.panels import (
     Panels,
     ReplayRecorder,
     SlowFilmRecorder,
+    Tours,
 )
-from motorgrad.sim.scene import Pose, Scene, View, viewpoint_of
+from motorgrad.sim.scene import Pose, Scene, View, camera_named, viewpoint_of
 
 HERE = "127.0.0.1"
 EVERYWHERE = ("0.0.0.0", "::")
@@ -86,7 +87,8 @@ class Page:
     **Attributes:** `url`, whose path is a secret: whoever has it can drive the run; `read_only_url`, by which others,
     such as a class, may watch and change nothing; `plots_url`, of the page of plots; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
-    `motorgrad.sim.panels.Overlay`); `failures`: how many frames a part could not draw; `spent`: seconds
+    `motorgrad.sim.panels.Overlay`); `tour`: its guided tour, which takes steps of your own (see
+    `motorgrad.sim.panels.Tours`); `failures`: how many frames a part could not draw; `spent`: seconds
     spent drawing in all.
 
     **Raises** `ValueError` for a port that is in use.
@@ -175,13 +177,15 @@ class Page:
         self.view = View(self.scene, ground_at=ground_at)
         self.links = Links(self.view.cameras)
         self._clicks = ClickSelect(self.scene, self.panels)
-        hands = DragPush(self.scene.draggable), self._clicks, self.links
+        self.tour = Tours(self.view.cameras, self.panels, self._clicks, (View.title,))
+        hands = DragPush(self.scene.draggable), self._clicks, self.links, self.tour
         drawn = [self.scene, *([] if planet is None else [planet])]
         for part in (*drawn, self.panels, self.overlay, *hands):
             part.build(self.server, session)
         with self.panels.tabs.add_tab(View.title):
             self.view.build(self.server, session)
             self.overlay.add_switch()
+            self.tour.add_buttons()
             with self.server.gui.add_folder("Links"):
                 self.server.gui.add_html(link_element("", "Copy link", "This page as it is, to open in this browser."))
                 self.server.gui.add_html(link_element(self.read_only_url, "Copy link to watch only", WATCHED))

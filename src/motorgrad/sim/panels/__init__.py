@@ -12,6 +12,8 @@ from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._panels import PANELS, Panels
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.panels._run import DragPush
+from motorgrad.sim.panels._tour import Tours
+from motorgrad.sim.panels._tours import TourStep, read_tour
 
 __all__ = [
     "PANELS",
@@ -24,5 +26,8 @@ __all__ = [
     "Panels",
     "ReplayRecorder",
     "SlowFilmRecorder",
+    "TourStep",
+    "Tours",
     "notify",
+    "read_tour",
 ]

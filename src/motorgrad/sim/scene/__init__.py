@@ -1,7 +1,7 @@
 """The three-dimensional scene of TimSim's page and the cameras that look at it, drawn in the browser by viser."""
 
 from motorgrad.sim.scene._beside import BODY_COLOURS, main_reading
-from motorgrad.sim.scene._cameras import Cameras, viewpoint_of
+from motorgrad.sim.scene._cameras import Cameras, camera_named, viewpoint_of
 from motorgrad.sim.scene._contacts import touches, weight_arrow
 from motorgrad.sim.scene._layer import Layer
 from motorgrad.sim.scene._own import own, own_elements
@@ -16,6 +16,7 @@ __all__ = [
     "Pose",
     "Scene",
     "View",
+    "camera_named",
     "main_reading",
     "own",
     "own_elements",

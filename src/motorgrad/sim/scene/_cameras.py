@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import viser
 
-from motorgrad._errors import check
+from motorgrad._errors import check, unknown
 from motorgrad.sim.film import Viewpoint, camera_axes, ground_height, natural_angles
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.scene._framing import Framing, History
@@ -244,6 +244,14 @@ def viewpoint_of(camera: Any, aspect: float | None = None) -> Viewpoint:
     place, target, up = (tuple(map(float, each)) for each in (camera.position, camera.look_at, camera.up_direction))
     found = Viewpoint(place, target, float(np.clip(np.degrees(camera.fov), 1, 170)), up)  # type: ignore[arg-type]
     return found if aspect is None else found.for_aspect(camera.aspect, aspect)
+
+
+def camera_named(name: str, cameras: list[str]) -> str:
+    """The name in the list of cameras that is meant. **Raises** `ValueError` for an unknown one."""
+    for known in cameras:
+        if name.lower() in (known.lower(), known.lower().removeprefix("fixed: ")):
+            return known
+    raise unknown("camera", name, [known.removeprefix("Fixed: ").lower() for known in cameras])
 
 
 ORBIT, WALK, FOLLOW = "Orbit", "Walk", "Follow"
