@@ -233,7 +233,7 @@ def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, 
     values, rest, model, scene = dict(given.table), list(given.rest), None, {}
     try:
         place = build(Place, {name: values.pop(name) for name in ("stage", "planet", "tour") if name in values})
-        scene = table(place)
+        scene = {name: part for name, part in table(place).items() if name != "tour" or part}
         for name in ("model", "body"):
             if (word := values.pop(name, None)) is None:
                 continue
