@@ -1,7 +1,10 @@
 """Help for settings, from the docstrings of their classes, so that each text is written once."""
 
+import ast
 import inspect
 import re
+import textwrap
+from itertools import pairwise
 from typing import Any
 
 FIELD = re.compile(r"^- `(\w+)`([^`:]*): (.*?)(?=\n- |\n\n|\Z)", re.DOTALL | re.MULTILINE)
@@ -48,6 +51,20 @@ def descriptions(cls: Any) -> dict[str, str]:
         said = " ".join(f"{'' if unit or not more else f'{more}: '}{text}".split())
         said = said[:1].upper() + said[1:] if WORD.match(said) else said
         found[name] = f"{said.rstrip('.')}{unit}."
+    return found
+
+
+def attribute_texts(cls: type) -> dict[str, str]:
+    """The docstrings below the fields of a class and of its bases, each on one line."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        try:
+            body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        except (OSError, TypeError):  # a class without a source file, such as `object`
+            continue
+        for field, text in pairwise(getattr(body, "body", ())):
+            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                found[ast.unparse(field.target)] = " ".join(str(text.value.value).split())
     return found
 
 

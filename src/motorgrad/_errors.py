@@ -51,6 +51,11 @@ def check_not_negative(name: str, value: Any) -> None:
     check(_is_number(value) and 0.0 <= value < math.inf, name, value, "a finite number >= 0")
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, such as "1 seed" and "2,000 seeds". The plural of the noun ends in s."""
+    return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
 def shown(value: Any) -> str:
     """A value as one line of limited length, for an error message."""
     try:

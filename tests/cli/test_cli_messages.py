@@ -1,6 +1,7 @@
 """What a user is told who asks for help, or asks for something that cannot be."""
 
 import dataclasses
+import importlib
 import subprocess
 import sys
 import tomllib
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._commands import COMMANDS
 from motorgrad._commands._results import summary, summary_text
-from motorgrad._docstrings import descriptions
+from motorgrad._docstrings import attribute_texts, descriptions
+from motorgrad._errors import counted
 from motorgrad._settings import as_hinted, default_of
 from motorgrad._tree import KINDS, fields_of
 from motorgrad.cli import main
@@ -58,7 +61,7 @@ def test_the_help_of_an_experiment_says_what_its_settings_are(capsys):
 def test_symbols_keep_their_letters():
     body = descriptions(mg.bodies.Hopper)
     assert body["capsule_radius"].startswith("Radius ρ of")
-    assert body["muscle_damping"].startswith("k_SE of")
+    assert body["muscle_damping"].startswith("Damping k_SE of")
     assert body["load_mass"].startswith("Mass of the load")
 
 
@@ -233,3 +236,23 @@ def test_a_warning_is_one_line_without_the_place_in_the_code(tmp_path):
     code += "cli.main = lambda: warnings.warn('\\x1b[33mWARN: too\\nold\\x1b[0m', UserWarning) or 0; cli.run()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "motorgrad: warning: too old\n")
+
+
+def test_every_text_of_an_option_is_a_sentence():
+    for name in COMMANDS:
+        module = importlib.import_module(f"motorgrad._commands.{name}")
+        classes = [value for value in vars(module).values() if dataclasses.is_dataclass(value)]
+        for cls in (each for each in classes if each.__module__ == module.__name__):
+            for option, text in attribute_texts(cls).items():
+                assert text.endswith((".", ")")), f"{name}: {option}: {text}"
+
+
+def test_the_text_of_an_option_breaks_only_at_the_edge(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "300")
+    with pytest.raises(SystemExit, match="0"):
+        main(["plot", "--help"])
+    assert "processor (cpu) time; by default simulated seconds where the task has them." in capsys.readouterr().out
+
+
+def test_one_is_counted_in_the_singular():
+    assert [counted(n, "seed") for n in (0, 1, 2000)] == ["0 seeds", "1 seed", "2,000 seeds"]

@@ -179,7 +179,7 @@ def moved_away_for_good(path, **changes):
     """Train, and move the folder away after the first checkpoint; the error with which it ends."""
     moved = threading.Thread(target=lambda: (wait_for(lambda: checkpoints(path)), path.rename(path.with_name("away"))))
     moved.start()
-    told = "decisions, and could not be saved: No such file or directory"
+    told = "decisions and could not be saved: No such file or directory"
     with pytest.warns(RunWarning, match="could not be saved"), pytest.raises(NotSaved, match=told) as error:
         train(path, **changes)
     moved.join()

@@ -18,7 +18,7 @@ import tomli_w
 import tyro
 
 from motorgrad._commands._words import REGISTRY, reader, shown_as
-from motorgrad._docstrings import description_of, descriptions
+from motorgrad._docstrings import attribute_texts, description_of, descriptions
 from motorgrad._errors import check
 from motorgrad._files import check_writable, read_toml
 from motorgrad._settings import build, convert, default_of, table
@@ -153,7 +153,8 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = (), only: 
 
     **Arguments:** `more` entries; the `only` fields that the help shows, by default all.
     """
-    hints, helps, entries = typing.get_type_hints(cls, include_extras=True), descriptions(cls), []
+    hints, entries = typing.get_type_hints(cls, include_extras=True), []
+    helps = {**attribute_texts(cls), **descriptions(cls)}
     for name, field in fields_of(cls).items():
         hint, default = hints[name], values[name] if name in values else default_of(field)
         if field.metadata.get("option") is False:  # too much for a command line: it is given in a file
@@ -170,7 +171,6 @@ def _form(cls: type, values: Mapping[str, Any], more: Sequence[Any] = (), only: 
         shown = only is None or name in only
         entries.append((name, hint if shown else Annotated[hint, tyro.conf.Suppress], *default_of_field))
     space = {"__doc__": description_of(cls), "__post_init__": lambda self: None}
-    # a subclass, so that tyro finds the docstrings of the fields of `cls`
     frozen = cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     return dataclasses.make_dataclass(
         cls.__name__, [*entries, *more], bases=(cls,), namespace=space, frozen=frozen, kw_only=True
@@ -251,7 +251,7 @@ def policy_form(policy: Any) -> Any:
 def _entry(hint: Any, default: Any, about: str | None) -> tuple[Any, ...]:
     """The type of an option and its default, as `dataclasses.make_dataclass` takes them after the name."""
     shown = "(required)" if default is dataclasses.MISSING else None  # tyro would show an empty default
-    if default is None and "None" not in (about or ""):
+    if (default is None and "None" not in (about or "")) or default in ("", ()):
         shown = ""  # the text says what happens by default
     about = about and " ".join(about.split())  # tyro would keep the line breaks
     argument = tyro.conf.arg(help=about, metavar=shown_as(hint, default), help_behavior_hint=shown)

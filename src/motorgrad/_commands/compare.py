@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
+from motorgrad._errors import counted
 from motorgrad.studies import Comparison, ComparisonResults
 
 
@@ -44,7 +45,8 @@ def _size(comparison: Comparison) -> str:
     """The size of a comparison in words."""
     settings = sum(len(comparison.settings(*pair)) for pair in comparison.pairs)
     tune, judge = len(comparison.seeds.tuning), len(comparison.seeds.judging)
-    tried = f"{settings:,} settings × {tune:,} seeds to tune, {len(comparison.pairs):,} × {judge:,} seeds to judge"
+    tuned = f"{counted(settings, 'setting')} × {counted(tune, 'seed')} to tune"
+    tried = f"{tuned}, {len(comparison.pairs):,} × {counted(judge, 'seed')} to judge"
     return f"{len(comparison.methods)} methods on {len(comparison.tasks)} tasks: {tried}"
 
 

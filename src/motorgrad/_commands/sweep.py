@@ -7,6 +7,7 @@ from typing import Any
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
+from motorgrad._errors import counted
 from motorgrad._files import read_toml
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
 
@@ -51,11 +52,11 @@ def run(arguments: list[str]) -> int:
 def _size(made: Study | Search) -> str:
     """The size of a study or a search in words."""
     study = made.study if isinstance(made, Search) else made
-    seeds = f"{len(study.seed_list):,} seeds × {study.steps:,} decisions"
+    seeds = f"{counted(len(study.seed_list), 'seed')} × {counted(study.steps, 'decision')}"
     if isinstance(made, Search):
-        return f"a search of {made.trials:,} trials, {made.batch:,} at a time, × {seeds}"
+        return f"a search of {counted(made.trials, 'trial')}, {made.batch:,} at a time, × {seeds}"
     jobs = len(study.jobs)
-    return f"{len(study.points):,} settings × {seeds} in {jobs:,} compiled call{'s' * (jobs > 1)}"
+    return f"{counted(len(study.points), 'setting')} × {seeds} in {counted(jobs, 'compiled call')}"
 
 
 def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None:

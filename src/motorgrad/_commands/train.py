@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
-from motorgrad._errors import check
+from motorgrad._errors import check, counted
 from motorgrad._files import check_writable
 from motorgrad._presets import PRESETS
 from motorgrad._settings import table
@@ -32,8 +32,8 @@ class Options:
     steps: int = 100_000
     """The number of decisions per seed, summed over its environments. The schedules of a preset scale with it."""
     preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
-    """A learner in place of the task's own, which keeps the task's policy. Gymnasium environments use "natural"
-    anyway."""
+    """The name of a learner to use in place of the task's own, with the task's policy. Gymnasium environments use
+    "natural" by default."""
     seeds: int | tuple[int, ...] = 1
     """The number of learners, with seeds from --first-seed on; or a list of two or more seeds."""
     first_seed: int = 0
@@ -43,8 +43,8 @@ class Options:
     resume: Path | None = None
     """Continue the run in this directory with its own task, learner, seeds and steps; replaces TASK and --out."""
     sweep: tuple[str, ...] | None = None
-    """Numbers of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2: all combinations learn side by
-    side in one compiled call. In a file: a table of lists, or a list of tables."""
+    """The settings of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2. All combinations learn side
+    by side in one compiled call. In a file: a table of lists, or a list of tables."""
     window: int | None = None
     """The number of decisions per record of the metrics; by default a two-hundredth of the steps."""
     checkpoint_every: float = 30.0
@@ -219,7 +219,8 @@ def _means(run: Run) -> dict[str, Any]:
 
 def _print(run: Run, found: dict[str, Any], out: Path) -> None:
     done = "done" if run.complete else "stopped"
-    print(f"{done} after {run.decision:,} decisions per seed; means over the last tenth of the records, and totals:")
+    made = counted(run.decision, "decision")
+    print(f"{done} after {made} per seed; means over the last tenth of the records, and totals:")
     if run.settings:
         for each in found["settings"]:
             print(f"{_setting_text(each['setting'])}:")

@@ -51,14 +51,14 @@ class Hopper:
     - `capsule_radius` (m): radius ρ of the sphere around each knee.
     - `attachment_distance` (m): distance from the knee to a muscle's ends, along the bone.
     - `flexor_strength` (N): greatest contractile force of a flexor.
-    - `flexor_rest_length` (m): length at which that force is reached.
+    - `flexor_rest_length` (m): length at which a flexor reaches that force.
     - `extensor_strength` (N): greatest contractile force of an extensor.
-    - `extensor_rest_length` (m): length at which that force is reached.
-    - `muscle_damping` (N s/m): k_SE of every muscle.
-    - `muscle_shape`: k_CE of every muscle; larger values flatten the force–length curve.
+    - `extensor_rest_length` (m): length at which an extensor reaches that force.
+    - `muscle_damping` (N s/m): damping k_SE of every muscle.
+    - `muscle_shape`: shape k_CE of every muscle; larger values flatten the force–length curve.
     - `lateral`: "symmetric" holds the foot under the load; "spring" lets the body lean against a spring.
-    - `lateral_stiffness` (N m/rad): stiffness of that spring.
-    - `lateral_damping` (N m s/rad): damping of that spring.
+    - `lateral_stiffness` (N m/rad): stiffness of the lateral spring.
+    - `lateral_damping` (N m s/rad): damping of the lateral spring.
     - `timestep` (s): time step of the physics.
     - `muscle_model`: "thesis" (exact law, needs the callback), "native" (MuJoCo's own muscle, an approximation) or
       "hill": Hill-type muscles of the same strengths, with fibers that suit their paths (`Hill.spanning`); the rest

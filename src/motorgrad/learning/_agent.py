@@ -78,7 +78,7 @@ class Agent(Part):
     **Arguments:**
 
     - `policy`: the initial policy, or a function from a key to one, so that every seed starts from its own.
-    - `estimator`: trace, baseline and batch (see `Estimator`, `olgarb`).
+    - `estimator`: how rewards are assigned to decisions: trace, baseline and batch (see `Estimator`, `olgarb`).
     - `optimizer`: how a gradient moves the parameters: `SGD`, `Adam`, or any optax transformation, which receives minus
       the gradient.
     - `metric`: none for the plain gradient; a `FisherMetric` for the natural gradient of each unit.

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from motorgrad._errors import counted
 from motorgrad._files import write_atomically
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._results import Best, Results
@@ -78,7 +79,10 @@ def _page(
     done, jobs = status["done"], len(study.jobs)
     state = "running" if learned is not None else "done" if results.complete else "not running"
     counts = [f"{status[kind]:,} {word}" for kind, word in WORDS.items() if status[kind]]
-    size = f"{len(study.points):,} settings × {len(study.seed_list):,} seeds × {study.steps:,} decisions"
+    size = " × ".join(
+        counted(number, noun)
+        for number, noun in ((len(study.points), "setting"), (len(study.seed_list), "seed"), (study.steps, "decision"))
+    )
     figure = ""
     if drawn is not None:
         picture = base64.b64encode(drawn).decode()
@@ -88,7 +92,7 @@ def _page(
     )
     said = "" if learned is None else f" Learning took {_time(learned)} in this session so far."
     body = f"""<h1>{name} <small class="state">{state}</small></h1>
-<p>{size}, in {jobs:,} jobs. Written at {time.strftime("%H:%M:%S on %d %B %Y")}.{said}</p>
+<p>{size}, in {counted(jobs, "job")}. Written at {time.strftime("%H:%M:%S on %d %B %Y")}.{said}</p>
 <div class="bar" role="progressbar" aria-label="jobs" aria-valuemin="0" aria-valuemax="{jobs}"
 aria-valuenow="{done}">{parts}</div>
 <p class="counts">{" · ".join(counts)}</p>

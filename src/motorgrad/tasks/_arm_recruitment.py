@@ -39,7 +39,7 @@ class ArmRecruitment(Recruitment):
     - `low` (kg): the load at the start of a sweep.
     - `high` (kg): the load above which a sweep ends; at most 20, including drift.
     - `least` (kg): the least increase of the load per decision.
-    - `most` (kg): the greatest increase.
+    - `most` (kg): the greatest increase of the load per decision.
     """
 
     name: ClassVar[str] = "arm-recruitment"

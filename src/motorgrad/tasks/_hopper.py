@@ -47,9 +47,9 @@ class Hopper(BodyTask):
     - `reward_type`: `"landing"` rewards the greatest foot height of a flight when it ends; `"apex"` rewards the
       flight's first apex when it is reached, which is sooner after the push and learned sooner, but may be less than
       the flight was worth.
-    - `reward_scale`: reward per metre.
+    - `reward_scale`: reward per metre of hopping height.
     - `penalty`: cost of an active muscle per decision.
-    - `hop_height` (m): lower flights do not count.
+    - `hop_height` (m): the least height of a flight that counts.
     - `observe_contact`: whether to observe foot contact in addition to the knee.
     - `centre` (degrees): the interior knee angle that is observed as 0; 0 gives the raw angle.
     - `velocity_scale`: scales the knee's velocity to the range of the other inputs.

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, counted, unknown
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -110,5 +110,5 @@ class EarlyStopping:
         else:
             self._since += 1
         if not self.why and self.patience is not None and self._since >= self.patience:
-            self.why = f"{self.quantity} has not improved on {self.best:.4g} for {self._since} records"
+            self.why = f"{self.quantity} has not improved on {self.best:.4g} for {counted(self._since, 'record')}"
         return bool(self.why)

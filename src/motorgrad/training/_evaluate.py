@@ -8,7 +8,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, choice, counted
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
 from motorgrad.training._load import load
@@ -49,7 +49,8 @@ class Evaluation:
         means = {"reward": self.reward, **self.readings}
         finite = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
         medians = [f"median {name} {np.median(values):.4g}" for name, values in finite.items() if len(values)]
-        return f"Evaluation({len(self.reward)} seeds, {len(self.time):,} decisions, {', '.join(medians)})"
+        size = f"{counted(len(self.reward), 'seed')}, {counted(len(self.time), 'decision')}"
+        return f"Evaluation({size}, {', '.join(medians)})"
 
 
 def evaluate(

@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Float
 
-from motorgrad._errors import check, unknown
+from motorgrad._errors import check, counted, unknown
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy, split
 from motorgrad.statistics import first_time
@@ -64,9 +64,9 @@ class Run:
     _memory: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
-        done = f"{self.decision:,} of {self.config['run']['steps']:,} decisions"
-        count = f"{len(self.seeds)} seed{'s' * (len(self.seeds) > 1)}"
-        of = f"{len(self.settings)} settings of {count}" if self.settings else count
+        done = f"{self.decision:,} of {counted(self.config['run']['steps'], 'decision')}"
+        count = counted(len(self.seeds), "seed")
+        of = f"{counted(len(self.settings), 'setting')} of {count}" if self.settings else count
         return f"Run({self.config['task']['name']}, {of}, {done}, {self.path or 'in memory'})"
 
     @property
@@ -207,7 +207,7 @@ class Run:
         if not self.metrics.num_rows:
             where, window = self.path or "the run", self.config["run"]["window"]
             raise ValueError(
-                f"{where} has no records yet: one takes {window:,} decisions, it has made {self.decision:,}"
+                f"{where} has no records yet: one takes {counted(window, 'decision')}, it has made {self.decision:,}"
             )
         known = [c for c in self.metrics.column_names if c not in ("seed", "setting", "decision", "parameters")]
         if quantity not in known:

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
-from motorgrad._errors import check
+from motorgrad._errors import check, counted
 from motorgrad._progress import Progress
 from motorgrad._settings import table
 from motorgrad._signals import stop_when_asked
@@ -305,7 +305,7 @@ class _Training:
             warnings.warn(f"{path}: this run cannot be resumed if it is stopped: {why}", RunWarning, stacklevel=2)
         elif made < self.config["run"]["steps"]:
             raise RunDirectoryError(
-                f"{path} holds a run stopped after {made:,} decisions, which cannot be resumed: {why}; "
+                f"{path} holds a run stopped after {counted(made, 'decision')}, which cannot be resumed: {why}; "
                 "choose another directory, or delete this one"
             )
 
@@ -337,8 +337,8 @@ class _Training:
         run = self._outcome()
         if saving is not None and saving.why is not None:
             error = NotSaved(
-                f"{saving.directory.path}: the run ended after {stepper.decision:,} decisions, and could not be saved: "
-                f"{saving.why}. The last checkpoint that was saved stands; in Python, `run` of this error has all"
+                f"{saving.directory.path}: the run ended after {counted(stepper.decision, 'decision')} and could not "
+                f"be saved: {saving.why}. The last saved checkpoint stands; in Python, `run` of this error has all"
             )
             error.run = run
             raise error
@@ -415,7 +415,7 @@ def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
     """Refuse fewer steps than an unfinished run has. (A finished run is returned.)"""
     if steps < before and made < before:
         raise RunDirectoryError(
-            f"{path} holds a run of {before:,} decisions, of which {made:,} are made, but steps = {steps:,}: "
+            f"{path} holds a run of {counted(before, 'decision')}, of which {made:,} are made, but steps = {steps:,}: "
             f"give {before:,} or more, or choose another directory"
         )
 
@@ -435,5 +435,5 @@ class _TrainingProgress(Progress):
         facts += [f"{rate * self.seeds:,.0f} decisions/s"]
         facts += [f"{decision * self.task.period:,.0f} s simulated"] if self.task.period != 1 else []
         left = (self.total - decision) / rate if rate else 0
-        facts_text = " · ".join([*facts, f"{self.seeds} seed{'s' * (self.seeds > 1)}"])
+        facts_text = " · ".join([*facts, counted(self.seeds, "seed")])
         self.update(decision, facts_text, without_bar=f"{left:.0f} s left")

@@ -33,8 +33,8 @@ class ParticlePhysics:
     **Arguments:**
 
     - `mass`: mass of the particle, positive.
-    - `gravity`: acceleration, x and y.
-    - `drag`: $k_d$, force per speed, at least 0.
+    - `gravity`: acceleration of gravity, along x and y.
+    - `drag`: drag coefficient $k_d$, the force per speed, at least 0.
     - `noise`: standard deviation of a random force per axis, drawn at every time step; 0 for none.
     - `timestep` (s): time step of the integration.
     - `substeps`: time steps per decision, during which the action is held.

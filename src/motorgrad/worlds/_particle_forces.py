@@ -30,13 +30,13 @@ class Walls:
 
     **Arguments:**
 
-    - `left`: x of the left side.
-    - `bottom`: y of the lower side.
-    - `right`: x of the right side.
-    - `top`: y of the upper side.
+    - `left`: coordinate x of the left side.
+    - `bottom`: coordinate y of the lower side.
+    - `right`: coordinate x of the right side.
+    - `top`: coordinate y of the upper side.
     - `open`: the sides without a wall.
     - `restitution`: ratio of the speeds after and before a collision, from 0 to 1.
-    - `friction` (s/length): $k_f$, at least 0.
+    - `friction` (s/length): friction coefficient $k_f$ of the walls, at least 0.
     """
 
     left: float = 0.0
@@ -122,9 +122,9 @@ class CircularField:
 
     **Arguments:**
 
-    - `tangential` (1/s² for a mass of 1): $k_1$; 0 for none.
-    - `radial` (1/s² for a mass of 1): $k_2$, at least 0; 0 for none.
-    - `radius`: $r^*$, towards which the second term pushes.
+    - `tangential` (1/s² for a mass of 1): strength $k_1$ of the tangential term; 0 for none.
+    - `radial` (1/s² for a mass of 1): strength $k_2$ of the radial term, at least 0; 0 for none.
+    - `radius`: radius $r^*$, towards which the second term pushes.
     - `centre` (x, y): centre of the field.
     """
 

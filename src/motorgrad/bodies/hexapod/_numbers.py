@@ -18,7 +18,7 @@ def _check_positive(numbers: Any, *names: str) -> None:
 class Segment:
     """A bone, drawn and simulated as a capsule.
 
-    - `length` (m): from joint to joint.
+    - `length` (m): length of the bone, from joint to joint.
     - `mass` (kg): mass of the bone.
     - `radius` (m): radius of the capsule.
     """
@@ -70,7 +70,7 @@ class LateralPair:
 
     - `protractor` (N): greatest contractile force of the protractor.
     - `retractor` (N): greatest contractile force of the retractor.
-    - `damping` (N s/m): k_SE of both.
+    - `damping` (N s/m): damping k_SE of both muscles.
     - `shape`: k_CE of both; larger values flatten the force–length curve.
     - `base` (m): distance from the hip to their ends on the section.
     - `reach` (m): distance from the hip to their ends on the coxa.
@@ -98,7 +98,7 @@ class VerticalPair:
 
     - `levator` (N): greatest contractile force of the levator.
     - `depressor` (N): greatest contractile force of the depressor.
-    - `damping` (N s/m): k_SE of both.
+    - `damping` (N s/m): damping k_SE of both muscles.
     - `shape`: k_CE of both; larger values flatten the force–length curve.
     - `radius` (m): radius of the cylinder.
     - `distance` (m): from the vertical joint to their ends on the femur.
@@ -131,8 +131,8 @@ class Leg:
     - `splay` (degrees): how far forward of straight sideways the leg points at rest.
     - `knee` (degrees): how far the foot is bent down from the femur's line, above 0 and at most 90.
     - `friction`: sliding friction of the foot on any ground.
-    - `lateral_muscles`: the two muscles that swing it.
-    - `vertical_muscles`: the two muscles that lift it and press it down.
+    - `lateral_muscles`: the two muscles that swing the leg.
+    - `vertical_muscles`: the two muscles that lift the leg and press it down.
     """
 
     coxa: Segment = Segment(0.06, 0.06, 0.016)
@@ -165,10 +165,10 @@ class Leg:
 class Section:
     """A box of the trunk with its two legs.
 
-    - `length` (m): along x.
-    - `width` (m): along y.
-    - `height` (m): along z.
-    - `mass` (kg): without legs.
+    - `length` (m): length of the section, along x.
+    - `width` (m): width of the section, along y.
+    - `height` (m): height of the section, along z.
+    - `mass` (kg): mass of the section without its legs.
     - `leg`: its left and right leg.
     """
 

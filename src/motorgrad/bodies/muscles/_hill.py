@@ -36,12 +36,12 @@ class Hill:
     **Arguments:**
 
     - `max_isometric_force` (N): greatest isometric force of the fiber, at its optimal length.
-    - `optimal_fiber_length` (m): at which a fiber is strongest.
-    - `tendon_slack_length` (m): beyond which the tendon pulls.
+    - `optimal_fiber_length` (m): length at which a fiber is strongest.
+    - `tendon_slack_length` (m): length beyond which the tendon pulls.
     - `pennation_angle` (rad): between fiber and tendon at the optimal length; the fiber keeps its height as it changes
       its length. Less than π/2.
-    - `max_contraction_velocity` (1/s): in optimal fiber lengths per second.
-    - `activation_time_constant`, `deactivation_time_constant` (s): of the activation.
+    - `max_contraction_velocity` (1/s): greatest velocity of shortening, in optimal fiber lengths per second.
+    - `activation_time_constant`, `deactivation_time_constant` (s): time constants of the activation.
     - `fiber_damping`: β, which acts on the velocity as a multiple of the greatest.
     - `tendon`: `"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one that always
       has its slack length, or pulls on nothing.
@@ -90,7 +90,7 @@ class Hill:
 
         **Arguments:**
 
-        - `path` (m): its least and its greatest length.
+        - `path` (m): the least and the greatest length of the path.
         - `max_isometric_force` (N): greatest isometric force of the fiber.
         - `span`: the fiber's lengths at these ends, on a tendon of its slack length, as multiples of the optimal
           length. By default 0.4 and 1.5.

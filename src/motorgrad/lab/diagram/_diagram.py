@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check, choice, unknown
+from motorgrad._errors import check, choice, counted, unknown
 from motorgrad.lab.diagram._block import Block, Moment, Ports, Signals, Sink
 from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting, nested
 from motorgrad.lab.diagram._gates import Gate
@@ -332,7 +332,7 @@ class Diagram:
     __hash__ = object.__hash__
 
     def __repr__(self) -> str:
-        return f"Diagram({self.title!r}, {len(self.nodes)} blocks, {len(self.wires)} wires)"
+        return f"Diagram({self.title!r}, {counted(len(self.nodes), 'block')}, {counted(len(self.wires), 'wire')})"
 
     def _repr_svg_(self) -> str:
         """Its picture in a notebook."""

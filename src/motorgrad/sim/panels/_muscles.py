@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import mujoco
 import numpy as np
 
+from motorgrad._errors import counted
 from motorgrad.sim.film import muscle_colour
 from motorgrad.sim.live import MUSCLE_FIELDS, Event, Session, Snapshot, field_of, owned
 from motorgrad.sim.panels import _charts
@@ -41,7 +42,7 @@ def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], pe
     end = (seconds[-1] if len(seconds) else 0.0) + period
     start = end - SECONDS
     box = (left, 6.0, _charts.WIDTH - 8, 6 + row * count)
-    side = "" if named else f"{count} muscles, the first at the top"
+    side = "" if named else f"{counted(count, 'muscle')}, the first at the top"
     labels = [*reversed(names)] if named else [""]
     chart = _charts.Chart(
         (start - end, 0.0), (0.0, float(count)), "time before now (s)", side, box, labels, min(row, 10.5)

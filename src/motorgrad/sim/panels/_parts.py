@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
+from motorgrad._errors import counted
 from motorgrad.sim.live import WORLD, Event, Session, Snapshot, owned
 from motorgrad.sim.panels._joints import joint_table, joints_of
 from motorgrad.sim.panels._panel import Panel, brief, table
@@ -107,7 +108,7 @@ def part_facts(model: Any, data: Any, body: int) -> Rows:
     rows.append(("centre of mass", f"{', '.join(f'{x:.3f}'.replace('-', '−') for x in data.xipos[body])} m"))
     rows.append(("speed", f"{brief(float(np.linalg.norm(velocity[3:])))} m/s"))
     force, count = contact_force(model, data, body)
-    contacts = f"{brief(force)} N in {count} contact{'s' if count > 1 else ''}" if count else "none"
+    contacts = f"{brief(force)} N in {counted(count, 'contact')}" if count else "none"
     rows.append(("contact force", contacts))
     pushed = float(np.linalg.norm(data.xfrc_applied[body, :3]))
     rows += [("push", f"{brief(pushed)} N")] if pushed else []

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from motorgrad._errors import counted
 from motorgrad.policies import Policy
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._panel import brief
@@ -189,7 +190,7 @@ def draw_layers(layers: Sequence[np.ndarray], marked: tuple[int, int]) -> str:
     parts, top, side = [], 4.0, (_charts.WIDTH - 12) / COLUMNS
     for index, layer in enumerate(layers):
         largest, off = float(np.abs(layer).max(initial=0)), int(np.sum(layer <= 0))
-        words = f"layer {index + 1}: {len(layer)} units, {off} at or below 0; largest {brief(largest, 2)}"
+        words = f"layer {index + 1}: {counted(len(layer), 'unit')}, {off} at or below 0; largest {brief(largest, 2)}"
         parts.append(_charts.text(4, top + 6, words))
         rows = -(-len(layer) // COLUMNS)
         filled = np.full(rows * COLUMNS, np.nan)

@@ -183,7 +183,7 @@ class LearningPicture:
         """The curves on the right: the reward, and the number of units where it changes."""
         course = self._course
         count = len(course.reward)
-        label = f"median and quartiles of {count} seeds"
+        label = "one seed" if count == 1 else f"median and quartiles of {count} seeds"
         low, height = (0.12, 0.8) if course.units is None else (0.44, 0.48)
         panel = self._figure.add_axes((0.59, low, 0.365, height))
         panel.set_ylabel("mean reward per decision")

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from motorgrad._errors import counted
 from motorgrad._files import write_atomically
 from motorgrad.studies._page import failures_text, html_page
 from motorgrad.studies.comparison import _figures as figures
@@ -39,8 +40,9 @@ def page(results: ComparisonResults, running: str = "") -> str:
     )
     parts = [
         f'<h1>{name} <small class="state">{state}</small></h1>',
-        f"<p>{len(methods)} methods on {len(tasks)} tasks, {budget}. {len(seeds.tuning)} seeds chose the settings of "
-        f"every method, {len(seeds.judging)} others judge it. Written at {time.strftime('%H:%M on %d %B %Y')}.</p>",
+        f"<p>{counted(len(methods), 'method')} on {counted(len(tasks), 'task')}, {budget}. "
+        f"{counted(len(seeds.tuning), 'seed')} chose the settings of every method; {len(seeds.judging)} judged it. "
+        f"Written at {time.strftime('%H:%M on %d %B %Y')}.</p>",
     ]
     if running:
         parts.append(f'<p>Now {DOING[running]}: <a href="{running}/index.html">its page</a>.</p>')

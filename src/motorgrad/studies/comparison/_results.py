@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Float
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, choice, counted
 from motorgrad.statistics import distribution_scores, percentile_range
 from motorgrad.studies._grid import as_given, frozen
 from motorgrad.studies._partition import Job
@@ -48,7 +48,7 @@ class ComparisonResults:
         return ComparisonResults(Comparison.read(Path(path) / "comparison.toml", trust=trust), path, trust)
 
     def __repr__(self) -> str:
-        size = f"{len(self.comparison.methods)} methods on {len(self.comparison.tasks)} tasks"
+        size = f"{counted(len(self.comparison.methods), 'method')} on {counted(len(self.comparison.tasks), 'task')}"
         return f"ComparisonResults({self.path}, {size}, {'complete' if self.complete else 'unfinished'})"
 
     @functools.cached_property

@@ -89,13 +89,13 @@ class Hexapod(WalkingTask):
     - `observes`: `"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, the present ones;
       `"contact"`, +1 for every foot on the ground and -1 for the others; `"yaw"`, the smoothed yaw rate in rad/s;
       `"course"`, the heading relative to the course's in rad. They are always in this order.
-    - `lag` (decisions): delay of `"lateral"`; 0 in the thesis.
+    - `lag` (decisions): delay of the observation `"lateral"`; 0 in the thesis.
     - `angle_scale` (degrees): the lateral angle that is observed as 1.
     - `yaw_smoothing`: the weight of the newest yaw rate in the smoothed one, in (0, 1].
     - `reward_type`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the
       start of a course; or the world's `"x"` axis.
     - `course` (decisions): the length of a course; the batch size of the learner gives a new course per batch.
-    - `reward_scale`: reward per m/s.
+    - `reward_scale`: reward per m/s of velocity.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """

@@ -49,10 +49,10 @@ class HexapodPrimitive(WalkingTask):
     - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
     - `swing` (s): duration of a swing for the action 0.
     - `stance` (s): duration of a stance for the action 0.
-    - `shortest` (s): the least duration of either.
-    - `longest` (s): the greatest duration of either.
+    - `shortest` (s): the least duration of a swing or a stance.
+    - `longest` (s): the greatest duration of a swing or a stance.
     - `angle_scale` (degrees): the lateral angle that is observed as 1.
-    - `reward_scale`: reward per m/s.
+    - `reward_scale`: reward per m/s of velocity.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """

@@ -57,7 +57,7 @@ class HexapodStride(WalkingTask):
     - `longest` (s): the greatest period.
     - `pitch_scale` (degrees): the pitch that is observed as 1.
     - `smoothing`: the weight of the newest pitch in the smoothed one, in (0, 1].
-    - `reward_scale`: reward per m/s.
+    - `reward_scale`: reward per m/s of velocity.
     - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
     - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """

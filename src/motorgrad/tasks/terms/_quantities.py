@@ -23,7 +23,7 @@ class Distance(Quantity):
 
     - `target`: name of the target.
     - `power`: the exponent to which the length is raised.
-    - `weight`: in the reward, by default −1.
+    - `weight`: factor in the reward, by default −1.
     """
 
     target: str = static("target")
@@ -43,7 +43,7 @@ class Closeness(Quantity):
 
     - `target`: name of the target.
     - `width` (m or rad): $w$, where it has fallen to 0.61.
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     target: str = static("target")
@@ -61,7 +61,7 @@ class Within(Quantity):
 
     - `target`: name of the target.
     - `tolerance` (m or rad): distance below which it counts.
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     target: str = static("target")
@@ -80,7 +80,7 @@ class Beyond(Quantity):
     - `target`: name of the target.
     - `limit` (m or rad): distance above which it counts.
     - `after` (s): time in an episode from which it counts.
-    - `weight`: in the reward, by default −1.
+    - `weight`: factor in the reward, by default −1.
     """
 
     target: str = static("target")
@@ -103,7 +103,7 @@ class Success(Quantity):
     - `target`: name of the target.
     - `tolerance` (m or rad): distance below which it counts.
     - `decisions`: the number that must be exceeded.
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     target: str = static("target")
@@ -127,7 +127,7 @@ class Height(Quantity):
     **Arguments:**
 
     - `part`: name of a site, body or geom.
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     part: str = static("")
@@ -144,7 +144,7 @@ class Upright(Quantity):
 
     - `part`: name of a site, body or geom.
     - `axis`: axis of the part, `"x"`, `"y"` or `"z"`.
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     part: str = static("")
@@ -163,7 +163,7 @@ class Along(Quantity):
     - `part`: name of a site, body or geom.
     - `direction`: in the world; its length does not matter.
     - `most` (m/s): a higher velocity counts as this one.
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     part: str = static("")
@@ -191,7 +191,7 @@ class Speed(Quantity):
 
     - `part`: name of a site, body or geom, or none.
     - `joints`: names or patterns of joints.
-    - `weight`: in the reward, by default −1.
+    - `weight`: factor in the reward, by default −1.
     """
 
     part: str | None = static(None)
@@ -215,7 +215,7 @@ class Outside(Quantity):
     - `part`: name of a site, body or geom.
     - `low` (m): the lowest corner of the box.
     - `high` (m): the highest corner of the box.
-    - `weight`: in the reward, by default −1.
+    - `weight`: factor in the reward, by default −1.
     """
 
     part: str = static("")
@@ -243,7 +243,7 @@ class Effort(Quantity):
     - `actuators`: names or patterns of actuators.
     - `power`: 2 for the mean square.
     - `root`: whether to take the length of the vector instead, divided by the number of actuators.
-    - `weight`: in the reward, by default −1.
+    - `weight`: factor in the reward, by default −1.
     """
 
     of: Literal["activation", "control"] = static("control")
@@ -294,7 +294,7 @@ class Fatigue(Quantity):
     - `rest`: $r$, how much faster they recover at rest.
     - `rise` (1/s): $L_D = L_R$, the rate at which active units follow the load.
     - `speedup`: the factor by which both fatigue and recovery are faster than in life, for short episodes.
-    - `weight`: in the reward, by default −1.
+    - `weight`: factor in the reward, by default −1.
     """
 
     actuators: Names = by_name("*")
@@ -334,7 +334,7 @@ class Alive(Quantity):
 
     **Arguments:**
 
-    - `weight`: in the reward, by default 1.
+    - `weight`: factor in the reward, by default 1.
     """
 
     def bind(self, scene: Scene) -> Bound:

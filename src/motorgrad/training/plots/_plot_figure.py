@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from motorgrad._errors import counted
 from motorgrad._files import write_atomically
 from motorgrad.training.plots._plot_curves import UNITS, Axis, Curve, is_total
 
@@ -134,7 +135,7 @@ def _statement(curves: Sequence[Curve], axis: Axis, smooth: float | None) -> str
     """What a point, a line and a band are."""
     seeds, windows = _common(len(c.values) for c in curves), _common(c.window for c in curves)
     text = "one seed" if seeds == 1 else f"median and quartiles over {f'{seeds} ' if seeds else ''}seeds"
-    text += f"; records of {_plural(windows)}" if windows else "; records as in the legend"
+    text += f"; records of {counted(windows, 'decision')}" if windows else "; records as in the legend"
     text += f"; trailing mean over {smooth:,.10g} {UNITS[axis]}" if smooth else "; not smoothed further"
     return textwrap.fill(text, STATEMENT)
 
@@ -146,9 +147,9 @@ def _legend(figure: Figure, all_axes: Sequence[Axes], panels: Sequence[Sequence[
     for place, curve in enumerate(first):
         notes = []
         if _common(len(c.values) for c in first) is None:
-            notes.append(f"{len(curve.values)} seed{'s' if len(curve.values) > 1 else ''}")
+            notes.append(counted(len(curve.values), "seed"))
         if _common(c.window for c in first) is None:
-            notes.append(f"records of {_plural(curve.window)}")
+            notes.append(f"records of {counted(curve.window, 'decision')}")
         if curve.done < 1:
             notes.append(f"unfinished, {int(100 * curve.done)} %")
         never = [panel[place].quantity for panel in panels if not panel[place].seen.any()]
@@ -162,7 +163,3 @@ def _common(values: Any) -> Any:
     """The value that all have, or `None`."""
     different = set(values)
     return different.pop() if len(different) == 1 else None
-
-
-def _plural(decisions: int) -> str:
-    return f"{decisions:,} decision{'s' if decisions > 1 else ''}"
