@@ -35,6 +35,7 @@ def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None
         fine = [name for name in told if _fits(policy, {name: told[name]}, path)]
         remedy = f"; what can be exported: only={tuple(fine)}" if fine else ""
         raise Untranslatable(f"{type(policy).__name__} as {path.suffix}: {error}{remedy}") from None
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, content)
     return path
 

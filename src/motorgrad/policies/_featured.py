@@ -174,8 +174,11 @@ class Network(Seeing):
         except Exception as error:
             needed = f"a module that can be called with a vector of {self.observed} numbers"
             raise ValueError(f"module = {kind}: must be {needed}; {error}") from error
-        wanted = f"a vector of {self.pool.inputs} numbers, as the pool needs"
-        check(getattr(found, "shape", None) == (self.pool.inputs,), "module", f"{kind} that returns {found}", wanted)
+        shape = getattr(found, "shape", None)
+        if shape != (self.pool.inputs,):
+            returned = type(found).__name__ if shape is None else f"an array of shape {shape}"
+            wanted = f"a vector of {self.pool.inputs} numbers, which the pool sees"
+            raise ValueError(f"module = {kind}: must return {wanted}; it returns {returned}")
 
     @property
     def inputs(self) -> int:

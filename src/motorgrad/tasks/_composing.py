@@ -57,8 +57,7 @@ def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binar
         driven = {" + ".join(each): scene.groups(each) for each in named}
         check(len(driven) == len(named), "groups", groups, "all different")
     if not driven:
-        name = scene.body.spec().modelname
-        raise ValueError(f"body {name!r} has no muscles and no other actuators: it needs at least one to act")
+        raise ValueError(f"{scene.body!r} has no muscles and no other actuators: it needs at least one to act")
     names, ranges, rows = [], [], []
     for name, places in driven.items():
         row = np.zeros(len(limits), np.float32)
