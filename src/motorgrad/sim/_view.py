@@ -39,7 +39,8 @@ def view(
     record: Path | str | None = None,
     wait: bool = True,
 ) -> Page:
-    """Train an agent on a task, or simulate a model, in a process of its own, and show it live in the browser.
+    """Train an agent on a task, or simulate a model, and show it live in the browser. The simulation runs in its own
+    process.
 
     **Arguments:**
 

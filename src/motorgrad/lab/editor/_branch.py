@@ -75,7 +75,7 @@ class ForwardOnly:
 
 
 class Branch:
-    """A branch of a run, which begins at the current tick of its timeline.
+    """One branch of a run. It begins at the current tick of its timeline.
 
     **Arguments:** its name; the program; the parent branch; whether the diagram was edited in between; its timeline, by
     default a new one of the program's run.
@@ -107,13 +107,13 @@ class Branch:
         return min(self.timeline.snapshots)
 
     def set_parameters(self, values: Values) -> None:
-        """Set parameters from now on. Blocks that do not run, such as connected inlets, are skipped."""
+        """Set parameters from the current tick on. Blocks that do not run, such as connected inlets, are skipped."""
         for address, value in values.items():
             if address.partition(".")[0] in self._paths:
                 self.timeline[address] = value
 
     def overrides(self, values: Values) -> Values:
-        """Its parameters that differ from these values in single precision."""
+        """The parameters that differ from these values in single precision."""
         there = {address: self.run[address] for address in values if address.partition(".")[0] in self._paths}
         return {a: value for a, value in there.items() if np.any(np.float32(value) != np.float32(values[a]))}
 
@@ -124,20 +124,20 @@ class Branch:
         self.program, self.timeline.run = program, program.run
 
     def parts(self) -> list[Part]:
-        """The diagrams that its current state follows from, each with the changes made to it."""
+        """The diagrams that led to the current state, each with the changes made to it."""
         changes = [change._asdict() for change in self.timeline.log if change.tick <= self.timeline.tick]
         first = self.past[-1]["until"] if self.past else 0
         own = {"from": first, "until": self.timeline.tick, "diagram": self.program.text, "changes": changes}
         return [*self.past, own]
 
     def log(self) -> dict[str, Any]:
-        """Everything that its state follows from, as plain data, and a digest of the state."""
+        """Everything that determines the state, as plain data, and a digest of the state."""
         own = {"format": LOG_FORMAT, "version": 1, "seeds": list(self.program.seeds), "parts": self.parts()}
         state = None if self.program.fixed else digest(self.run.state)
         return own | {"tick": self.timeline.tick, "digest": state}
 
     def summary(self) -> dict[str, Any]:
-        """What clients show of it."""
+        """What clients show of the branch."""
         return {
             "name": self.name,
             "parent": None if self.parent is None else self.parent.name,

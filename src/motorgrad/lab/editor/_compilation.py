@@ -1,4 +1,4 @@
-"""Compilation that can be stopped: in a thread of its own, because nothing can interrupt the compiler.
+"""Compile in a separate thread, so that a user can stop waiting: nothing can interrupt the compiler itself.
 
 What is stopped goes on unseen until it is done. The number of such compilations is limited, and the process waits for
 them at its end: the compiler aborts a process that ends under it.
@@ -27,7 +27,7 @@ class Stopped(ValueError):
 
 
 class _Making(threading.Thread, Generic[T]):
-    """Makes something, and keeps it, or the exception."""
+    """Runs a function and keeps its result, or its exception."""
 
     def __init__(self, make: Callable[[], T]):
         super().__init__(name="motorgrad-lab-compiler", daemon=True)
@@ -54,7 +54,7 @@ class Compilation:
         self._left: list[_Making] = []
 
     def __call__(self, make: Callable[[], T]) -> T:
-        """What `make` returns. **Raises** `Stopped`, or what it raises."""
+        """The result of `make`. **Raises** `Stopped`, and whatever `make` raises."""
         self._left = [thread for thread in self._left if thread.is_alive()]
         allowed = f"at most {MOST_LEFT - 1}, so that the machine is not used up: wait, or restart the server"
         check(len(self._left) < MOST_LEFT, "compilations that were stopped and still go on", len(self._left), allowed)
@@ -78,7 +78,7 @@ class Compilation:
 
 
 def _wait_for(making: threading.Thread) -> None:
-    """Wait at the end of the process, or end it at once if it is interrupted again."""
+    """Wait for compilations when the process ends; a second interrupt ends it at once."""
     if making.is_alive():
         # an exception instead would be lost where a callback of the garbage collector is interrupted
         signal.signal(signal.SIGINT, lambda *_: os._exit(130))

@@ -48,7 +48,7 @@ class Document:
         self._last = key, time
 
     def open(self, diagram: Diagram, file: Path | None, saved: bool = True) -> None:
-        """Replace the document by another one; `saved` tells whether it also exists elsewhere."""
+        """Replace the document with another one; `saved` says whether it also exists elsewhere."""
         self._step(Version(diagram, file), False)
         self._saved = diagram if saved else None
 

@@ -1,4 +1,4 @@
-"""Changes of a diagram. They never modify the diagram that they are given; what does not change is shared with it."""
+"""Changes of a diagram. They return a new diagram, which shares all unchanged parts with the old one."""
 
 import abc
 import dataclasses
@@ -34,7 +34,7 @@ Box = tuple[float, ...]
 
 @dataclasses.dataclass(frozen=True)
 class Change(Operation, abc.ABC, op=""):
-    """A change of the document that depends on the document alone. It can be undone."""
+    """A change that depends only on the document. It can be undone."""
 
     @abc.abstractmethod
     def apply(self, document: Diagram) -> Diagram:
@@ -263,7 +263,7 @@ class Group(Edit):
 
 @dataclasses.dataclass(frozen=True)
 class Ungroup(Edit):
-    """Replace a subsystem by its blocks."""
+    """Replace a subsystem with its blocks."""
 
     name: str
 

@@ -1,4 +1,4 @@
-"""What is NaN or infinite in a run, and since when."""
+"""Find which signals and states of a run are NaN or infinite, and since when."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ class Faults:
 
     @property
     def list(self) -> "list[dict[str, Any]]":
-        """All that was found, as problems."""
+        """Everything found, as problems."""
         return [problem._asdict() for problem in self._found.values()]
 
     def look(self, record: Record, timeline: Any, diagram: Diagram) -> "list[Problem]":
@@ -43,7 +43,7 @@ def _origin(timeline: Timeline, diagram: Diagram, first: int, seen: int | None) 
 
 
 def _signals(record: Record) -> list[tuple[int, Problem]]:
-    """The signals that are not finite with their ticks, the earliest first."""
+    """The signals that are not finite, with the tick at which each began, earliest first."""
     found = []
     for address, signal in record.signals.items():
         wrong = np.any(~np.isfinite(signal), axis=tuple(range(2, signal.ndim)))

@@ -1,4 +1,4 @@
-"""Changes of the parameters of a diagram, and of which settings of its blocks they stand for."""
+"""Changes of a diagram's parameters, and of the block settings that they set."""
 
 import dataclasses
 from typing import Any
@@ -39,7 +39,7 @@ class Declare(Edit):
 
 @dataclasses.dataclass(frozen=True)
 class Undeclare(Edit):
-    """Remove a parameter of the diagram; what used it keeps its value."""
+    """Remove a parameter of the diagram; blocks that used it keep its value."""
 
     parameter: str
 
@@ -76,7 +76,7 @@ def _check_known(scope: Diagram, parameter: str) -> None:
 
 
 def _release(scope: Diagram, address: str) -> None:
-    """Give a block its parameter back, with the value of the diagram's parameter that stood for it."""
+    """Let a block use its own parameter again. It keeps the value of the diagram's parameter."""
     name, _, field = address.partition(".")
     node = scope.nodes[name]
     used = scope.uses[address]

@@ -1,4 +1,4 @@
-"""Where NaN and infinity began: the block that turned finite inputs into a number that is not finite."""
+"""Find where NaN and infinity began: the block that turned finite inputs into a number that is not finite."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +14,7 @@ LATER = 2  # ticks in which a number that is not finite is looked for, from the 
 
 
 def origin(timeline: Timeline, diagram: Any, first: int, seen: int | None) -> Problem | None:
-    """The block at which it began, with the tick and the inputs that it had.
+    """The block at which the numbers stopped being finite, with the tick and its inputs.
 
     The state is restored to the last sound tick, and the tick after it is made again block by block for the first
     seed that is affected.
@@ -56,7 +56,7 @@ def _last_sound(probe: Timeline, first: int, wrong: int) -> int:
 
 
 def _affected(run: Run) -> int | None:
-    """The first row in whose states a number is not finite."""
+    """The first row with a state that is not finite."""
     rows = [row for own in run.state["blocks"].values() for leaf in jax.tree.leaves(own) for row in _wrong_rows(leaf)]
     return min(rows, default=None)
 
@@ -68,7 +68,7 @@ def _wrong_rows(leaf: np.ndarray) -> list[int]:
 
 
 def _of_seed(state: State, seed: int) -> State:
-    """The state of one seed; parameters are common to all."""
+    """The state of one seed; all seeds share the parameters."""
     parts = {part: jax.tree.map(lambda x: x[seed : seed + 1], state[part]) for part in ("blocks", "hosts", "last")}
     return {**state, **parts}
 

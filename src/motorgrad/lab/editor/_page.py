@@ -1,4 +1,4 @@
-"""A diagram and its run as one page that anyone can open, without a server: the editor over recorded events."""
+"""A diagram and its run as one page that opens without a server: the editor shows recorded events."""
 
 import html
 import json
@@ -33,7 +33,7 @@ PAGE = """<!doctype html>
 
 
 class _Recorded(NamedTuple):
-    """What `Traces` need to know of a program."""
+    """What `Traces` needs to know about a program."""
 
     diagram: Diagram
     seeds: list[int]
@@ -83,7 +83,7 @@ def page_of(diagram: Diagram, record: Record) -> str:
 
 
 def _declared(diagram: Diagram) -> Event:
-    """The declarations of the blocks that a diagram has, and none of the gallery."""
+    """The declarations of the blocks in a diagram, without the gallery's."""
     whole, used = declarations(), {SUBSYSTEM, *(block.name for block in blocks_of(diagram).values())}
     blocks = {name: declared for name, declared in whole["blocks"].items() if name in used}
     return {**whole, "blocks": blocks, "gallery": []}

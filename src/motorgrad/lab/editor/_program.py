@@ -60,7 +60,7 @@ def parameters(diagram: Diagram) -> Values:
 
 
 def outputs(diagram: Diagram) -> list[str]:
-    """The addresses of all outputs that can be watched."""
+    """The addresses of all outputs that can be recorded."""
     return [f"{placed.path}.{port}" for placed in plan(diagram).blocks for port in placed.block.outputs]
 
 

@@ -69,7 +69,8 @@ class Redo(Operation):
 
 @dataclasses.dataclass(frozen=True)
 class Open(Operation):
-    """Open another diagram: a text, an example of the gallery, or a file in the session's folder. It can be undone."""
+    """Open another diagram: a text, an example from the gallery, or a file in the session's folder. It can be
+    undone."""
 
     text: str | None = None
     gallery: str | None = None
@@ -99,7 +100,7 @@ class Recover(Operation):
 
 @dataclasses.dataclass(frozen=True)
 class Trust(Operation):
-    """Let code run that a file brought, by the keys that `problems` lists under `foreign`."""
+    """Allow code from a file to run, by the keys that `problems` lists under `foreign`."""
 
     keys: tuple[str, ...]
 
@@ -126,7 +127,7 @@ class Files(Operation):
 
 @dataclasses.dataclass(frozen=True)
 class RunOperation(Operation, op=""):
-    """An operation on the run, performed in the thread of the run. `branch` is the name of a branch."""
+    """An operation on the run, performed in the run's thread. `branch` is the name of a branch."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,14 +170,14 @@ class Seeds(RunOperation):
 
 @dataclasses.dataclass(frozen=True)
 class Watch(RunOperation):
-    """Record these outputs too; outputs watched before that are not listed are no longer recorded."""
+    """Record these outputs, and stop recording all others."""
 
     addresses: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Scrub(RunOperation):
-    """Go to a tick that a branch has reached before; the ticks after it are kept."""
+    """Go to a tick that a branch has already reached; later ticks are kept."""
 
     branch: str
     tick: int
@@ -200,14 +201,15 @@ class Prune(RunOperation):
 
 @dataclasses.dataclass(frozen=True)
 class Log(RunOperation):
-    """Get the log of a branch, by default of the current one: all that its numbers follow from. The answer is `log`."""
+    """Get the log of a branch, by default the current one: everything that determines its numbers. The answer is
+    `log`."""
 
     branch: str | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Page(RunOperation):
-    """Get the diagram with all that its run recorded as one HTML page, which needs no server. The answer is `page`."""
+    """Get the diagram and everything its run recorded as one HTML page that needs no server. The answer is `page`."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The run of a session, in a thread of its own: playback, and reports to clients.
+"""Play a session's run in its own thread, and report to clients.
 
 The event `run` has `state` (`"empty"`, `"paused"`, `"playing"` or `"compiling"`), `branch`, `tick`, `time`, `head` (the
 last tick of the branch), the requested `speed` and the one `achieved`, `seeds`, `watch` and `branches`; `stale`: the

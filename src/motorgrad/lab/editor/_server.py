@@ -61,7 +61,7 @@ class Server:
 
     @property
     def built(self) -> bool:
-        """Whether there are pages to serve."""
+        """Whether the editor's pages are built."""
         return (self._static / "index.html").is_file()
 
     @property
@@ -100,7 +100,7 @@ class Server:
         return FileResponse(file, headers=PAGE_HEADERS)
 
     def _built(self, path: str) -> Path:
-        """The file of a page; for what cannot be the name of a file, the folder of all."""
+        """The file of a page; the folder of all pages if the path cannot name a file."""
         try:
             file = (self._static / path).resolve()
             return file if file.is_file() else self._static
@@ -125,8 +125,8 @@ class Server:
 
 
 class _Outbox:
-    """Events queued for one client. Samples for a slow client are dropped rather than queued; once it has caught up,
-    all recorded signals are sent again in few points.
+    """Events queued for one client. A slow client misses samples; once it has caught up, it gets all recorded signals
+    again, in few points.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, resend: Callable[[Callable[..., None]], None], most: int = 300):
@@ -160,7 +160,7 @@ class _Outbox:
 
 
 class _Guard:
-    """Puts the gate before an application, which sees paths without the token or the place."""
+    """Puts the gate in front of an application, which sees paths without the token."""
 
     def __init__(self, app: ASGIApp, gate: Gate):
         self._app, self._gate = app, gate

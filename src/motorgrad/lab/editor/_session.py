@@ -92,7 +92,7 @@ class Session:
         return self._document.diagram.copy()
 
     def listen(self, send: Send) -> Callable[[], None]:
-        """Send all events to `send`, from whatever thread they arise in. **Returns** a function that ends this."""
+        """Send all events to `send`, from any thread. **Returns** a function that stops this."""
         key = object()
         with self._lock:
             self._listeners[key] = send
@@ -251,7 +251,7 @@ class Session:
         self._runner.greet(answer)
 
     def _open_log_diagram(self, operation: ask.Replay) -> None:
-        """Make the diagram at the end of a log the document."""
+        """Replace the document with the diagram at the end of a log."""
         part = checked_log(operation.log)["parts"][-1]
         diagram = loads(part["diagram"])
         for change in part["changes"]:

@@ -1,4 +1,4 @@
-"""Where the built pages are, and what is said where they are not."""
+"""The folder of the built pages, and the message if they are missing."""
 
 from pathlib import Path
 

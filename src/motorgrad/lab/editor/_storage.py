@@ -36,7 +36,7 @@ class Folder:
         return sorted(path.name for path in self.folder.glob(f"*{SUFFIX}") if path.is_file() and _is_diagram(path))
 
     def load(self, name: str) -> tuple[Diagram, Path]:
-        """Load the diagram of a file."""
+        """Load a diagram from a file."""
         path = self._path(name)
         if not path.is_file():
             raise unknown("file", name, self.names())
@@ -57,11 +57,11 @@ class Folder:
         return path
 
     def wrote(self, name: str) -> bool:
-        """Whether the content that a file had when it was last loaded or saved was written by this session."""
+        """Whether this session wrote the content that the file had when it was last loaded or saved."""
         return self._known[self._path(name)] in self._written
 
     def contains(self, path: Path) -> bool:
-        """Whether a file of this path may be saved here."""
+        """Whether the session may save a file at this path."""
         return path.parent.resolve() == self.folder
 
     def mark_seen(self, path: Path) -> None:
@@ -184,7 +184,7 @@ class Journal:
         return [*beside, *sorted(self._states.glob(pattern))]
 
     def _clean(self) -> None:
-        """Delete what processes leave that are killed while they save: half a file, and locks without a journal."""
+        """Delete what killed processes leave behind: half-written files, and locks without a journal."""
         if self._file is not None:
             partial(self._file).unlink(missing_ok=True)
         for lock in self._journals(".lock"):
@@ -275,7 +275,7 @@ def _title(head: dict[str, Any], lines: list[dict[str, Any]]) -> str:
 
 
 def _lines(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The head and the changes of a journal, without a last line that is incomplete."""
+    """The head and the changes of a journal, without an incomplete last line."""
     lines = []
     for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
         try:

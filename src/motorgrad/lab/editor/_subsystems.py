@@ -59,7 +59,7 @@ def group(scope: Diagram, document: Diagram, names: list[str], name: str | None)
 
 
 def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
-    """Replace a subsystem by its blocks. If the subsystem had an id of its own, its blocks get new ids, and with them
+    """Replace a subsystem with its blocks. If the subsystem had an id of its own, its blocks get new ids, and with them
     other random numbers.
     """
     node = scope.nodes[name]
@@ -93,7 +93,7 @@ def ungroup(scope: Diagram, document: Diagram, name: str) -> None:
             outer[named[each]] = [places[each][n] - corner[n] + at[n] for n in (0, 1)]
 
     def origin(end: End | None, seen: frozenset[End] = frozenset()) -> End | None:
-        """Where a signal inside comes from once the subsystem is gone."""
+        """The source of an inner signal once the subsystem is gone."""
         if end is None or end in seen:
             return None
         if end[0] in fed and isinstance(inner.nodes[end[0]].block, Inlet):

@@ -24,7 +24,7 @@ Parts = dict[str, np.ndarray]
 
 
 class _Like(Protocol):
-    """What is needed of a program: its diagram and its seeds."""
+    """What the traces need to know about a program: its diagram and its seeds."""
 
     @property
     def diagram(self) -> Diagram: ...
@@ -59,7 +59,7 @@ class Traces:
         return found
 
     def all(self) -> dict[str, Any]:
-        """Everything that is kept, in the form that clients draw."""
+        """All kept signals, in the form that clients draw."""
         found = {}
         for address, pieces in self._kept.items():
             parts = _joined(pieces)
@@ -101,7 +101,7 @@ class Traces:
         return own | {name: _plain(array) for name, array in parts.items()}
 
     def _limit(self, address: str) -> None:
-        """If there is too much, halve the resolution of the older half."""
+        """Halve the resolution of the older half if there are too many points."""
         pieces = self._kept[address]
         if sum(piece["ticks"].size * (piece[next(iter(set(piece) - {"ticks"}))].shape[-1]) for piece in pieces) <= MOST:
             return

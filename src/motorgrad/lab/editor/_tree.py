@@ -226,7 +226,7 @@ class Tree:
         del self._branches[name]
 
     def log(self, name: str | None) -> Event:
-        """Everything that a branch's numbers follow from, up to its current tick."""
+        """Everything that determines a branch's numbers, up to its current tick."""
         return (self.now if name is None else self._branch(name)).log()
 
     def replay(self, log: Event) -> Event:

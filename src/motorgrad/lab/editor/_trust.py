@@ -1,4 +1,4 @@
-"""Code that a diagram's file brought: shown to the user, who may let it run.
+"""Code that came with a diagram's file. It is shown to the user, who may let it run.
 
 What was written in the page, or dropped on it, is not offered, nor what this session itself wrote to a file: whoever
 has the page's address could then run programs.
@@ -17,11 +17,11 @@ class Offers:
         self._keys: set[str] = set()
 
     def add(self, diagram: Diagram) -> None:
-        """Offer what a diagram brings, which came from a file that somebody else wrote."""
+        """Offer to run the code of a diagram that somebody else wrote."""
         self._keys |= {block.key for block in _doubted(diagram).values()}
 
     def of(self, diagram: Diagram) -> list[dict[str, Any]]:
-        """What a diagram brings that does not run yet: `path`, `type`, `code`, `key`, and whether it is `offered`."""
+        """The code of a diagram that does not run yet: `path`, `type`, `code`, `key`, and whether it is `offered`."""
         return [
             {"path": path, "type": block.name, "code": block.code, "key": block.key, "offered": block.key in self._keys}
             for path, block in _doubted(diagram).items()

@@ -1,4 +1,4 @@
-"""Warnings about a diagram that runs, but not as it looks: filters that are faster than the tick."""
+"""Warnings about diagrams that run but mislead: filters that are faster than the tick."""
 
 import functools
 
@@ -61,7 +61,8 @@ def _follows(block: DiscreteLag, period: float) -> str | None:
 
 @functools.lru_cache(maxsize=2048)
 def _rates(block: Block) -> tuple[complex, ...]:
-    """The eigenvalues of a block's derivative by its own state (1/s); none where they cannot be had."""
+    """The eigenvalues of the Jacobian of a block's derivative in its own state (1/s); none if they cannot be
+    computed."""
     try:
         bound = block.bound({name: jnp.asarray(value) for name, value in block.values().items()})
         state = bound.init(jnp.full(block.init_uniforms, 0.5))

@@ -55,7 +55,7 @@ class Editor(anywidget.AnyWidget):
         super().close()
 
     def _send_events(self) -> None:
-        """Send events in order, from whatever threads they come."""
+        """Send events in order, from any thread."""
         while (event := self._events.get()) is not None:
             self.send(json.dumps(event, ensure_ascii=False, allow_nan=False))
 

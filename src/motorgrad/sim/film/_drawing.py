@@ -228,7 +228,7 @@ class Drawing:
             self._ground.set_edgecolor("none")
 
     def bounds(self) -> np.ndarray:
-        """The lowest and highest corner of the body with its muscles on the axes: `(2, 2)` m."""
+        """The lower and upper corners of the body and its muscles on the axes: `(2, 2)` m."""
         outlines = [path.vertices for path in self.parts.get_paths()]
         points = np.concatenate([*outlines, *self.muscles.get_segments(), np.empty((0, 2))])
         return np.stack([points.min(0), points.max(0)]) if len(points) else np.zeros((2, 2))
@@ -367,7 +367,7 @@ class MatplotlibRenderer:
         return np.asarray(self._canvas.buffer_rgba())[..., :3]
 
     def svg(self) -> bytes:
-        """What was painted last as a vector picture, without a background."""
+        """The last picture as vector graphics, without a background."""
         from matplotlib import rc_context
 
         content = io.BytesIO()
@@ -379,4 +379,4 @@ class MatplotlibRenderer:
         return content.getvalue()
 
     def close(self) -> None:
-        """Do nothing; here because `GlRenderer` has it."""
+        """Do nothing; `GlRenderer` has this method."""

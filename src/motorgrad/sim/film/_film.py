@@ -231,7 +231,7 @@ def _open_renderers(
 
 
 def rate_of(path: Path, fps: float) -> float:
-    """The frames per second that a file can have, nearest to those wanted."""
+    """The frame rate that the file format allows, nearest to the one wanted."""
     return 100 / max(1, round(100 / fps)) if path.suffix.lower() == ".gif" else fps
 
 
@@ -248,7 +248,8 @@ def write_frames(path: Path, frames: Iterator[np.ndarray], size: tuple[int, int]
 
 
 def _with_muscles(frame: np.ndarray) -> np.ndarray:
-    """A frame with the colours of muscles below it, so that a palette made of it has them, although all are silent."""
+    """A frame with the colours of muscles below it, so that its palette contains them even if all muscles are
+    silent."""
     shades = np.linspace(0, 1, frame.shape[1])[:, None]
     bands = [np.clip(light * 255 * muscle_colour(shades[:, 0]), 0, 255) for light in (0.7, 0.85, 1.0)]
     rows = np.repeat(np.array(bands, np.uint8), max(1, frame.shape[0] // 40), axis=0)

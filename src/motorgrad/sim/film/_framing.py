@@ -1,4 +1,4 @@
-"""Camera placement: where a camera must stand so that a motion stays in the picture."""
+"""Place a camera so that a whole motion stays in the picture."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -226,7 +226,7 @@ def _centres(boxes: Sequence[np.ndarray], right: np.ndarray) -> tuple[tuple[np.n
 
 
 def _smooth(path: np.ndarray, span: int = 15) -> np.ndarray:
-    """A moving mean over 2 `span` + 1 frames, mirrored at the ends so that steady motion has no lag."""
+    """A moving average over 2 `span` + 1 frames, mirrored at the ends so that steady motion has no lag."""
     span = min(span, len(path) - 1)
     padded = np.pad(path, ((span, span), (0, 0)), mode="reflect", reflect_type="odd")
     total = np.cumsum(np.concatenate([np.zeros((1, 3)), padded]), 0)

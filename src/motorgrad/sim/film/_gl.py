@@ -1,4 +1,4 @@
-"""Pictures of a body rendered with OpenGL, off screen, and whether this computer can do so."""
+"""Render pictures of a body off screen with OpenGL, if this computer can."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -186,7 +186,7 @@ class GlRenderer:
         model.vis.map.fogend = distance / size + 14.0
 
     def _style(self) -> None:
-        """Set the appearance of the model's copy: picture size, light, no markers."""
+        """Set the appearance of the renderer's copy of the model: picture size, light, no markers."""
         import mujoco
 
         model = self._model

@@ -146,7 +146,8 @@ def _joint_at(model: Any, place: int) -> int:
 
 
 def _tied(model: Any) -> dict[int, tuple[int | None, float, np.ndarray]]:
-    """Places in `qpos` that an equality of joints determines: by which other place, the reference, the polynomial."""
+    """The entries of `qpos` that joint equalities determine, each with the entry it depends on, the reference and the
+    polynomial."""
     import mujoco
 
     found = {}
@@ -236,7 +237,7 @@ def _of_text(text: str, commas: bool) -> Columns:
 
 
 def _short(name: str) -> str:
-    """A coordinate's or a muscle's own name; empty for other states of OpenSim, such as speeds."""
+    """The name of a coordinate or a muscle; empty for other states of OpenSim, such as speeds."""
     if (path := _PATH.match(name)) is not None:
         return path.group(1)
     return "" if _OTHER.match(name) else name

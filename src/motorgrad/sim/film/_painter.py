@@ -1,4 +1,4 @@
-"""Painter: pictures of a body as it moves, and the choice of the renderer that makes them."""
+"""Paint a moving body, and choose the renderer."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -112,7 +112,7 @@ ROOM = 1.3  # a view is larger than needed by this factor, so that a growing mot
 
 
 class Painter:
-    """Paints pictures of one body during a motion that is still going on.
+    """Paints pictures of one body while it moves.
 
     A film knows the whole motion and frames it. A painter frames what it has seen so far and widens its view when the
     body leaves it; a body that goes far is followed in leaps.
@@ -185,7 +185,7 @@ class Painter:
         self._backend, self._closed = None, True
 
     def _hold(self, position: np.ndarray, marks: np.ndarray) -> None:
-        """Change the view if the present one does not contain the posture."""
+        """Change the view if the posture leaves the picture."""
         low, high = bounding_box(self._model, position, marks)
         view = self._view
         if view is not None and np.all(np.abs(np.stack([low, high]) - view.centres[0][0]) <= view.half):

@@ -1,4 +1,4 @@
-"""Plots beside the bodies of a film or a replay, and the strip of a film in which they stand."""
+"""Plots beside the bodies of a film or a replay."""
 
 from __future__ import annotations
 

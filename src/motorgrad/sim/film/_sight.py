@@ -1,4 +1,4 @@
-"""How points of the world come onto flat paper: along parallel lines, or as a camera sees them."""
+"""Projections of the world onto a picture: orthographic, or as a camera sees it."""
 
 from __future__ import annotations
 

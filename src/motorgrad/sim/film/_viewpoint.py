@@ -1,4 +1,4 @@
-"""A camera anywhere: where it stands, what it looks at, and how wide."""
+"""A camera at any place: its position, its target and its field of view."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Triple = tuple[float, float, float]
 
 @dataclasses.dataclass(frozen=True)
 class Viewpoint:
-    """A camera anywhere, such as that of a browser which looks at a live page.
+    """A camera at any place, such as that of a browser showing a live page.
 
     **Arguments:**
 
@@ -68,11 +68,11 @@ class Viewpoint:
 
     @property
     def elevation(self) -> float:
-        """The angle above the horizon at which it looks, in degrees; negative downwards."""
+        """The elevation of the line of sight above the horizon, in degrees; negative downwards."""
         return math.degrees(-math.asin(min(1.0, max(-1.0, self.axes[2][2]))))
 
     def for_aspect(self, seen: float, aspect: float) -> Viewpoint:
-        """The same camera for a picture of another shape, which shows at least what was seen.
+        """The same camera for a picture of another aspect ratio. It shows at least the same scene.
 
         **Arguments:** `seen` and `aspect`: width over height of the picture that was seen, and of the new one.
         """

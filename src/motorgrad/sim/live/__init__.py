@@ -1,4 +1,4 @@
-"""Live runs: a simulation in a process of its own, read through snapshots and steered by orders.
+"""Live runs: a simulation in its own process. Pages read its snapshots and send it orders.
 
 ```py
 session = Session(setup_of("hopper", seed=3), speed=2.0)

@@ -1,4 +1,4 @@
-"""Another branch of a run beside the present one, in step: always at the same decision."""
+"""Run another branch beside the current one, always at the same decision."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from motorgrad.sim.live._snapshot import Sample, Tally
 
 
 class BranchBeside:
-    """Runs a branch in a subject of its own. It repeats what is known of the branch, bit for bit, then goes on.
+    """Runs a branch in its own subject: it repeats the branch's known decisions bit for bit, then continues.
 
     **Attributes:** `course`: the branch.
     """
@@ -39,14 +39,14 @@ class BranchBeside:
         self.playback.advance(count)
 
     def go_to(self, tick: int) -> None:
-        """Go to the decision at which the present branch is."""
+        """Go to the current branch's decision."""
         if tick != self.subject.tick:
             self.keep()
             self.playback.seek(tick)
             self.subject.tally()
 
     def keep(self) -> None:
-        """Keep the present state, so that coming back repeats nothing."""
+        """Keep the current state, so that returning to it repeats nothing."""
         if self.playback.history.newest < self.subject.tick == self.playback.end:
             self.playback.keep()
 
@@ -55,14 +55,14 @@ class BranchBeside:
         return self.subject.tally()[0]
 
     def end(self, curves: Sequence[Any]) -> None:
-        """Give the branch back, with what it has made since and its curves."""
+        """Return the branch, with its new decisions and curves."""
         self.keep()
         self.course.line = self.playback.line
         self.course.curves = [*curves, *self.course.curves[1:]]
 
     @staticmethod
     def subject_of(setup: Setup, make: Callable[[Setup], Subject]) -> Subject:
-        """Another subject of a setup, which shares nothing with the first that either changes."""
+        """A second subject of a setup. The two share nothing that either of them changes."""
         model: Any = setup.model
         return make(setup if model is None else dataclasses.replace(setup, model=copy.copy(model)))
 

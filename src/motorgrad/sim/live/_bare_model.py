@@ -22,7 +22,7 @@ BAD = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_
 
 
 class BareModel:
-    """A model without a learner, driven by controls that are set by hand; a decision is some physics steps.
+    """A model without a learner. The user sets its controls; one decision is several physics steps.
 
     It starts in the keyframe of its setup, by default the first that it has.
     """
@@ -131,12 +131,12 @@ class BareModel:
         self._data.ctrl[actuator] = value
 
     def drive(self, order: Driving) -> None:
-        """Let an order drive actuators from now on, in place of what drives them so far."""
+        """Let an order drive actuators from now on, in place of their current drive."""
         self._released(order.actuators)
         self._drives = (*self._drives, (self.tick, order))
 
     def _released(self, actuators: tuple[int, ...]) -> None:
-        """Take actuators away from what drives them."""
+        """Stop driving actuators."""
         left = ((since, each.without(actuators)) for since, each in self._drives)
         self._drives = tuple((since, each) for since, each in left if each is not None)
 

@@ -31,7 +31,7 @@ MOST = MOST_BODIES - 3
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Beside:
-    """A policy that moves a body of its own beside the one that learns.
+    """A policy that moves its own body beside the one that learns.
 
     **Arguments:** `label`: what stands above the body; `agent`: whose policy acts; `seed` of its random numbers;
     `initial`: its policy along a leading axis of one, by default the agent's; `memory`: what the task remembers from
@@ -80,7 +80,7 @@ class BesideBody:
 
     @property
     def state(self) -> Any:
-        """Everything that the future depends on, copied."""
+        """A copy of everything that determines the future."""
         return {"engine": self.stepper.state, "recurrent": self._recurrent}
 
     def restore(self, state: Any) -> None:
@@ -177,7 +177,7 @@ def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int) -> Besi
 
 
 def load_stable_baselines(path: Path) -> Any:
-    """The policy of a model that stable-baselines3 has saved, whatever its algorithm.
+    """The policy of a model saved by stable-baselines3, whatever its algorithm.
 
     Loading it runs what the file holds, as it is pickled.
     """

@@ -44,7 +44,7 @@ class BodyPart:
         self._limits = np.where(limited, model.actuator_ctrlrange, (-np.inf, np.inf))[self._driven].T
 
     def read(self) -> dict[str, float]:
-        """The numbers as they are at first."""
+        """The initial numbers."""
         return {name: number.get(self.model) for name, number in self.numbers.items()}
 
     def apply(self, values: dict[str, float], steppers: Iterable[Stepper]) -> None:
@@ -63,7 +63,7 @@ class BodyPart:
         return told
 
     def seen(self, stepper: Stepper) -> dict[str, np.ndarray]:
-        """What the task's state does not tell of the body, by the names of a snapshot, `(seeds, …)`: nothing."""
+        """Readings of the body that the task's state lacks, by the names of a snapshot, `(seeds, …)`: none."""
         del stepper
         return {}
 

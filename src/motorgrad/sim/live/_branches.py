@@ -1,4 +1,4 @@
-"""Branches: the courses that a run has taken from a common past, orders for them, and their book in the worker."""
+"""Branches of a run, which share a past: the orders for them, and the worker's record of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST = 12
 
 
 class Branch(NamedTuple):
-    """One course of a run, as a session shows it.
+    """One branch of a run, as a session shows it.
 
     - `name`; `parent`: the name of the branch that it left, or "" for the first.
     - `start`: the decision at which it left its parent; `end`: the last known one.
@@ -75,7 +75,7 @@ class Fork(BranchOrder):
 
 @dataclasses.dataclass(frozen=True)
 class Switch(BranchOrder):
-    """Go to the end of another branch, and pause there; body, learner and settings are bit for bit what they were."""
+    """Go to the end of another branch and pause there; body, learner and settings are restored bit for bit."""
 
     name: str
 
@@ -113,7 +113,7 @@ class Delete(BranchOrder):
 
 @dataclasses.dataclass(frozen=True)
 class Alongside(BranchOrder):
-    """Run another branch beside the present one, in step: always at the same decision. None ends it.
+    """Run another branch beside the current one, always at the same decision. None ends this.
 
     Both bodies are in the picture, and their readings in the same charts. A branch that is shorter goes on.
     """
@@ -149,7 +149,7 @@ class Course:
 
 
 class Branches:
-    """The book of a run's branches. One of them, `now`, is that of the playback; the others are kept.
+    """All branches of a run. The playback runs one of them, `now`; the others are kept.
 
     All of them together keep no more states than one would: the bounds of `motorgrad._playback` are shared out.
     """

@@ -19,7 +19,7 @@ FASTEST = 100.0  # Hz
 
 
 class Driving(Intervention):
-    """What drives some actuators from now on, until another order drives them.
+    """An order that drives some actuators until another order replaces it.
 
     **Attributes:** `actuators`: their numbers in the model.
     """
@@ -98,7 +98,7 @@ class Drive(Driving):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DriveRecorded(Driving):
-    """Drive actuators by recorded controls or activations, again and again.
+    """Drive actuators by recorded controls or activations, in a loop.
 
     **Arguments:** `actuators`: their numbers in the model; `time` `(n,)` s, increasing; `values` `(n, actuators)` in
     [0, 1], as shares of their ranges.

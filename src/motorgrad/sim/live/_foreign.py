@@ -1,4 +1,4 @@
-"""Gymnasium environments in view: the body that MuJoCo moves in one, or its picture, made when somebody looks."""
+"""Show Gymnasium environments: their MuJoCo body, or their rendered picture while somebody looks."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)

@@ -106,7 +106,7 @@ class Learner:
         return [self._tallied(record, count), *(self._tallied(each.stepper.harvest(), count) for each in self._shown)]
 
     def _tallied(self, record: Any, count: int) -> Tally:
-        """What an engine has recorded in so many decisions."""
+        """What an engine recorded over a number of decisions."""
         reports = self.task.reports
         lost = int(record["diverged"][0]) if "diverged" in record else 0
         values = [record["reward"][0] / max(count - lost, 1), *(record[name][0] for name in reports)]
@@ -204,7 +204,7 @@ class Learner:
         return [*self._engines.values(), *(each.stepper for each in self._bodies.values())]
 
     def _switch(self, changes: dict[str, float], frozen: bool) -> None:
-        """Go on in an engine of other settings, from the same state; or, where it refuses, in the same."""
+        """Continue from the same state with other settings; if an engine refuses them, keep the old ones."""
         before, state = (self._changes, self.frozen), self._stepper.state
         self._changes, self.frozen = changes, frozen
         try:
@@ -256,18 +256,18 @@ class Learner:
         self._last = None
 
     def _probe_learner(self) -> Probed:
-        """The learner's body as it is now."""
+        """The learner's current body."""
         stepper = self._stepper
         if stepper not in self._probes:
             self._probes[stepper] = probe(stepper, self._body.feet)
         return self._probes[stepper]() | self._of_body(stepper)
 
     def _of_body(self, stepper: Stepper) -> Probed:
-        """What the body alone tells of the present moment."""
+        """The current readings of the body."""
         return self._body.seen(stepper) | {"control": self._body.control(stepper)}
 
     def _probe_bodies(self) -> Probed:
-        """Every body in view as it is now, one below the other."""
+        """The current state of every body in view, one per row."""
         found = self._probe_learner()
         if not self._beside:
             return found
@@ -288,7 +288,7 @@ class Learner:
 
 
 def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Rows as wide as others: of a policy of another structure the numbers beyond are left out, or NaN."""
+    """Rows of a given width: longer ones are cut, shorter ones are filled with NaN."""
     if rows.shape[1:] == like.shape[1:]:
         return rows
     wide = np.full((len(rows), *like.shape[1:]), np.nan)

@@ -80,7 +80,7 @@ class Subject(Protocol):
 
     @property
     def state(self) -> Any:
-        """Everything that the future depends on, copied."""
+        """A copy of everything that determines the future."""
         ...
 
     def restore(self, state: Any, /) -> None:
@@ -144,7 +144,7 @@ class Step(Order):
 
 @dataclasses.dataclass(frozen=True)
 class Reset(Order):
-    """Return body and learner to the start, keeping edits."""
+    """Restart body and learner, keeping edits."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Save(Order):
 
 @dataclasses.dataclass(frozen=True)
 class Undo(Order):
-    """Go back to before the last intervention, forget it with all that followed, and pause there."""
+    """Go back to just before the last intervention, discard everything after it, and pause."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -339,7 +339,7 @@ class Control(Intervention):
 
 
 class Event(NamedTuple):
-    """The outcome of an order, or something that happened by itself.
+    """The outcome of an order, or another event.
 
     - `wall`: time of day, s since the epoch; `decision`: when it happened in the run.
     - `kind`: `"change"`, `"error"`, `"saved"`, `"loaded"`, `"lost"` where the simulation broke down or the body is out

@@ -15,7 +15,7 @@ from motorgrad.sim.live._setup import Setup
 
 
 class MotionPlayer(BareModel):
-    """A model that is placed as a motion says, again and again; nothing is simulated.
+    """A model that plays a motion in a loop; nothing is simulated.
 
     Velocities are those of the motion, so that muscles have the forces of their lengths, velocities and activations.
 

@@ -61,7 +61,7 @@ def editable_numbers(model: Any) -> dict[str, Number]:
 
 
 def owned(names: Any, owner: str) -> list[str]:
-    """Those of the names of numbers that belong to a part, to a muscle or to `world`."""
+    """The names of the numbers of a part, a muscle or `world`."""
     found = [(name, END.search(name)) for name in names if name.startswith(f"body.{owner}.")]
     return [name for name, end in found if end and end.start() == len(f"body.{owner}") and end[1] in FIELDS]
 
@@ -91,7 +91,7 @@ def check_number(name: str, number: Number, value: float, period: float) -> None
 
 
 def write_numbers(model: Any, numbers: Mapping[str, Number], values: Mapping[str, float]) -> bool:
-    """Write values to a model, those of parts first. **Returns** whether any was another."""
+    """Write values to a model, those of parts first. **Returns** whether any value changed."""
     changed = False
     for inertial in (True, False):
         some = [name for name, number in numbers.items() if number.inertial == inertial]
@@ -186,7 +186,7 @@ def part_numbers(model: Any) -> dict[str, Number]:
 
 
 def world_numbers(model: Any) -> dict[str, Number]:
-    """Gravity (m/s²), the time step (s), the height of a terrain (m), and the friction of all that stands still."""
+    """Gravity (m/s²), the time step (s), the height of a terrain (m), and the friction of everything fixed."""
     found = {f"{GRAVITY}{axis}": _gravity(place) for place, axis in enumerate("xyz")}
     found[TIMESTEP] = Number(
         lambda model: float(model.opt.timestep), lambda model, value: setattr(model.opt, "timestep", value), POSITIVE
@@ -225,7 +225,7 @@ def _friction(model: Any, geoms: np.ndarray) -> Number:
 
 
 class _Bounds:
-    """The bounds by which MuJoCo finds what a part may touch, as they are at first."""
+    """MuJoCo's initial bounds for finding contacts of a part."""
 
     def __init__(self, model: Any, body: int) -> None:
         first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])

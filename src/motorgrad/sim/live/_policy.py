@@ -1,4 +1,4 @@
-"""Policies of a live run in files and runs, which may be damaged or not what they say."""
+"""Load and save the policies of a live run. Files may be damaged or hold something else."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def load_policy(path: Path | str, shape: Policy, task: str, seed: int | None = N
 
 
 def policy_of_run(run: Run | Path | str, shape: Policy, task: str, seed: int | None = None) -> tuple[Policy, Any]:
-    """The policy that a run, or the run of a directory, has learned; as `load_policy`."""
+    """The policy learned by a run or by the run in a directory, checked as by `load_policy`."""
     run = run if isinstance(run, Run) else load(run)
     where = run.path or "the run"
     _check_task(where, run.config["task"]["name"], task)  # making the run's task could import a module
@@ -90,7 +90,7 @@ def confined(path: str, folders: Sequence[Path]) -> Path:
 
 
 class _Misfit(ValueError):
-    """A policy that is whole, but not one of this learner."""
+    """A valid policy that does not fit this learner."""
 
 
 def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
@@ -131,13 +131,13 @@ def _is_policy(path: Path) -> bool:
 
 
 def _line(error: Exception) -> str:
-    """An error in one line; of those whose text says little, such as `KeyError`, its name too."""
+    """An error in one line; with its type's name if the text alone says little, as for `KeyError`."""
     text = " ".join(str(error).split())[:200]
     return text if isinstance(error, ValueError | OSError) and text else f"{type(error).__name__} {text}".strip()
 
 
 def _check_finite(where: Any, policy: Policy) -> None:
-    """Refuse a policy with NaN or infinite numbers, with which nothing can be computed."""
+    """Refuse a policy with NaN or infinite numbers."""
     for place, leaf in jax.tree_util.tree_leaves_with_path(policy):
         if not np.all(np.isfinite(leaf)):
             raise _Misfit(f"{where}: {jax.tree_util.keystr(place)} has numbers that are not finite")

@@ -1,4 +1,4 @@
-"""What a run leaves for the page: trails and learning curves of all bodies in view, and how often it is sampled."""
+"""Records of a run for the page: trails and learning curves of all bodies in view, and how often to sample."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class Records:
         self._counted, self._added = 0, -float("inf")
 
     def label(self, labels: Sequence[str], tick: int) -> None:
-        """Give bodies that have come beside the first trails and curves that begin now; others keep theirs."""
+        """Start trails and curves for bodies added beside the first; the others keep theirs."""
         if self.labels == labels:
             return
         saved = {label: curve.saved for label, curve in zip(self.labels[1:], self._curves[1:], strict=False)}
@@ -93,7 +93,7 @@ class Records:
         self._counted = 0
 
     def saved_curves(self, bodies: int) -> list[Any]:
-        """The curves of the first so many bodies, for `restore_curves`."""
+        """The curves of the first bodies, for `restore_curves`."""
         return [curve.saved for curve in self._curves[:bodies]]
 
     def restore_curves(self, saved: Sequence[Any], row: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""A session: a run in a worker process, which is read through snapshots and steered by orders."""
+"""A session: a run in a worker process, read through snapshots and steered by orders."""
 
 import atexit
 import contextlib
@@ -46,7 +46,7 @@ KEPT = 10_000  # events that have not been read
 
 
 class Session:
-    """A run in a process of its own, which goes on whether or not anyone watches.
+    """A run in its own process. It continues whether or not anyone watches.
 
     **Arguments:** `setup`; `playing`: whether it starts at once; `speed`: simulated seconds per second of wall time;
     `wait`: whether to return only when it is ready. Without, call `wait_until_ready` before anything else but `close`.
@@ -94,7 +94,7 @@ class Session:
             self.wait_until_ready()
 
     def wait_until_ready(self, told: Callable[[str], object] = lambda _: None) -> None:
-        """Wait until the run has started; `told` is called with what it does meanwhile, in a few words.
+        """Wait until the run has started; `told` is called with short progress messages.
 
         **Raises** `ValueError` or `RuntimeError` with the worker's message where it cannot start.
         """
@@ -152,7 +152,7 @@ class Session:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """The courses that the run has taken, in the order of their making. One of them is `present`."""
+        """The branches of the run, oldest first. One of them is `present`."""
         now = self.snapshot()
         reached = {(True, False): now.newest, (False, True): now.decision}
         return tuple(
@@ -169,7 +169,7 @@ class Session:
         return Trail(decision=decision, **{name: array[rows] for name, array in found.items()})
 
     def curve(self, body: int = 0) -> Curve:
-        """The learning curve of a body in view so far; of those beside the one that learns, since they came."""
+        """The learning curve of a body in view so far; for bodies beside the learner, since they were added."""
         found = self._read(part_of("curve", body))
         count = int(found["count"])
         decision, seconds, frozen = (found[name][:count] for name in ("decision", "seconds", "frozen"))
@@ -201,7 +201,7 @@ class Session:
 
     @property
     def ended(self) -> bool:
-        """Whether the run has ended: it was closed, or it failed, which the last event tells."""
+        """Whether the run has ended: it was closed, or it failed, as the last event says."""
         return self._ended.is_set()
 
     def close(self) -> None:
@@ -235,7 +235,7 @@ class Session:
         return self._shared[part].read()
 
     def _first(self, told: Callable[[str], object]) -> Ready:
-        """The worker's first reply after what it tells of its start."""
+        """The worker's first reply after its progress messages."""
         reply: Any = ""
         while isinstance(reply, str):
             try:
@@ -308,7 +308,7 @@ def succeed(session: Session, setup: Setup, told: Callable[[str], object] = lamb
 
 @contextlib.contextmanager
 def _bare_main() -> Iterator[None]:
-    """Keep the new process from running the user's script again, so that scripts need no guard.
+    """Keep the new process from running the user's script again, so that scripts need no `__main__` guard.
 
     What the script defines crosses by value.
     """

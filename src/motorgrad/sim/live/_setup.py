@@ -84,7 +84,7 @@ class Camera:
 
 @dataclasses.dataclass(frozen=True)
 class Stage:
-    """Changes of a body's surroundings; none by default.
+    """Changes to a body's surroundings; none by default.
 
     **Arguments:** `timestep` (s), of the physics; `gravity` (m/s²), a vector; `terrain` in place of the level ground;
     `cameras` by name.
@@ -261,7 +261,8 @@ def setup_of(
 
 
 def with_motion(setup: Setup, motion: Motion | Path | str, partial: bool = False) -> Setup:
-    """A bare model that plays a stored motion, or one in a file. **Raises** `ValueError` for one that does not fit."""
+    """A bare model that plays a stored motion, given or in a file. **Raises** `ValueError` for one that does not
+    fit."""
     model: Any = setup.model
     if not isinstance(motion, Motion):
         motion = read_motion(motion, model, partial)
@@ -314,7 +315,7 @@ def _title(task: Task) -> str:
 
 
 def _name_of(body: Any) -> str:
-    """The name of a body: of MyoSuite the id, otherwise that in the description."""
+    """The name of a body: MyoSuite's id, otherwise the name in its description."""
     source = str(getattr(body, "source", ""))
     return source.removeprefix(MYOSUITE) if source.startswith(MYOSUITE) else body.spec().modelname
 

@@ -1,4 +1,4 @@
-"""What a page sees of a run, and the shared memory that carries it: snapshot, trail and learning curve."""
+"""What a page sees of a run, in shared memory: snapshot, trail and learning curve."""
 
 import contextlib
 import math
@@ -149,7 +149,7 @@ def part_of(name: str, row: int) -> str:
 
 
 def encoded(labels: Sequence[str]) -> np.ndarray:
-    """Labels as numbers, for shared memory; what is too long is cut."""
+    """Labels as numbers, for shared memory; long labels are cut."""
     codes = np.zeros((len(labels), LONGEST_LABEL))
     for row, label in enumerate(labels):
         points = [ord(letter) for letter in label[:LONGEST_LABEL]]
@@ -282,7 +282,7 @@ class CurveRecorder:
         return tuple(row.copy() for row in rows), self.window, self._begin
 
     def restore(self, saved: Any) -> None:
-        """Put a saved curve in place of this one."""
+        """Replace the curve with a saved one."""
         (ends, frozen, sums, counts), self.window, self._begin = saved
         n = self._points = len(ends)
         self._ends[:n], self._frozen[:n], self._sums[:, :n], self._counts[:, :n] = ends, frozen, sums, counts

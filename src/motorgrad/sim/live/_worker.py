@@ -198,7 +198,7 @@ class Worker:
         self.pipe.send(Reply(Event(time.time(), self.subject.tick, text, kind), settings))
 
     def _idle_time(self) -> float:
-        """Seconds until there is something to do but to listen."""
+        """Seconds until the worker has something to do besides listening."""
         until_frame = max(0.0, self._framed + FRAME - time.perf_counter())
         return min(self.clock.wait(), until_frame)
 
@@ -327,7 +327,7 @@ class Worker:
         self._latest = self.subject.tick, self._sampled()
 
     def _tell_branches(self) -> None:
-        """Tell the session of the branches, where any has changed."""
+        """Send the branches to the session if any has changed."""
         beside = self.beside
         now = self.branches.about(*((None, None) if beside is None else (beside.course, beside.playback)))
         if (told := [branch._replace(end=0) for branch in now]) != self._told:
@@ -352,7 +352,7 @@ class Worker:
         self._arrive(decision)
 
     def _arrive(self, decision: int) -> None:
-        """Come to a decision, with the trails of what led to it, and pause there."""
+        """Arrive at a decision, with the trails that led to it, and pause."""
         subject, playback = self.subject, self.playback
         count = decision - subject.tick
         sampled = min(count, STRETCH)
@@ -367,7 +367,7 @@ class Worker:
         self._come_to(decision)
 
     def _come_to(self, decision: int) -> None:
-        """Pause at a decision that was not reached by going on."""
+        """Pause at a decision that was reached by a jump."""
         self.clock.pause()
         self.records.skip(decision)
         self._watched = None
@@ -379,7 +379,7 @@ class Worker:
         return max(self.playback.end, self.subject.horizon)
 
     def _undo(self) -> str:
-        """Go back to before the last intervention, pause there, and return its name."""
+        """Go back to just before the last intervention, pause, and return its name."""
         what = self.playback.undo()
         now = self.branches.now
         now.start = min(now.start, self.subject.tick)
@@ -393,7 +393,7 @@ class Worker:
         return type(what).__name__.lower()
 
     def _watch(self) -> None:
-        """Pause, and tell of it, where an intervention has broken the simulation or thrown the body away."""
+        """Pause and report it if an intervention has broken the simulation or thrown the body away."""
         if self._watched is None:
             return
         decision, position, diverged = self._watched

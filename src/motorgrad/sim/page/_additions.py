@@ -1,4 +1,4 @@
-"""What the served page adds to viser's: words while it loads, names for screen readers, and room for an overlay."""
+"""Additions to viser's page: a loading message, names for screen readers, and an overlay."""
 
 import html
 from pathlib import Path
@@ -7,7 +7,7 @@ from motorgrad.sim.page._plots import plots_script, plots_style
 
 
 def with_additions(page: bytes, name: str, watching: bool = False) -> bytes:
-    """viser's page with this room's style and scripts, which stand in files of their own.
+    """viser's page with this package's style and scripts.
 
     Until there is a picture the page shows `name` and that it loads. Where the browser renders without a graphics card,
     lights cast no shadows and reflect nothing, and the picture is coarser. For those who are `watching` it leaves out

@@ -1,4 +1,4 @@
-"""Links to a moment and a view: what stands behind the # of the page's address, and who may go where."""
+"""Links to a moment and a view, in the fragment (#…) of the page's address, and who may follow them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REFUSED = (ValueError, RuntimeError)
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """A moment and a view; what is None is left as it is.
+    """A moment and a view; None leaves a part as it is.
 
     **Arguments:** `decision`, or `time` in simulated seconds, of which only one; `camera`, by its name in the list of
     cameras, those of the model also without "Fixed: "; `tab`, by its title.
@@ -46,19 +46,18 @@ class Place:
 
     @property
     def fragment(self) -> str:
-        """The place as the end of an address, with its "#"; empty for no place."""
+        """The place as an address's fragment, with its "#"; empty for no place."""
         given = {name: value for name, value in dataclasses.asdict(self).items() if value is not None}
         return f"#{urlencode(given, quote_via=quote)}" if given else ""
 
     def moment(self, period: float) -> int | None:
-        """The decision that is meant, with decisions of `period` seconds."""
+        """The decision of the place, for decisions of `period` seconds."""
         return round(self.time / period) if self.time is not None else self.decision
 
 
 def read_place(fragment: str) -> Place:
-    """The place of an address's end. Unknown names are passed over. **Raises** `ValueError` for a value that cannot be
-    read.
-    """
+    """The place in an address's fragment. Unknown names are ignored. **Raises** `ValueError` for an unreadable
+    value."""
     kinds: dict[str, Any] = {"decision": int, "time": float, "camera": str, "tab": str}
     found = {}
     for name, text in parse_qsl(fragment.lstrip("#")):
@@ -80,7 +79,7 @@ def link_element(address: str, words: str, hint: str) -> str:
 
 
 class Links:
-    """Takes every browser to the moment and the view behind the # of its address, and keeps that up to date.
+    """Takes every browser to the moment and view in the fragment of its address, and keeps the address up to date.
 
     A browser that may only watch gets the view alone. The page's script says through a field of the browser's own what
     its address has, and reads from an element that is not shown what the address should have.
@@ -107,7 +106,7 @@ class Links:
                 known.pop(client.client_id, None)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Tell each browser what its address should have."""
+        """Send each browser its address."""
         del pose
         now = time.monotonic()
         if now < self._due:
@@ -126,7 +125,7 @@ class Links:
                 self._tell(number, client, field)
 
     def go(self, client: Any, text: str) -> None:
-        """Take a browser to the place that the end of its address names. **Raises** `ValueError` for an unknown one."""
+        """Take a browser to the place in its address. **Raises** `ValueError` for an unknown one."""
         place = read_place(text)
         if place.camera is not None and self._cameras.names:
             self._cameras.select(client.client_id, camera_named(place.camera, self._cameras.names))

@@ -50,7 +50,7 @@ class ExposedWarning(UserWarning):
 
 
 def warn_of(host: str) -> None:
-    """Warn where a host is not this machine's own address."""
+    """Warn if other machines can reach the host."""
     if host not in LOCAL:
         text = f"host = {host!r}: other machines can reach the page. Its address is a password, and is sent unencrypted"
         warnings.warn(text, ExposedWarning, stacklevel=3)
@@ -117,14 +117,14 @@ class Page:
                 raise
 
     def ready(self) -> None:
-        """Wait until the body is in the picture. **Raises** what kept the session from starting."""
+        """Wait until the body is shown. **Raises** the error that kept the session from starting."""
         while not self._built.wait(0.2):
             pass
         if self._error is not None:
             raise self._error
 
     def _begin(self) -> None:
-        """Start the session, telling of it, then build the page and keep it up to date."""
+        """Start the session, show its progress, then build the page and keep it up to date."""
         try:
             self.session.wait_until_ready(self._tell)
             self._tell("drawing")
@@ -144,7 +144,7 @@ class Page:
         self.server.gui.main_panel.dock_right()
 
     def _succeed(self, session: Session) -> None:
-        """Show another session in place of the present one, which ends. Recordings end, too."""
+        """Show another session in place of the current one, which ends, with its recordings."""
         old, self.session = self.session, session
         for recording in self._recordings:
             recording.stop()
@@ -157,7 +157,7 @@ class Page:
             self._clicks.bring_forward(client, "Run" if session.task is None else "Learning")
 
     def _tell(self, words: str) -> None:
-        """Say on the cover of the page what is going on; the page's script reads it from this element."""
+        """Show progress on the page's cover; the page's script reads it from this element."""
         self._progress.content = f'<div class="motorgrad-progress">{html.escape(words)}</div>'
 
     def _build(self) -> None:
@@ -199,7 +199,7 @@ class Page:
 
     @property
     def plots_url(self) -> str:
-        """The address of the page of plots, for a window of its own; it opens where `url` was opened before."""
+        """The address of the page of plots, for a separate window of a browser that has opened `url`."""
         return f"{self._public_url}/{self._gate.place}/plots"
 
     @property
@@ -261,7 +261,7 @@ class Page:
             webbrowser.open(self.url)
 
     def viewpoint(self, time: float | None = None) -> Viewpoint:
-        """The camera of the browser that came last and may drive: for films that show what it shows.
+        """The camera of the newest browser that may drive, for films of what it shows.
 
         **Arguments:** `time`, which films give to a camera that moves, does not matter.
 
@@ -279,7 +279,7 @@ class Page:
         return viewpoint_of(clients[max(driving)].camera)
 
     def record(self, path: Path | str, **settings: Any) -> FilmRecorder | SlowFilmRecorder | ReplayRecorder:
-        """Record the run from now on, until `stop` of what is returned, or `close`.
+        """Record the run from now on, until `stop` is called on the returned recorder, or until `close`.
 
         A path that ends in ".html" becomes a replay (`motorgrad.sim.panels.ReplayRecorder`), one in ".mp4", ".gif" or
         ".webp" a film (`motorgrad.sim.panels.FilmRecorder`, which has the `settings`: size, camera, plots, ground).

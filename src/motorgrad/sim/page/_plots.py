@@ -1,4 +1,4 @@
-"""The page of plots, which opens in a window of its own, and the figures that it and the strip below the scene ask for.
+"""The page of plots in its own window, and the figures for it and for the strip below the scene.
 
 Both are served behind the gate of the main page: `plots`, and `plots/figures/640x240/0,3,5`.
 """

@@ -1,4 +1,4 @@
-"""viser's server behind the gate of `motorgrad._gate`: who reaches it, and which messages it is given."""
+"""viser's server behind the gate of `motorgrad._gate`: who can reach it, and which messages pass."""
 
 import asyncio
 import contextlib
@@ -85,7 +85,7 @@ def gated_server(gate: Gate, host: str, port: int, label: str, plots: PlotPages)
 
 
 def clear(server: viser.ViserServer) -> None:
-    """Remove all that stands on the page, in every browser, and what each new browser would be given."""
+    """Remove everything from the page, in every open and every new browser."""
     with server._client_lock:  # viser has no public way to take a callback back
         server._client_connect_cb.clear()
         server._client_disconnect_cb.clear()
@@ -95,7 +95,7 @@ def clear(server: viser.ViserServer) -> None:
 
 
 class _Front:
-    """What stands before viser's server: the gate for handshakes and pages, and bounds for messages."""
+    """The checks in front of viser's server: the gate for handshakes and pages, and limits for messages."""
 
     def __init__(self, gate: Gate, label: str, plots: PlotPages):
         self._gate, self._label, self._plots, self._clients, self.used = gate, label, plots, 0, False
@@ -109,7 +109,7 @@ class _Front:
         return {**given, **bounds, "process_request": self._process(given["process_request"])}
 
     def handler(self, handle: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        """viser's handler of a connection, which sees no message out of bounds."""
+        """viser's handler of a connection, which sees only valid messages."""
 
         async def run(connection: Any) -> None:
             request = connection.request
@@ -192,7 +192,7 @@ class _Front:
 
 
 class _Client:
-    """A connection as viser's handler sees it: messages out of bounds are left out, and fast ones wait.
+    """A connection as viser's handler sees it, without invalid messages and with a limited rate.
 
     **Attributes:** `watches`: whether it may only watch; what it may not send is left out.
     """
@@ -205,7 +205,7 @@ class _Client:
         return getattr(self._connection, name)
 
     async def recv(self) -> bytes:
-        """The next message that is within bounds."""
+        """The next valid message."""
         while True:
             await self._pace.wait(self._size)
             try:

@@ -13,7 +13,7 @@ SHARE = 0.9  # of all places, which watching browsers may take; the others are k
 
 
 def watches(server: viser.ViserServer, client_id: int) -> bool:
-    """Whether a browser came by the address for watching. Unknown ones do: they may change nothing."""
+    """Whether a browser may only watch. Unknown browsers may only watch."""
     connection = server._websock_server._live_connections.get(client_id)  # type: ignore[arg-type]
     return getattr(connection, "watches", True)
 
