@@ -1,4 +1,4 @@
-"""Capture: films of a run as it goes on, snapshots, the pose as SVG, and the scene as an HTML page of its own."""
+"""Capture: films of a run, snapshots, the pose as SVG, and the scene as a separate HTML page."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class BodyRecording:
 
     @property
     def seconds(self) -> float:
-        """The simulated duration so far."""
+        """The recorded simulated time so far."""
         return self._recorder.seconds
 
     def tick(self) -> None:
-        """Nothing: it keeps the time itself."""
+        """Do nothing: the recorder keeps the time itself."""
 
     def html(self) -> bytes:
         """End the recording. **Returns** a page that needs neither server nor network."""
@@ -48,7 +48,7 @@ class BodyRecording:
             return self._recorder.path.read_bytes()
 
     def close(self) -> None:
-        """Give up; the recorder ends with its session."""
+        """Discard the recording; the recorder ends with its session."""
         self._folder.cleanup()
 
 
@@ -82,8 +82,8 @@ PAGE = ("Record scene (HTML)", "Stop scene")
 
 
 class CapturePanel(Panel):
-    """Films, a snapshot (PNG), the pose as a vector picture (SVG) and a recording of the scene (HTML); the browser that
-    asked for it saves the file.
+    """Films, snapshots (PNG), the pose as vector graphics (SVG) and recordings of the scene (HTML). The browser that
+    asked for a file saves it.
     """
 
     title: ClassVar[str] = "Capture"

@@ -1,4 +1,4 @@
-"""Charts: SVG diagrams, quick to make and in the page's own colours, and live curves drawn by the browser (uPlot)."""
+"""Charts: SVG diagrams in the page's colours, and live curves drawn by the browser (uPlot)."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def picture(pixels: np.ndarray, x: float, y: float, width: float, height: float,
 
 
 class Chart:
-    """A box with two axes, in whose units things are drawn.
+    """A box with two axes. All drawing uses their units.
 
     **Arguments:** `across`, `up`: limits of the axes; `label`, `side`: their labels; `box`: left, top, right, bottom in
     the diagram's units; `names` instead of numbers along the vertical axis, from below, with `letters` as their font
@@ -102,7 +102,7 @@ class Chart:
         )
 
     def image(self, pixels: np.ndarray, smooth: bool = False) -> None:
-        """Fill the box with an image beneath everything else, its first row on top."""
+        """Fill the box with an image in the background, its first row on top."""
         left, top, right, bottom = self.box
         self.under.append(picture(pixels, left, top, right - left, bottom - top, smooth))
 
@@ -149,7 +149,7 @@ def ticks(low: float, high: float, count: int) -> list[float]:
 
 
 def fitting_ticks(low: float, high: float, room: float) -> list[float]:
-    """Round values between two limits, at most five steps, whose texts have `room` side by side in diagram units."""
+    """Round values between two limits, at most five, whose labels fit side by side in `room` diagram units."""
     values: list[float] = []
     for count in (5, 3, 2, 1):
         values = ticks(low, high, count)
@@ -247,7 +247,7 @@ class TracePlot(Plot):
 
 
 class NamedPlot(Plot):
-    """Recent values of one thing over time, whose name stands at the axis."""
+    """Recent values of one quantity over time, with its name at the axis."""
 
     def __init__(self, gui: Any, colour: str) -> None:
         super().__init__(gui, ("value",), (colour,), 185, legend=False)
@@ -261,7 +261,7 @@ class NamedPlot(Plot):
 
 
 def smoothed(values: np.ndarray) -> np.ndarray:
-    """Running means over a share of all points, over fewer at the ends."""
+    """Running means over a share of all points, and over fewer at the ends."""
     reach = max(1, round(SMOOTH * len(values) / 2))
     total = np.concatenate([[0.0], np.cumsum(values)])
     place = np.arange(len(values))

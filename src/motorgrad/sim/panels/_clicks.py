@@ -1,4 +1,4 @@
-"""Clicks on the scene: the part or the muscle that is clicked is chosen, and its tab comes to the front."""
+"""Clicks on the scene choose a part or a muscle, and bring its tab to the front."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -22,7 +22,7 @@ from motorgrad.sim.scene import Pose, Scene
 
 
 class ClickSelect:
-    """Chooses the part or the muscle that is clicked: its panel shows it, in front for who clicked.
+    """Chooses the clicked part or muscle: its panel shows it, and comes to the front for the user who clicked.
 
     It is a part of the page, updated after the scene.
 
@@ -35,7 +35,7 @@ class ClickSelect:
         self._fronts: dict[int, Any] = {}
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Remember the session, and forget browsers that have gone."""
+        """Remember the session, and forget closed browsers."""
         self._session = session
         self._tendons = {}
         model: Any = session.model

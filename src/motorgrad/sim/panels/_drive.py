@@ -1,4 +1,4 @@
-"""Finding muscles among many on the page, and driving them: one, those that are found, by a pattern or a recording."""
+"""Find muscles among many on the page, and drive one or all of those found, by a pattern or a recording."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -39,7 +39,7 @@ class MuscleFinder:
         self._due = 0.0
 
     def fill(self, gui: Any) -> None:
-        """Add the elements, where there are many muscles."""
+        """Add the elements if the body has many muscles."""
         names = self._panel.session.muscles
         if len(names) < MANY:
             return
@@ -54,11 +54,11 @@ class MuscleFinder:
 
     @property
     def narrowed(self) -> bool:
-        """Whether only some of the muscles are wanted."""
+        """Whether the search selects only some of the muscles."""
         return self._search is not None and bool(self._search.value.strip() or self._labels[self._group.value] != ALL)
 
     def rows(self) -> list[int]:
-        """The numbers of the muscles that are found, in their order; of all where nothing is found."""
+        """The numbers of the muscles found, in order; of all muscles if none is found."""
         if self._search is None:
             return self._rows
         wanted = (self._search.value, self._group.value, self._order.value)
@@ -71,7 +71,7 @@ class MuscleFinder:
         return self._rows
 
     def note(self, shown: int) -> str:
-        """What is not shown, as HTML."""
+        """A note on the muscles that are not shown, as HTML."""
         count, every = len(self._rows), len(self._panel.session.muscles)
         if count == every == shown:
             return ""

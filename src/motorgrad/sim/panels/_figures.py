@@ -1,4 +1,4 @@
-"""Figures of a run at any size, for a page or a strip of plots: one line for each body in view, in its colour."""
+"""Figures of a run at any size, for a page or a strip of plots, with one line for each body in view."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Figures:
         self.first = self.first or list(range(min(3, len(found))))
 
     def about(self) -> dict[str, Any]:
-        """What a page needs to offer them: names by group, and those shown at first."""
+        """What a page needs to list the figures: names by group, and those shown first."""
         listed = [{"name": figure.name, "group": figure.group} for figure in self.all]
         return {"title": self._session.name, "figures": listed, "first": self.first}
 

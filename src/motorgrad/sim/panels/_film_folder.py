@@ -1,4 +1,4 @@
-"""The folder of the tab "Capture" in which a film is set up, begun and ended."""
+"""The folder in the tab "Capture" that sets up, starts and ends a film."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LARGEST = (3840, 2160)
 
 
 class FilmFolder:
-    """Elements to film a run: from where, how fast, how large, on which ground, beside which plots.
+    """Elements to film a run: camera, speed, size, ground and plots.
 
     **Arguments:** `panel` that it stands in; `name`: a function from an ending to the name of a file.
     """
@@ -57,7 +57,7 @@ class FilmFolder:
         return self._film is not None
 
     def rows(self) -> list[tuple[str, str]]:
-        """What there is to say of the film."""
+        """The state of the film, in words."""
         film = self._film
         rows = [("film", "–" if film is None else f"{film.seconds:.1f} s")]
         if isinstance(film, FilmRecorder) and film.painted:

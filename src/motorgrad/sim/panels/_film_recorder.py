@@ -1,4 +1,4 @@
-"""Films of a run as it goes on: as it is seen now, in the time of the clock, or every decision, in slow motion."""
+"""Films of a run: in real time as the page shows it, or of every decision, in slow motion."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ class SlowFilmRecorder:
         self.done = made / of
 
     def _watch(self) -> None:
-        """Keep where a moving camera is at every moment."""
+        """Record where a moving camera is at every moment."""
         while callable(self._camera) and not self._session.ended:
             moment = self._session.snapshot().seconds
             self._seen.append((moment, self._camera(moment)))
@@ -243,7 +243,7 @@ class SlowFilmRecorder:
 
 
 class _LiveStrip:
-    """The plots beside a film of a run that goes on."""
+    """The plots beside a film of a live run."""
 
     def __init__(self, session: Session, names: Sequence[str], height: int) -> None:
         self._session, self._names, self._height = session, names, height
@@ -251,7 +251,7 @@ class _LiveStrip:
         self._due = 0.0
 
     def paint(self) -> np.ndarray:
-        """The picture of the present moment."""
+        """The picture of the current moment."""
         now = time.monotonic()
         if now >= self._due:
             self._due = now + RENEW

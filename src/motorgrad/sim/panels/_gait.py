@@ -101,7 +101,7 @@ class GaitReader:
         return debounced(trail.contacts[:, self._feet] > TOUCH, self._period)
 
     def gait(self, trail: Trail) -> Gait | None:
-        """The gait of the last uninterrupted stretch; None where that is too short."""
+        """The gait of the last uninterrupted stretch; None if it is too short."""
         breaks = np.flatnonzero((np.diff(trail.decision) != 1) | (np.diff(trail.seconds) <= 0)) + 1
         first = int(breaks[-1]) if len(breaks) else 0
         if (len(trail.decision) - first) * self._period < LEAST:

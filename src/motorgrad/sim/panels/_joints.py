@@ -105,7 +105,7 @@ def draw_arms(joint: Joint, places: np.ndarray, arms: Mapping[str, np.ndarray], 
 
 
 class JointsPanel(Panel):
-    """Place, speed and limits of a joint, and what acts on it; its place and its torque over time; moment arms."""
+    """Position, speed and limits of a joint and what acts on it; position and torque over time; moment arms."""
 
     title: ClassVar[str] = "Joints"
     rate: ClassVar[float] = 3.0
@@ -158,7 +158,7 @@ class JointsPanel(Panel):
 
 
 def joint_table(model: Any, data: Any, joint: Joint) -> list[tuple[str, str]]:
-    """Place, speed and limits of a joint, and what acts on it, with units."""
+    """Position, speed and limits of a joint and what acts on it, with units."""
     factor, unit, effort, freedom = joint.factor, joint.unit, joint.effort, joint.freedom
     gap = "" if unit == "°" else " "
     low, high = (f"{brief(factor * float(each))}{gap}{unit}" for each in model.jnt_range[joint.number])

@@ -1,4 +1,4 @@
-"""A task of one's own for the body in view: what is observed and rewarded, which muscles act, and a learner for it."""
+"""Compose a task for the body in view: what is observed and rewarded, which muscles act, and a learner for it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class LearnPanel(Panel):
         save.on_click(lambda _: self._tried(self._save))
 
     def update(self, snapshot: Any, pose: Any) -> None:
-        """Count the seconds while another run starts; nothing here changes with this one."""
+        """Count the seconds while another run starts; the panel does not change with the current run."""
         del snapshot, pose
         if self._doing and time.monotonic() > self._due:
             self._due = time.monotonic() + 1.0
@@ -136,7 +136,7 @@ class LearnPanel(Panel):
         return dataclasses.replace(found, name=self.session.name)
 
     def _start(self, make: Any) -> None:
-        """Start another run, telling of it here, and let the page show it."""
+        """Start another run, report its progress here, and show it on the page."""
         if not self._busy.acquire(blocking=False):
             return
         try:
@@ -167,7 +167,7 @@ class LearnPanel(Panel):
         self._tell(f"Saved. It is repeated by: motorgrad train {path.name} --steps {steps} --seeds 8{preset}")
 
     def _tried(self, act: Any) -> None:
-        """Do something; an error is told here, where it was made."""
+        """Do something, and show an error here, where it was made."""
         self._tell("checking the task …")
         try:
             act()
@@ -180,7 +180,7 @@ class LearnPanel(Panel):
 
 
 def body_of(session: Session) -> Any:
-    """The body of a session on which tasks can be composed; None where there is none."""
+    """The body of a session, if tasks can be composed on it; otherwise None."""
     return session.task.body if isinstance(session.task, Composed) else session.setup.body
 
 

@@ -1,4 +1,4 @@
-"""What is learned: the learning curve, the numbers behind it, the settings, and policies in files."""
+"""Learning: the learning curve, the numbers behind it, the settings, and policies in files."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ class LearningPanel(Panel):
 
 
 def _first_of(names: tuple[str, ...]) -> str:
-    """The curve that is shown at first: the return of episodes where the task reports it."""
+    """The curve shown first: the return of episodes if the task reports it."""
     return "return" if "return" in names else names[0]
 
 

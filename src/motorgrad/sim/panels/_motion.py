@@ -1,4 +1,4 @@
-"""Stored motions: one is played on the body in view, and set to any of its moments."""
+"""Stored motions: play one on the body in view, and go to any of its moments."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class MotionPanel(Panel):
         return dataclasses.replace(setup_of(setup.body, stage=setup.stage), name=setup.name, key=setup.key)
 
     def _start(self, make: Any) -> None:
-        """Start another run in place of this one; an error is told here."""
+        """Start another run in place of this one, and show an error here."""
         self._tell("reading …")
         try:
             succeed(self.session, make(), lambda words: self._tell(f"{words} …"))

@@ -1,4 +1,4 @@
-"""Recording every decision of a run that goes on, as a motion with its numbers."""
+"""Record every decision of a live run, as a motion with its numbers."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class MotionRecorder:
         return self._thread.is_alive()
 
     def stop(self) -> Recorded:
-        """End the recording. **Raises** `ValueError` where no decision was made meanwhile."""
+        """End the recording. **Raises** `ValueError` if no decision was made during it."""
         self._stop.set()
         self._thread.join()
         if self._failed is not None:
@@ -105,7 +105,7 @@ PLOTS = ("reward", "activations", "contact forces")
 
 
 def trail_plots(session: Session, trail: Trail, time: np.ndarray) -> dict[str, Plot]:
-    """What there is to plot of a trail, by the names in `PLOTS`, at times `(n,)` in s."""
+    """The quantities of a trail that can be plotted, by the names in `PLOTS`, at times `(n,)` in s."""
     found = {}
     if np.isfinite(trail.reward).any():
         found["reward"] = Plot("reward of each decision", time, trail.reward)

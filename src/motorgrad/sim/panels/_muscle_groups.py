@@ -1,4 +1,4 @@
-"""Finding muscles among many: groups by name, side and joint, a search, and an order."""
+"""Find muscles among many: by groups of name, side and joint, by a search, and in a chosen order."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)

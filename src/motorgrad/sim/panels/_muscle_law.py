@@ -1,4 +1,4 @@
-"""The force law of an actuator as its model has it: force from activation, length and velocity."""
+"""The force law of an actuator in its model: force from activation, length and velocity."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -22,7 +22,7 @@ class Arm(NamedTuple):
 
 
 class Law:
-    """One actuator's force; of a muscle on a path the tension, positive where it pulls.
+    """One actuator's force; for a muscle on a path its tension, positive when it pulls.
 
     **Arguments:** `model`, read at each call; `actuator`: its index.
     """
@@ -37,7 +37,7 @@ class Law:
 
     @property
     def rest_length(self) -> float:
-        """The length at which it is strongest, in m; NaN where the law has none."""
+        """The length at which the actuator is strongest, in m; NaN if the law has none."""
         model, kind = self._model, self._model.actuator_gaintype[self._row]
         if self._hill:
             _, optimal, slack, pennation = model.actuator_biasprm[self._row, :4]
@@ -51,7 +51,7 @@ class Law:
         return float("nan")
 
     def hill_now(self, data: mujoco.MjData) -> HillState | None:
-        """Fiber and tendon in the present posture, of a Hill-type muscle."""
+        """Fiber and tendon of a Hill-type muscle in the current posture."""
         return read_hill(self._model, data, self._row) if self._hill else None
 
     @property
@@ -100,7 +100,7 @@ class Law:
         return float(np.ravel(self._model.tendon_damping[self._tendon])[0])
 
     def moment_arms(self, data: mujoco.MjData) -> list[Arm]:
-        """Every joint that it acts on in the present posture, the longest arm first."""
+        """Every joint that the actuator acts on in the current posture, the longest moment arm first."""
         model = self._model
         dense = np.zeros((model.nu, model.nv))
         mujoco.mju_sparse2dense(dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)

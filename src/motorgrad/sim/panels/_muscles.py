@@ -1,4 +1,4 @@
-"""Muscles: their activation over time, and where one of them works on its force–length–velocity curves."""
+"""Muscles: activation over time, and the operating point of one on its force–length–velocity curves."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -82,7 +82,7 @@ class Range(NamedTuple):
     speed: float
 
     def holding(self, length: float, velocity: float, rest: float) -> Range:
-        """The range widened to contain a moment."""
+        """The range, widened to contain the current moment."""
         if np.isfinite(rest):
             low, high = min(self.length[0], 0.4 * rest), max(self.length[1], 1.6 * rest)
         else:

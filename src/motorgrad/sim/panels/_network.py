@@ -1,4 +1,4 @@
-"""The hidden layers of a policy: what its units do now, and what each of them responds to."""
+"""The hidden layers of a policy: the current activations of its units, and what each unit responds to."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _activations(policy: Policy, seen: jax.Array) -> tuple[jax.Array, ...]:
 
 
 def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:
-    """The present activations of each hidden layer; none of a policy without."""
+    """The current activations of each hidden layer; empty for a policy without hidden layers."""
     policy = session.policy(snapshot.parameters[0])
     if policy is None:
         return []

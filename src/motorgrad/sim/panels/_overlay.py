@@ -1,4 +1,4 @@
-"""The overlay on the scene: what is going on in words and a small curve, and what a program adds to it."""
+"""The overlay on the scene: the state of the run in words and a small curve, and what programs add to it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SHAFT = 0.012  # of an arrow, as a share of the body's size
 
 
 class Item:
-    """One entry of the overlay: a text, a plot and an arrow, each of which may be left out."""
+    """One entry of the overlay: a text, a plot and an arrow, each optional."""
 
     def __init__(self, text: Text | None, plot: Plotted | None, arrow: Arrow | None, unit: str, colour: str) -> None:
         self.text, self.plot, self.arrow, self.unit, self.colour = text, plot, arrow, unit, colour
@@ -44,7 +44,7 @@ class Item:
         self.failed = ""
 
     def follow(self, moment: Moment) -> None:
-        """Take note of the number that a plot shows."""
+        """Record the number that a plot shows."""
         if not callable(self.plot) or (self.seen and self.seen[-1][0] == moment.seconds):
             return
         if self.seen and moment.seconds < self.seen[-1][0]:
@@ -67,7 +67,7 @@ class Item:
 
 
 class Overlay:
-    """What stands on the scene: the task and its goal, the state of the run, a small learning curve, a legend of
+    """The overlay on the scene: the task and its goal, the state of the run, a small learning curve, a legend of
     colours and forces; and texts, plots and arrows that a program adds by calling it.
 
     Browsers show it over the picture, at any size; a switch in the tab "View" hides it.
@@ -98,7 +98,7 @@ class Overlay:
         unit: str = "",
         colour: str = _charts.STRONG,
     ) -> None:
-        """Put an entry on the scene, in place of any other of this name; with a name alone, remove it.
+        """Show an entry on the scene, and replace any other of this name; a name alone removes it.
 
         Functions are called with the present `Snapshot` five times a second, those of plots thirty times, in the page's
         process: they may read anything but must be quick. One that fails is shown with its error and not called again.
@@ -216,7 +216,7 @@ class Overlay:
         return f'<div class="card wide">{"<br>".join(words)}</div>'
 
     def _draw_arrows(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> None:
-        """Draw arrows that are new or have moved, and remove those that are gone."""
+        """Draw new and moved arrows, and remove the others."""
         wanted = {}
         for name, item in items.items():
             if item.arrow is not None and not item.failed:
@@ -250,7 +250,7 @@ _numbers = itertools.count()
 
 
 def goal_of(task: Any) -> str:
-    """What a task is about: the first sentence of its documentation, without what stands in brackets."""
+    """What a task is about: the first sentence of its documentation, without remarks in brackets."""
     if hasattr(task, "env_id"):
         return "Gather the reward of a Gymnasium environment"
     first = " ".join(description_of(type(task)).split("\n\n")[0].split()) or inspect.getdoc(type(task)) or ""
@@ -259,7 +259,7 @@ def goal_of(task: Any) -> str:
 
 
 def small_plot(lines: Sequence[tuple[np.ndarray, np.ndarray, str]], label: str) -> str:
-    """Lines as SVG, small enough to stand on the scene: x is simulated time in s, y, and the colour of each."""
+    """Small lines as SVG for the scene: each has x, the simulated time in s, y and a colour."""
     thin = []
     for x, y, colour in lines:
         step = max(1, -(-len(x) // POINTS))
@@ -282,7 +282,7 @@ def small_plot(lines: Sequence[tuple[np.ndarray, np.ndarray, str]], label: str) 
 
 
 def _bodies(labels: Sequence[str]) -> str:
-    """What the bodies in view are, in their colours, where there are several."""
+    """A legend of the bodies in view, in their colours, if there are several."""
     colours = ["var(--line)", *BODY_COLOURS[1:]]
     marks = [
         f'<span style="white-space:nowrap"><b style="color:{colour}">—</b> {html.escape(label)}</span>'

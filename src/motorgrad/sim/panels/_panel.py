@@ -31,7 +31,7 @@ def csv_of(columns: Mapping[str, np.ndarray]) -> bytes:
 
 
 def _cell(value: float) -> str:
-    """The shortest text of a number, which most often was one of single precision; of the others twelve digits."""
+    """The shortest text of a single-precision number; twelve digits for any other."""
     if math.isnan(value):
         return ""
     single = np.float32(value) if abs(value) < SINGLE else None
@@ -121,7 +121,7 @@ class Panel:
         self.spent += time.monotonic() - now
 
     def renew(self, _: Any = None) -> None:
-        """Update at the next frame, even if the run has not gone on."""
+        """Update at the next frame, even if the run has not advanced."""
         self._due, self._seen = 0.0, ()
 
     def fill(self, gui: Any) -> None:
@@ -133,7 +133,7 @@ class Panel:
         raise NotImplementedError
 
     def tell(self, events: list[Event]) -> None:
-        """Take note of events."""
+        """Handle events."""
 
     def numbers(self) -> Numbers:
         """The numbers behind the panel: columns of equal length, by name."""

@@ -1,4 +1,4 @@
-"""Parts of the body: one is chosen by a click, shown with its numbers, and edited while the run goes on."""
+"""Parts of the body: choose one by a click, see its numbers, and edit them while it moves."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -31,7 +31,7 @@ Rows = list[tuple[str, str]]
 
 
 class PartsPanel(Panel):
-    """What a part of the body is, where it is, and which forces act on it; its settings, and those of the world.
+    """A part of the body: its shape, its place, the forces on it and its settings; and the settings of the world.
 
     **Attributes:** `chosen`: the number of the body that someone has chosen; −1 before.
     """
@@ -60,7 +60,7 @@ class PartsPanel(Panel):
         self._which.on_update(self._select)
 
     def choose(self, body: int) -> None:
-        """Choose a part by the number of its body; of what stands still, the world."""
+        """Choose a part by the number of its body; anything fixed belongs to the world."""
         name = next((name for name, number in self._bodies.items() if number == body), WORLD)
         self._which.value = name
         self.chosen = self._bodies[name]
@@ -129,7 +129,7 @@ def world_facts(model: Any, data: Any) -> Rows:
 
 
 def shape_words(model: Any, geom: int) -> str:
-    """A geom's shape and sizes in words; empty where it has none."""
+    """A geom's shape and sizes in words; empty if it has none."""
     kind, size = int(model.geom_type[geom]), 1e3 * np.array(model.geom_size[geom])
     kinds = mujoco.mjtGeom
     if kind not in SHAPES:
@@ -159,7 +159,7 @@ def contact_force(model: Any, data: Any, body: int) -> tuple[float, int]:
 
 
 def joint_facts(model: Any, data: Any, number: int) -> Rows:
-    """Place, limits and speed of a joint, and what its actuators exert."""
+    """Position, limits and speed of a joint, and the force of its actuators."""
     name = model.joint(number).name or f"joint {number}"
     joint = joints_of(model).get(name)
     if joint is None:

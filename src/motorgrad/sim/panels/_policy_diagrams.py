@@ -109,7 +109,7 @@ BOX = (52.0, 8.0, _charts.WIDTH - 10, 240.0)
 
 
 class Field:
-    """What a policy computes of two of the observations, with the others fixed.
+    """What a policy computes from two of the observations, with the others fixed.
 
     **Arguments:** `of`, a function of the policy and an observation; by default the probability that units fire.
     """
@@ -119,7 +119,7 @@ class Field:
         self._compiled: Callable[..., Any] | None = None
 
     def over(self, policy: Policy, seen: np.ndarray, x: int, y: int, limits: np.ndarray) -> np.ndarray:
-        """Probabilities, or what else it is the field of, `(GRID, GRID, units)`, rows from the bottom.
+        """Probabilities or another quantity of each unit, `(GRID, GRID, units)`, rows from the bottom.
 
         **Arguments:** `policy`; `seen` `(inputs,)`: the fixed observations; `x`, `y`: the two that vary, between
         `limits` `(2, 2)`.

@@ -1,4 +1,4 @@
-"""Recording a run that goes on, to be replayed from one HTML file."""
+"""Record a live run, to be replayed from one HTML file."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class PushFolder:
 
 
 def movable(model: Any, part: str) -> str:
-    """The first direction in which a part can move at the start; not every body is free to move in all."""
+    """The first direction in which a part can move at the start; some bodies cannot move in all directions."""
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -85,7 +85,7 @@ def weight_of(model: Any) -> float:
 
 
 class DragPush:
-    """Pulls parts of the body that are dragged with Ctrl (or Cmd) towards the pointer.
+    """Pulls a part of the body towards the pointer while the user drags it with Ctrl (or Cmd).
 
     It is a part of the page, updated after the scene.
 

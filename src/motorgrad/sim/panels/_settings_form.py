@@ -1,4 +1,4 @@
-"""Settings that are edited as text, so that 5e-4 can be written, and are taken together with Enter."""
+"""Settings as text fields, so that 5e-4 can be typed. Enter submits all changes together."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OUTER = ("estimator", "optimizer")
 
 
 class SettingsForm:
-    """Some of a session's settings as a form: what was changed is sent when it is submitted.
+    """Some of a session's settings as a form. Submitting it sends the changed ones.
 
     **Arguments:** the panel that it stands in; `label`, of the form; `button`, what submits it.
 
@@ -66,7 +66,7 @@ class SettingsForm:
         form.on_submit(self._panel.guarded(self._submit))
 
     def point_at(self, names: Sequence[str]) -> None:
-        """Show other settings in the same fields; one too many is hidden."""
+        """Show other settings in the same fields, and hide unused fields."""
         self._names = list(names)
         for field, name in zip(self._fields, names, strict=False):
             field.value, field.label = self._text(name), self._words(name)[0]
@@ -74,7 +74,7 @@ class SettingsForm:
             field.visible = row < len(names)
 
     def refresh(self) -> None:
-        """Show what was changed elsewhere: by another browser, or by going back in time."""
+        """Show changes made elsewhere: by another browser, or by going back in time."""
         for field, name in zip(self._fields, self._names, strict=False):
             if self._shown.get(name) != self._panel.session.settings[name]:
                 field.value = self._text(name)
@@ -103,7 +103,7 @@ class SettingsForm:
                     field.value = self._text(name)
 
     def refused(self) -> None:
-        """Put every field back to what the run has."""
+        """Reset every field to the run's value."""
         self._shown.clear()
         self.refresh()
 
@@ -134,7 +134,7 @@ def _agent_words(path: list[str], agent: Any) -> tuple[str, str]:
 
 
 def number_of(name: str, text: str) -> float:
-    """The number that a text says. **Raises** `ValueError` that names the field."""
+    """The number in a text. **Raises** `ValueError` that names the field."""
     if not _is_number(text):
         raise ValueError(f"{name} = {text!r}: must be a number, such as 0.5 or 5e-4")
     return float(text)

@@ -1,4 +1,4 @@
-"""Forms for the terms of a composed task: each field comes from the dataclass of the term, with meaning and unit."""
+"""Forms for the terms of a composed task. Each field comes from the term's dataclass, with its meaning and unit."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ADD = "add …"
 
 
 def kinds_for(place: str) -> dict[str, type]:
-    """The terms that a list takes, by name."""
+    """The terms that a list accepts, by name."""
     return {name: kind for base in PLACES[place][1] for name, kind in base.kinds().items()}  # type: ignore[attr-defined]
 
 
@@ -61,7 +61,7 @@ class TermForm:
             gui.add_button("Remove", icon="trash", color="gray").on_click(lambda _: removed(self))
 
     def table(self) -> dict[str, Any]:
-        """The term as a table: its kind, and the settings that are not the usual ones. **Raises** `ValueError`."""
+        """The term as a table: its kind, and the settings that differ from the defaults. **Raises** `ValueError`."""
         found: dict[str, Any] = {"kind": self.kind}
         for name, (default, handle) in self._fields.items():
             value = _value(f"{self.kind}: {name}", hints_of(self._class)[name], handle.value)
@@ -70,7 +70,7 @@ class TermForm:
         return found
 
     def remove(self) -> None:
-        """Take it off the page."""
+        """Remove the form from the page."""
         self._folder.remove()
 
 
@@ -116,7 +116,7 @@ class TermList:
 
 
 def _field(gui: Any, label: str, hint: Any, value: Any, words: str) -> Any:
-    """A field of the page for a setting of this type."""
+    """The form field for a setting of this type."""
     if hint is bool:
         return gui.add_checkbox(label, bool(value), hint=words)
     if typing.get_origin(hint) is typing.Literal:
@@ -133,7 +133,7 @@ def _text(value: Any) -> str:
 
 
 def _value(where: str, hint: Any, given: Any) -> Any:
-    """The setting that a field says: of an empty text None. **Raises** `ValueError`."""
+    """The setting in a field; None for an empty text. **Raises** `ValueError`."""
     if not isinstance(given, str) or typing.get_origin(hint) is typing.Literal:
         return given
     words = [word.strip() for word in given.split(",") if word.strip()]

@@ -32,7 +32,7 @@ UNTIL = {
 
 
 class Waiting:
-    """What a step waits for, from the moment at which it began.
+    """The condition that a step waits for, measured from the step's start.
 
     **Arguments:** `step`; `session`; `snapshot` at which the step begins.
 
@@ -45,7 +45,7 @@ class Waiting:
         self.open = step.wait == "next" or self.over(snapshot)
 
     def over(self, snapshot: Snapshot) -> bool:
-        """Whether it has happened."""
+        """Whether the condition is met."""
         wait, amount = self._step.wait, self._step.amount
         if wait in ("play", "pause"):
             return snapshot.playing == (wait == "play")
@@ -57,7 +57,7 @@ class Waiting:
         return amount is not None and value is not None and value >= amount
 
     def words(self, snapshot: Snapshot) -> str:
-        """What is waited for, and how far it is, for the card."""
+        """The condition and its progress, for the card."""
         step = self._step
         if self.open or step.amount is None:
             return "" if self.open else UNTIL[step.wait]
@@ -70,7 +70,7 @@ class Waiting:
         return f"Goes on after {step.amount:g} {unit}; now {now}.{paused}"
 
     def _value(self, snapshot: Snapshot) -> float | None:
-        """What a step with an amount measures; None for a reading that is not known yet."""
+        """The quantity that a step with an amount measures; None for a reading that is not known yet."""
         if self._step.wait == "decisions":
             return float(snapshot.decision - self._first.decision)
         if self._step.wait == "seconds":
@@ -92,13 +92,13 @@ class Waiting:
         return changes
 
     def _driven(self, snapshot: Snapshot) -> bool:
-        """Whether the muscles of a body without a learner are driven otherwise, of which there is no event."""
+        """Whether the drive of a body without a learner has changed, which no event reports."""
         alone = self._session.task is None and self._session.setup.motion is None
         return alone and not np.array_equal(snapshot.control, self._first.control)
 
 
 class Guide:
-    """One browser's tour: its card, and at which step it is.
+    """One browser's tour: its card and its current step.
 
     **Arguments:** `client`, the browser's handle; `field`, by which its page answers.
     """
@@ -112,7 +112,7 @@ class Guide:
         self._shown, self._number = "", 0
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the card of the present step, or none."""
+        """Show the card of the current step, or none."""
         words = "" if self.waiting is None else self._card(self.waiting.words(snapshot))
         if words == self._shown:
             return
@@ -122,7 +122,7 @@ class Guide:
         self._element.content = words
 
     def begin(self, session: Session, snapshot: Snapshot) -> None:
-        """Begin to wait at the present step."""
+        """Begin to wait at the current step."""
         self.waiting, self._number = Waiting(self.steps[self.at], session, snapshot), next(_counts)
 
     def _card(self, hint: str) -> str:
@@ -139,7 +139,7 @@ class Guide:
 
 
 class Tours:
-    """The guided tour of a page. Every browser takes it for itself, those that may only watch too.
+    """The guided tour of a page. Every browser takes it independently, even one that may only watch.
 
     The button "Tour", or the key T, starts it for the browser that pressed it. Each step is a card over the
     scene and moves that browser's camera and tab. It goes on when what it waits for happens, or with Next.
@@ -169,7 +169,7 @@ class Tours:
         self._due = 0.0
 
     def __call__(self, steps: Iterable[TourStep | Mapping[str, Any]]) -> None:
-        """Give the page these steps, or tables of their arguments; tours that have begun go on as they are.
+        """Set the page's steps, or tables of their arguments; tours that have begun keep theirs.
 
         **Raises** `ValueError` that names the step, for an unknown camera, tab, reading or event.
         """
@@ -182,7 +182,7 @@ class Tours:
         return [*self._panels.panels, *self._more]
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
-        """Take the library's tour of the session's body."""
+        """Use the library's tour of the session's body."""
         self._server, self._session = server, session
         self.steps: tuple[TourStep, ...] = ()
 
@@ -210,7 +210,7 @@ class Tours:
             self._guides.pop(client.client_id, None)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
-        """Do what browsers asked for, and go on where what a step waits for has happened."""
+        """Handle what browsers asked for, and go to the next step once a condition is met."""
         del pose
         while self._asked:
             number, word = self._asked.popleft()
@@ -241,7 +241,7 @@ class Tours:
         guide.show(snapshot)
 
     def _go(self, guide: Guide, place: int, snapshot: Snapshot) -> None:
-        """Take a browser to a step; beyond the last one the tour is over."""
+        """Take a browser to a step; after the last one the tour ends."""
         if place >= len(guide.steps):
             guide.waiting = None
             return

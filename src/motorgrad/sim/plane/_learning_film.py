@@ -1,4 +1,4 @@
-"""Films of learning in the plane of a particle: what the film shows, how it is drawn, and the file."""
+"""Films of learning in the plane of a particle."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ class LearningPicture:
 
 
 class ProgressCurve:
-    """The curves of all learners as a band, and that of one up to the present moment."""
+    """The curves of all learners as a band, and the curve of one up to the current moment."""
 
     def __init__(
         self,

@@ -21,7 +21,7 @@ RECENT = 60  # decisions of the path that are shown
 
 
 class Animation:
-    """A figure of which only some artists change; they are drawn over a stored picture of the rest.
+    """A figure in which only some artists change. It draws them over a stored picture of the rest.
 
     That is about ten times as fast as drawing everything.
 
@@ -39,7 +39,7 @@ class Animation:
 
     @property
     def pixels(self) -> Pixels:
-        """What was drawn last, as a new array; at first without the moving artists."""
+        """The last picture, as a new array; the first time without the moving artists."""
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def draw(self) -> Pixels:

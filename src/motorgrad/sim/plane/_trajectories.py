@@ -88,7 +88,7 @@ def _simulate(
 
 @functools.lru_cache(maxsize=32)
 def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
-    """The compiled simulation of so many episodes, which stops with the last of them."""
+    """The compiled simulation of a number of episodes. It stops when the last one ends."""
     import jax
     import jax.numpy as jnp
 

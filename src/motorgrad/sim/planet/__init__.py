@@ -1,4 +1,4 @@
-"""A round world to walk on, drawn as finely as each camera needs and simulated on a patch of ground around one body.
+"""A round world to walk on. Each camera sees it as finely as it needs; a body feels a patch of ground around it.
 
 `Planet` holds the settings, `on_planet` moves a task there, `PlanetBatch` is the physics, and `PlanetScene` draws the
 planet in the page. Nothing else of TimSim imports this package unless a planet is asked for.

@@ -135,7 +135,7 @@ class PlanetBatch(BodyBatch):
         super().step(activation)
 
     def recentre(self) -> None:
-        """Level the frame under the body if it has gone far, and update patch and gravity."""
+        """Level the frame under the body if it has moved far, and update patch and gravity."""
         frame, root = self.frame, self._root
         planet = self.body.planet
         if np.hypot(*(root - frame.foot(self._ellipsoid))[:2]) > planet.travel * planet.patch:
@@ -166,7 +166,7 @@ class PlanetBatch(BodyBatch):
         self._mocap[...] = self._middle
 
     def _carry(self, old: Frame, new: Frame) -> None:
-        """Convert everything that moves from one frame's coordinates to another's."""
+        """Convert the state of everything that moves from one frame's coordinates to another's."""
         turn, shift = old.move_to(new)
         turned = quaternion(turn)
         for place, speed in zip(self._places, self._speeds, strict=True):

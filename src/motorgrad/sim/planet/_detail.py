@@ -36,7 +36,7 @@ def spheres(surface: Surface, level: int, tiles: Tiles) -> Spheres:
 
 
 def in_frustum(camera: Camera, balls: Spheres) -> Bool[np.ndarray, " tiles"]:
-    """Whether part of each sphere may be in the picture, at any distance; false only where none is."""
+    """Whether part of each sphere may be in the picture, at any distance; false only if none is."""
     centres, radii = balls
     right, down, ahead = ((centres - camera.position) @ camera.rotation).T
     up = np.tan(camera.fov / 2.0)
@@ -153,7 +153,7 @@ def _cut(levels: list[_Level], most: int) -> list[Key]:
 
 
 class Plan(NamedTuple):
-    """What to do next: tiles to `send`, in this order, to `drop`, and the only ones to `show`."""
+    """The next changes: tiles to `send`, in this order, tiles to `drop`, and the only tiles to `show`."""
 
     send: list[Key]
     drop: list[Key]

@@ -1,4 +1,4 @@
-"""What a replay holds of a motion: the shapes of its body once, and where they and the muscles are in each frame."""
+"""The data of a replay: the shapes of the body once, and their positions and the muscles' in each frame."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)

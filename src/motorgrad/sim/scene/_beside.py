@@ -1,4 +1,4 @@
-"""Several bodies beside each other: a colour for each, and a label above it with what it is and how it does."""
+"""Bodies side by side: each has a colour, and a label with its name and its performance."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -46,13 +46,14 @@ def rgb_of_body(row: int) -> np.ndarray:
 
 
 def main_reading(names: Any) -> str:
-    """The reading that tells best how a body does: the return of episodes, or the task's first one, or the reward."""
+    """The best measure of a body's performance: the return of episodes, else the task's first reading, else the
+    reward."""
     named = [name for name in names if name != "reward"]
     return "return" if "return" in named else named[0] if named else "reward"
 
 
 class Readings:
-    """How each body in view does, in words: the task's reading, and the speed of its centre of mass."""
+    """The performance of each body in view, in words: the task's reading, and the speed of its centre of mass."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -63,7 +64,7 @@ class Readings:
         self._began = -1, 0
 
     def words(self, pose: Pose) -> list[str]:
-        """One text for each body, renewed twice a second."""
+        """One text for each body, updated twice a second."""
         snapshot = pose.snapshot
         assert snapshot is not None
         began = snapshot.reset_count, len(snapshot.position)
@@ -93,7 +94,7 @@ class Readings:
         return f"{name} {known[-1]:.3g} {UNITS.get(name, '')}".replace("-", "−").rstrip()
 
     def _speeds(self) -> list[str]:
-        """The speed of each centre of mass; empty where the body cannot go away, or no time has passed."""
+        """The speed of each centre of mass; empty if the body cannot travel, or no time has passed."""
         count = self._began[1]
         if not self._travels or len(self._past) < 2 or self._past[-1][0] - self._past[0][0] < 0.1:
             return [""] * count
@@ -103,7 +104,7 @@ class Readings:
 
 
 class Labels(Layer):
-    """Writes above each body what it is and how it does, while there are several."""
+    """Labels each body with its name and performance, if there are several."""
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         self.applies, self._scene = session.model is not None, server.scene

@@ -76,7 +76,7 @@ class Bodies(Layer):
         self.applies = bool(self.pools)
 
     def draggable(self) -> list[tuple[Any, np.ndarray]]:
-        """What can be taken hold of: viser's handles, and of which geom each copy is."""
+        """What can be dragged: viser's handles, and the geom of each copy."""
         known = [part for part in self._parts if part[0].handle is not None]
         return [(pool.handle, self._pieces[kind].geom[some]) for pool, kind, some in known]
 
@@ -261,7 +261,7 @@ class Targets(Layer):
 
 
 class Sites(Layer):
-    """Draws every site as a small ball: ends of muscles, and sensors."""
+    """Draws every site as a small ball: muscle attachments and sensors."""
 
     name = "Sites"
     initially_shown = False

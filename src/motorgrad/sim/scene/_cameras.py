@@ -1,4 +1,4 @@
-"""Cameras: orbit, walk, follow and the model's own, chosen by each browser for itself."""
+"""Cameras: orbit, walk, follow and the model's own. Each browser chooses independently."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -32,8 +32,7 @@ NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance
 
 
 class CameraMode:
-    """One way in which a camera moves. `begin` takes over a client's camera, `move` is called every frame, `end` gives
-    it back.
+    """One way to move a camera. `begin` takes over a client's camera, `move` is called every frame, `end` returns it.
 
     The browser itself moves the camera by viser's mouse and keys, and reports its position about 20 times a second.
     """
@@ -45,11 +44,11 @@ class CameraMode:
         """Correct or move the camera."""
 
     def end(self, camera: viser.CameraHandle) -> None:
-        """Undo what the next mode must not inherit."""
+        """Undo anything that the next mode must not inherit."""
 
 
 class Orbit(CameraMode):
-    """Turns about a fixed target by the user's hand.
+    """Lets the user turn the camera about a fixed target.
 
     **Arguments:** `history` of the motion, in the middle of which the target is.
     """
@@ -185,7 +184,7 @@ class Walk(CameraMode):
             self._last = (now, target)
 
     def _place_now(self, camera: viser.CameraHandle) -> tuple[np.ndarray, float]:
-        """Where the camera is by now, extrapolated from its last report and its speed, and the time."""
+        """The camera's current position, extrapolated from its last report and speed, and the time."""
         now, told = camera.update_timestamp, camera.position.copy()
         if self._last is not None and now > self._last[0]:
             self._speed = (told - self._last[1]) / max(now - self._last[0], 0.02)
@@ -247,7 +246,7 @@ def viewpoint_of(camera: Any, aspect: float | None = None) -> Viewpoint:
 
 
 def camera_named(name: str, cameras: list[str]) -> str:
-    """The name in the list of cameras that is meant. **Raises** `ValueError` for an unknown one."""
+    """The name of a camera in the list. **Raises** `ValueError` for an unknown one."""
     for known in cameras:
         if name.lower() in (known.lower(), known.lower().removeprefix("fixed: ")):
             return known

@@ -1,4 +1,4 @@
-"""The picture that a Gymnasium environment makes of itself, on a board, renewed while somebody looks."""
+"""The rendered picture of a Gymnasium environment on a board, updated while somebody looks."""
 
 from __future__ import annotations
 

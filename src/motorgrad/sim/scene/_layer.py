@@ -1,4 +1,4 @@
-"""Layers of the scene, which can be switched off, and the pools of meshes that they draw with."""
+"""Layers of the scene that can be switched off, and the pools of meshes that they draw with."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class MeshPool:
 
 
 def unchanging(values: np.ndarray) -> np.ndarray:
-    """An array that nobody can change, so that a pool need not look at it twice."""
+    """A read-only array, which a pool need not compare twice."""
     values = np.array(values)
     values.flags.writeable = False
     return values
@@ -228,7 +228,7 @@ class Layer:
         return []
 
     def renew(self, pose: Pose) -> int:
-        """A number that changes where something is to be drawn although the moment is the same; called every frame."""
+        """A number that changes if the layer must be redrawn at the same moment; called every frame."""
         del pose
         return 0
 

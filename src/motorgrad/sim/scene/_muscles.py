@@ -108,7 +108,7 @@ def _arcs(
 
 
 def peak_force(model: mujoco.MjModel) -> np.ndarray:
-    """The greatest force `(nu,)` of each actuator in N: of a muscle its strength; 0 where the model does not tell."""
+    """The greatest force `(nu,)` of each actuator in N: a muscle's strength; 0 if the model does not define it."""
     kinds = mujoco.mjtGain
     gain, most = np.abs(model.actuator_gainprm[:, 0]), np.abs(model.actuator_ctrlrange).max(axis=1, initial=0.0)
     peak = np.select(

@@ -1,4 +1,4 @@
-"""Elements of one browser alone, which change nothing but what it sees: whoever may only watch may use these."""
+"""Elements that belong to one browser and change only its own view, so that watchers may use them."""
 
 from __future__ import annotations
 

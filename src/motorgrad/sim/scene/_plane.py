@@ -128,7 +128,7 @@ class Plane(Layer):
         self.pools[1].show_rods(start, end, LINE * age, who)
 
     def _name(self, labels: tuple[str, ...], here: np.ndarray) -> None:
-        """Write above each particle what it is, while there are several."""
+        """Label each particle with its name, if there are several."""
         names = labels if len(here) > 1 else ()
         while len(self._texts) > len(names):
             self._texts.pop().remove()
