@@ -13,9 +13,9 @@ from motorgrad.lab.diagram import Moment, Parameter, Setting, Signals
 
 @dataclasses.dataclass(frozen=True)
 class _PID(Elementwise):
-    proportional_gain: Annotated[Any, Parameter("$k_P$")] = 1.0
-    integral_gain: Annotated[Any, Parameter("$k_I$", unit="1/s")] = 0.0
-    derivative_gain: Annotated[Any, Parameter("$k_D$", unit="s")] = 0.0
+    proportional_gain: Annotated[Any, Parameter("gain of the error, $k_P$")] = 1.0
+    integral_gain: Annotated[Any, Parameter("gain of the integral, $k_I$", unit="1/s")] = 0.0
+    derivative_gain: Annotated[Any, Parameter("gain of the derivative, $k_D$", unit="s")] = 0.0
     filter: Annotated[
         Any, Parameter(r"$\tau$, time constant of the derivative's filter", unit="s", low=0.0, open=True)
     ] = 0.1
@@ -143,7 +143,7 @@ class Quantiser(Elementwise):
     name: ClassVar[str] = "quantiser"
     category: ClassVar[str] = "nonlinear"
 
-    interval: Annotated[Any, Parameter("$q$", low=0.0, open=True)] = 0.1
+    interval: Annotated[Any, Parameter("distance between levels, $q$", low=0.0, open=True)] = 0.1
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         return {"y": self.interval * jnp.round(inputs["u"] / self.interval)}

@@ -24,10 +24,10 @@ class DryFriction(Shaped):
     name: ClassVar[str] = "dry friction"
     category: ClassVar[str] = "dynamics"
 
-    mass: Annotated[Any, Parameter("$m$", unit="kg", low=0.0, open=True)] = 1.0
+    mass: Annotated[Any, Parameter("mass, $m$", unit="kg", low=0.0, open=True)] = 1.0
     static: Annotated[Any, Parameter("$F_s$, the force at which it begins to slip", unit="N", low=0.0)] = 1.0
     kinetic: Annotated[Any, Parameter("$F_k$, the force while it slips", unit="N", low=0.0)] = 0.8
-    viscous: Annotated[Any, Parameter("$d$", unit="N s/m", low=0.0)] = 0.0
+    viscous: Annotated[Any, Parameter("viscous friction, $d$", unit="N s/m", low=0.0)] = 0.0
     initial: Annotated[Any, Parameter("initial velocity", unit="m/s")] = 0.0
 
     def validate(self) -> None:

@@ -131,7 +131,7 @@ class DiscreteIntegrator(Shaped):
     name: ClassVar[str] = "discrete integrator"
     category: ClassVar[str] = "dynamics"
 
-    initial: Annotated[Any, Parameter("$y_0$")] = 0.0
+    initial: Annotated[Any, Parameter("initial output, $y_0$")] = 0.0
     low: Annotated[Any, Parameter("lower limit, if limited")] = -1.0
     high: Annotated[Any, Parameter("upper limit, if limited")] = 1.0
     method: Annotated[str, Setting("integration rule", choices=METHODS)] = "forward"

@@ -54,9 +54,9 @@ class Ramp(TimeSource):
     name: ClassVar[str] = "ramp"
     category: ClassVar[str] = "sources"
 
-    slope: Annotated[Any, Parameter("$k$", unit="1/s")] = 1.0
-    start: Annotated[Any, Parameter("$t_0$", unit="s")] = 0.0
-    initial: Annotated[Any, Parameter("$y_0$")] = 0.0
+    slope: Annotated[Any, Parameter("change per second, $k$", unit="1/s")] = 1.0
+    start: Annotated[Any, Parameter("time at which the ramp starts, $t_0$", unit="s")] = 0.0
+    initial: Annotated[Any, Parameter("output before the ramp, $y_0$")] = 0.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         return {"y": self.filled(self.initial + self.slope * jnp.maximum(now.time - self.start, 0.0))}
@@ -69,10 +69,10 @@ class Sine(TimeSource):
     name: ClassVar[str] = "sine"
     category: ClassVar[str] = "sources"
 
-    amplitude: Annotated[Any, Parameter("$a$")] = 1.0
-    frequency: Annotated[Any, Parameter("$f$", unit="Hz", low=0.0)] = 1.0
-    phase: Annotated[Any, Parameter(r"$\varphi$", unit="rad")] = 0.0
-    offset: Annotated[Any, Parameter("$b$")] = 0.0
+    amplitude: Annotated[Any, Parameter("peak value, $a$")] = 1.0
+    frequency: Annotated[Any, Parameter("cycles per second, $f$", unit="Hz", low=0.0)] = 1.0
+    phase: Annotated[Any, Parameter(r"phase at time 0, $\varphi$", unit="rad")] = 0.0
+    offset: Annotated[Any, Parameter("mean of the wave, $b$")] = 0.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         cycles = now.cycles(self.frequency)
@@ -120,9 +120,9 @@ class Chirp(TimeSource):
     category: ClassVar[str] = "sources"
 
     amplitude: Annotated[Any, Parameter("amplitude of the wave")] = 1.0
-    first: Annotated[Any, Parameter("$f_0$", unit="Hz", low=0.0, open=True)] = 0.1
-    last: Annotated[Any, Parameter("$f_1$", unit="Hz", low=0.0, open=True)] = 10.0
-    duration: Annotated[Any, Parameter("$T$", unit="s", low=0.0, open=True)] = 10.0
+    first: Annotated[Any, Parameter("frequency at the start, $f_0$", unit="Hz", low=0.0, open=True)] = 0.1
+    last: Annotated[Any, Parameter("frequency at the end, $f_1$", unit="Hz", low=0.0, open=True)] = 10.0
+    duration: Annotated[Any, Parameter("time from start to end, $T$", unit="s", low=0.0, open=True)] = 10.0
     phase: Annotated[Any, Parameter("phase at time 0; a phase of 0 starts as a sine", unit="rad")] = 0.0
     sweep: Annotated[str, Setting("how the frequency changes over time", choices=("linear", "logarithmic"))] = "linear"
 
@@ -180,7 +180,7 @@ class NormalNoise(Shaped):
     category: ClassVar[str] = "sources"
 
     mean: Annotated[Any, Parameter("mean of the samples")] = 0.0
-    deviation: Annotated[Any, Parameter(r"$\sigma$", low=0.0)] = 1.0
+    deviation: Annotated[Any, Parameter(r"standard deviation, $\sigma$", low=0.0)] = 1.0
     per: Annotated[
         str, Setting("whether the deviation is per sample or per root second", choices=("sample", "root second"))
     ] = "sample"

@@ -34,7 +34,7 @@ def anti_windup() -> Diagram:
     """A PID controller with a limited actuator, with and without anti-wind-up."""
     diagram = Diagram(
         tick=0.01,
-        title="PID control and wind-up",
+        title="PID with anti-windup",
         comment="Two equal processes of second order follow a rectangular wave. Their actuators reach only "
         f"{LIMIT:g}, little more than a step needs. The upper PID controller knows the limit: while its output is "
         "clipped, its integral is led back (anti-wind-up, with the time constant 'tracking'). The lower one does not "
@@ -212,7 +212,7 @@ def spiking() -> Diagram:
     step, many = 0.0005, (NEURONS,)
     diagram = Diagram(
         tick=step,
-        title="Spiking neurons",
+        title="LIF neurons with synapses",
         comment=f"{NEURONS} leaky integrate-and-fire neurons. The potential of each goes to its drive with a time "
         f"constant of {1000 * MEMBRANE:g} ms; at the threshold of 1 it is set back to 0, and the neuron fires. A spike "
         f"adds to the current of other neurons, which falls with {1000 * SYNAPSE:g} ms: the last {INHIBITORY} neurons "

@@ -34,7 +34,7 @@ class HillMuscle(Block):
     max_contraction_velocity: Annotated[Any, Parameter("greatest speed, in optimal lengths", "1/s", low=1e-6)] = 10.0
     activation_time_constant: Annotated[Any, Parameter("time constant of a rising activation", "s", low=1e-6)] = 0.015
     deactivation_time_constant: Annotated[Any, Parameter("time constant of a falling activation", "s", low=1e-6)] = 0.06
-    fiber_damping: Annotated[Any, Parameter(r"$\beta$", low=0.0)] = 0.1
+    fiber_damping: Annotated[Any, Parameter(r"damping of the fibers, $\beta$", low=0.0)] = 0.1
     tendon_strain: Annotated[Any, Parameter("strain of the tendon at the greatest isometric force", low=1e-6)] = 0.049
     tendon: Annotated[str, Setting("whether the tendon stretches", ("compliant", "rigid"))] = "compliant"
     curves: Annotated[str, Setting("whose force–length and force–velocity curves", tuple(CURVES))] = "de-groote"

@@ -234,7 +234,7 @@ class MuscleLaw(Block):
     strength: Annotated[Any, Parameter(r"$f_\max$, largest force", "N", low=0.0)] = 100.0
     rest_length: Annotated[Any, Parameter("$r$, length of the largest force", "m", low=1e-6)] = 0.2
     curve: Annotated[Any, Parameter("$k$, width of the force–length curve", low=1e-6)] = 0.5
-    damping: Annotated[Any, Parameter("$d$", "N s/m", low=0.0)] = 0.0
+    damping: Annotated[Any, Parameter("damping, $d$", "N s/m", low=0.0)] = 0.0
     shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
 
     def validate(self) -> None:

@@ -54,15 +54,36 @@ async function other(): Promise<Value> {
   }
 }
 
+/** How much lower what is pasted stands than what was copied, at every time; the size of a block not shown here. */
+const [STEP, MOST_STEPS, UNSEEN] = [40, 25, { width: 120, height: 70 }];
+
+/** The first of the steps from `least` on at which no block would cover one that is there. */
+function freeStep(places: Record<string, [number, number]>, least: number, { flow }: Context): number {
+  const there = flow.getNodes().map(({ id, position, measured }) => ({ id, ...position, ...UNSEEN, ...measured }));
+  const sizes = new Map(there.map((box) => [box.id, box]));
+  const covers = (by: number) =>
+    Object.entries(places).some(([name, [x, y]]) => {
+      const { width, height } = sizes.get(name) ?? UNSEEN;
+      return there.some(
+        (box) =>
+          Math.abs(x + by + width / 2 - box.x - box.width / 2) < (width + box.width) / 2 &&
+          Math.abs(y + by + height / 2 - box.y - box.height / 2) < (height + box.height) / 2,
+      );
+    });
+  for (let step = least; step < least + MOST_STEPS; step += 1) if (!covers(STEP * step)) return step;
+  return least;
+}
+
 /** Put in what was copied, a little lower at every time. */
 export async function paste(context: Context): Promise<void> {
   await copying;
   const fragment = (await other()) ?? held;
   if (!fragment) return toast("Nothing was copied", true);
-  times += 1;
-  const places = Object.values((fragment as Fragment).layout?.positions ?? {});
+  const positions = (fragment as Fragment).layout?.positions ?? {};
+  times = freeStep(positions, times + 1, context);
+  const places = Object.values(positions);
   const corner = (i: 0 | 1) => (places.length ? Math.min(...places.map((place) => place[i])) : 0);
-  const position = [corner(0) + 40 * times, corner(1) + 40 * times];
+  const position = [corner(0) + STEP * times, corner(1) + STEP * times];
   const before = new Set(Object.keys(scopeNow().nodes));
   if (!(await context.ask({ op: "paste", at: useUi.getState().at, fragment, position }))) return;
   select(Object.keys(scopeNow().nodes).filter((name) => !before.has(name)));

@@ -22,7 +22,14 @@ export function formOf(field: Field, value: Value): Form {
 /** A value as it is written in a form. */
 export function toText(value: Value): string {
   if (value === null || value === undefined || (Array.isArray(value) && !value.length)) return "";
-  return typeof value === "string" ? value : JSON.stringify(value).replaceAll(",", ", ");
+  return typeof value === "string" ? value : written(value);
+}
+
+/** A number, or a list of them; 1e-6 rather than 0.000001. */
+function written(value: Value): string {
+  if (Array.isArray(value)) return `[${value.map((each) => written(each as Value)).join(", ")}]`;
+  if (typeof value === "number" && value !== 0 && Math.abs(value) < 1e-3) return value.toExponential();
+  return JSON.stringify(value).replaceAll(",", ", ");
 }
 
 /** What was written: numbers, lists of them, true, false, null; a list of words may do without brackets and quotes.

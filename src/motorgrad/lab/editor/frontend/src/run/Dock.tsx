@@ -32,7 +32,7 @@ export function Dock() {
           <button type="button" onClick={() => goTo(source.path.replace(/\.[^./]*$/, ""))}>
             {source.path}
           </button>
-          {source.drawing === "lines" && <Legend source={source} />}
+          {source.drawing === "lines" && <Legend source={source} branches={shown} />}
           <Keep wanted={{ source, branches: shown, window: all ? null : own, tick }} />
         </figcaption>
         <Shown source={source} branches={shown} window={all ? null : own} tick={tick} />

@@ -5,6 +5,7 @@ const SIGNS: Record<string, string> = {
   delta: "δ",
   Delta: "Δ",
   epsilon: "ε",
+  zeta: "ζ",
   eta: "η",
   theta: "θ",
   kappa: "κ",
@@ -16,6 +17,9 @@ const SIGNS: Record<string, string> = {
   sigma: "σ",
   tau: "τ",
   phi: "φ",
+  varphi: "φ",
+  chi: "χ",
+  psi: "ψ",
   omega: "ω",
   cdot: "·",
   times: "×",
@@ -34,6 +38,17 @@ const SIGNS: Record<string, string> = {
   nabla: "∇",
   dot: "d/dt ",
   pm: "±",
+  propto: "∝",
+  sqrt: "√",
+  sin: "sin",
+  cos: "cos",
+  log: "log",
+  dots: "…",
+  mid: "|",
+  lfloor: "⌊",
+  rfloor: "⌋",
+  lceil: "⌈",
+  rceil: "⌉",
 };
 
 /** A formula of a docstring as plain text: "$\theta \leftarrow \beta\theta$" is "θ ← βθ". */
@@ -42,6 +57,7 @@ function formula(tex: string): string {
     .replace(/\\(?:t|d)?frac\s*(?:\{([^}]*)\}|(\d))\s*(?:\{([^}]*)\}|(\d))/g, "$1$2/$3$4")
     .replace(/\\([A-Za-z]+) ?/g, (_, name: string) => SIGNS[name] ?? "")
     .replace(/\\[^A-Za-z]/g, " ")
+    .replaceAll("^*", "*")
     .replace(/[{}]/g, "");
 }
 
