@@ -22,7 +22,7 @@ class _PID(Elementwise):
     initial: Annotated[Any, Parameter("initial integral part")] = 0.0
     low: Annotated[Any, Parameter("lower limit of the output, if limited")] = -1.0
     high: Annotated[Any, Parameter("upper limit of the output, if limited")] = 1.0
-    tracking: Annotated[Any, Parameter("$T$, time constant of the anti-wind-up", unit="s", low=0.0, open=True)] = 1.0
+    tracking: Annotated[Any, Parameter("$T$, time constant of the anti-windup", unit="s", low=0.0, open=True)] = 1.0
     limited: Annotated[bool, Setting("whether the output is clipped to the limits")] = False
 
     def validate(self) -> None:

@@ -31,15 +31,15 @@ PID_GAINS = {"proportional_gain": 4.0, "integral_gain": 2.0, "derivative_gain": 
 
 
 def anti_windup() -> Diagram:
-    """A PID controller with a limited actuator, with and without anti-wind-up."""
+    """A PID controller with a limited actuator, with and without anti-windup."""
     diagram = Diagram(
         tick=0.01,
         title="PID with anti-windup",
         comment="Two equal processes of second order follow a rectangular wave. Their actuators reach only "
-        f"{LIMIT:g}, little more than a step needs. The upper PID controller knows the limit: while its output is "
-        "clipped, its integral is led back (anti-wind-up, with the time constant 'tracking'). The lower one does not "
-        "know it: its integral winds up, and the process overshoots until it has unwound. Move 'tracking' to 100 s: "
-        "both are the same then. Or move the limits, or the gains.",
+        f"{LIMIT:g}, little more than a step needs. 'PID tracked' knows the limit: while its output is clipped, "
+        "its integral is led back (anti-windup, with the time constant 'tracking'). 'PID wound up' does not know it: "
+        "its integral winds up, and the process overshoots until it has unwound. Move 'tracking' to 100 s: both are "
+        "the same then. Or move the limits, or the gains.",
     )
     diagram.add("wanted", Pulse(frequency=0.05, high=1.0))
     for name, knows in (("tracked", True), ("wound up", False)):
@@ -112,7 +112,7 @@ def bouncing_ball() -> Diagram:
     diagram.add("height", Integrator(2.0))
     diagram.add("hit", Compare("<="))
     diagram.add("plate", Expression("max(-bounce * speed, least)", ("speed",), ("bounce", "least"), (0.8, 2.0)))
-    diagram.add("flight", Scope(("height",), window=10.0))
+    diagram.add("flight", Scope(("height",), window=10.0, unit="m"))
     diagram.add("height and speed", Portrait(across=(-0.2, 2.2), up=(-7.0, 7.0)))
     connect(
         diagram,
