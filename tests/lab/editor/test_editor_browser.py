@@ -134,6 +134,9 @@ def test_copies_groups_aligns_and_takes_apart(opened):
     editor.press("Control+a", "Control+c", "Control+v")
     editor.wait(lambda: len(session.diagram.nodes) == 6)
     assert session.diagram.wires["gain 2", "u"] == ("sine 2", "y")
+    expect(editor.block("scope 2")).to_be_visible()
+    below = max(each["y"] + each["height"] for each in (editor.block(n).bounding_box() for n in ("sine", "gain")))
+    assert all(editor.block(f"{n} 2").bounding_box()["y"] >= below for n in ("sine", "gain", "scope"))  # free to see
     expect(editor.block("gain 2")).to_have_class(re.compile("selected"))
     editor.press("Alt+ArrowLeft")
     editor.wait(lambda: len({session.diagram.layout["positions"][f"{n} 2"][0] for n in ("sine", "gain", "scope")}) == 1)
@@ -192,6 +195,7 @@ def test_goes_back_forks_and_compares(opened):
     editor.wait(lambda: editor.tick == head)
     # what the first branch has is otherwise in the document now
     expect(editor.page.get_by_text("in this branch 2")).to_be_visible()
+    expect(editor.scope("scope").locator(".legend")).to_have_text("gainmain 2")  # the other branch's line is broken
     editor.look("branches compared", panel="inspector")
 
 
@@ -211,6 +215,7 @@ def test_ensembles_show_a_band(opened):
       let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 3] > 20 && d[i + 3] < 90 && d[i + 2] > d[i] + 40;
       return n }"""
     assert editor.scope("scope").locator("canvas").evaluate(faint) > 200
+    expect(editor.scope("scope").locator(".legend")).to_contain_text("median and quartiles of the seeds")
     editor.look("a band of seeds")
 
 

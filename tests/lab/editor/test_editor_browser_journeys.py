@@ -160,6 +160,7 @@ def test_code_that_a_file_brings_is_read_before_it_runs(opened, tmp_path):
     editor.look("a diagram that brings code")
     brought.get_by_role("button", name="Read it").click()
     expect(editor.dialog).to_contain_text(source.strip())
+    assert editor.dialog.locator("pre").evaluate("code => code.scrollWidth <= code.clientWidth")  # nothing is hidden
     editor.look("code to be read")
     editor.dialog.get_by_role("button", name="Trust and run").click()
     editor.wait(lambda: editor.tick > 2)
