@@ -54,6 +54,8 @@ class Bode(NamedTuple):
 
     def figure(self) -> "Figure":
         """Magnitude in decibels and phase in degrees over frequency, with the margins."""
+        from matplotlib.ticker import MaxNLocator
+
         from motorgrad.lab.blocks._figure import COLOURS, picture
 
         figure, (above, below) = picture(6.5, 4.5, rows=2)
@@ -64,10 +66,10 @@ class Bode(NamedTuple):
         for axes, crossing in ((below, self.gain_crossover), (above, self.phase_crossover)):
             if np.isfinite(crossing):
                 axes.axvline(crossing, color=COLOURS[1], linewidth=1.0, linestyle="dashed")
-        gain = 20 * np.log10(self.gain_margin) if np.isfinite(self.gain_margin) else np.inf
-        above.set_title(
-            f"gain margin {gain:.3g} dB, phase margin {np.degrees(self.phase_margin):.3g}°", loc="left", fontsize=8
-        )
+        below.yaxis.set_major_locator(MaxNLocator(steps=[1.5, 3, 4.5, 9]))  # -180 among them
+        margins = (20 * np.log10(self.gain_margin), " dB"), (np.degrees(self.phase_margin), "°")
+        gain, phase = (f"{margin:.3g}{unit}" if np.isfinite(margin) else "∞" for margin, unit in margins)
+        above.set_title(f"gain margin {gain}, phase margin {phase}", loc="left", fontsize=8)
         above.set_ylabel("magnitude (dB)")
         below.set(xlabel="frequency (rad/s)", ylabel="phase (°)")
         return figure

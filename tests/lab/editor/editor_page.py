@@ -154,7 +154,9 @@ class Editor:
                     page.screenshot(path=Path(PICTURES) / f"{state.replace(' ', '-')}.{width}.{scheme}.png")
                 if not axe:
                     continue
-                options: dict[str, Any] = {"resultTypes": ["violations"]}  # to describe what passes takes most of the time
+                options: dict[str, Any] = {
+                    "resultTypes": ["violations"]
+                }  # to describe what passes takes most of the time
                 if scheme == "dark":
                     options["runOnly"] = {"type": "rule", "values": ["color-contrast"]}
                 found = page.evaluate("options => axe.run(document, options)", options)["violations"]
