@@ -33,15 +33,12 @@ def test_fifty_browsers_disturb_neither_the_run_nor_each_other(page, quiet):
     session.order(live.Speed(1.0))
     session.order(live.Play())
     before, start, began = resident(), time.monotonic(), session.snapshot().decision
-    spent = page.spent
     found = visited(page, 8, page.read_only_url, readers=35, slow=5, deaf=3, reloaders=7)
-    spent = page.spent - spent
     made, took = session.snapshot().decision - began, time.monotonic() - start
     session.order(live.Pause())
     assert found["failed"] == []
     assert fair(found)
     assert made > 0.8 * took / session.period  # at the speed of the clock
-    assert spent < 0.5 * took  # in drawing, for all of them together
     assert until(lambda: not page.server._websock_server._live_connections)
     assert until(lambda: not page.server.get_clients())
     assert resident() - before < 100 + 0.5 * sum(found["reloaders"])

@@ -12,12 +12,12 @@ from typing import Any
 
 import cloudpickle
 import mujoco
-import numpy as np
 
 from motorgrad._playback import Clock, Playback
 from motorgrad.sim.live._alongside import BranchBeside, joined
 from motorgrad.sim.live._bare_model import BareModel
 from motorgrad.sim.live._branches import Alongside, Branches, BranchOrder, Course, Delete, Fork, Rename, Switch
+from motorgrad.sim.live._intervention_guard import InterventionGuard
 from motorgrad.sim.live._learner import Learner
 from motorgrad.sim.live._messages import (
     Event,
@@ -43,8 +43,6 @@ from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, Sample, SharedArrays, 
 FRAME = 1 / 30  # s of wall time between two snapshots
 KEEP_EVERY = 1.0  # s of wall time at work between two states kept
 SLICE = 1 / 60  # s of wall time between two samples at the pipe
-FAR = 1e5  # m or rad, by which nothing moves after an intervention unless it was thrown
-WATCHED = 60.0  # s of simulated time after an intervention
 REFUSED = (ValueError, OSError, RuntimeError)
 
 log = logging.getLogger(__name__)
@@ -101,8 +99,7 @@ class Worker:
         self._framed = 0.0
         self._kept = time.perf_counter()
         self._resets = 0
-        self._watched: tuple[int, np.ndarray, int] | None = None
-        """Of the last intervention: its decision, the position, and how often the simulation had broken down."""
+        self._guard = InterventionGuard()
         self._latest = self.subject.tick, self._sampled()
         self._told: object = None
         self._publish()
@@ -181,7 +178,7 @@ class Worker:
                         self._begin_branch(left)
                     self._drop_after(subject.tick)
                     self._latest = subject.tick, self._sampled()
-                    self._watched = subject.tick, self._latest[1]["position"].copy(), subject.diverged
+                    self._guard.begin(subject, self._latest[1])
                 case _:
                     raise ValueError(f"unknown order {order!r}")
         except REFUSED as error:
@@ -370,7 +367,7 @@ class Worker:
         """Pause at a decision that was reached by a jump."""
         self.clock.pause()
         self.records.skip(decision)
-        self._watched = None
+        self._guard.forget()
         self._resets += 1
 
     @property
@@ -392,23 +389,6 @@ class Worker:
         self._come_to(self.subject.tick)
         return type(what).__name__.lower()
 
-    def _watch(self) -> None:
-        """Pause and report it if an intervention has broken the simulation or thrown the body away."""
-        if self._watched is None:
-            return
-        decision, position, diverged = self._watched
-        subject, now = self.subject, self._latest[1]["position"]
-        if subject.tick < decision or (subject.tick - decision) * subject.period > WATCHED:
-            self._watched = None
-            return
-        moved = np.abs(now[0] - position[0]).max(initial=0.0)
-        broken = subject.diverged > diverged or not np.isfinite(moved)
-        if broken or moved > FAR:
-            self._watched = None
-            self.clock.pause()
-            how = "the simulation broke down" if broken else f"the body was thrown away, by {moved:.1e} m or rad"
-            self.send(f"{how} after decision {decision:,}; Undo goes back to before it", "lost")
-
     def _drop_after(self, decision: int) -> None:
         """Drop what trails and curves have of later decisions, after the known future was forgotten; what another
         branch has stays."""
@@ -427,7 +407,7 @@ class Worker:
             self.branches.now.parent = ""
         self.records.label(self.labels, 0)
         self.records.clear()
-        self._watched = None
+        self._guard.forget()
         self._resets += 1
         self.clock.restart()
         self._latest = 0, self._sampled()
@@ -435,7 +415,9 @@ class Worker:
     def _publish(self) -> None:
         """Write the present moment to shared memory."""
         subject = self.subject
-        self._watch()
+        if problem := self._guard.problem(subject, self._latest[1]):
+            self.clock.pause()
+            self.send(problem, "lost")
         seen, sample = self._latest
         if seen != subject.tick:
             sample = self._sampled()

@@ -88,8 +88,7 @@ class Page:
     such as a class, may watch and change nothing; `plots_url`, of the page of plots; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
     `motorgrad.sim.panels.Overlay`); `tour`: its guided tour, which takes steps of your own (see
-    `motorgrad.sim.panels.Tours`); `failures`: how many frames a part could not draw; `spent`: seconds
-    spent drawing in all.
+    `motorgrad.sim.panels.Tours`); `failures`: how many frames a part could not draw.
 
     **Raises** `ValueError` for a port that is in use.
     """
@@ -165,7 +164,7 @@ class Page:
             mujoco.set_mju_user_warning(log.debug)
         session = self.session
         self.scene, self.panels = Scene(), Panels()
-        self.failures, self.spent = 0, 0.0
+        self.failures = 0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
         self._pose.place(session.snapshot())
@@ -335,7 +334,6 @@ class Page:
         """Draw the newest snapshot thirty times a second; the run does not wait for it."""
         due = time.perf_counter()
         while not self._stop.is_set():
-            start = time.perf_counter()
             if self.session.successor is not None:
                 self._guard("another run", self._succeed, self.session.successor)
             try:
@@ -346,7 +344,6 @@ class Page:
             for part in self.parts:
                 self._guard(type(part).__name__, part.update, snapshot, self._pose)
             now = time.perf_counter()
-            self.spent += now - start
             due = max(due + FRAME, now)
             self._stop.wait(due - now)
 
