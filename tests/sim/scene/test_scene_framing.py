@@ -88,11 +88,14 @@ def whole(seen):
     return bool(inside and max(np.ptp(rows) / HIGH, np.ptp(columns) / WIDE) >= LEAST)
 
 
-def eye_of(pose, travels, away=(-0.6, -1.8, 0.7)):
+BEFORE = np.array([3.0, 3.0, 3.0])  # where a browser's camera looked before
+AWAY = np.array([-0.6, -1.8, 0.7])
+
+
+def eye_of(pose, travels):
     """A camera as a browser has it, in the mode Follow."""
-    here = np.array([3.0, 3.0, 3.0])  # wherever it was before
     camera = types.SimpleNamespace(
-        position=here + away, look_at=here, fov=np.radians(45), aspect=WIDE / HIGH, update_timestamp=0.0
+        position=BEFORE + AWAY, look_at=BEFORE, fov=np.radians(45), aspect=WIDE / HIGH, update_timestamp=0.0
     )
     history = History()
     history.add(pose)
@@ -155,6 +158,32 @@ def test_what_the_user_turns_and_zooms_stays_so(hopper):
     mode._turned = -np.inf  # the hand has let go
     mode.move(camera, pose)
     np.testing.assert_allclose(camera.position - camera.look_at, [0.0, -0.7 * length, 0.0], atol=1e-6)
+
+
+def test_late_reports_of_a_slow_browser_are_not_the_users_zoom(hopper, silhouette):
+    """It draws a picture in seconds, and reports meanwhile on where its camera was before."""
+    pose, sight = Pose(hopper), silhouette(hopper)
+    position = hopper.key_qpos[0].copy()
+    pose.place(moment(position, model=hopper))
+    camera, mode, history = eye_of(pose, travels=False)
+    seen = [(BEFORE + AWAY, BEFORE)]
+    for decision in range(1, 200):
+        position[0] = 0.01 * min(decision, 60)  # it rises, and the camera moves away
+        pose.place(moment(position, model=hopper, decision=decision))
+        history.add(pose)
+        mode.move(camera, pose)
+        seen.append((camera.position.copy(), camera.look_at.copy()))
+        if decision % 10 == 0:  # what the browser reports is a hundred pictures old
+            camera.position, camera.look_at = seen[max(0, decision - 100)]
+            camera.update_timestamp += 1.0
+    mode._turned = -np.inf
+    mode.move(camera, pose)
+    assert mode._zoom == 1.0
+    assert whole(sight.of(pose.bodies[0], camera))
+    camera.position = camera.look_at + 2.0 * (camera.position - camera.look_at)  # the hand zooms after all
+    camera.update_timestamp += 1.0
+    mode.move(camera, pose)
+    assert mode._zoom == pytest.approx(2.0, rel=0.01)
 
 
 @pytest.mark.parametrize("which", ["hopper", "hexapod"])

@@ -16,6 +16,7 @@ WIDTH = 340.0
 INK = "currentColor"
 SIZE = 10.5
 LETTER = 0.56  # width of a digit, as a share of its size
+MARGIN = 7.0  # right of a box, which labels do not leave
 
 
 def document(width: float, height: float, parts: Sequence[str], label: str) -> str:
@@ -125,7 +126,9 @@ class Chart:
         for value in fitting_ticks(*self.across, right - left):
             place = float(self.x(value))
             found.append(f'<path d="M{place:.1f} {bottom}v3" stroke="{INK}" stroke-opacity=".5"/>')
-            found.append(text(place, bottom + 10, tick_label(value), "middle", pale))
+            label = tick_label(value)
+            inside = right + MARGIN - LETTER * SIZE * len(label) / 2  # or the picture's edge would cut the last one
+            found.append(text(min(place, inside), bottom + 10, label, "middle", pale))
         if self._names:
             rows = [(self.y(row + 0.5), name) for row, name in enumerate(self._names)]
         else:

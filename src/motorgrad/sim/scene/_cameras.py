@@ -27,7 +27,7 @@ DAMPING = 0.25  # s in which a following camera makes up 63 % of its lag
 LAG = 0.15  # most that it lags, as a share of half the picture's height, however fast the body goes
 HANDS_OFF = 0.25  # s for which a camera that the user turns is left alone
 AFRESH = 1.0  # s between two changes of the view of the next browser
-STALE = 3.0  # s for which a browser may still report where the camera was
+UNHEARD = 1800  # distances on which a browser has not reported yet, at most: those of a minute
 NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance to its target
 
 
@@ -79,7 +79,8 @@ class Follow(CameraMode):
         self._towards = away / max(float(np.linalg.norm(away)), 1e-9)
         self._zoom, self._distance = 1.0, self._needed(camera)
         self._then, self._turned = time.monotonic(), -np.inf
-        self._sent: deque[tuple[float, float]] = deque()
+        self._sent = deque([float(np.linalg.norm(away))], maxlen=UNHEARD)
+        """Distances sent, from the last one that the browser has reported on; a slow browser is far behind."""
         self._aim(camera)
 
     def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
@@ -114,19 +115,20 @@ class Follow(CameraMode):
         if camera.update_timestamp != told:
             return
         self._told = told
-        while self._sent and now - self._sent[0][0] > STALE:
+        reached = [place for place, sent in enumerate(self._sent) if abs(distance / sent - 1) < 1e-3]
+        for _ in range(reached[-1] if reached else 0):  # reports come in order: what was sent before it has passed
             self._sent.popleft()
-        sent = [self._distance, *(length for _, length in self._sent)]
-        zoomed = not 0.999 * min(sent) < distance < 1.001 * max(sent)
+        zoomed = not 0.999 * min(self._sent) < distance < 1.001 * max(self._sent)
         if distance > 1e-9 and (zoomed or np.linalg.norm(away / distance - self._towards) > 1e-3):
             self._towards, self._turned = away / distance, now
             if zoomed:
                 self._zoom, self._distance = distance / self._needed(camera), distance
                 self._sent.clear()
+                self._sent.append(distance)
 
     def _aim(self, camera: viser.CameraHandle) -> None:
-        if not self._sent or self._sent[-1][1] != self._distance:
-            self._sent.append((time.monotonic(), self._distance))
+        if self._sent[-1] != self._distance:
+            self._sent.append(self._distance)
         aim(camera, self._target + self._distance * self._towards, self._target)
         self._told = camera.update_timestamp
 
