@@ -1,7 +1,7 @@
 // A guided tour: the card of the present step over the scene, and what the user answers to it.
 (() => {
-  // pixels; at the bottom of the scene stand a legend, as wide as LEGEND, and a button
-  const WIDE = 440, EDGE = 12, LEGEND = 354, BUTTON = 90, ABOVE = 90, NARROW = 560;
+  // pixels; a scene of at least ROOMY has the card in its right corner, BUTTON above the edge, where it hides no body
+  const WIDE = 440, SLIM = 350, EDGE = 12, BUTTON = 52, ABOVE = 90, NARROW = 560, ROOMY = 760;
   const card = Object.assign(document.createElement("section"), { className: "motorgrad-tour" });
   card.setAttribute("aria-label", "Guided tour");
   card.setAttribute("aria-live", "polite");
@@ -22,9 +22,10 @@
       if (here.textContent !== hint) here.textContent = hint;
     }
     if (!card.isConnected) document.body.append(card);
-    const box = canvas.getBoundingClientRect(), wide = Math.min(WIDE, box.width - 2 * EDGE);
-    const between = box.width >= LEGEND + WIDE + BUTTON, left = between ? LEGEND : (box.width - wide) / 2;
-    const above = box.width < NARROW ? EDGE + 0.02 * window.innerHeight : between ? EDGE : ABOVE;  // a sheet covers 2 %
+    const box = canvas.getBoundingClientRect(), aside = box.width >= ROOMY;
+    const wide = Math.min(aside ? SLIM : WIDE, box.width - 2 * EDGE);
+    const left = aside ? box.width - wide - EDGE : (box.width - wide) / 2;
+    const above = box.width < NARROW ? EDGE + 0.02 * window.innerHeight : aside ? BUTTON : ABOVE;  // a sheet covers 2 %
     Object.assign(card.style, { width: `${wide}px`, left: `${box.left + left}px` });
     card.style.bottom = `${window.innerHeight - box.bottom + above}px`;
   };

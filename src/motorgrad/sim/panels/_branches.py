@@ -72,9 +72,8 @@ def branch_list(branches: tuple[Branch, ...], period: float) -> str:
         left, wide = 100 * branch.start / longest, 100 * max(branch.end - branch.start, 0) / longest
         colour = "#0b6bcb" if branch.present else "#d9730d" if branch.beside else "#8a94a0"
         state = " · present" if branch.present else " · beside" if branch.beside else ""
-        origin = (
-            f"from {html.escape(branch.parent)} at {branch.start * period:,.2f} s" if branch.parent else "the first"
-        )
+        parent = html.escape(branch.parent)
+        origin = f"from {parent} at {branch.start * period:,.2f} s" if parent else "from the start"
         if not branch.parent and branch.name != branches[0].name:
             origin = "from the start"
         told = [f"{tick * period:,.2f} s: {html.escape(text)}" for tick, text in branch.edits[-TOLD:]]
