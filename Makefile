@@ -82,9 +82,11 @@ docs: $(STAMP)  ## the documentation site, in build/site
 figures: $(STAMP)  ## draw the figures of the documentation again
 	$(BIN)/python -m tools.figures
 
-gallery: $(STAMP) $(BUILT)  ## make the films and the pictures of diagrams of the documentation again
+gallery: $(STAMP) $(BUILT)  ## make the films and the pictures of the applications in the documentation again
 	$(BIN)/python -m tools.figures --films
 	$(BIN)/python -m tools.lab_pictures
+	$(BIN)/python -m tools.lab_screenshots
+	$(BIN)/python -m tools.timsim_screenshots
 
 notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
 	@$(BIN)/python -c 'import nbclient, ipykernel, ipywidgets' 2>/dev/null || \
