@@ -184,7 +184,7 @@ def _filled(*numbers: float, size: int) -> np.ndarray:
 
 def hill_actuators(model: Any) -> np.ndarray:
     """Which actuators of a model are Hill-type muscles, a mask `(nu,)`."""
-    return np.array(model.actuator_biastype == mujoco.mjtBias.mjBIAS_USER)
+    return np.array(model.actuator_biastype == mujoco.mjtBias.mjBIAS_USER.value)
 
 
 def check_hill(model: Any) -> None:

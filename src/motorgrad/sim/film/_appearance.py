@@ -53,7 +53,8 @@ def tendon_activation(model: mujoco.MjModel, activation: np.ndarray) -> np.ndarr
     """The activation of each tendon, `(ntendon,)`: that of its most active muscle, NaN without an actuator."""
     import mujoco
 
-    pulls = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON)
+    # NumPy compares with a number a hundred times as fast as with a member of an enumeration
+    pulls = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON.value)
     level = np.full(model.ntendon, np.nan)
     np.fmax.at(level, model.actuator_trnid[pulls, 0], np.asarray(activation, float)[pulls])
     return level

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
@@ -68,7 +69,7 @@ def moment_arms(model: Any, position: np.ndarray, joint: Joint) -> tuple[np.ndar
     low, high = model.jnt_range[joint.number] if model.jnt_limited[joint.number] else (-np.pi, np.pi)
     places, arms = np.linspace(low, high, ANGLES), np.zeros((ANGLES, model.nu))
     dense = np.zeros((model.nu, model.nv))
-    pulls = np.where(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON, -1.0, 1.0)
+    pulls = np.where(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON.value, -1.0, 1.0)
     data.qpos[:] = position
     for row, place in enumerate(places):
         data.qpos[joint.place] = place
@@ -109,6 +110,8 @@ class JointsPanel(Panel):
 
     title: ClassVar[str] = "Joints"
     rate: ClassVar[float] = 3.0
+    share: ClassVar[float] = 0.02
+    """Of a core's time that moment arms may take, which need the path of every muscle at every angle."""
 
     @classmethod
     def applies(cls, session: Session) -> bool:
@@ -122,6 +125,7 @@ class JointsPanel(Panel):
         self._place, self._effort = NamedPlot(gui, STRONG), NamedPlot(gui, _charts.SECOND)
         self._arms = gui.add_html("")
         self._efforts: deque[tuple[float, np.ndarray]] = deque(maxlen=KEPT)
+        self._arms_due, self._drawn = 0.0, next(iter(self._joints.values()))
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         seen, now = self._efforts, snapshot.seconds
@@ -141,11 +145,17 @@ class JointsPanel(Panel):
         times = np.array([seconds for seconds, _ in self._efforts])
         efforts = np.array([effort[joint.freedom] for _, effort in self._efforts])
         self._effort.show(times, efforts, f"by actuators ({joint.effort})")
+        start = time.monotonic()
+        if start < self._arms_due and joint is self._drawn:
+            self._seen = ()  # later, also of a run that has been paused
+            return
         places, arms = moment_arms(model, snapshot.position[0], joint)
         acting = np.flatnonzero(np.abs(arms).max(axis=0) > LEAST) if joint.unit == "°" else []
         by_name = {self.session.muscles[row]: arms[:, row] for row in acting}
-        now = float(data.qpos[joint.place])
-        self._arms.content = draw_arms(joint, places, by_name, now) if by_name else ""
+        here = float(data.qpos[joint.place])
+        self._arms.content = draw_arms(joint, places, by_name, here) if by_name else ""
+        now = time.monotonic()
+        self._arms_due, self._drawn = now + (now - start) / self.share, joint
 
     def numbers(self) -> Numbers:
         trail, joints = self.session.trail(), self._joints

@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import viser
+from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
 
 from motorgrad._errors import check, unknown
 from motorgrad.sim.film import Viewpoint, camera_axes, ground_height, natural_angles
@@ -231,11 +232,27 @@ class Fixed(CameraMode):
 
 
 def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
-    """Place a camera and let it look at a target. Nothing is sent where the values are unusable."""
+    """Place a camera and let it look at a target. Nothing is sent where the values are unusable, or as they were."""
     if not (np.isfinite(place).all() and np.isfinite(target).all()) or np.linalg.norm(place - target) < 1e-6:
         return
-    camera.position = place
-    camera.look_at = target
+    if np.array_equal(place, camera.position) and np.array_equal(target, camera.look_at):
+        return
+    if not isinstance(camera, viser.CameraHandle):
+        camera.position, camera.look_at = place, target
+        return
+    # viser's own assignment compares again and computes the orientation twice, which takes longer than all else that a
+    # camera does
+    state: Any = camera._state
+    state.position, state.look_at, state.update_timestamp = np.array(place), np.array(target), time.time()
+    ahead = (target - place) / np.linalg.norm(target - place)
+    right = np.cross(ahead, state.up_direction)
+    if (length := np.linalg.norm(right)) > 1e-9:
+        right /= length
+        turn = np.stack([right, np.cross(ahead, right), ahead], axis=1)
+        mujoco.mju_mat2Quat(state.wxyz, turn.ravel())
+    send = state.client._websock_connection.queue_message
+    send(SetCameraPositionMessage(tuple(place.tolist())))
+    send(SetCameraLookAtMessage(tuple(target.tolist())))
 
 
 def viewpoint_of(camera: Any, aspect: float | None = None) -> Viewpoint:

@@ -48,10 +48,7 @@ def segments(model: mujoco.MjModel, data: mujoco.MjData) -> Segments:
     geoms.
     """
     count = data.ten_wrapnum
-    rows = np.concatenate(
-        [np.arange(first, first + n) for first, n in zip(data.ten_wrapadr, count, strict=True)] or [[]]
-    )
-    rows = rows.astype(int)
+    rows = np.arange(count.sum()) + np.repeat(data.ten_wrapadr - (np.cumsum(count) - count), count)
     points, kinds = data.wrap_xpos.reshape(-1, 3)[rows], data.wrap_obj.reshape(-1)[rows]
     tendon = np.repeat(np.arange(model.ntendon), count)
     joined = (tendon[1:] == tendon[:-1]) & (kinds[1:] != PULLEY) & (kinds[:-1] != PULLEY)
@@ -88,7 +85,7 @@ def _arcs(
     """
     centre = data.geom_xpos[geoms]
     axis = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, :, 2]
-    axis = np.where((model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE)[:, None], 0.0, axis)
+    axis = np.where((model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE.value)[:, None], 0.0, axis)
 
     def across(vector: np.ndarray) -> np.ndarray:
         return vector - np.sum(vector * axis, 1, keepdims=True) * axis
@@ -114,8 +111,8 @@ def peak_force(model: mujoco.MjModel) -> np.ndarray:
     peak = np.select(
         [
             hill_actuators(model),
-            model.actuator_gaintype == kinds.mjGAIN_USER,
-            model.actuator_gaintype == kinds.mjGAIN_MUSCLE,
+            model.actuator_gaintype == kinds.mjGAIN_USER.value,
+            model.actuator_gaintype == kinds.mjGAIN_MUSCLE.value,
             model.actuator_forcelimited > 0,
             model.actuator_ctrllimited > 0,
         ],
@@ -142,7 +139,7 @@ def tendon_tension(model: mujoco.MjModel, force: np.ndarray) -> np.ndarray:
 
     **Arguments:** `force` `(nu,)`, MuJoCo's `actuator_force`: negative where it pulls.
     """
-    pulls = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON)
+    pulls = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON.value)
     which = model.actuator_trnid[pulls, 0]
     pull, most = np.zeros(model.ntendon), np.zeros(model.ntendon)
     np.add.at(pull, which, np.maximum(-force[pulls] * np.sign(model.actuator_gear[pulls, 0]), 0.0))
