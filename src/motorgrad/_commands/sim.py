@@ -205,7 +205,7 @@ def _show(setup: Any, options: Options) -> int:
         if options.browser:
             page.open()
         page.ready()
-        # the libraries' objects stay: without them, a search for garbage takes a hundredth of the 0.3 s that it took
+        # what the libraries have made stays; each search of it for garbage would stop the page for about 0.3 s
         gc.collect()
         gc.freeze()
         if steps := options.scene.get("tour"):
