@@ -29,6 +29,7 @@ LAG = 0.15  # most that it lags, as a share of half the picture's height, howeve
 HANDS_OFF = 0.25  # s for which a camera that the user turns is left alone
 AFRESH = 1.0  # s between two changes of the view of the next browser
 UNHEARD = 1800  # distances on which a browser has not reported yet, at most: those of a minute
+UNSEEN = 1e-5  # a movement that no picture shows, as a share of the distance
 NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance to its target
 
 
@@ -233,9 +234,11 @@ class Fixed(CameraMode):
 
 def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
     """Place a camera and let it look at a target. Nothing is sent where the values are unusable, or as they were."""
-    if not (np.isfinite(place).all() and np.isfinite(target).all()) or np.linalg.norm(place - target) < 1e-6:
+    distance = float(np.linalg.norm(place - target))
+    if not (np.isfinite(place).all() and np.isfinite(target).all()) or distance < 1e-6:
         return
-    if np.array_equal(place, camera.position) and np.array_equal(target, camera.look_at):
+    moved = max(np.abs(place - camera.position).max(), np.abs(target - camera.look_at).max())
+    if moved <= UNSEEN * distance:  # each message stops a hand that turns the camera
         return
     if not isinstance(camera, viser.CameraHandle):
         camera.position, camera.look_at = place, target
@@ -244,7 +247,7 @@ def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
     # camera does
     state: Any = camera._state
     state.position, state.look_at, state.update_timestamp = np.array(place), np.array(target), time.time()
-    ahead = (target - place) / np.linalg.norm(target - place)
+    ahead = (target - place) / distance
     right = np.cross(ahead, state.up_direction)
     if (length := np.linalg.norm(right)) > 1e-9:
         right /= length
