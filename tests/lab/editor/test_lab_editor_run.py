@@ -9,6 +9,8 @@ from editor_clients import Client
 from motorgrad import lab
 from motorgrad.lab import gallery
 from motorgrad.lab.editor import Session
+from motorgrad.lab.editor._page import _Recorded
+from motorgrad.lab.editor._traces import FRAME, Traces
 
 
 def leaky():
@@ -228,6 +230,23 @@ def test_a_number_of_a_learner_is_set_by_its_path_and_compiles_nothing(open_sess
     assert "learning_rate = 0.0" in node["fields"]["settings"]
     assert not client.run()["stale"]
     assert client.run()["branch"] == "main"
+
+
+def test_a_scope_shows_true_shapes_however_fast_the_run_is():
+    """The last window of a long record is shown sample by sample, and what was before it by few stretches."""
+    diagram = lab.Diagram(tick=0.01)
+    diagram.add("noise", lab.UniformNoise())
+    for name, sink in {"scope": lab.Scope(window=1.0), "spikes": lab.Raster(window=1.0)}.items():
+        diagram.add(name, sink)
+        diagram.connect("noise", name)
+    record = lab.Run(diagram).advance(20_000)
+    shown = Traces(_Recorded(diagram, [0])).add(record)
+    line, dashes = shown["scope.u"], shown["spikes.u"]
+    np.testing.assert_array_equal(line["ticks"][-100:], np.arange(19_900, 20_000))
+    np.testing.assert_allclose(line["rows"][-100:], record["scope.u"][0, -100:], rtol=1e-5)
+    assert dashes["ticks"][-100:] == line["ticks"][-100:]
+    assert (np.diff(line["ticks"]) >= 0).all()
+    assert len(line["ticks"]) <= 2 * FRAME + 100
 
 
 def test_ensembles_have_a_median_and_a_band(client):

@@ -14,7 +14,7 @@ from motorgrad.lab.editor._program import sink_at
 
 STRETCHES = 500  # per window of a scope
 WINDOW = 10.0  # seconds, for sinks without a window
-FRAME = 100  # stretches per signal and event
+FRAME = 100  # stretches per signal and event, before the window
 MOST = 1_000_000  # numbers kept per signal
 RESENT = 4000  # rows per signal sent to a client that joins later
 SEEDS = 16  # shown side by side
@@ -36,7 +36,8 @@ class _Like(Protocol):
 class Traces:
     """The recorded signals of one branch.
 
-    **Arguments:** the program; the number of stretches per signal that one record is shown by.
+    **Arguments:** the program; the number of stretches by which a signal is shown before the last window of a scope.
+    For one seed, that window has stretches of its own: however fast a run is, the scope shows true shapes.
     """
 
     def __init__(self, program: _Like, frame: int = FRAME):
@@ -77,16 +78,22 @@ class Traces:
         seeds, samples = signal.shape[:2]
         numbers = signal.reshape(seeds, samples, -1)[..., :COLUMNS]
         window = getattr(sink_at(self._program.diagram, address.rpartition(".")[0]), "window", WINDOW)
-        stretch = max(1, round(window / record.tick / STRETCHES / every), -(-samples // self._frame))
-        if drawing != "lines":
-            seeds = 1 if drawing == "map" else min(seeds, SEEDS)
-            beside = numbers[:seeds].transpose(1, 0, 2).reshape(samples, -1)[:, :COLUMNS]
-            return _events(ticks, beside, stretch) if drawing == "raster" else _strided(ticks, beside, stretch)
-        if seeds > 1:
-            chosen = np.arange(stretch - 1, samples, stretch) if samples >= stretch else np.array([samples - 1])
-            low, median, high = np.quantile(numbers[:, chosen].astype(float), (0.25, 0.5, 0.75), axis=0)
-            return {"ticks": ticks[chosen], "low": low, "median": median, "high": high}
-        return _extremes(ticks, numbers[0], stretch)
+        seen = max(1, round(window / record.tick / every))  # samples that the scope shows when the record ends
+        fine, coarse = max(1, round(seen / STRETCHES)), -(-samples // self._frame)
+        if drawing == "lines" and seeds > 1:
+            return _quartiles(ticks, numbers, max(fine, coarse))
+
+        def thinned(part: slice, stretch: int) -> Parts:
+            if drawing == "lines":
+                return _extremes(ticks[part], numbers[0, part], stretch)
+            side = 1 if drawing == "map" else min(seeds, SEEDS)
+            rows = numbers[:side, part].transpose(1, 0, 2).reshape(len(ticks[part]), -1)[:, :COLUMNS]
+            return (_events if drawing == "raster" else _strided)(ticks[part], rows, stretch)
+
+        earlier, last = slice(max(0, samples - seen)), slice(max(0, samples - seen), None)
+        if samples <= seen or coarse <= fine:
+            return thinned(slice(None), fine)
+        return _joined([thinned(earlier, coarse), thinned(last, fine)])
 
     def _drawing(self, address: str) -> str:
         path = address.rpartition(".")[0]
@@ -109,6 +116,14 @@ class Traces:
         half = len(parts["ticks"]) // 2
         chosen = np.concatenate([np.arange(0, half, 2), np.arange(half, len(parts["ticks"]))])
         self._kept[address] = [{name: array[chosen] for name, array in parts.items()}]
+
+
+def _quartiles(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
+    """The quartiles over seeds at the last sample of every stretch."""
+    samples = len(ticks)
+    chosen = np.arange(stretch - 1, samples, stretch) if samples >= stretch else np.array([samples - 1])
+    low, median, high = np.quantile(numbers[:, chosen].astype(float), (0.25, 0.5, 0.75), axis=0)
+    return {"ticks": ticks[chosen], "low": low, "median": median, "high": high}
 
 
 def _extremes(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
