@@ -49,6 +49,7 @@ def take(browser: Browser, shot: Shot, width: int, path: Path) -> None:
         try:
             page = browser.new_page(viewport={"width": width, "height": 760}, color_scheme=shot.scheme)
             page.goto(server.url)
+            page.get_by_role("button", name="Add gain", exact=True).wait_for(state="attached", timeout=WAIT)
             page.get_by_label("speed", exact=True).select_option("null", timeout=WAIT)
             page.get_by_role("button", name="Play", exact=True).click(timeout=WAIT)
             clock = page.get_by_label("time", exact=True)
