@@ -142,8 +142,8 @@ def run() -> NoReturn:
     """Run the command line as a process."""
     warnings.showwarning = _warn
     status = main()
-    if status == 130:
-        # everything is saved, and libraries interrupted while loading may crash at exit
+    if status:
+        # everything is saved, and libraries whose threads are still starting may abort the process at exit
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
