@@ -112,7 +112,7 @@ def test_each_browser_takes_its_own_tour(page):
         assert other._shown == ""
         update(first, ours.field, "1:next")
         assert until(lambda: "2 of 3" in ours._shown)
-        assert "Goes on when the run plays." in ours._shown
+        assert "Continues when the run plays." in ours._shown
         page.session.order(live.Play())
         assert until(lambda: "3 of 3" in ours._shown)
         page.session.order(live.Pause())
@@ -146,7 +146,7 @@ def test_a_tour_on_screen(browser, page):
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= 390
         seen.keyboard.press("PageDown")
-        card.get_by_text("Goes on when the run plays.").wait_for()
+        card.get_by_text("Continues when the run plays.").wait_for()
         seen.get_by_role("tab", name="Run", selected=True).wait_for()
         assert card.get_by_role("button", name=re.compile("Done")).is_visible()
         seen.get_by_role("button", name="Play").first.click()

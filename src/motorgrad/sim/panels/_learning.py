@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 KEPT = 400  # moments of reward, baseline and gradient
 LOGGED = 12  # lines of the log that are shown
-WHERE = "Ends in .npz, or a run directory to load from; in the working folder, or in that of the run."
+WHERE = "A file ending in .npz, or a run directory to load from. Relative to the working folder or the run's folder."
 
 
 class LearningPanel(Panel):

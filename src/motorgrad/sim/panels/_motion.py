@@ -37,7 +37,9 @@ class MotionPanel(Panel):
         with gui.add_folder("Motion in a file"):
             self._path = gui.add_text("File", "", hint=FILES)
             self._partial = gui.add_checkbox(
-                "Some columns only", False, hint="Joints without a column stay, columns without a joint are left out."
+                "Some columns only",
+                False,
+                hint="Ignore columns without a joint; joints without a column keep their place.",
             )
             gui.add_button("Play this motion", icon="player-play").on_click(lambda _: self._start(self._of_file))
             self._said = gui.add_html("")

@@ -49,7 +49,7 @@ class PartsPanel(Panel):
         self._bodies = {model.body(body).name or str(body): body for body in moving} | {WORLD: 0}
         self._muscles = muscles_of(model)
         self.chosen = -1
-        gui.add_markdown("Click a part of the body, or a muscle, or choose here. `U` takes the last change back.")
+        gui.add_markdown("Click a part of the body, or a muscle, or choose here. `U` undoes the last change.")
         names = (*self._bodies,)
         self._which = gui.add_dropdown("Part", names, initial_value=names[0], hint="world: all that stands still.")
         self._said = gui.add_html("")

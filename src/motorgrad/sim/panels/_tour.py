@@ -24,10 +24,10 @@ KEY = "T"
 BEGIN = "begin"
 UNTIL = {
     "next": "",
-    "play": "Goes on when the run plays.",
-    "pause": "Goes on when the run is paused.",
-    "push": "Goes on after a push.",
-    "edit": "Goes on after a change.",
+    "play": "Continues when the run plays.",
+    "pause": "Continues when the run is paused.",
+    "push": "Continues after a push.",
+    "edit": "Continues after a change.",
 }
 
 
@@ -64,10 +64,10 @@ class Waiting:
         value = self._value(snapshot)
         now = "–" if value is None else brief(value)
         if step.wait == "reading":
-            return f"Goes on when {step.reading} reaches {step.amount:g}; now {now}."
+            return f"Continues when {step.reading} reaches {step.amount:g}; now {now}."
         unit = "s" if step.wait == "seconds" else "decisions"
         paused = "" if snapshot.playing else " The run is paused."
-        return f"Goes on after {step.amount:g} {unit}; now {now}.{paused}"
+        return f"Continues after {step.amount:g} {unit}; now {now}.{paused}"
 
     def _value(self, snapshot: Snapshot) -> float | None:
         """The quantity that a step with an amount measures; None for a reading that is not known yet."""

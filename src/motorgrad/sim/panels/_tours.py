@@ -171,7 +171,7 @@ HOPPER: tuple[TourStep, ...] = (
         amount=60.0,
     ),
     TourStep("The weights of the policy: from what it senses to the muscles, and when a muscle fires.", tab="Policy"),
-    TourStep("Change a setting, such as a learning rate, as it learns. U takes it back.", tab="Learning", wait="edit"),
+    TourStep("Change a setting, such as a learning rate, as it learns. U undoes it.", tab="Learning", wait="edit"),
     BACK,
     END,
 )
@@ -222,7 +222,7 @@ RECRUITMENT: tuple[TourStep, ...] = (
         amount=200.0,
     ),
     TourStep("Reward, height of the load and active motoneurons in the course of learning.", tab="Learning"),
-    TourStep("Change a setting while it learns, and press Apply. U takes it back.", tab="Learning", wait="edit"),
+    TourStep("Change a setting while it learns, and press Apply. U undoes it.", tab="Learning", wait="edit"),
     TourStep("The weights from what it senses to the motoneurons.", tab="Policy"),
     BACK,
     END,
@@ -242,7 +242,7 @@ PARTICLE: tuple[TourStep, ...] = (
     ),
     TourStep("The units in their plane, with the number of the policy's parameters.", tab="Policy"),
     TourStep('Reward in the course of learning. The speed "max" in the tab "Run" shows it sooner.', tab="Learning"),
-    TourStep("Change a setting while it learns. U takes it back.", tab="Learning", wait="edit"),
+    TourStep("Change a setting while it learns. U undoes it.", tab="Learning", wait="edit"),
     BACK,
     END,
 )
