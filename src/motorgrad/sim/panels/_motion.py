@@ -39,7 +39,7 @@ class MotionPanel(Panel):
             self._partial = gui.add_checkbox(
                 "Some columns only",
                 False,
-                hint="Ignore columns without a joint; joints without a column keep their place.",
+                hint="Ignore columns without a joint; other joints keep their place.",
             )
             gui.add_button("Play this motion", icon="player-play").on_click(lambda _: self._start(self._of_file))
             self._said = gui.add_html("")
