@@ -184,7 +184,7 @@ def test_a_function_of_ones_own_is_never_looked_up_for_a_stored_network():
     ("build", "names"),
     [
         (lambda: Network(softmax(4, 2), jnp.tanh, 3), "module = '"),
-        (lambda: Network(softmax(4, 2), eqx.nn.Linear(3, 5, key=KEY), 3), "must return a vector of 4 numbers, which the pool sees"),
+        (lambda: Network(softmax(4, 2), eqx.nn.Linear(3, 5, key=KEY), 3), "must return a vector of 4 numbers"),
         (
             lambda: Network(softmax(4, 2), eqx.nn.Linear(2, 4, key=KEY), 3),
             "module = Linear: must be a module that can be called with a vector of 3 numbers",
