@@ -1,7 +1,7 @@
 """Take the pictures of TimSim's page again: `python -m tools.timsim_screenshots [NAME ...] [--width 390] [--dark]`.
 
-Needs Playwright and a Chromium, whose path `CHROMIUM` tells. Learners learn in front of the camera, so that all
-pictures together take some minutes. With a width, a colour scheme or a folder of your own, it shows how the page looks
+Needs Playwright and a Chromium, whose path the variable `CHROMIUM` sets. Learners learn first, so all pictures
+together take some minutes. With a width, a colour scheme or a folder of your own, it shows how the page looks
 elsewhere.
 """
 
@@ -81,15 +81,16 @@ def until(true: Callable[[], object], what: str, seconds: float = 600.0) -> None
 def arrive(page: Page, seconds: float) -> None:
     """Let the run get that far, at a speed at which its curves have enough points, and pause it."""
     session = page.session
+    if not seconds:
+        return
     session.order(live.Speed(max(1.0, seconds / WATCHED)))
-    session.order(live.Play() if seconds else live.Pause())
+    session.order(live.Play())
     until(lambda: session.snapshot().seconds >= seconds, f"{session.name}: {seconds} s")
     session.order(live.Pause())
     session.order(live.Speed(1.0))
     before = session.snapshot().decision
-    if seconds:
-        session.order(live.Step(TRAIL))
-        until(lambda: session.snapshot().decision >= before + TRAIL, "the last decisions")
+    session.order(live.Step(TRAIL))
+    until(lambda: session.snapshot().decision >= before + TRAIL, "the last decisions")
 
 
 def take(browser: Browser, page: Page, shot: Shot, size: tuple[int, int], scheme: Any, path: Path) -> None:

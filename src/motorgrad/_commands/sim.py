@@ -205,7 +205,7 @@ def _show(setup: Any, options: Options) -> int:
         if options.browser:
             page.open()
         page.ready()
-        # what the libraries have made stays; each search of it for garbage would stop the page for about 0.3 s
+        # the libraries' objects are permanent; each garbage collection that scans them stops the page for about 0.3 s
         gc.collect()
         gc.freeze()
         if steps := options.scene.get("tour"):

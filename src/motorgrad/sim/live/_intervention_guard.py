@@ -1,11 +1,11 @@
-"""Notices that an intervention broke the simulation, or threw the body away."""
+"""Detect interventions that break the simulation or throw the body away."""
 
 import numpy as np
 
 from motorgrad.sim.live._messages import Subject
 from motorgrad.sim.live._snapshot import Sample
 
-FAR = 1e5  # m or rad, by which nothing moves after an intervention unless it was thrown
+FAR = 1e5  # m or rad; whatever moves farther after an intervention was thrown
 WATCHED = 60.0  # s of simulated time after an intervention
 
 
@@ -21,11 +21,11 @@ class InterventionGuard:
         self._since = subject.tick, sample["position"].copy(), subject.diverged
 
     def forget(self) -> None:
-        """Watch no more, since the run went elsewhere."""
+        """Stop watching: the run has jumped elsewhere."""
         self._since = None
 
     def problem(self, subject: Subject, sample: Sample) -> str | None:
-        """What the last intervention led to, once, if it must be told; None otherwise."""
+        """The problem that the last intervention caused, returned once; None if there is none."""
         if self._since is None:
             return None
         decision, position, diverged = self._since

@@ -111,7 +111,7 @@ class JointsPanel(Panel):
     title: ClassVar[str] = "Joints"
     rate: ClassVar[float] = 3.0
     share: ClassVar[float] = 0.02
-    """Of a core's time that moment arms may take, which need the path of every muscle at every angle."""
+    """Share of a core's time for moment arms, which need the path of every muscle at every angle."""
 
     @classmethod
     def applies(cls, session: Session) -> bool:

@@ -28,7 +28,7 @@ DAMPING = 0.25  # s in which a following camera makes up 63 % of its lag
 LAG = 0.15  # most that it lags, as a share of half the picture's height, however fast the body goes
 HANDS_OFF = 0.25  # s for which a camera that the user turns is left alone
 AFRESH = 1.0  # s between two changes of the view of the next browser
-UNHEARD = 1800  # distances on which a browser has not reported yet, at most: those of a minute
+UNHEARD = 1800  # distances that wait for a browser's report, at most: a minute's
 UNSEEN = 1e-5  # a movement that no picture shows, as a share of the distance
 NEAREST, FARTHEST = 0.01, 1e4  # viser's limits of an orbiting camera's distance to its target
 
@@ -82,7 +82,7 @@ class Follow(CameraMode):
         self._zoom, self._distance = 1.0, self._needed(camera)
         self._then, self._turned = time.monotonic(), -np.inf
         self._sent = deque([float(np.linalg.norm(away))], maxlen=UNHEARD)
-        """Distances sent, from the last one that the browser has reported on; a slow browser is far behind."""
+        """Distances sent since the last one that the browser has reported; a slow browser lags far behind."""
         self._aim(camera)
 
     def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
@@ -233,12 +233,12 @@ class Fixed(CameraMode):
 
 
 def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
-    """Place a camera and let it look at a target. Nothing is sent where the values are unusable, or as they were."""
+    """Place a camera and let it look at a target. Nothing is sent if the values are unusable or unchanged."""
     distance = float(np.linalg.norm(place - target))
     if not (np.isfinite(place).all() and np.isfinite(target).all()) or distance < 1e-6:
         return
     moved = max(np.abs(place - camera.position).max(), np.abs(target - camera.look_at).max())
-    if moved <= UNSEEN * distance:  # each message stops a hand that turns the camera
+    if moved <= UNSEEN * distance:  # each message interrupts a user who is turning the camera
         return
     if not isinstance(camera, viser.CameraHandle):
         camera.position, camera.look_at = place, target
