@@ -13,7 +13,7 @@ import pytest
 from motorgrad.bodies import BODIES, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
 from motorgrad.sim.live._policy import save_policy
-from motorgrad.sim.live._records import LOOKS, STRETCH, SamplingBudget
+from motorgrad.sim.live._records import LOOKS, SPARSE_LOOKS, STRETCH, SamplingBudget
 from motorgrad.sim.live._snapshot import POINTS, CurveRecorder, SharedArrays, Sizes, Tally, layout
 from motorgrad.sim.planet import Planet, ground_finder, on_planet
 from motorgrad.tasks import TASKS, make
@@ -101,6 +101,12 @@ def test_what_is_looked_at_comes_in_stretches():
     assert budget.take(100) == 0
     budget._credit = STRETCH + LOOKS * 100
     assert budget.take(100) == 100
+    # a fast run waits for its next stretch at the lower rate
+    budget._on, budget._credit = False, 0.0
+    budget._then -= 0.9 * STRETCH / SPARSE_LOOKS
+    assert budget.take(1000) == 0
+    budget._then -= 0.2 * STRETCH / SPARSE_LOOKS
+    assert budget.take(1000) == STRETCH
 
 
 def test_a_curve_keeps_its_mean_while_it_is_thinned():

@@ -17,6 +17,7 @@ from motorgrad.sim.live._snapshot import (
 
 LOOKS = 150.0  # decisions a second that are sampled one by one
 STRETCH = 600  # decisions sampled in a row, after which a faster run pauses sampling
+SPARSE_LOOKS = 50.0  # of a faster run: sampling a decision takes as long as making one
 CURVE_EVERY = 0.1  # s of wall time, at least, between two additions to the learning curves
 
 
@@ -103,7 +104,9 @@ class Records:
 
 
 class SamplingBudget:
-    """Which decisions are sampled one by one: all up to `LOOKS` a second, then stretches of consecutive ones."""
+    """Which decisions are sampled one by one: all up to `LOOKS` a second; of a faster run stretches of consecutive
+    ones, on average `SPARSE_LOOKS` a second.
+    """
 
     def __init__(self) -> None:
         self._credit, self._then, self._on = float(STRETCH), time.perf_counter(), True
@@ -111,7 +114,8 @@ class SamplingBudget:
     def take(self, decisions: int) -> int:
         """How many of the next decisions to sample."""
         now = time.perf_counter()
-        self._credit = min(STRETCH, self._credit + LOOKS * (now - self._then))
+        rate = LOOKS if self._on else SPARSE_LOOKS
+        self._credit = min(STRETCH, self._credit + rate * (now - self._then))
         self._then = now
         self._on = self._credit >= (min(decisions, STRETCH) if self._on else STRETCH)
         count = min(decisions, int(self._credit)) if self._on else 0

@@ -41,6 +41,7 @@ from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import ARRAYS, SCALARS, Sample, SharedArrays, Tally, encoded, layout
 
 FRAME = 1 / 30  # s of wall time between two snapshots
+FAST = 4.0  # times real time; at more, half as many snapshots do: the eye does not connect their postures
 KEEP_EVERY = 1.0  # s of wall time at work between two states kept
 SLICE = 1 / 60  # s of wall time between two samples at the pipe
 REFUSED = (ValueError, OSError, RuntimeError)
@@ -96,7 +97,7 @@ class Worker:
         self._spare: Subject | None = None  # for another branch, once one was made
         self.records = Records(self._shared, about.sizes, self.subject.period, self.subject.labels)
         self._sent = dict(about.settings)
-        self._framed = 0.0
+        self._framed, self._frame = 0.0, FRAME
         self._kept = time.perf_counter()
         self._resets = 0
         self._guard = InterventionGuard()
@@ -128,7 +129,7 @@ class Worker:
                 self.obey(order)
             if count := self.clock.due():
                 self._advance(count)
-            if time.perf_counter() - self._framed >= FRAME:
+            if time.perf_counter() - self._framed >= self._frame:
                 self._publish()
 
     def close(self) -> None:
@@ -196,7 +197,7 @@ class Worker:
 
     def _idle_time(self) -> float:
         """Seconds until the worker has something to do besides listening."""
-        until_frame = max(0.0, self._framed + FRAME - time.perf_counter())
+        until_frame = max(0.0, self._framed + self._frame - time.perf_counter())
         return min(self.clock.wait(), until_frame)
 
     def _advance(self, count: int, sampled: int | None = None) -> None:
@@ -221,7 +222,7 @@ class Worker:
         start, subject = time.perf_counter(), self.subject
         samples = self._sample(sampled)
         if rest := count - sampled:
-            shown = start - self._framed >= FRAME - SLICE  # the next snapshot needs what the last decision led to
+            shown = start - self._framed >= self._frame - SLICE  # the next snapshot needs what the last decision led to
             self.playback.advance(rest - shown)
             if self.beside is not None:
                 self.beside.advance(rest - shown)
@@ -439,3 +440,4 @@ class Worker:
                 arrays[name][: len(sample[name])] = sample[name]
             arrays["labels"][: len(self.records.labels)] = encoded(self.records.labels)
         self._framed = time.perf_counter()
+        self._frame = 2 * FRAME if numbers["speed"] > FAST else FRAME  # the learner gets the time that is spared

@@ -6,20 +6,21 @@ import functools
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 import trimesh
 from PIL import Image
-from scipy.spatial.transform import Rotation
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 
 def quaternions_from_matrices(matrices: np.ndarray) -> np.ndarray:
     """Quaternions `(n, 4)`, w first, of rotation matrices, `(n, 9)` or `(n, 3, 3)`."""
-    matrices = np.asarray(matrices, float).reshape(-1, 3, 3)
-    if not len(matrices):
-        return np.empty((0, 4))
-    return Rotation.from_matrix(matrices).as_quat(scalar_first=True)
+    rows = np.ascontiguousarray(matrices, float).reshape(-1, 9)
+    turn = np.empty((len(rows), 4))
+    for quaternion, row in zip(turn, rows, strict=True):  # a fifth of the time of scipy's Rotation for a few dozen
+        mujoco.mju_mat2Quat(quaternion, row)
+    return turn
 
 
 def quaternions_from_z(directions: np.ndarray) -> np.ndarray:
