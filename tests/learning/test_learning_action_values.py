@@ -100,10 +100,11 @@ def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
                 density=density,
             )
 
+        @jax.jit
         def mean(theta):
             policy = units(theta)
             actions = jax.vmap(lambda u: policy.sample(look, u[None]))(uniforms)
-            return float(jnp.mean(-jnp.square(actions - CENTRE)) + 0.2 * policy.entropy(look))
+            return jnp.mean(-jnp.square(actions - CENTRE)) + 0.2 * policy.entropy(look)
 
         policy = units((0.3, -0.8))
         values, state = values_known(policy)
@@ -112,7 +113,7 @@ def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
             transition = Transition(look, None, jnp.zeros(()), look, uniforms=u[None])
             return values.gradient(state, policy, transition, 0.2)
 
-        found = jax.tree.map(lambda g: float(g.mean()), jax.vmap(sample)(uniforms))
+        found = jax.tree.map(lambda g: float(g.mean()), jax.jit(jax.vmap(sample))(uniforms))
         step = 1e-4
         slopes = [
             (mean((0.3 + step, -0.8)) - mean((0.3 - step, -0.8))) / (2 * step),
