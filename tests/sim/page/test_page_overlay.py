@@ -54,6 +54,7 @@ def test_a_function_that_fails_is_told_and_hinders_no_other(page):
     np.testing.assert_array_equal(label.position, (0, 0, 3))
     page.overlay("bad")
     page.overlay("good")
+    assert until(lambda: not page.overlay._arrows)
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from panel_studio import until
 
-from motorgrad.sim import gl_problem
+from motorgrad.sim import Viewpoint, gl_problem
 from motorgrad.sim.live import Compare, Session, setup_of
-from motorgrad.sim.panels import FilmRecorder
+from motorgrad.sim.panels import FilmRecorder, Overlay, SlowFilmRecorder
 
 needs_gl = pytest.mark.skipif(bool(gl_problem()), reason=f"no OpenGL here: {gl_problem()}")
 
@@ -51,6 +51,61 @@ def test_a_film_shows_the_run_in_the_time_of_the_clock(hopping, tmp_path):
     assert frames.shape == (film.frames, 120, 160, 3)
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 20  # it moved
     assert [path.name for path in film.path.parent.iterdir()] == ["run.mp4"]
+
+
+VIEW = Viewpoint((0.0, -4.0, 0.6), (0.0, 0.0, 0.6), 45.0)
+
+
+def blue_at(frame, x, z):
+    """Whether a place of the plane y = -2 m, half way between camera and target, is blue in a frame of `VIEW`."""
+    scale = len(frame) / 2 / np.tan(np.pi / 8) / 2  # pixels of a metre
+    row, column = round(len(frame) / 2 - scale * (z - 0.6)), round(frame.shape[1] / 2 + scale * x)
+    red, green, blue = frame[row - 1 : row + 2, column - 1 : column + 2].reshape(-1, 3).mean(0)
+    return blue > 100 + max(red, green)
+
+
+def written(frame):
+    """How many pixels are dark below the clock, before the sky."""
+    return int(np.sum(frame[30:55, 200:].max(axis=2) < 100))
+
+
+@pytest.mark.ci
+@needs_gl
+def test_films_show_what_programs_add(hopping, tmp_path):
+    """Text, and an arrow where it is in the scene, in real time and in slow motion."""
+    overlay, begin = Overlay(), hopping.snapshot().seconds
+
+    def along(moment):  # an arrow that goes to the right by 0.1 m in a simulated second
+        return (0.1 * (moment.seconds - begin) - 0.6, -2, 0.4), (0, 0, 0.4)
+
+    overlay("along", arrow=along, colour="#0000ff")
+    overlay("words", text=lambda moment: "the arrow in words")
+    settings = {"width": 320, "height": 240, "camera": VIEW, "annotations": overlay.annotations}
+    slow = SlowFilmRecorder(hopping, tmp_path / "slow.mp4", speed=0.5, fps=10, **settings)
+    film = FilmRecorder(hopping, tmp_path / "run.mp4", **settings)
+    assert until(lambda: film.painted > 2 and slow.seconds > 1.5)
+    overlay("along")
+    overlay("words")
+    painted = film.painted
+    assert until(lambda: film.painted > painted + 2)
+    film.stop()
+    frames = read(film.path)[0]
+    across = np.arange(-0.6, 1.0, 0.005)
+    assert any(blue_at(frames[0], x, 0.55) for x in across)
+    assert not any(blue_at(frames[-1], x, 0.55) for x in across)
+    assert written(frames[0]) > 20
+    assert written(frames[-1]) == 0
+
+    slow.stop()
+    slow.stop()  # which does nothing
+    frames, fps = read(slow.path)
+    assert fps == 10
+    assert abs(len(frames) - 10 * slow.seconds / 0.5) < 2
+    assert written(frames[3]) > 20
+    places = [[x for x in across if blue_at(frame, x, 0.55)] for frame in frames[:20]]
+    middles = [np.mean(each) for each in places if each]
+    assert len(middles) > 10
+    np.testing.assert_allclose(np.diff(middles), 0.1 * 0.5 / 10, atol=0.006)  # smoothly
 
 
 @pytest.mark.ci

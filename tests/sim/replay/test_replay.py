@@ -14,6 +14,7 @@ from PIL import Image
 
 import motorgrad as mg
 from motorgrad.sim import Motion, Plot, write_replay
+from motorgrad.sim.film import Annotations, Arrow, Curve
 from motorgrad.sim.replay import _replay
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -77,7 +78,17 @@ def test_postures_and_paths_come_back_within_a_fraction_of_a_millimetre(hop, tmp
 
 def test_it_plays_from_the_disk_and_the_body_moves_when_scrubbed(hop, browser, tmp_path):
     far = Motion(hop.model, hop.time, hop.position * [0, 6, 1, 1], 0.5 + 0.5 * hop.activation, "jumping")
-    made = write_replay(far, tmp_path / "hop.html", plots=[Plot("reward", hop.time, hop.time, unit="N")])
+
+    def added(time):
+        arrow = Arrow("to the right", np.array([(0.2, 0, 0.7), (0.6, 0, 0.7)]), "#0000ff", 0.02)
+        return (
+            Annotations(["late", Curve("clock (s)", np.ones(1), np.ones(1) * time, "#000000")], [arrow])
+            if time > 0.45
+            else Annotations()
+        )
+
+    plots = [Plot("reward", hop.time, hop.time, unit="N")]
+    made = write_replay(far, tmp_path / "hop.html", plots=plots, annotations=added)
     context = browser.new_context(viewport={"width": 900, "height": 600}, offline=True)
     page, asked, faults = context.new_page(), [], []
     page.on("request", lambda request: asked.append(request.url))
@@ -92,6 +103,14 @@ def test_it_plays_from_the_disk_and_the_body_moves_when_scrubbed(hop, browser, t
     high = silhouette(page)
     assert high[1].mean() < low[1].mean() - 40  # higher in the picture by more than 40 pixels
     assert f"reward {highest:.3g}"[:9] in page.locator("#plots").inner_text()
+    assert page.locator("#added").inner_text() == ""
+    page.locator("#time").fill("0.5")
+    assert page.locator("#added").inner_text() == "late"
+    assert "clock (s) 0.5" in page.locator("#plots").inner_text()
+    pixels = np.asarray(Image.open(io.BytesIO(page.locator("#picture").screenshot())).convert("RGB")).astype(int)
+    rows, columns = np.nonzero(pixels[..., 2] - pixels[..., :2].max(axis=2) > 60)
+    assert np.ptp(columns) > 2 * np.ptp(rows) > 10  # the arrow, which is level
+    page.locator("#time").fill(str(highest))
     page.get_by_role("button", name="Front").click()
     assert np.ptp(silhouette(page)[0]) < np.ptp(high[0])  # a planar leg is narrower from the front
     page.wait_for_function("location.hash.includes('camera=Front')")

@@ -4,6 +4,7 @@
 The other names are shared with the page: how a model looks, where a camera must stand, and how frames become a video.
 """
 
+from motorgrad.sim.film._annotations import Annotations, Arrow, Curve, annotate, caption
 from motorgrad.sim.film._appearance import (
     FIRING,
     MARK,
@@ -35,7 +36,7 @@ from motorgrad.sim.film._framing import Outline, bounding_box, camera_axes, natu
 from motorgrad.sim.film._gl import Ground, gl_problem
 from motorgrad.sim.film._motion import Motion, resample
 from motorgrad.sim.film._motion_file import read_activations, read_motion
-from motorgrad.sim.film._painter import Painter, caption, check_picture
+from motorgrad.sim.film._painter import Painter, check_picture
 from motorgrad.sim.film._plots import MOST_LINES, Plot, PlotStrip
 from motorgrad.sim.film._scenery import nice_step
 from motorgrad.sim.film._viewpoint import Viewpoint
@@ -48,6 +49,9 @@ __all__ = [
     "MARK_OPACITY",
     "MOST_LINES",
     "SILENT",
+    "Annotations",
+    "Arrow",
+    "Curve",
     "Drawing",
     "Film",
     "Ground",
@@ -57,6 +61,7 @@ __all__ = [
     "Plot",
     "PlotStrip",
     "Viewpoint",
+    "annotate",
     "bounding_box",
     "camera_axes",
     "caption",

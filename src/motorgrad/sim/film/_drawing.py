@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.sim.film._annotations import Arrow
 from motorgrad.sim.film._appearance import (
     MARK,
     MARK_OPACITY,
@@ -320,6 +321,7 @@ class MatplotlibRenderer:
         self._drawing.muscles.set_gid("muscles")
         self._marks = PolyCollection([], facecolors=tuple(MARK), alpha=MARK_OPACITY, linewidths=0, zorder=2.3)
         self._axes.add_collection(self._marks, autolim=False)
+        self._arrows: list[Any] = []
 
     def set_view(self, view: View) -> None:
         """Change to another view from the same side."""
@@ -345,6 +347,7 @@ class MatplotlibRenderer:
         activation: np.ndarray,
         marks: np.ndarray,
         beside: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
+        arrows: Sequence[Arrow] = (),
     ) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it. It
         shows no further bodies.
@@ -363,8 +366,29 @@ class MatplotlibRenderer:
         self._drawing.update(position, activation)
         self._drawing.update_ground(centre, 1.1 * self._reach, self._size)
         self._marks.set_verts([sight.flat(at[None, :3]) + at[3] * CIRCLE for at in marks])
+        self._draw_arrows(arrows, tall)
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3]
+
+    def _draw_arrows(self, arrows: Sequence[Arrow], tall: float) -> None:
+        """Draw arrows with their names in a picture of twice as many metres from its lower to its upper edge."""
+        from matplotlib.patches import FancyArrowPatch
+
+        for artist in self._arrows:
+            artist.remove()
+        self._arrows = []
+        figure, sight = self._canvas.figure, self._drawing._sight
+        points = 72 * figure.get_figheight() / (2 * tall)  # of a metre
+        for arrow in arrows:
+            if np.isnan(sight.depth(arrow.ends)).any():
+                continue
+            start, end = sight.flat(arrow.ends)
+            wide = max(1.0, 2 * arrow.radius * points)
+            look: dict[str, Any] = {"color": arrow.colour, "linewidth": wide, "shrinkA": 0, "shrinkB": 0, "zorder": 3}
+            patch = FancyArrowPatch(tuple(start), tuple(end), arrowstyle="-|>", mutation_scale=3 * wide, **look)
+            name = self._axes.annotate(arrow.name, end, (0, 4), textcoords="offset points", ha="center", zorder=3)
+            name.set_fontsize(3.3 * self._line)
+            self._arrows += [self._axes.add_patch(patch), name]
 
     def svg(self) -> bytes:
         """The last picture as vector graphics, without a background."""

@@ -17,11 +17,12 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._extras import FILM, require
 from motorgrad._files import write_atomically
+from motorgrad.sim.film._annotations import Annotations, annotate, caption
 from motorgrad.sim.film._appearance import muscle_colour
 from motorgrad.sim.film._framing import frame_motions
 from motorgrad.sim.film._gl import Ground
 from motorgrad.sim.film._motion import Motion, resample
-from motorgrad.sim.film._painter import Camera, Renderer, caption, check_picture, choose_renderer, renderer_class
+from motorgrad.sim.film._painter import Camera, Renderer, check_picture, choose_renderer, renderer_class
 from motorgrad.sim.film._plots import Plot, PlotStrip
 from motorgrad.sim.film._viewpoint import Viewpoint, viewpoint_at
 
@@ -56,6 +57,7 @@ def write_film(
     renderer: Renderer = "auto",
     ground: Ground = "marked",
     plots: Sequence[Plot] = (),
+    annotations: Callable[[float], Annotations] | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Film:
     """Write a film of one motion, or of several side by side, each with its caption and running time.
@@ -78,6 +80,8 @@ def write_film(
     - `ground`: "marked" shows the model's ground, with lines where it has no texture; "plain" an even one of the
       background's colour, for print.
     - `plots`: drawn to the right of the bodies, with a line at the present moment.
+    - `annotations`: texts, small plots, and arrows in the scene of the first motion, as a function of the time on that
+      motion's clock.
     - `progress`: called after each frame with the number of frames done and their total.
 
     **Returns:** a `Film`.
@@ -111,16 +115,19 @@ def write_film(
         canvas = np.full((height, whole, 3), 255, np.uint8)
         try:
             for frame in range(frames):
+                added = Annotations() if annotations is None else annotations(shots[0][0][frame])
                 for index, (painter, motion, shot) in enumerate(zip(painters, motions, shots, strict=True)):
                     time, position, activation, marks = (part[frame] for part in shot)
                     if (viewpoint := viewpoint_at(camera, time)) is not None:
                         painter.look(viewpoint)
-                    picture = painter.paint(frame, position, activation, marks)
+                    arrows = added.arrows if index == 0 else ()
+                    picture = painter.paint(frame, position, activation, marks, arrows=arrows)
                     left = index * (width + GAP)
                     clock = f"{time - motion.time[0]:.2f} s{pace}"
                     canvas[:, left : left + width] = caption(picture, motion.label, clock)
                     if strip is not None and index == 0:
                         canvas[:, full + GAP :] = strip.at(time)
+                canvas[:, :full] = annotate(canvas[:, :full], added.cards)
                 yield canvas
                 if progress is not None:
                     progress(frame + 1, frames)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from motorgrad.sim.film._annotations import Arrow, write_names
 from motorgrad.sim.film._appearance import (
     MARK,
     MARK_OPACITY,
@@ -27,7 +28,17 @@ from motorgrad.sim.film._appearance import (
     texture_of,
 )
 from motorgrad.sim.film._framing import DOWNWARDS, SIDEWAYS, UPWARDS, View, visible_geoms
-from motorgrad.sim.film._scenery import SHADE, SKY, add_backdrop, add_geom, add_lamp, add_marks, add_shadows
+from motorgrad.sim.film._scenery import (
+    SHADE,
+    SKY,
+    add_arrow,
+    add_backdrop,
+    add_geom,
+    add_lamp,
+    add_marks,
+    add_shadows,
+    in_picture,
+)
 from motorgrad.sim.film._viewpoint import Viewpoint
 
 if TYPE_CHECKING:
@@ -217,10 +228,12 @@ class GlRenderer:
         activation: np.ndarray,
         marks: np.ndarray,
         beside: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
+        arrows: Sequence[Arrow] = (),
     ) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8, of one posture with its marks; the next call overwrites it.
 
-        `beside` are further bodies of the model: position, activation, and how far they are moved, `(3,)` m.
+        `beside` are further bodies of the model: position, activation, and how far they are moved, `(3,)` m; `arrows`
+        stand in the scene with their names.
         """
         import mujoco
 
@@ -243,11 +256,14 @@ class GlRenderer:
         for x, y, z, radius in marks:
             add_geom(scene, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), np.array([x, y, z]), np.eye(3), MARK_RGBA)
             scene.geoms[scene.ngeom - 1].transparent = 1
+        for arrow in arrows:
+            add_arrow(scene, arrow)
         assert self._gl_context is not None
         self._gl_context.make_current()
         mujoco.mjr_render(self._rectangle, scene, self._resources)
         mujoco.mjr_readPixels(self._pixels, None, self._rectangle, self._resources)
-        return self._pixels[::-1]
+        places = {arrow.name: in_picture(scene, arrow.ends[1], *self._size) for arrow in arrows}
+        return write_names(self._pixels[::-1], {name: at for name, at in places.items() if at is not None})
 
     def _place(self, position: np.ndarray, activation: np.ndarray) -> None:
         """Set the posture, and the colours and widths of the muscles."""

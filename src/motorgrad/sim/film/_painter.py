@@ -5,14 +5,13 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from motorgrad._errors import check, unknown
+from motorgrad.sim.film._annotations import Arrow, caption
 from motorgrad.sim.film._appearance import check_posture
 from motorgrad.sim.film._drawing import MatplotlibRenderer
 from motorgrad.sim.film._framing import View, bounding_box, find_camera, frame_motions
@@ -22,45 +21,6 @@ from motorgrad.sim.film._viewpoint import Moving, Viewpoint
 
 if TYPE_CHECKING:
     import mujoco
-
-
-INK, HALO = (38, 42, 48), (240, 244, 248)
-
-
-@functools.cache
-def _font(size: int) -> Any:
-    import matplotlib
-    from PIL import ImageFont
-
-    # matplotlib's own font is the same on every system
-    return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
-
-
-def caption(picture: np.ndarray, left: str, right: str) -> np.ndarray:
-    """Write `left` and `right` along the upper edge of a copy of the picture `(height, width, 3)`.
-
-    The font shrinks until both fit beside each other; text that does not fit at eight pixels is cut with an ellipsis.
-    """
-    from PIL import Image, ImageDraw
-
-    height, width = picture.shape[:2]
-    image = Image.fromarray(np.ascontiguousarray(picture))
-    pen = ImageDraw.Draw(image)
-    margin = max(4, round(0.035 * height))
-    size = max(8, round(0.046 * height))
-    room = width - 3 * margin - pen.textlength(right, _font(size))
-    while size > 8 and pen.textlength(left, _font(size)) > room:
-        size -= 1
-        room = width - 3 * margin - pen.textlength(right, _font(size))
-    font = _font(size)
-    if pen.textlength(left, font) > room:
-        while left and pen.textlength(left + "…", font) > room:
-            left = left[:-1]
-        left += "…"
-    halo = max(1, size // 9)
-    pen.text((margin, margin), left, INK, font, stroke_width=halo, stroke_fill=HALO)
-    pen.text((width - margin, margin), right, INK, font, anchor="ra", stroke_width=halo, stroke_fill=HALO)
-    return np.asarray(image)
 
 
 RENDERERS = ("auto", "drawn", "gl")
@@ -161,12 +121,14 @@ class Painter:
         marks: np.ndarray = NO_MARKS[0],
         viewpoint: Viewpoint | None = None,
         beside: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
+        arrows: Sequence[Arrow] = (),
     ) -> np.ndarray:
         """Paint one picture.
 
         **Arguments:** `position` `(nq,)`; `activation` `(nu,)` in [0, 1]; `left` and `right`: text above the body;
         `marks` `(marks, 4)` as of a `Motion`; `viewpoint`, for this picture; `beside`: further bodies of the same
-        model, each a position, an activation, and how far it is moved, `(3,)` m, which drawn pictures leave out.
+        model, each a position, an activation, and how far it is moved, `(3,)` m, which drawn pictures leave out;
+        `arrows` in the scene.
 
         **Returns:** `(height, width, 3)`, uint8, a new array.
         """
@@ -175,7 +137,7 @@ class Painter:
         position, activation = check_posture(self._model, position, activation)
         self._hold(position, marks)
         self._backend.look(viewpoint or self._viewpoint)
-        picture = self._backend.paint(0, position, activation, marks, beside)
+        picture = self._backend.paint(0, position, activation, marks, beside, arrows)
         return caption(picture, left, right) if left or right else picture.copy()
 
     def close(self) -> None:

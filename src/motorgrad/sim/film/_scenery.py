@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from motorgrad.sim.film._annotations import Arrow
+
 if TYPE_CHECKING:
     import mujoco
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 SKY = np.array([0.93, 0.95, 0.97])
 SUN = np.array([0.30, 0.45, -1.0]) / np.linalg.norm([0.30, 0.45, -1.0])  # from above, slightly left of the viewer
 SHADE = 0.72  # brightness of ground in shadow
+GLOW = 0.15  # of an arrow, whose colour has a meaning
 
 
 def add_geom(
@@ -32,6 +35,31 @@ def add_geom(
     geom.category = mujoco.mjtCatBit.mjCAT_DECOR
     geom.specular = geom.shininess = geom.reflectance = 0.0
     scene.ngeom += 1
+
+
+def add_arrow(scene: mujoco.MjvScene, arrow: Arrow) -> None:
+    """Add an arrow, without its name."""
+    import mujoco
+
+    kind, (start, end) = mujoco.mjtGeom.mjGEOM_ARROW, arrow.ends
+    rgba = np.append(np.array([*bytes.fromhex(arrow.colour[1:])]) / 255, 1.0)
+    add_geom(scene, kind, np.full(3, arrow.radius), start, np.eye(3), rgba)
+    geom = scene.geoms[scene.ngeom - 1]
+    # MuJoCo's renderer draws arrows at half their length
+    mujoco.mjv_connector(geom, kind, arrow.radius, start, 2 * end - start)
+    geom.emission = GLOW
+
+
+def in_picture(scene: mujoco.MjvScene, point: np.ndarray, width: int, height: int) -> tuple[float, float] | None:
+    """Where a point `(3,)` m is in the picture, in pixels from its upper left corner; None behind the camera."""
+    eye = scene.camera[0]  # of two, which are equal without stereo
+    forward, up = (np.array(part, float) for part in (eye.forward, eye.up))
+    away = point - np.array(eye.pos)
+    depth = away @ forward
+    if depth <= 0:
+        return None
+    scale = 0.5 * height * eye.frustum_near / (eye.frustum_top * depth)  # pixels of a metre
+    return 0.5 * width + scale * float(away @ np.cross(forward, up)), 0.5 * height - scale * float(away @ up)
 
 
 def add_backdrop(scene: mujoco.MjvScene, place: np.ndarray, axes: np.ndarray, reach: float) -> None:

@@ -163,7 +163,7 @@ class Page:
         if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a file into the user's folder
             mujoco.set_mju_user_warning(log.debug)
         session = self.session
-        self.scene, self.panels = Scene(), Panels()
+        self.scene, self.panels = Scene(), Panels(self.overlay.annotations)
         self.failures = 0
         self._failed: set[str] = set()
         self._pose = Pose(session.model)
@@ -283,10 +283,12 @@ class Page:
         A path that ends in ".html" becomes a replay (`motorgrad.sim.panels.ReplayRecorder`), one in ".mp4", ".gif" or
         ".webp" a film (`motorgrad.sim.panels.FilmRecorder`, which has the `settings`: size, camera, plots, ground).
         With `speed`, the film shows every decision at that speed, and is made when it ends
-        (`motorgrad.sim.panels.SlowFilmRecorder`).
+        (`motorgrad.sim.panels.SlowFilmRecorder`). All show what was added by `overlay`.
         """
         kind: Any = SlowFilmRecorder if "speed" in settings else FilmRecorder
-        kind = ReplayRecorder if Path(path).suffix.lower() == ".html" else kind
+        if Path(path).suffix.lower() == ".html":
+            kind = ReplayRecorder
+        settings.setdefault("annotations", self.overlay.annotations)
         recording = kind(self.session, path, **settings)
         self._recordings.append(recording)
         return recording

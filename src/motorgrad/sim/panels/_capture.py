@@ -18,6 +18,7 @@ from motorgrad.sim.panels._film_folder import FilmFolder
 from motorgrad.sim.panels._film_recorder import painting_of
 from motorgrad.sim.panels._panel import Panel, notify, send, table
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
+from motorgrad.sim.panels._watcher import Annotating, nothing
 from motorgrad.sim.scene import Pose, viewpoint_of
 
 LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
@@ -29,9 +30,10 @@ class BodyRecording:
     Unlike viser's recordings it takes the plots along, and goes back to its beginning without an empty picture.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, annotations: Annotating = nothing) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="motorgrad-")
-        self._recorder = ReplayRecorder(session, Path(self._folder.name) / "replay.html")
+        path = Path(self._folder.name) / "replay.html"
+        self._recorder = ReplayRecorder(session, path, annotations=annotations)
 
     @property
     def seconds(self) -> float:
@@ -84,17 +86,21 @@ PAGE = ("Record scene (HTML)", "Stop scene")
 class CapturePanel(Panel):
     """Films, snapshots (PNG), the pose as vector graphics (SVG) and recordings of the scene (HTML). The browser that
     asked for a file saves it.
+
+    **Attributes:** `annotations`, which films and recordings show, as of `FilmRecorder`; to be set before `build`.
     """
 
     title: ClassVar[str] = "Capture"
     rate: ClassVar[float] = 2.0
+
+    annotations: Annotating = staticmethod(nothing)
 
     def fill(self, gui: Any) -> None:
         self._film: FilmFolder | None = None
         self._scene: BodyRecording | SceneRecording | None = None
         self._summary = gui.add_html("")
         if painting_of(self.session) is not None:
-            self._film = FilmFolder(self, self._name)
+            self._film = FilmFolder(self, self._name, self.annotations)
             self._film.fill(gui)
         picture = gui.add_button("Snapshot (PNG)", icon="photo", hint="The scene as this browser shows it.")
         picture.on_click(self.guarded(self._picture))
@@ -160,7 +166,7 @@ class CapturePanel(Panel):
     def _toggle_scene(self, event: Any) -> None:
         if self._scene is None:
             recorded = self.session.model is not None
-            self._scene = BodyRecording(self.session) if recorded else SceneRecording(self.server)
+            self._scene = BodyRecording(self.session, self.annotations) if recorded else SceneRecording(self.server)
             self._asked = event.client
             self._scene_button.label = PAGE[1]
         else:

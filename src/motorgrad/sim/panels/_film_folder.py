@@ -10,6 +10,7 @@ from typing import Any
 from motorgrad.sim.film import Viewpoint
 from motorgrad.sim.panels._film_recorder import CHOICES, HEIGHT, WIDTH, FilmRecorder, SlowFilmRecorder
 from motorgrad.sim.panels._panel import Panel, brief, notify, send
+from motorgrad.sim.panels._watcher import Annotating, nothing
 from motorgrad.sim.scene import viewpoint_of
 
 FORMATS = {"MP4": 30.0, "GIF": 20.0, "WebP": 20.0}
@@ -23,11 +24,12 @@ LARGEST = (3840, 2160)
 class FilmFolder:
     """Elements to film a run: camera, speed, size, ground and plots.
 
-    **Arguments:** `panel` that it stands in; `name`: a function from an ending to the name of a file.
+    **Arguments:** `panel` that it stands in; `name`: a function from an ending to the name of a file; `annotations`: as
+    of `FilmRecorder`.
     """
 
-    def __init__(self, panel: Panel, name: Callable[[str], str]) -> None:
-        self._panel, self._name = panel, name
+    def __init__(self, panel: Panel, name: Callable[[str], str], annotations: Annotating = nothing) -> None:
+        self._panel, self._name, self._annotations = panel, name, annotations
         self._film: FilmRecorder | SlowFilmRecorder | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
@@ -94,7 +96,7 @@ class FilmFolder:
         def seen(_: float) -> Viewpoint:
             return viewpoint_of(client.camera, width / height)
 
-        settings: Any = {"fps": FORMATS[kind], "width": width, "height": height}
+        settings: Any = {"fps": FORMATS[kind], "width": width, "height": height, "annotations": self._annotations}
         settings["plots"] = [name for name, box in zip(CHOICES, self._plots, strict=False) if box.value]
         if self._camera is not None and self._ground is not None:
             settings |= {"camera": seen if self._camera.value == AS_I_SEE else None, "ground": self._ground.value}

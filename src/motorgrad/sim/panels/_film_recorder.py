@@ -18,11 +18,13 @@ from motorgrad._files import check_writable
 from motorgrad.sim.film import (
     ENDINGS,
     GAP,
+    Arrow,
     Ground,
     Painter,
     Plot,
     PlotStrip,
     Viewpoint,
+    annotate,
     caption,
     check_picture,
     output_path,
@@ -32,6 +34,7 @@ from motorgrad.sim.film import (
 )
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._motion_recorder import PLOTS, MotionRecorder, trail_plots
+from motorgrad.sim.panels._watcher import Annotating, Watcher, nothing
 from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
 
@@ -64,6 +67,8 @@ class FilmRecorder:
     - `plots`: what is drawn beside the bodies: "reward", "activations", "contact forces", "learning curve". What the
       session does not have is left out.
     - `titles`: whether name and time stand above the bodies.
+    - `annotations`: a function from a moment to the texts, plots and arrows that are drawn; `page.record` and the tab
+      "Capture" give what programs add by `page.overlay`.
 
     **Attributes:** `path`; `frames` of the film; `painted`: how many of them were painted; `busy`: seconds spent
     painting.
@@ -89,6 +94,7 @@ class FilmRecorder:
         ground: Ground = "marked",
         plots: Sequence[str] = (),
         titles: bool = True,
+        annotations: Annotating = nothing,
     ) -> None:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         self._session, self._fps = session, rate_of(self.path, fps)
@@ -98,6 +104,7 @@ class FilmRecorder:
             raise ValueError(f"{session.name}: has neither a body nor local units, so there is nothing to film")
         self._painting = painting
         self._strip = _LiveStrip(session, plots, height) if plots else None
+        self._annotations = annotations
         self.frames = self.painted = 0
         self.busy = 0.0
         self._stop = threading.Event()
@@ -138,7 +145,9 @@ class FilmRecorder:
             self._failed = error
 
     def _paint(self, painting: Painting) -> np.ndarray:
-        picture = painting.paint(self._session.snapshot())
+        moment = self._session.snapshot()
+        added = self._annotations(moment)
+        picture = annotate(painting.paint(moment, added.arrows), added.cards)
         if self._strip is None:
             return picture
         gap = np.full((len(picture), GAP, 3), 255, np.uint8)
@@ -167,7 +176,8 @@ class SlowFilmRecorder:
     """Films every decision of a session's body from now on; the film is made when it is stopped.
 
     The film runs at a speed of its own whatever that of the run is, so that slow motion is smooth. At most 120
-    simulated seconds are kept.
+    simulated seconds are kept. A camera that moves and `annotations` are read 30 times a second while the run goes on;
+    camera and arrows move smoothly between.
 
     **Arguments:** as of `FilmRecorder`; `speed`: simulated seconds per second of film, above 0; 0.25 is slow motion.
 
@@ -186,16 +196,15 @@ class SlowFilmRecorder:
         camera: Looking = None,
         ground: Ground = "marked",
         plots: Sequence[str] = (),
+        annotations: Annotating = nothing,
     ) -> None:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         check(math.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
         self._look: dict[str, Any] = {"fps": fps, "width": width, "height": height, "ground": ground, "speed": speed}
-        self._session, self._camera, self._plots = session, camera, plots
-        self._seen: list[tuple[float, Viewpoint]] = []
+        self._camera, self._plots = camera, plots
         self._recorder = MotionRecorder(session)
-        self.done, self._stop = 0.0, threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="motorgrad sim camera", daemon=True)
-        self._thread.start()
+        self._watcher = Watcher(session, annotations, camera if callable(camera) else None)
+        self.done, self._stopped = 0.0, False
 
     @property
     def seconds(self) -> float:
@@ -209,37 +218,28 @@ class SlowFilmRecorder:
 
     def stop(self) -> None:
         """End the recording and make the film. A second call does nothing."""
-        if self._stop.is_set():
+        if self._stopped:
             return
-        self._stop.set()
-        self._thread.join()
+        self._stopped = True
+        self._watcher.stop()
         motion, seconds, found = self._recorder.stop()
-        camera: Looking = self._camera
-        if callable(camera):
-            path = sorted(self._seen, key=lambda each: each[0])
-            when = np.array([moment for moment, _ in path])
-            rows = np.array([[*v.position, *v.target, *v.up, v.field_of_view] for _, v in path])
 
-            def moved(at: float) -> Viewpoint:
-                moment = np.interp(at, motion.time, seconds)
-                x = [float(np.interp(moment, when, column)) for column in rows.T]
-                return Viewpoint((x[0], x[1], x[2]), (x[3], x[4], x[5]), x[9], (x[6], x[7], x[8]))
+        def moment(at: float) -> float:
+            return float(np.interp(at, motion.time, seconds))
 
-            camera = moved
-
-        plots = [found[name] for name in self._plots if name in found]
-        write_film(motion, self.path, camera=camera, plots=plots, progress=self._note, **self._look)
+        camera, watcher = self._camera, self._watcher
+        write_film(
+            motion,
+            self.path,
+            camera=(lambda at: watcher.viewpoint(moment(at))) if callable(camera) else camera,
+            plots=[found[name] for name in self._plots if name in found],
+            annotations=lambda at: watcher.annotations(moment(at)),
+            progress=self._note,
+            **self._look,
+        )
 
     def _note(self, made: int, of: int) -> None:
         self.done = made / of
-
-    def _watch(self) -> None:
-        """Record where a moving camera is at every moment."""
-        while callable(self._camera) and not self._session.ended:
-            moment = self._session.snapshot().seconds
-            self._seen.append((moment, self._camera(moment)))
-            if self._stop.wait(1 / FPS):
-                return
 
 
 class _LiveStrip:
@@ -291,7 +291,7 @@ class Painting(Protocol):
         titles: bool,
     ) -> None: ...
 
-    def paint(self, snapshot: Snapshot) -> np.ndarray:
+    def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
         """The picture `(height, width, 3)`, uint8."""
         ...
 
@@ -324,7 +324,7 @@ class _Bodies(Painting):
         self._canvas = np.full((height, count * (width + GAP) - GAP, 3), 255, np.uint8)
         self._width, self._titles = width, titles
 
-    def paint(self, snapshot: Snapshot) -> np.ndarray:
+    def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
         self._pose.place(snapshot)
         marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
         pose, clock = self._pose, f"{snapshot.seconds:.2f} s" if self._titles else ""
@@ -337,7 +337,8 @@ class _Bodies(Painting):
         for index, (painter, data, activation, label, marked) in enumerate(shown):
             left = index * (self._width + GAP)
             label = label if self._titles else ""
-            picture = painter.paint(data.qpos, activation, label, clock, marked, viewpoint, beside)
+            added = arrows if index == 0 else ()
+            picture = painter.paint(data.qpos, activation, label, clock, marked, viewpoint, beside, added)
             self._canvas[:, left : left + self._width] = picture
         return self._canvas.copy()
 
@@ -366,7 +367,8 @@ class _Plane(Painting):
         self._canvas = np.full((height, width, 3), 255, np.uint8)
         self._corner = (height - side) // 2, (width - side) // 2
 
-    def paint(self, snapshot: Snapshot) -> np.ndarray:
+    def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
+        del arrows  # the plane has none
         policy = self._session.policy(snapshot.parameters[0])
         if policy is not None:
             drawn = self._picture.paint(policy, self._session.trail().position[:, :2])

@@ -16,6 +16,7 @@ import viser
 
 from motorgrad._docstrings import description_of
 from motorgrad._errors import check
+from motorgrad.sim.film import Annotations, Arrow, Curve
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._panel import brief
@@ -25,7 +26,7 @@ from motorgrad.sim.scene import BODY_COLOURS, Pose, main_reading, weight_arrow, 
 Moment = Snapshot
 Text = str | Callable[[Moment], str]
 Plotted = Callable[[Moment], float] | tuple[Sequence[float], Sequence[float]]
-Arrow = Callable[[Moment], Any] | tuple[Sequence[float], Sequence[float]]
+Pointing = Callable[[Moment], Any] | tuple[Sequence[float], Sequence[float]]
 
 RATE = 5.0  # Hz
 WIDE, HIGH = 250.0, 118.0
@@ -38,7 +39,7 @@ SHAFT = 0.012  # of an arrow, as a share of the body's size
 class Item:
     """One entry of the overlay: a text, a plot and an arrow, each optional."""
 
-    def __init__(self, text: Text | None, plot: Plotted | None, arrow: Arrow | None, unit: str, colour: str) -> None:
+    def __init__(self, text: Text | None, plot: Plotted | None, arrow: Pointing | None, unit: str, colour: str) -> None:
         self.text, self.plot, self.arrow, self.unit, self.colour = text, plot, arrow, unit, colour
         self.seen: deque[tuple[float, float]] = deque(maxlen=2_000)
         self.failed = ""
@@ -65,12 +66,24 @@ class Item:
             parts.append(small_plot([(x, y, self.colour)], with_unit(name, self.unit)))
         return _card("".join(parts)) if parts else ""
 
+    def cards(self, name: str, moment: Moment) -> list[str | Curve]:
+        """The entry as films show it; empty for an arrow alone."""
+        found: list[str | Curve] = []
+        if self.text is not None:
+            found.append(self.text(moment) if callable(self.text) else self.text)
+        if self.plot is not None:
+            x, y = np.array(self.seen).reshape(-1, 2).T if callable(self.plot) else map(np.asarray, self.plot)
+            step = max(1, -(-len(x) // POINTS))
+            title = f"{name} ({self.unit})" if self.unit else name
+            found.append(Curve(title, x[::-1][::step][::-1], y[::-1][::step][::-1], self.colour))
+        return found
+
 
 class Overlay:
     """The overlay on the scene: the task and its goal, the state of the run, a small learning curve, a legend of
     colours and forces; and texts, plots and arrows that a program adds by calling it.
 
-    Browsers show it over the picture, at any size; a switch in the tab "View" hides it.
+    Browsers show it over the picture, at any size; films show what programs add. A switch in the tab "View" hides it.
 
     ```py
     page.overlay("height", text=lambda moment: f"the load is at {moment.position[0, 0]:.2f} m")
@@ -85,8 +98,9 @@ class Overlay:
     def __init__(self) -> None:
         self._items: dict[str, Item] = {}
         self._arrows: dict[str, tuple[Any, Any]] = {}
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a user's function may add entries
         self._shown, self._due, self._content = True, 0.0, ""
+        self._size = 1.0  # m, of the body
 
     def __call__(
         self,
@@ -94,14 +108,15 @@ class Overlay:
         *,
         text: Text | None = None,
         plot: Plotted | None = None,
-        arrow: Arrow | None = None,
+        arrow: Pointing | None = None,
         unit: str = "",
         colour: str = _charts.STRONG,
     ) -> None:
         """Show an entry on the scene, and replace any other of this name; a name alone removes it.
 
-        Functions are called with the present `Snapshot` five times a second, those of plots thirty times, in the page's
-        process: they may read anything but must be quick. One that fails is shown with its error and not called again.
+        Functions are called with the present `Snapshot` five times a second, those of plots and arrows thirty times,
+        and all of them for each picture of a film. They run in the page's process, one at a time: they may read
+        anything but must be quick. One that fails is shown with its error and not called again.
 
         **Arguments:**
 
@@ -150,10 +165,27 @@ class Overlay:
     def shown(self, value: bool) -> None:
         self._shown, self._due = value, 0.0
 
+    def annotations(self, snapshot: Snapshot) -> Annotations:
+        """What films show of a moment: the entries that a program added, while the overlay is switched on."""
+        cards: list[str | Curve] = []
+        with self._lock:
+            items = self._items if self._shown else {}
+            arrows = [
+                Arrow(name, ends, colour, SHAFT * self._size)
+                for name, (ends, colour) in _arrows(items, snapshot).items()
+            ]
+            for name, item in items.items():
+                known = _tried(item, item.cards, name, snapshot)
+                cards += [f"{name}: {item.failed}"] if known is None else known
+        return Annotations(cards, arrows)
+
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Show the present moment."""
         with self._lock:
-            items = dict(self._items)
+            self._update(snapshot, pose)
+
+    def _update(self, snapshot: Snapshot, pose: Pose) -> None:
+        items, self._size = dict(self._items), pose.size
         for item in items.values():
             _tried(item, item.follow, snapshot)
         self._draw_arrows(items if self._shown else {}, snapshot, pose)
@@ -217,17 +249,10 @@ class Overlay:
 
     def _draw_arrows(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> None:
         """Draw new and moved arrows, and remove the others."""
-        wanted = {}
-        for name, item in items.items():
-            if item.arrow is not None and not item.failed:
-                given = _tried(item, item.arrow, snapshot) if callable(item.arrow) else item.arrow
-                ends = None if given is None else _tried(item, _ends, given)
-                if ends is not None:
-                    wanted[name] = (ends, item.colour)
+        wanted = _arrows(items, snapshot)
         for name in [*self._arrows]:
             if name not in wanted:
-                for handle in self._arrows.pop(name)[1]:
-                    handle.remove()
+                self._arrows.pop(name)[1][0].remove()  # and its label, which is a part of it
         for name, (ends, colour) in wanted.items():
             known = self._arrows.get(name)
             if known is not None and known[0][1] == colour:
@@ -236,8 +261,7 @@ class Overlay:
                     self._arrows[name] = ((ends, colour), known[1])
                 continue
             if known is not None:
-                for handle in known[1]:
-                    handle.remove()
+                known[1][0].remove()
             thick, rgb = SHAFT * pose.size, _linear(colour)
             node = f"/overlay/{next(_numbers)}"  # a name of the user's may have slashes
             shape: Any = {"shaft_radius": thick, "head_radius": 2.5 * thick, "head_length": 6 * thick}
@@ -304,6 +328,18 @@ def _tried(item: Item, act: Callable[..., Any], *arguments: Any) -> Any:
     except Exception as error:  # a user's function may raise anything
         item.failed = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         return None
+
+
+def _arrows(items: dict[str, Item], snapshot: Snapshot) -> dict[str, tuple[np.ndarray, str]]:
+    """Start and end, `(2, 3)` m, and colour of the present arrows, by name."""
+    found = {}
+    for name, item in items.items():
+        if item.arrow is not None and not item.failed:
+            given = _tried(item, item.arrow, snapshot) if callable(item.arrow) else item.arrow
+            ends = None if given is None else _tried(item, _ends, given)
+            if ends is not None:
+                found[name] = (ends, item.colour)
+    return found
 
 
 def _ends(arrow: Any) -> np.ndarray:

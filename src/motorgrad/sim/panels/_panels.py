@@ -20,6 +20,7 @@ from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._parts import PartsPanel
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
+from motorgrad.sim.panels._watcher import Annotating, nothing
 from motorgrad.sim.scene import Pose, own
 
 PANELS: tuple[type[Panel], ...] = (
@@ -75,10 +76,13 @@ class Panels:
     It reads the session's events, which nothing else may do: every browser is notified of refusals, saved and loaded
     files, and the log of changes keeps the rest.
 
+    **Arguments:** `annotations`, which films show, as of `FilmRecorder`.
+
     **Attributes:** `tabs`, viser's tab group, to which others may add; `panels`, by title.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, annotations: Annotating = nothing) -> None:
+        self._annotations = annotations
         self.panels: dict[str, Panel] = {}
         self.tabs: Any = None
 
@@ -90,6 +94,8 @@ class Panels:
         for kind in PANELS:
             if kind.applies(session):
                 panel = kind()
+                if isinstance(panel, CapturePanel):
+                    panel.annotations = self._annotations
                 with self.tabs.add_tab(kind.title):
                     panel.build(server, session)
                 self.panels[kind.title] = panel

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from motorgrad._errors import check
 from motorgrad._files import check_writable
-from motorgrad.sim.film import output_path
+from motorgrad.sim.film import Annotations, output_path
 from motorgrad.sim.live import Session
 from motorgrad.sim.panels._motion_recorder import MotionRecorder
+from motorgrad.sim.panels._watcher import Annotating, Watcher, nothing
 from motorgrad.sim.replay import Replay, write_replay
 
 
@@ -20,7 +23,7 @@ class ReplayRecorder:
     stretches of consecutive decisions that the panels show are replayed one after the other. At most 120 simulated
     seconds are kept. Targets are read four times a second.
 
-    **Arguments:** `session`; `path`, ending in ".html".
+    **Arguments:** `session`; `path`, ending in ".html"; `annotations`, read 30 times a second, as of `FilmRecorder`.
 
     **Attributes:** `path`; `seconds` recorded; `replay`: what was written, None before `stop`.
 
@@ -33,11 +36,12 @@ class ReplayRecorder:
     ```
     """
 
-    def __init__(self, session: Session, path: str | os.PathLike[str]) -> None:
+    def __init__(self, session: Session, path: str | os.PathLike[str], *, annotations: Annotating = nothing) -> None:
         self.path: Path = output_path(path, ".html")
         check_writable("path", self.path)
         check(session.model is not None, "replay of", session.name, "a task or model with a body")
         self._session, self._recorder = session, MotionRecorder(session)
+        self._watcher = Watcher(session, annotations)
         self.replay: Replay | None = None
         self._stopped = False
 
@@ -51,8 +55,13 @@ class ReplayRecorder:
         if self._stopped:
             return
         self._stopped = True
-        motion, _, found = self._recorder.stop()
+        self._watcher.stop()
+        motion, seconds, found = self._recorder.stop()
         # activations are plotted by the replay itself
         plots = [plot for name, plot in found.items() if name != "activations"]
         fps = min(60.0, max(5.0, 1 / self._session.period))
-        self.replay = write_replay(motion, self.path, plots=plots, fps=fps)
+
+        def added(at: float) -> Annotations:
+            return self._watcher.annotations(float(np.interp(at, motion.time, seconds)))
+
+        self.replay = write_replay(motion, self.path, plots=plots, annotations=added, fps=fps)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import html
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,9 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._files import write_atomically
-from motorgrad.sim.film import MOST_LINES, Motion, Plot, muscle_colour, output_path
+from motorgrad.sim.film import MOST_LINES, Annotations, Motion, Plot, muscle_colour, output_path
 from motorgrad.sim.film._motion import resample
+from motorgrad.sim.replay._annotated import annotated
 from motorgrad.sim.replay._packing import packed
 from motorgrad.sim.replay._recorded import recorded
 
@@ -44,6 +45,7 @@ def write_replay(
     path: str | os.PathLike[str],
     *,
     plots: Sequence[Plot] = (),
+    annotations: Callable[[float], Annotations] | None = None,
     fps: float = 30,
     title: str = "",
 ) -> Replay:
@@ -57,6 +59,8 @@ def write_replay(
     - `motions`: shown side by side, with the same cameras; the last posture of a shorter one stays until the end.
     - `path`: ends in ".html"; missing folders are created, an existing file is replaced.
     - `plots`: more plots, such as of the reward; activations and joint angles are always there.
+    - `annotations`: texts, and arrows in the scene of the first motion, as a function of the time on that motion's
+      clock; plots that change become plots of the whole time.
     - `fps`: recorded frames per second, at most 120; postures between them are interpolated. It is halved until the
       file is small enough.
     - `title`: of the page; by default the labels of the motions.
@@ -83,7 +87,7 @@ def write_replay(
     page, rate, frames, seconds = b"", float(fps), 0, max(motion.seconds for motion in motions)
     while True:
         frames = int(np.floor(seconds * rate + 1e-6)) + 1
-        page = _page(motions, plots, np.arange(frames) / rate, title)
+        page = _page(motions, plots, annotations, np.arange(frames) / rate, title)
         if len(page) <= LARGEST:
             break
         size = f"{len(page) / 1e6:.1f} MB at {rate:g} frames per second"
@@ -94,7 +98,13 @@ def write_replay(
     return Replay(target, len(page), rate, frames, seconds)
 
 
-def _page(motions: Sequence[Motion], plots: Sequence[Plot], moments: np.ndarray, title: str) -> bytes:
+def _page(
+    motions: Sequence[Motion],
+    plots: Sequence[Plot],
+    annotations: Callable[[float], Annotations] | None,
+    moments: np.ndarray,
+    title: str,
+) -> bytes:
     """The whole page, with the postures at these moments `(frames,)` in s after the start."""
     arrays: dict[str, np.ndarray] = {"moments": moments.astype(np.float32)}
     described = []
@@ -103,11 +113,17 @@ def _page(motions: Sequence[Motion], plots: Sequence[Plot], moments: np.ndarray,
         described.append({**about, "label": motion.label})
         arrays |= {f"{index}.{name}": column for name, column in columns.items()}
     ladder = (255 * muscle_colour(np.array([0.0, 1.0, np.nan]))).round().astype(int).tolist()
-    drawn = [*plots, *(plot for motion in motions for plot in motion_plots(motion, len(motions) > 1))]
+    times = motions[0].time[0] + moments
+    added, columns, curves = annotated(
+        [] if annotations is None else [annotations(float(time)) for time in times], times
+    )
+    arrays |= columns
+    drawn = [*plots, *curves, *(plot for motion in motions for plot in motion_plots(motion, len(motions) > 1))]
     about = {
         "title": title,
         "motions": described,
         "colours": ladder,
+        "added": added,
         "plots": [_plotted(plot, f"plot{index}", motions[0].time[0], arrays) for index, plot in enumerate(drawn)],
     }
     files = (Path(__file__).with_name(name) for name in ("player.html", "player.css", "renderer.js", "player.js"))

@@ -270,21 +270,45 @@ class Player {
       const reach = 8 * Math.max(Math.hypot(...Vec.sub(camera.eye, camera.target)), 2 * Math.hypot(...body.half));
       this.renderer.clear();
       body.put(this.renderer, ...this.place);
+      const arrows = i ? [] : this.arrows(body);
       const box = [x, high - y - h, w, h].map(length => Math.round(length * ratio));
       const eye = this.renderer.draw(box, camera, body.floors, look, body.grid, reach);
       const title = body.label || (n === 1 ? this.about.title : "");
       if (title) words.push(["title", title, x + 14, y + 10]);
-      if ($("names").checked) body.bodies.forEach((name, j) => {
-        const [px, py, , q] = [0, 1, 2, 3].map(r => eye[r] * body.where[j][0] + eye[4 + r] * body.where[j][1] + eye[8 + r] * body.where[j][2] + eye[12 + r]);
-        if (q > 0 && name && body.named[j]) words.push(["name", name, x + w * (1 + px / q) / 2, y + h * (1 - py / q) / 2]);
-      });
+      const write = (name, at) => {
+        const [px, py, , q] = [0, 1, 2, 3].map(r => eye[r] * at[0] + eye[4 + r] * at[1] + eye[8 + r] * at[2] + eye[12 + r]);
+        if (q > 0 && name) words.push(["name", name, x + w * (1 + px / q) / 2, y + h * (1 - py / q) / 2]);
+      };
+      if ($("names").checked) body.bodies.forEach((name, j) => { if (body.named[j]) write(name, body.where[j]); });
+      for (const [name, at] of arrows) write(name, at);
     });
     this.say(words);
+    const {text} = this.about.arrays, added = text ? this.about.added.texts[text.data[Math.round(whole)]] : "";
+    if ($("added").textContent !== added) $("added").textContent = added;
     $("clock").textContent = `${this.time.toFixed(2)} s${this.speed === 1 ? "" : `  ×${this.speed}`}`;
     $("time").value = this.time;
     $("time").setAttribute("aria-valuetext", `${this.time.toFixed(2)} of ${this.end.toFixed(2)} s`);
     this.buttons.forEach(button => button.setAttribute("aria-pressed", button.textContent === this.camera));
     for (const plot of this.plots) plot.draw(this.time);
+  }
+
+  // the arrows that a program added, each a rod and a cone of rods; their names and tips
+  arrows(body) {
+    const {arrow} = this.about.arrays, [k, part] = this.place, found = [];
+    if (!arrow || !arrow.row) return found;
+    const last = arrow.data.length / arrow.row - 1, a = arrow.row * Math.min(k, last), b = arrow.row * Math.min(k + 1, last);
+    this.about.added.arrows.forEach(({name, colour, radius}, i) => {
+      const ends = [...Array(6).keys()].map(j => 6 * i + j).map(j => arrow.data[a + j] + part * (arrow.data[b + j] - arrow.data[a + j]));
+      if (!ends.every(Number.isFinite)) return;
+      const from = ends.slice(0, 3), to = ends.slice(3), way = Vec.sub(to, from), long = Math.hypot(...way);
+      const head = Math.min(long, 6 * radius), at = step => Vec.add(to, Vec.mul(way, -step * head / (long || 1)));
+      const paint = [...colour, 1], z = Vec.mul(way, 1 / (long || 1)), x = Vec.unit(Vec.cross(z, Math.abs(z[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+      body.tube(this.renderer, from, at(1), radius, paint);
+      for (let step = 0.5; step < 16; step++)
+        this.renderer.put("rod", [x, Vec.cross(z, x), z], [2.5 * radius * step / 16, 2.5 * radius * step / 16, head / 32], at(step / 16), paint);
+      found.push([name, to]);
+    });
+    return found;
   }
 
   say(words) {
