@@ -72,6 +72,7 @@ def check_port(host: str, port: int | None) -> None:
 
 
 FRAME = 1 / 30  # s
+PANEL = 384.0  # pixels, the width of the panel, as of the theme's large controls
 LAST = 0.3  # s for browsers to receive why there is nothing to see
 log = logging.getLogger(__name__)
 
@@ -141,6 +142,8 @@ class Page:
         """Give the panels their place."""
         self.server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         self.server.gui.main_panel.dock_right()
+        # a browser may dock the panel before it hears of the theme, with a width that has no room for all tabs
+        self.server.gui.main_panel.set_width(PANEL)
 
     def _succeed(self, session: Session) -> None:
         """Show another session in place of the current one, which ends, with its recordings."""
