@@ -2,6 +2,7 @@
 
 import csv
 import io
+import time
 import types
 
 import mujoco
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 import viser
 from panel_studio import until
+from PIL import Image
 
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
+from motorgrad.sim import gl_problem
 from motorgrad.sim.live import Edit, Pause, Push, Session, Setup, Trail, Undo
 from motorgrad.sim.panels import Panels
 from motorgrad.sim.panels._gait import GaitReader, is_hexapod
@@ -69,6 +72,48 @@ def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping
             rows = list(csv.reader(io.StringIO(csv_of(columns).decode())))
             assert len(rows) > 3
             assert len({len(row) for row in rows}) == 1
+
+
+def test_moment_arms_take_a_small_share_of_a_core(server, legged):
+    panel, pose, snapshot = panels_of(server, legged).panels["Joints"], Pose(legged.model), legged.snapshot()
+    pose.place(snapshot)
+    begin, spent, drawn = time.monotonic(), 0.0, 0
+    while drawn < 4:
+        due, since = panel._arms_due, time.thread_time()
+        panel.show(snapshot, pose)
+        if panel._arms_due != due:
+            drawn, spent = drawn + 1, spent + time.thread_time() - since
+        assert time.monotonic() < begin + 60
+    assert spent < 0.1 * (time.monotonic() - begin)  # 0.02, and 0.1 s of curves; without a limit it would be 1
+    panel._which.value = list(panel._joints)[-1]
+    panel.show(snapshot, pose)
+    assert panel._drawn is panel._joints[panel._which.value]  # another joint is drawn at once
+
+
+@pytest.mark.ci
+@pytest.mark.skipif(bool(gl_problem()), reason=f"no OpenGL here: {gl_problem()}")
+def test_the_form_makes_the_film_that_is_chosen(server, hopping):
+    form = panels_of(server, hopping).panels["Capture"]._film
+    form._format.value, form._camera.value, form._pace.value = "GIF", "framed", "½×"
+    form._plots[0].value, form._height.value, form._width.value = True, 64, 65
+    with pytest.raises(ValueError, match="width = 65"):
+        form._toggle(nobody())
+    assert not form.at_work
+    form._width.value = 96
+    form._toggle(nobody())
+    film = form._film
+    assert form._button.label == "Stop film"
+    assert until(lambda: film.seconds > 0.4)
+    film.stop()
+    assert dict(form.rows())["being made"] == "100%"
+    with Image.open(film.path) as made:
+        assert (made.format, made.size) == ("GIF", (96 + 4 + 84, 64))  # the body and a plot
+        assert made.info["duration"] == 50
+        assert abs(made.n_frames - film.seconds / 0.5 * 20) < 3
+    form._toggle(nobody())  # sends it
+    assert not form.at_work
+    assert form._button.label == "Record film"
+    assert not film.path.exists()
 
 
 def test_the_policy_on_the_page_is_the_one_that_acts(hopping):

@@ -49,6 +49,7 @@ class Plot:
 
 LONGEST = 2_000  # points of a line that are drawn, which are more than a strip has pixels
 SHAPE = 0.62  # width of a strip, as a share of its height
+LEAST = 6.0  # width of a strip, in lines of text
 INK, PRESENT = "#3b444d", "#d9730d"
 DPI = 100
 
@@ -62,7 +63,9 @@ class PlotStrip:
     """
 
     def __init__(self, plots: Sequence[Plot], height: int) -> None:
-        self.width, self._height = 2 * round(SHAPE * height / 2), height
+        self._letters = min(9.0, max(5.0, height / 60))
+        self._line = 2 * self._letters * DPI / 72  # pixels of a line of text, with room
+        self.width, self._height = 2 * round(max(SHAPE * height, LEAST * self._line) / 2), height
         self.show(plots)
 
     def show(self, plots: Sequence[Plot]) -> None:
@@ -72,10 +75,9 @@ class PlotStrip:
 
         size = self.width / DPI, self._height / DPI
         figure = Figure(size, dpi=DPI, facecolor="white")
-        letters = min(9.0, max(5.0, self._height / 60))
         axes: Any = figure.subplots(len(plots), 1, squeeze=False)[:, 0]
-        line = 2 * letters * DPI / 72  # pixels of a line of text, with room; a layout engine would take far longer
-        figure.subplots_adjust(
+        letters, line = self._letters, self._line
+        figure.subplots_adjust(  # a layout engine would take far longer
             left=2.4 * line / self.width,
             right=1 - 0.6 * line / self.width,
             top=1 - line / self._height,
