@@ -99,13 +99,13 @@ def test_it_plays_from_the_disk_and_the_body_moves_when_scrubbed(hop, browser, t
     low = silhouette(page)
     highest = float(hop.time[np.argmax(far.position[:, 1])])
     page.locator("#time").fill(str(highest))
-    assert page.locator("#clock").inner_text() == f"{highest:.2f} s"
+    page.locator("#clock", has_text=f"{highest:.2f} s").wait_for()
     high = silhouette(page)
     assert high[1].mean() < low[1].mean() - 40  # higher in the picture by more than 40 pixels
     assert f"reward {highest:.3g}"[:9] in page.locator("#plots").inner_text()
     assert page.locator("#added").inner_text() == ""
     page.locator("#time").fill("0.5")
-    assert page.locator("#added").inner_text() == "late"
+    page.locator("#added", has_text="late").wait_for()
     assert "clock (s) 0.5" in page.locator("#plots").inner_text()
     pixels = np.asarray(Image.open(io.BytesIO(page.locator("#picture").screenshot())).convert("RGB")).astype(int)
     rows, columns = np.nonzero(pixels[..., 2] - pixels[..., :2].max(axis=2) > 60)
