@@ -174,11 +174,11 @@ def test_a_loaded_run_acts_without_its_task(tmp_path, monkeypatch):
     monkeypatch.setattr(mg.tasks, "TASKS", {})
     policy = mg.load(tmp_path / "run").policy(seed=1)
     observation = np.eye(policy.inputs)[2]
-    reader = read(policy.export(tmp_path / "policy.npz"))
+    reader = read(policy.export(tmp_path / "new" / "folder" / "policy.npz"))  # missing folders are made
     found = reader["mode"](observation=observation)["action"]
-    assert found == policy.mode(observation)
+    assert found == policy.mode(observation) == policy.mode(observation.tolist())
     assert main(["export", str(tmp_path / "run"), str(tmp_path / "told.npz"), "--seed", "1"]) == 0
-    assert (tmp_path / "told.npz").read_bytes() == (tmp_path / "policy.npz").read_bytes()
+    assert (tmp_path / "told.npz").read_bytes() == (tmp_path / "new" / "folder" / "policy.npz").read_bytes()
 
 
 def test_what_can_be_exported_is_offered(tmp_path):

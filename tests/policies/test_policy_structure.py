@@ -101,6 +101,47 @@ def test_rebuilding_an_unknown_kind_is_refused_with_the_nearest():
         rebuild({"kind": "motorgrad.policies.Softmaxx", "weights": "float32[2,2]"})
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda p: p.mode([0.1, 0.2]), r"observation = \[0\.1, 0\.2\]: must be 3 numbers, what the task shows"),
+        (
+            lambda p: p.prob(np.zeros((5, 3))),
+            r"observation = an array of shape \(5, 3\): must be 3 numbers.*batches need jax\.vmap",
+        ),
+        (lambda p: p.score(jnp.zeros((5, 3)), 0), r"observation = an array of shape \(5, 3\): must be 3 numbers"),
+        (lambda p: jax.eval_shape(p.entropy, jnp.zeros(4)), r"observation = an array of shape \(4,\): must be 3"),
+        (lambda p: p.log_prob("none", 0), "observation = 'none': must be 3 numbers"),
+        (
+            lambda p: p.sample([0, 0, 0], [0.5, 0.5]),
+            r"uniforms = \[0\.5, 0\.5\]: must be 1 number, drawn from U\[0, 1\)",
+        ),
+    ],
+)
+def test_an_observation_of_another_size_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call(policies.Softmax(np.zeros((2, 3))))
+
+
+def test_a_policy_with_a_memory_says_what_its_units_see():
+    policy = policies.recurrent(3, 2)(jax.random.key(0))
+    with pytest.raises(ValueError, match=r"must be 51 numbers, 3 observed and 48 remembered, from policy\.perceive"):
+        policy.mode([0.0, 1.0, 0.0])
+    with pytest.raises(ValueError, match=r"observation = .*must be 3 numbers, what the task shows"):
+        policy.perceive(policy.initial_memory(), [0.0, 1.0])
+    seen = policy.perceive(policy.initial_memory(), [0, 1, 0])
+    assert seen.dtype == policy.bias.dtype  # whole numbers do not round the memory
+    assert policy.mode(seen).shape == (2,)
+
+
+def test_a_list_acts_as_an_array():
+    policy, y, action = policies.Hyperplanes([[1.0, -2.0]], [0.5]), [0.3, 0.1], [1.0]
+    for name, others in (("prob", []), ("mode", []), ("sample", [[0.2]]), ("log_prob", [action]), ("score", [action])):
+        listed = getattr(policy, name)(y, *others)
+        arrays = getattr(policy, name)(jnp.array(y), *map(jnp.array, others))
+        jax.tree.map(np.testing.assert_array_equal, listed, arrays)
+
+
 def test_rebuilding_runs_no_code_outside_the_known_policies():
     with pytest.raises(ValueError, match=r"unknown kind of policy 'os\.system'"):
         rebuild({"kind": "os.system", "weights": "float32[2,2]"})

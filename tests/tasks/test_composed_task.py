@@ -139,6 +139,13 @@ def test_the_file_of_a_task_is_the_task(file):
     assert mg.tasks.load(file) == mg.make("hopper", penalty=0.3)
 
 
+def test_a_body_without_actuators_is_named_by_its_file(tmp_path):
+    file = tmp_path / "statue.xml"
+    file.write_text("<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>")
+    with pytest.raises(ValueError, match=r"statue\.xml.* has no muscles and no other actuators: it needs at least one"):
+        mg.tasks.compose(Mjcf(file), observe=["joint-positions"], reward=["alive"])
+
+
 def test_short_names_may_not_be_given_twice():
     with pytest.raises(ValueError, match="given once"):
         mg.make("composed", body="arm6", reward=["alive"], rewards=["alive"], observe=["clock"])

@@ -1,5 +1,6 @@
 """Networks on the command line, in tables, on disk and in sweeps."""
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -39,6 +40,23 @@ def test_tables_name_the_hidden_layers_of_policy_and_critic():
             mg.agent_for(task, {"policy.network": {bad: [-1] if bad == "hidden" else -1}})
     with pytest.raises(ValueError, match=r"unknown .*'preceptron': did you mean 'perceptron'"):
         mg.agent_for(task, {"policy.network": "preceptron"})
+
+
+def test_a_module_of_equinox_trains_as_it_is():
+    task = mg.make("chain", length=3)
+
+    def policy(key):
+        layers = eqx.nn.MLP(task.observation_size, 4, 5, 1, key=key)
+        return Network(mg.policies.softmax(4, task.action_size), layers, task.observation_size)
+
+    agent = mg.Agent(policy, mg.learning.olgarb(decay=0.5), mg.learning.SGD(0.1))
+    run = mg.train(task, agent, steps=32, seeds=2, progress=False)
+    before, after = (jax.tree.leaves(eqx.filter(each.module, eqx.is_array)) for each in (run.initial, run.policies))
+    assert len(after) == 4  # weights and biases of two layers
+    for one, other in zip(before, after, strict=True):
+        assert np.all(np.isfinite(other))
+        assert np.any(one != other, axis=tuple(range(1, other.ndim))).all()  # in each seed
+    assert run.policy(seed=1).mode([0.0, 1.0, 0.0]).shape == ()
 
 
 def test_returns_are_fitted_in_one_environment_alone():

@@ -1,6 +1,7 @@
 """Stochastic units, and the policies composed of them."""
 
 from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import Autoregressive
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
 from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
@@ -23,7 +24,7 @@ from motorgrad.policies._layered import Layered, Sequential, layered
 from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
-from motorgrad.policies._policy import Policy, Regions, fixed, sizes, split, trainable
+from motorgrad.policies._policy import Policy, Regions, fixed, split, trainable
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres

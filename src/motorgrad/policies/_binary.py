@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import (
@@ -21,7 +22,6 @@ from motorgrad.policies._policy import (
     outer,
     outer_sum,
     per_unit,
-    sizes,
     unit_rows,
     with_fields,
 )

@@ -11,12 +11,13 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import autoregressive
 from motorgrad.policies._densities import DENSITIES, Clipped, Density
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
-from motorgrad.policies._policy import fixed, sizes
+from motorgrad.policies._policy import fixed
 
 Shape = Literal["squashed", "clipped", "truncated", "beta"]
 

@@ -12,10 +12,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
 from motorgrad.policies._features import lattice
 from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
-from motorgrad.policies._policy import Composed, Policy, Regions, check_plain, in_structure, sizes
+from motorgrad.policies._policy import Composed, Policy, Regions, check_plain, in_structure
 
 
 class Pools(Composed):

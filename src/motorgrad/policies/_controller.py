@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_finite, check_integer
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._layered import Draws, Sequential, output_units
-from motorgrad.policies._policy import Policy, check_plain, sizes
+from motorgrad.policies._policy import Policy, check_plain
 from motorgrad.policies._softmax import Softmax
 
 

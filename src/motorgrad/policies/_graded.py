@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import autoregressive
 from motorgrad.policies._binary import single_input_units
 from motorgrad.policies._featured import featured
@@ -26,7 +27,6 @@ from motorgrad.policies._policy import (
     outer,
     outer_sum,
     per_unit,
-    sizes,
     trainable,
     unit_rows,
     with_fields,

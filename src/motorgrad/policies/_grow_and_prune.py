@@ -12,6 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from motorgrad._errors import check, choice
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
 from motorgrad.policies._local import LocalGaussians, LocalUnits
@@ -24,7 +25,6 @@ from motorgrad.policies._policy import (
     in_structure,
     is_plain,
     per_unit,
-    sizes,
     with_fields,
 )
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres

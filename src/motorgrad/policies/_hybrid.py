@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
 from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
 from motorgrad.policies._local import tiles
@@ -21,7 +22,6 @@ from motorgrad.policies._policy import (
     is_plain,
     outer,
     per_unit,
-    sizes,
     trainable,
 )
 

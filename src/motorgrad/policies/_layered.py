@@ -13,10 +13,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import Hyperplanes, product
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Composed, Policy, check_plain, sizes, trainable, with_parts
+from motorgrad.policies._policy import Composed, Policy, check_plain, trainable, with_parts
 
 MOST = 256  # patterns of hidden units over which a mean is an exact sum
 Draws = Sequence[Array]

@@ -13,9 +13,10 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
-from motorgrad.policies._policy import Regions, fixed, in_structure, sizes
+from motorgrad.policies._policy import Regions, fixed, in_structure
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
 Limits = tuple[float, float] | None

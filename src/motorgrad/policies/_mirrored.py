@@ -11,10 +11,11 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
 from motorgrad.policies._featured import Seeing, featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Composed, Policy, in_structure, sizes, with_fields
+from motorgrad.policies._policy import Composed, Policy, in_structure, with_fields
 
 
 def _python_numbers(values: Any) -> Any:

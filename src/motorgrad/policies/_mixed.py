@@ -8,12 +8,13 @@ from jaxtyping import Array
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import zero_hyperplanes
 from motorgrad.policies._bounded import Shape, bounds_of, start_bounded
 from motorgrad.policies._composed import Pools
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Policy, sizes
+from motorgrad.policies._policy import Policy
 
 
 class Mixed(Pools):

@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, shown
+from motorgrad._errors import check
+from motorgrad.policies._arguments import check_arguments
 
 
 def fixed(**keywords: Any) -> Any:
@@ -51,8 +52,9 @@ class Policy(eqx.Module):
     A policy is a pytree. Its trainable parameters $\theta$ are the floating-point arrays of all fields that are not
     declared with `fixed`. Scores, traces, gradients and step sizes have the structure of `trainable(policy)`.
 
-    All methods are pure and take a single observation; batch them with `jax.vmap`. Randomness is explicit: `sample`
-    consumes `uniforms` numbers drawn from U[0, 1), so that the numbers for many decisions can be drawn at once.
+    All methods are pure and take a single observation, as an array or a list; batch them with `jax.vmap`. Randomness is
+    explicit: `sample` consumes `uniforms` numbers drawn from U[0, 1), so that the numbers for many decisions can be
+    drawn at once. An observation of another size is refused, and so are uniform numbers.
 
     A field may hold another policy, or a tuple of policies. By default, `limited`, `allowed` and `with_temperature`
     apply to each of them.
@@ -71,6 +73,10 @@ class Policy(eqx.Module):
     score = policy.score(observation, action)
     ```
     """
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        check_arguments(cls)
 
     @property
     @abc.abstractmethod
@@ -424,27 +430,3 @@ def outer_sum(rows: Float[Array, "rows units parameters"]) -> Float[Array, "unit
 def per_unit(values: Float[Array, " units"], array: Array) -> Array:
     """`values` with trailing axes of length 1, to broadcast against an array that leads with the units."""
     return values.reshape(values.shape + (1,) * (array.ndim - 1))
-
-
-def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
-    """The numbers of inputs and outputs of a policy for a task, for functions that return an initial policy.
-
-    **Arguments:**
-
-    - `task`: a task, or anything with `observation_size` and `action_size`; or a number of inputs.
-    - `outputs`: the number of units, or of alternatives; by default one for each action of the task.
-
-    **Returns:** both numbers.
-
-    **Raises:** `ValueError` for what is neither, and where `outputs` is `None` without a task.
-    """
-    check(not isinstance(task, type), "task", task, "a task, such as motorgrad.make('hopper'), or a number")
-    try:
-        inputs, actions = (task, None) if isinstance(task, int) else (task.observation_size, task.action_size)
-    except AttributeError as error:
-        words = "must be a task, such as motorgrad.make('hopper'), or a number"
-        raise ValueError(f"task = {shown(task)}: {words}; {error}") from error
-    outputs = actions if outputs is None else outputs
-    check(inputs > 0, "inputs", inputs, "a positive number of inputs")
-    check(outputs is not None and outputs > 0, "outputs", outputs, "a positive number of units or actions")
-    return inputs, int(outputs or 0)

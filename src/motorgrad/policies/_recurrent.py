@@ -10,8 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer, check_positive
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._layered import output_units
-from motorgrad.policies._policy import Composed, Policy, outer, sizes, trainable, with_fields
+from motorgrad.policies._policy import Composed, Policy, outer, trainable, with_fields
 
 
 class Recurrence(NamedTuple):

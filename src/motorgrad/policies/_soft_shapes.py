@@ -10,9 +10,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import SigmoidUnits
 from motorgrad.policies._local import CappedUnits, LocalUnits, check_random_layout
-from motorgrad.policies._policy import in_structure, sizes, with_fields
+from motorgrad.policies._policy import in_structure, with_fields
 
 
 class SoftSpheres(LocalUnits, SigmoidUnits):

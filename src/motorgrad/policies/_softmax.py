@@ -9,9 +9,10 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._arguments import sizes
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Policy, in_structure, sizes, with_fields
+from motorgrad.policies._policy import Policy, in_structure, with_fields
 
 
 class Softmax(Policy):

@@ -130,7 +130,12 @@ class Mjcf:
 
     def __repr__(self) -> str:
         source = str(self.source)
-        shown = source if len(source) <= _SHOWN else f"{' '.join(source[:_SHOWN].split())}…"
+        if len(source) <= _SHOWN:
+            shown = source
+        elif isinstance(self.source, Path):  # its end names the file
+            shown = f"…{source[-_SHOWN:]}"
+        else:
+            shown = f"{' '.join(source[:_SHOWN].split())}…"
         return f"Mjcf({shown!r}, timestep={self.timestep:g})"
 
     @property
