@@ -207,7 +207,7 @@ def output_path(path: str | os.PathLike[str], *suffixes: str) -> Path:
     check(target.suffix.lower() in suffixes, "path", str(path), f"a file name ending in {' or '.join(suffixes)}")
     check(not target.is_dir(), "path", str(path), "a file, not a folder")
     if target.suffix.lower() == ".mp4":
-        require(*FILM)
+        require("an .mp4 film, unlike a .gif, needs", *FILM[1:])
     return target
 
 
