@@ -99,6 +99,6 @@ class MotoneuronPool(Layer):
         place = np.stack([self._across, np.zeros(count), LOW / 2 + self._tall / 2], axis=1)
         size = np.stack([np.full(count, self._wide), np.full(count, self._wide), self._tall], axis=1)
         self.pools[0].show(place, identity_quaternions(count), size, colour)
-        word = f"load {snapshot.observation[0, 0]:.2f}"
+        word = f"load {snapshot.observation[0, 0]:.2f}".replace("-", "−")
         if self._word.text != word:
             self._word.text = word
