@@ -1,5 +1,7 @@
 """Geometry for viser: quaternions, unit meshes that everything is made of, and textured meshes."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
 import functools
