@@ -8,7 +8,7 @@ import pytest
 
 from motorgrad.sim.live import Session, Step, setup_of
 from motorgrad.sim.scene import Pose, Scene, View
-from motorgrad.sim.scene._abstract import MotoneuronPool, States
+from motorgrad.sim.scene._abstract import LiftedArm, MotoneuronPool, States
 from motorgrad.sim.scene._plane import BALL, Board, Plane, PlaneUnits
 from motorgrad.sim.scene._surroundings import Sky
 from motorgrad.worlds import Walls
@@ -78,9 +78,19 @@ def test_recruitment_shows_its_pool_and_which_units_are_likely_to_fire(server):
         "observation": np.array([[0.5]]),
         "probability": np.array([[0, 0.2, 0.6, 1]]),
     }
-    scene = Scene([Sky(), MotoneuronPool()])
-    (units,) = drawn(scene, "arm-recruitment", server=server, **known)
+    scene = Scene([Sky(), MotoneuronPool(), LiftedArm()])
+    units, balls, *_ = drawn(scene, "arm-recruitment", server=server, **known)
     assert np.all(np.diff(units.batched_colors[:, 1].astype(int)) < 0)  # redder and redder
+    assert units.batched_positions[:, 0].min() > balls.batched_positions[:, 0].max()  # the arm is beside its pool
+
+    heights, sizes = [], []
+    for load in (2.0, 12.0):
+        known["observation"] = np.array([[load]])
+        _, balls, *_ = drawn(Scene([Sky(), MotoneuronPool(), LiftedArm()]), "arm-recruitment", server=server, **known)
+        heights.append(balls.batched_positions[0, 2])  # of the load, the only sphere
+        sizes.append(balls.batched_scales[0, 0])
+    assert heights[0] > heights[1] + 0.05  # 45 % of the pool lift 12 kg less far than 2 kg
+    assert sizes[1] / sizes[0] == pytest.approx(6 ** (1 / 3), rel=1e-3)
 
 
 def test_a_task_without_a_picture_says_so_and_offers_no_cameras(server):

@@ -1,20 +1,30 @@
-"""Pictures of tasks without a body: the states of a finite world, and the pool of motoneurons of a recruitment task."""
+"""Pictures of tasks without a body of their own: the states of a finite world, and the pool of motoneurons of a
+recruitment task, with the arm that it lifts.
+"""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
+import jax
+import mujoco
 import numpy as np
 import viser
 
-from motorgrad.sim.film import FIRING, SILENT
+from motorgrad.bodies import lift_table
+from motorgrad.sim.film import FIRING, SILENT, geom_colours, muscle_colour
 from motorgrad.sim.live import Session
+from motorgrad.sim.scene._bodies import placed_pieces, unit_pieces
 from motorgrad.sim.scene._geometry import ball, identity_quaternions, rod
 from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._muscles import segments
 from motorgrad.sim.scene._plane import FLOOR
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._surroundings import floor_glb
-from motorgrad.tasks import FiniteTask
+from motorgrad.tasks import ArmRecruitment, FiniteTask
 from motorgrad.tasks import Recruitment as RecruitmentTask
 
 MOST = 3_000  # states or units that are drawn
@@ -23,6 +33,7 @@ WIDE, LOW, HIGH = 1.1, 0.2, 0.95  # m, of the space that the picture fills
 GOOD, BAD, PLAIN, PRESENT = (0.15, 0.55, 0.30), (0.75, 0.25, 0.20), (0.62, 0.65, 0.68), (0.98, 0.74, 0.10)
 """Colours of states with a reward above and below 0 and without one, and of the present state."""
 LINE = (0.45, 0.48, 0.52)
+SHOULDER = -0.5  # m, of an arm from the middle of the picture
 
 
 class States(Layer):
@@ -82,13 +93,16 @@ class MotoneuronPool(Layer):
         self.applies = True
         sizes = task.sizes[:MOST]
         count, scene = len(sizes), server.scene
-        step = min(WIDE / count, 0.2)
-        self._across = (np.arange(count) - (count - 1) / 2) * step
+        # an arm takes the left half of the picture
+        middle, wide = (0.3 * WIDE, 0.4 * WIDE) if isinstance(task, ArmRecruitment) else (0.0, WIDE)
+        step = min(wide / count, 0.2)
+        self._across = middle + (np.arange(count) - (count - 1) / 2) * step
+        self._unit = " kg" if isinstance(task, ArmRecruitment) else ""
         self._tall = (HIGH - LOW) * sizes / sizes.max()
         self._wide = 0.4 * step
         scene.add_glb("/pool/floor", floor_glb(np.full(2, 60.0), 1.0, FLOOR), cast_shadow=False)
         self.pools = [MeshPool(scene, "/pool/units", rod(), count)]
-        self._word = scene.add_label("/pool/load", "", position=(0.0, 0.0, HIGH + 0.1), anchor="bottom-center")
+        self._word = scene.add_label("/pool/load", "", position=(middle, 0.0, HIGH + 0.1), anchor="bottom-center")
 
     def draw(self, pose: Pose) -> None:
         snapshot = pose.snapshot
@@ -99,6 +113,50 @@ class MotoneuronPool(Layer):
         place = np.stack([self._across, np.zeros(count), LOW / 2 + self._tall / 2], axis=1)
         size = np.stack([np.full(count, self._wide), np.full(count, self._wide), self._tall], axis=1)
         self.pools[0].show(place, identity_quaternions(count), size, colour)
-        word = f"load {snapshot.observation[0, 0]:.2f}".replace("-", "−")
+        word = f"load {snapshot.observation[0, 0]:.2f}{self._unit}".replace("-", "−")
         if self._word.text != word:
             self._word.text = word
+
+
+class LiftedArm(Layer):
+    """Draws the arm of `ArmRecruitment` with its load, as high as the pool's mean force lifts it.
+
+    Each decision of the task is a whole lift, from rest to its greatest height, which is shown. The muscle is the
+    redder, the greater the mean fraction of the pool that fires.
+    """
+
+    def build(self, server: viser.ViserServer, session: Session) -> None:
+        task = session.task
+        if not isinstance(task, ArmRecruitment):
+            return
+        self.applies, self._body, self._sizes = True, task.body, task.sizes
+        self._model = dataclasses.replace(task.body, load=1.0).spec().compile()
+        self._data = mujoco.MjData(self._model)
+        self._lift = jax.jit(lift_table(task.body).lift)
+        self._load = self._model.geom("load").id
+        self._ball = float(self._model.geom_size[self._load, 0])  # m, of 1 kg
+        colours, scene = geom_colours(self._model), server.scene
+        self._colours = {kind: colours[pieces.geom, :3] for kind, _, pieces in unit_pieces(self._model)}
+        self._shapes = {
+            kind: MeshPool(scene, f"/arm/{kind}", shape, len(pieces.geom))
+            for kind, shape, pieces in unit_pieces(self._model)
+        }
+        self._muscle = MeshPool(scene, "/arm/muscle", rod(), 1)
+        self.pools = [*self._shapes.values(), self._muscle]
+
+    def draw(self, pose: Pose) -> None:
+        snapshot, model, data = pose.snapshot, self._model, self._data
+        assert snapshot is not None
+        load = max(float(np.nan_to_num(snapshot.observation[0, 0])), 0.0)
+        ratio = float(self._sizes @ np.nan_to_num(snapshot.probability[0, : len(self._sizes)]))
+        part = float(self._lift(load, ratio * self._body.strength))
+        data.qpos[0] = np.arccos(1 - part * (1 - np.cos(self._body.most_flexion)))  # whose hand is that high
+        model.geom_size[self._load, 0] = self._ball * np.cbrt(load)
+        mujoco.mj_forward(model, data)
+        offset = np.array([SHOULDER - data.geom("harness").xpos[0], 0.0, 0.0])
+        for kind, _, pieces in unit_pieces(model):
+            place, turn, size = placed_pieces(data, offset, pieces)
+            self._shapes[kind].show(place, turn, size, self._colours[kind])
+        run = segments(model, data)
+        thick = 0.3 * float(model.geom("upper_arm").size[0]) * (1 + ratio)
+        self._muscle.show_rods(run.start + offset, run.end + offset, thick, muscle_colour(np.array([ratio])))

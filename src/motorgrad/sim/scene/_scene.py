@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from motorgrad.sim.live import Session, Snapshot
-from motorgrad.sim.scene._abstract import MotoneuronPool, States
+from motorgrad.sim.scene._abstract import LiftedArm, MotoneuronPool, States
 from motorgrad.sim.scene._annotations import Ghost, ScaleBar, Trail
 from motorgrad.sim.scene._beside import Labels
 from motorgrad.sim.scene._bodies import Bodies, JointAxes, Meshes, Sites, Targets
@@ -43,6 +43,7 @@ class Scene:
             PlaneUnits(),
             States(),
             MotoneuronPool(),
+            LiftedArm(),
             EnvironmentPicture(),
             Trail(),
             Ghost(),
