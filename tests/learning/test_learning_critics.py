@@ -277,7 +277,7 @@ def test_a_terminated_state_is_worth_nothing_and_a_truncated_one_what_the_critic
     agent = Agent(POINT, Estimator(Exponential(0.5), critic))
     state = agent.init(jax.random.key(0))
     state = with_weights(state, jnp.array([1.0, 2.0, 3.0]))
-    state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3, 0.3]))
+    state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3]))
     after = jnp.array([1.0, -1.0])
     worth = {}
     for name, flags in {"goes on": {}, "terminated": {"terminated": True}, "truncated": {"truncated": True}}.items():
@@ -299,7 +299,7 @@ def test_a_diverged_sample_teaches_nothing(many, monkeypatch):
     for fit in (TemporalDifference(0.1), LeastSquares(interval=1)):
         agent = Agent(POINT, gae(LinearCritic(Features(), 0.9, 0.5, fit), 0.9, 10))
         state = agent.init(jax.random.key(0))
-        state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3, 0.3]))
+        state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3]))
         nan = jnp.array([jnp.nan, jnp.nan])
         after = agent.reinforce(state, jnp.float32(jnp.nan), nan, diverged=jnp.asarray(True))
         after = agent.improve(after, True, jnp.asarray(True))
@@ -340,7 +340,7 @@ def test_generalised_advantages_are_their_sum():
         y = rng.normal(size=2)
         for _ in range(6):
             after, reward = rng.normal(size=2), rng.normal()
-            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(2)))
+            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(2)[:1]))
             scores.append(np.asarray(state.policy.score(jnp.asarray(y), action).weights))
             errors.append(reward + discount * given @ np.append(after, 1) - given @ np.append(y, 1))
             state = agent.reinforce(state, jnp.asarray(reward), jnp.asarray(after))

@@ -216,12 +216,12 @@ def test_the_bonus_is_annealed_with_the_steps_and_leaves_diverged_samples_out():
     state = agent.init(jax.random.key(0))
     y = jnp.array([0.3, 0.6])
     for share in (1.0, 0.75, 0.5, 0.5):
-        state, _ = agent.act(state, y, jnp.array([0.3, 0.3]))
+        state, _ = agent.act(state, y, jnp.array([0.3]))
         slope = entropy_gradient(state.policy, y).weights
         state = agent.reinforce(state, jnp.float32(0.0), y)
         np.testing.assert_allclose(state.gradient.weights, share * slope, rtol=1e-6)
         state = agent.improve(state)
-    state, _ = agent.act(state, y, jnp.array([0.3, 0.3]))
+    state, _ = agent.act(state, y, jnp.array([0.3]))
     broken = agent.reinforce(state, jnp.float32(0.0), y, diverged=jnp.asarray(True))
     assert np.abs(broken.gradient.weights).max() == 0
     assert int(agent.improve(broken, True, jnp.asarray(True)).steps) == 4
