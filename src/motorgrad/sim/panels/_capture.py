@@ -18,7 +18,7 @@ from motorgrad.sim.panels._film_folder import FilmFolder
 from motorgrad.sim.panels._film_recorder import painting_of
 from motorgrad.sim.panels._panel import Panel, notify, send, table
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
-from motorgrad.sim.panels._watcher import Annotating, nothing
+from motorgrad.sim.panels._watcher import Annotating, no_annotations
 from motorgrad.sim.scene import Pose, viewpoint_of
 
 LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
@@ -30,7 +30,7 @@ class BodyRecording:
     Unlike viser's recordings it takes the plots along, and goes back to its beginning without an empty picture.
     """
 
-    def __init__(self, session: Session, annotations: Annotating = nothing) -> None:
+    def __init__(self, session: Session, annotations: Annotating = no_annotations) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="motorgrad-")
         path = Path(self._folder.name) / "replay.html"
         self._recorder = ReplayRecorder(session, path, annotations=annotations)
@@ -93,7 +93,7 @@ class CapturePanel(Panel):
     title: ClassVar[str] = "Capture"
     rate: ClassVar[float] = 2.0
 
-    annotations: Annotating = staticmethod(nothing)
+    annotations: Annotating = staticmethod(no_annotations)
 
     def fill(self, gui: Any) -> None:
         self._film: FilmFolder | None = None

@@ -10,7 +10,7 @@ from typing import Any
 from motorgrad.sim.film import Viewpoint
 from motorgrad.sim.panels._film_recorder import CHOICES, HEIGHT, WIDTH, FilmRecorder, SlowFilmRecorder
 from motorgrad.sim.panels._panel import Panel, brief, notify, send
-from motorgrad.sim.panels._watcher import Annotating, nothing
+from motorgrad.sim.panels._watcher import Annotating, no_annotations
 from motorgrad.sim.scene import viewpoint_of
 
 FORMATS = {"MP4": 30.0, "GIF": 20.0, "WebP": 20.0}
@@ -28,7 +28,7 @@ class FilmFolder:
     of `FilmRecorder`.
     """
 
-    def __init__(self, panel: Panel, name: Callable[[str], str], annotations: Annotating = nothing) -> None:
+    def __init__(self, panel: Panel, name: Callable[[str], str], annotations: Annotating = no_annotations) -> None:
         self._panel, self._name, self._annotations = panel, name, annotations
         self._film: FilmRecorder | SlowFilmRecorder | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None

@@ -34,7 +34,7 @@ from motorgrad.sim.film import (
 )
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._motion_recorder import PLOTS, MotionRecorder, trail_plots
-from motorgrad.sim.panels._watcher import Annotating, Watcher, nothing
+from motorgrad.sim.panels._watcher import Annotating, Watcher, no_annotations
 from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
 
@@ -94,7 +94,7 @@ class FilmRecorder:
         ground: Ground = "marked",
         plots: Sequence[str] = (),
         titles: bool = True,
-        annotations: Annotating = nothing,
+        annotations: Annotating = no_annotations,
     ) -> None:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         self._session, self._fps = session, rate_of(self.path, fps)
@@ -196,7 +196,7 @@ class SlowFilmRecorder:
         camera: Looking = None,
         ground: Ground = "marked",
         plots: Sequence[str] = (),
-        annotations: Annotating = nothing,
+        annotations: Annotating = no_annotations,
     ) -> None:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         check(math.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")

@@ -20,7 +20,7 @@ from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._parts import PartsPanel
 from motorgrad.sim.panels._policy import PolicyPanel
 from motorgrad.sim.panels._run import RunPanel
-from motorgrad.sim.panels._watcher import Annotating, nothing
+from motorgrad.sim.panels._watcher import Annotating, no_annotations
 from motorgrad.sim.scene import Pose, own
 
 PANELS: tuple[type[Panel], ...] = (
@@ -81,7 +81,7 @@ class Panels:
     **Attributes:** `tabs`, viser's tab group, to which others may add; `panels`, by title.
     """
 
-    def __init__(self, annotations: Annotating = nothing) -> None:
+    def __init__(self, annotations: Annotating = no_annotations) -> None:
         self._annotations = annotations
         self.panels: dict[str, Panel] = {}
         self.tabs: Any = None

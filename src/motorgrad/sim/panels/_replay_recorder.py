@@ -12,7 +12,7 @@ from motorgrad._files import check_writable
 from motorgrad.sim.film import Annotations, output_path
 from motorgrad.sim.live import Session
 from motorgrad.sim.panels._motion_recorder import MotionRecorder
-from motorgrad.sim.panels._watcher import Annotating, Watcher, nothing
+from motorgrad.sim.panels._watcher import Annotating, Watcher, no_annotations
 from motorgrad.sim.replay import Replay, write_replay
 
 
@@ -36,7 +36,9 @@ class ReplayRecorder:
     ```
     """
 
-    def __init__(self, session: Session, path: str | os.PathLike[str], *, annotations: Annotating = nothing) -> None:
+    def __init__(
+        self, session: Session, path: str | os.PathLike[str], *, annotations: Annotating = no_annotations
+    ) -> None:
         self.path: Path = output_path(path, ".html")
         check_writable("path", self.path)
         check(session.model is not None, "replay of", session.name, "a task or model with a body")

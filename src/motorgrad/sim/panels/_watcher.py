@@ -15,7 +15,7 @@ Annotating = Callable[[Snapshot], Annotations]
 """A function from a moment to the texts, plots and arrows that its picture shows."""
 
 
-def nothing(snapshot: Snapshot) -> Annotations:
+def no_annotations(snapshot: Snapshot) -> Annotations:
     """No annotations."""
     del snapshot
     return Annotations()

@@ -19,7 +19,7 @@ from motorgrad.sim.film import FIRING, SILENT, geom_colours, muscle_colour
 from motorgrad.sim.live import Session
 from motorgrad.sim.scene._bodies import placed_pieces, unit_pieces
 from motorgrad.sim.scene._geometry import ball, identity_quaternions, rod
-from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._layer import Layer, MeshPool, sent_colour
 from motorgrad.sim.scene._muscles import segments
 from motorgrad.sim.scene._plane import FLOOR
 from motorgrad.sim.scene._pose import Pose
@@ -83,7 +83,7 @@ class States(Layer):
 class MotoneuronPool(Layer):
     """Draws the pool of a recruitment task as columns, of a height by each unit's share of the pool's force.
 
-    A column is the redder, the more probably the unit fires at the load that a label tells.
+    Colours from pale to red show the probability that a unit fires at the load on the label.
     """
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -121,8 +121,8 @@ class MotoneuronPool(Layer):
 class LiftedArm(Layer):
     """Draws the arm of `ArmRecruitment` with its load, as high as the pool's mean force lifts it.
 
-    Each decision of the task is a whole lift, from rest to its greatest height, which is shown. The muscle is the
-    redder, the greater the mean fraction of the pool that fires.
+    Each decision of the task is a whole lift from rest; the picture shows its greatest height. The muscle's colour,
+    from pale to red, shows the mean fraction of the pool that fires.
     """
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -135,14 +135,13 @@ class LiftedArm(Layer):
         self._lift = jax.jit(lift_table(task.body).lift)
         self._load = self._model.geom("load").id
         self._ball = float(self._model.geom_size[self._load, 0])  # m, of 1 kg
-        colours, scene = geom_colours(self._model), server.scene
-        self._colours = {kind: colours[pieces.geom, :3] for kind, _, pieces in unit_pieces(self._model)}
-        self._shapes = {
-            kind: MeshPool(scene, f"/arm/{kind}", shape, len(pieces.geom))
+        colours, scene = geom_colours(self._model)[:, :3], server.scene
+        self._parts = [
+            (MeshPool(scene, f"/arm/{kind}", shape, len(pieces.geom)), sent_colour(colours[pieces.geom]))
             for kind, shape, pieces in unit_pieces(self._model)
-        }
+        ]
         self._muscle = MeshPool(scene, "/arm/muscle", rod(), 1)
-        self.pools = [*self._shapes.values(), self._muscle]
+        self.pools = [*(pool for pool, _ in self._parts), self._muscle]
 
     def draw(self, pose: Pose) -> None:
         snapshot, model, data = pose.snapshot, self._model, self._data
@@ -154,9 +153,9 @@ class LiftedArm(Layer):
         model.geom_size[self._load, 0] = self._ball * np.cbrt(load)
         mujoco.mj_forward(model, data)
         offset = np.array([SHOULDER - data.geom("harness").xpos[0], 0.0, 0.0])
-        for kind, _, pieces in unit_pieces(model):
+        for (pool, colour), (_, _, pieces) in zip(self._parts, unit_pieces(model), strict=True):
             place, turn, size = placed_pieces(data, offset, pieces)
-            self._shapes[kind].show(place, turn, size, self._colours[kind])
+            pool.show(place, turn, size, colour)
         run = segments(model, data)
         thick = 0.3 * float(model.geom("upper_arm").size[0]) * (1 + ratio)
         self._muscle.show_rods(run.start + offset, run.end + offset, thick, muscle_colour(np.array([ratio])))
