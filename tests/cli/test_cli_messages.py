@@ -190,6 +190,19 @@ def test_a_word_that_is_no_integer_is_refused_by_option(word, wrong, capsys):
     assert f"Error parsing --steps: {wrong}" in text
 
 
+# ---- models
+
+
+@pytest.mark.parametrize("content", [None, "<mujoco><worldbody><body/></worldbod>"], ids=["missing", "not XML"])
+def test_a_check_of_a_model_reads_its_file(content, capsys, tmp_path):
+    file = tmp_path / "leg.xml"
+    if content is not None:
+        file.write_text(content, encoding="utf-8")
+    status, text = said(capsys, "sim", str(file), "--check")
+    assert status == 2
+    assert "leg.xml" in text
+
+
 # ---- in Python
 
 

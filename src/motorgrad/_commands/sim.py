@@ -97,6 +97,8 @@ class Options:
     )
     """The options that `--help` shows; `--help-all` shows all."""
     task: ClassVar[Any] = None
+    model: ClassVar[Any] = None
+    """A body, or the path of a model, that is shown without a learner."""
     scene: ClassVar[Mapping[str, Any]] = {}
     """The tables of the file for which there is no option."""
 
@@ -119,6 +121,7 @@ class Options:
     def effective(self: Any) -> dict[str, Any]:
         values = {**table(self), **self.scene}
         if self.task is None:
+            live.setup_of(self.model, motion=self.motion, partial=self.motion_partial)  # raises for a bad file
             return values
         return {**values, "task": {"name": self.task.name, **values["task"]}, "agent": agent_table(self.agent)}
 
@@ -148,7 +151,8 @@ def prepared(arguments: list[str]) -> tuple[live.Setup, Any]:
     place, model, scene, given = _scene_parts(given)
     given = _with_run(given)
     if model is not None:
-        kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace={"scene": scene})
+        own = {"scene": scene, "model": model}
+        kind = dataclasses.make_dataclass("Sim", [], bases=(Options,), frozen=True, namespace=own)
         options = resolve(kind, given, "sim MODEL")
         for name in ("run", "autosave", "seeds", "beside", "runs_beside"):
             value = getattr(options, name)
