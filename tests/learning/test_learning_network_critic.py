@@ -95,6 +95,9 @@ def test_the_returns_of_a_batch_end_with_its_episodes():
     for t in range(5):
         state = critic.observe(state, looks[t])
         told = Transition(looks[t], jnp.int32(0), jnp.float32(rewards[t]), looks[t + 1], jnp.asarray(terminated[t]))
+        if t == 3:  # a decision that diverged leaves nothing behind
+            broken = told._replace(reward=jnp.float32(jnp.nan), diverged=jnp.asarray(True))
+            state = critic.solve(critic.update(state, POINT, broken)[1])
         state = critic.solve(critic.update(state, POINT, told)[1])
         state = critic.restart(state) if terminated[t] or cut[t] else state
     values = np.array([float(weights(look)) for look in looks])

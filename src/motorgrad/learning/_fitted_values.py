@@ -71,20 +71,19 @@ class FittedReturns(CriticFit):
         return FittedState(rows, rows, numbers, numbers, ends, jnp.zeros((), jnp.int32), rule)
 
     def update(self, weights: Any, state: FittedState, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
-        place = jnp.arange(self.interval) == state.waiting  # there is room: `solve` has emptied what was full
-
-        def kept(rows: Array, row: Any) -> Array:
-            return jnp.where(place.reshape(-1, *(1,) * (rows.ndim - 1)), jnp.asarray(row, rows.dtype), rows)
+        def put(rows: Array, row: Any) -> Array:
+            # There is room: `solve` has emptied what was full. What is dropped is overwritten by the next decision.
+            return rows.at[state.waiting].set(jnp.asarray(row, rows.dtype))
 
         after = state._replace(
-            seen=kept(state.seen, step.seen),
-            following=kept(state.following, step.following),
-            reward=kept(state.reward, step.reward),
-            live=kept(state.live, jnp.logical_not(step.terminated)),
-            end=kept(state.end, step.terminated),
-            waiting=state.waiting + 1,
+            seen=put(state.seen, step.seen),
+            following=put(state.following, step.following),
+            reward=put(state.reward, step.reward),
+            live=put(state.live, jnp.logical_not(step.terminated)),
+            end=put(state.end, step.terminated),
+            waiting=where(dropped, state.waiting, state.waiting + 1),
         )
-        return weights, where(dropped, state, after)
+        return weights, after
 
     def restart(self, state: FittedState) -> FittedState:
         return state._replace(end=state.end | (jnp.arange(self.interval) == state.waiting - 1))
