@@ -49,7 +49,7 @@ editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it
 test: $(STAMP) $(BUILT)  ## the quick tests
 	$(PYTEST) -m "not slow"
 
-test-share: $(STAMP) $(BUILT)  ## of the slow tests those that a change must pass, too
+test-share: $(STAMP) $(BUILT)  ## of the slow tests those of documentation, wheel, pages and units
 	$(PYTEST) -m "slow and ci"
 
 test-all: $(STAMP) $(BUILT)  ## all tests

@@ -6,6 +6,7 @@ filled with hard links to the store; when it ends, the complete entries that it 
 """
 
 import contextlib
+import gc
 import hashlib
 import os
 import platform
@@ -107,3 +108,22 @@ def close_run(run: Path, store: Path = STORE, most_bytes: int = MOST_BYTES) -> N
                 os.replace(entry.path, kept)
     _remove_oldest(entries, most_bytes)
     shutil.rmtree(run, ignore_errors=True)
+
+
+def drop_programs(most_regions: int) -> bool:
+    """Drops all compiled programs of this process if it has more mapped regions of memory than this.
+
+    Every program takes some regions. Linux allows a process 65,530 and XLA crashes beyond them, which a process that
+    runs all tests would reach.
+    """
+    regions = Path("/proc/self/maps")
+    if not regions.exists() or regions.read_bytes().count(b"\n") <= most_regions:
+        return False
+    import jax  # not before `environment` is in force
+
+    from motorgrad.training import clear_programs
+
+    clear_programs()
+    jax.clear_caches()
+    gc.collect()
+    return True

@@ -19,7 +19,8 @@ _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_r
 _FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_fusion_emitters=false")
 _COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
-# Folders of which `.ci/run` runs the slow tests, too: every unit and world, and all that is done to a page.
+_MOST_REGIONS = 40_000  # of memory, of a process
+# Folders of which `make test-share` runs the slow tests, too: every unit and world, and all that is done to a page.
 _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
 )
@@ -33,8 +34,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leaves to `make test-all`, as slow, all cases of a test but its `representatives`, all tests in a browser but the
     `journey` of each page, and tests marked `ci`.
 
-    Tests marked `ci`, and the slow tests of some folders, belong to the share that `.ci/run` runs. A test in a browser
-    that fails is tried again: pages are drawn by software, and an answer may come late.
+    Tests marked `ci`, and the slow tests of some folders, belong to the share that `make test-share` runs. A test in a
+    browser that fails is tried again: pages are drawn by software, and an answer may come late.
     """
     cases: dict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
@@ -58,6 +59,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("slow") and item.path.as_posix().startswith(_SHARE):
             item.add_marker(pytest.mark.ci)
+
+
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    if nextitem is not None and nextitem.path != item.path:  # tests of one file share programs
+        compilations.drop_programs(_MOST_REGIONS)
 
 
 def pytest_unconfigure() -> None:

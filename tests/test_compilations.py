@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import zlib
+from pathlib import Path
 
 import pytest
 
@@ -90,3 +91,17 @@ def test_a_process_finds_what_one_of_another_run_compiled(tmp_path, process_envi
     (hits, misses), again = counts
     assert misses > 0
     assert again == (hits + misses, 0)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs Linux's list of mapped regions")
+def test_programs_are_dropped_when_a_process_has_many_mapped_regions():
+    code = """
+import jax, compilations
+programs = [jax.jit(lambda x, i=i: x + i) for i in range(20)]
+before = [float(program(1.0)) for program in programs]
+live = lambda: len(jax.devices()[0].client.live_executables())
+assert not compilations.drop_programs(1_000_000) and live() >= 20, live()
+assert compilations.drop_programs(1) and live() < 20, live()
+assert before == [float(program(1.0)) for program in programs]
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parent, check=True)
