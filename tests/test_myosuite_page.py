@@ -3,7 +3,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import motorgrad as mg
 
 ROOT = Path(__file__).parents[1]
 
@@ -42,6 +45,26 @@ def test_runs_of_the_same_learner_are_one_row(tool, tmp_path, monkeypatch):
     assert (joined["seeds"], longer["seeds"]) == ([7, *run["seeds"]], run["seeds"])
     assert len(joined["curves"]["success"]) == len(joined["evaluated"]["mode"]["solved"]) == 1 + len(run["seeds"])
     assert joined["took"]["cpu"] == 2 * run["took"]["cpu"]
+
+
+def test_targets_within_reach_are_those_of_the_sum_over_fingertips(tool):
+    targets = np.zeros((4, 5, 3))
+    targets[1, :, 0] = 0.027  # a root of summed squares of 0.0604 m: within 0.0625
+    targets[2, :, 0] = 0.029  # 0.0648 m
+    targets[3, 2] = 0.04  # 0.0693 m, by one fingertip
+    assert tool.within_reach(targets, np.zeros((5, 3))) == 0.5
+    assert tool.within_reach(targets, targets) == 1
+
+
+@pytest.mark.slow
+def test_fingertips_of_a_hand_are_compared_with_their_targets(tool, tmp_path):
+    pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
+    agent = {"policy": {"kind": "bounded-hyperplanes", "deviation": 0.1}}
+    mg.train(mg.tasks.myosuite(tool.TASKS["hand"][0]), agent, 100, [0], tmp_path / "run", progress=False)
+    table = tool.follow_table(tmp_path / "run", episodes=3)
+    tips = [line.split()[1] for line in table.splitlines()[2:7]]
+    assert tips == ["THtip_r", "IFtip_r", "MFtip_r", "RFtip_r", "LFtip_r"]
+    assert "Within reach: 0%" in table
 
 
 @pytest.mark.slow

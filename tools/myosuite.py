@@ -5,6 +5,7 @@
     python -m tools.myosuite learn hand --learner natural-network --run runs/hand   # hours: to be continued if stopped
     python -m tools.myosuite table                       # put the table of all that is stored into docs/myosuite.md
     python -m tools.myosuite noise                       # how far noise of the muscles carries the hand's fingertips
+    python -m tools.myosuite follow runs/hand            # how far the fingertips of a learned hand follow their targets
 
 Each run is evaluated over 100 episodes with fresh targets, deterministic and drawn, and stored as one JSON file in
 `docs/data`, from which the table and the figure are made.
@@ -29,6 +30,7 @@ import numpy as np
 
 import motorgrad as mg
 from motorgrad._myosuite import environment, register
+from motorgrad.tasks._myosuite import NEAR
 from motorgrad.training import agent_for, provenance
 
 ROOT = Path(__file__).parents[1]
@@ -260,8 +262,41 @@ def noise_table() -> str:
     return "\n".join(lines)
 
 
+def within_reach(targets: np.ndarray, places: np.ndarray) -> float:
+    """The share of targets, (draws, fingertips, 3) in m, that are within the task's tolerance of the `places` of the
+    fingertips, of each draw or the same for all. Distances are a root of summed squares over the fingertips."""
+    distances = np.sqrt(np.square(targets - places).sum(axis=(-1, -2)))
+    return float((distances < NEAR * targets.shape[1]).mean())
+
+
+def follow_table(directory: Path, episodes: int = 200, decision: int = 60) -> str:
+    """How far each fingertip of a learned hand moves per metre of its target, in m, by least squares at a decision of
+    fresh episodes with the most probable actions; and the share of targets within reach. In Markdown."""
+    given = environment(TASKS["hand"][0])
+    model, data = given.model, mujoco.MjData(given.model)
+    tips = [model.site(name).id for name in given.target_reach_range]
+    found = mg.evaluate(mg.load(directory), LENGTH * episodes, mode="mode")
+    assert found.marks is not None
+    assert found.position is not None
+    chosen = slice(decision, None, LENGTH)
+    targets, places = found.marks[0, chosen, :, :3], []
+    for position in found.position[0, chosen]:
+        data.qpos[:] = position
+        mujoco.mj_kinematics(model, data)
+        places.append(data.site_xpos[tips].copy())
+    tip = np.array(places)
+    off = targets - targets.mean(axis=0)
+    slopes = (off * (tip - tip.mean(axis=0))).sum(axis=0) / np.square(off).sum(axis=0)
+    lines = ["| fingertip | x | y | z |", "|---|---|---|---|"]
+    rows = zip(given.target_reach_range, slopes, strict=True)
+    lines += [f"| {name} | {' | '.join(f'{each:.2f}' for each in row)} |" for name, row in rows]
+    reached, still = (within_reach(targets, where) for where in (tip, targets.mean(axis=0)))
+    lines += ["", f"Within reach: {reached:.0%}; of fingertips that rest at the middle of the targets: {still:.0%}"]
+    return "\n".join(lines)
+
+
 def main(arguments: list[str] | None = None) -> None:
-    """Learn and store, put the table into its page, or print how far noise carries."""
+    """Learn and store, put the table into its page, or print how far noise carries or fingertips follow."""
     parser = argparse.ArgumentParser(prog="python -m tools.myosuite", description=(__doc__ or "").partition("\n")[0])
     commands = parser.add_subparsers(dest="command", required=True)
     learning = commands.add_parser("learn", help="train, evaluate and store")
@@ -275,7 +310,14 @@ def main(arguments: list[str] | None = None) -> None:
     learning.add_argument("--out", type=Path, default=DATA)
     commands.add_parser("table", help="put the table into docs/myosuite.md")
     commands.add_parser("noise", help="print how far noise of the muscles carries the hand's fingertips")
+    following = commands.add_parser(
+        "follow", help="print how far the fingertips of a learned hand follow their targets"
+    )
+    following.add_argument("run", type=Path, help="directory of a run that learned the hand")
     given = parser.parse_args(arguments)
+    if given.command == "follow":
+        print(follow_table(given.run))
+        return
     if given.command == "table":
         PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
         return
