@@ -11,6 +11,7 @@ from motorgrad.policies._graded import normal_of
 STEPS = 6
 
 
+@pytest.mark.ci
 def test_the_learner_in_torch_takes_the_same_steps():
     torch = pytest.importorskip("torch", reason="needs the extra motorgrad[peers]")
     agent = networks.learner((16, 8))

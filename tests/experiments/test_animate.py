@@ -101,6 +101,7 @@ def test_a_loaded_run_has_the_same_course(growing):
     np.testing.assert_array_equal(here.reward, there.reward)
 
 
+@pytest.mark.ci
 def test_a_course_begins_before_the_first_decision(falling, growing):
     course = course_of(falling, 1)
     np.testing.assert_array_equal(course.decision, np.arange(0, 4_001, 400))
@@ -123,6 +124,7 @@ def test_the_seed_shown_is_the_one_in_the_middle(falling):
 # what is seen
 
 
+@pytest.mark.ci
 def test_a_film_of_learning(falling, tmp_path, capsys):
     made = animate(falling, tmp_path / "new" / "a.mp4", seed=1, seconds=2)
     frames, about = frames_of(made.path)

@@ -343,6 +343,7 @@ def test_the_claims_about_hoppers_can_come_out_either_way():
 # --- figure A.2 ---
 
 
+@pytest.mark.ci
 def test_the_claims_about_the_field_fail_where_it_turns_the_other_way(out):
     done = reproduce(Circular(), out / "whole", progress=False)
     assert all(claim.holds for claim in done.claims)

@@ -134,6 +134,7 @@ def test_late_is_the_last_tenth_of_the_episodes():
     ).all()  # of fewer than 2,000 it is the last tenth of those there are
 
 
+@pytest.mark.ci
 def test_policies_are_judged_on_their_own_reward_by_others_numbers(work):
     task = FallingParticle(regions=((1.0, 0.1, 0.2, 0.2, 0.3),))
     wide, far = (jnp.full((8, 2), np.log(s)) for s in (10.0, 0.01))

@@ -107,6 +107,7 @@ def test_trim_finds_the_force_that_holds_a_spring():
     np.testing.assert_allclose(lab.trim(run).run.advance(100)["place.y"], 0.0, atol=1e-5)
 
 
+@pytest.mark.ci
 def test_trim_finds_the_upright_pendulum_and_says_where_there_is_none():
     run = lab.Run(lab.example("pendulum"))
     run["push.high"] = 0.0

@@ -71,6 +71,7 @@ def test_independent_units_have_the_direction_of_their_own_matrices():
         np.testing.assert_allclose(one, other, rtol=2e-3, atol=1e-4)
 
 
+@pytest.mark.ci
 def test_a_network_has_the_direction_of_its_whole_matrix():
     seen, actions = decisions(NETWORK, 30)
     metric = ConjugateGradient(memory=30, iterations=200, damping=0.05)

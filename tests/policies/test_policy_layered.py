@@ -89,6 +89,7 @@ def test_the_entropy_is_at_least_that_of_the_outputs():
     assert policy.entropy(look) > -np.sum(prob * np.log(prob))
 
 
+@pytest.mark.ci
 def test_beyond_256_patterns_means_are_over_draws_and_have_the_derivative_of_the_exact_mean():
     """Eight hidden units are summed exactly; with a ninth that nothing sees, the same mean is drawn."""
     with jax.enable_x64(True):
@@ -111,6 +112,7 @@ def test_beyond_256_patterns_means_are_over_draws_and_have_the_derivative_of_the
     assert np.corrcoef(weights.ravel(), np.asarray(one.hidden[0].weights).ravel())[0, 1] > 0.5
 
 
+@pytest.mark.ci
 def test_hidden_units_may_be_graded_and_outputs_mixed():
     hidden = GradedHyperplanes(np.ones((2, 1)), np.zeros(2), np.zeros(2))
     output = Mixed([planes(1, 2), GradedHyperplanes(np.ones((1, 2)), np.zeros(1), np.zeros(1))])

@@ -88,6 +88,7 @@ def test_memory_starts_anew_with_every_episode_on_the_host(mode, signal):
         assert is_first == (decision % 3 == 0)
 
 
+@pytest.mark.ci
 def test_environments_of_one_learner_have_memories_of_their_own(signal):
     agent = agent_for(signal, policy=KINDS["recurrent"], learning_rate=0.01, decay=0.9)
     stepper = stepper_for(signal, agent, [0], envs=2)

@@ -132,6 +132,7 @@ def test_a_group_and_its_undoing_change_no_number(name, data):
     assert apart.wires == diagram.wires
 
 
+@pytest.mark.ci
 def test_a_group_in_motion_gives_the_same_numbers():
     diagram = gallery.example("motoneuron-pool")
     grouped = edited(diagram, operation("group", at=[], names=["force", "payoff", "reward", "baseline"], name="world"))

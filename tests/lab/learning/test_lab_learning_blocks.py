@@ -190,6 +190,7 @@ def test_odd_values_are_taken_or_refused_in_one_line(kind):
     assert not any("\n" in told for told in refused)
 
 
+@pytest.mark.ci
 def test_units_with_hidden_units_output_what_the_task_gets_and_those_with_a_memory_remember_until_restarted():
     chosen = {"layered": "hidden = [3]", "recurrent": "hidden = 2"}
     made = lab.Diagram(tick=1.0)

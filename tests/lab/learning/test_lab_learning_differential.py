@@ -21,6 +21,7 @@ def test_olgarb_on_the_three_state_world_is_the_librarys():
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
 
+@pytest.mark.ci
 def test_the_motoneuron_pool_on_linear_recruitment_is_the_librarys():
     task = mg.make("linear-recruitment")
     start = policies.Motoneurons([0.2, 0.4, 0.6, 0.8], [0.5] * 4)

@@ -10,6 +10,7 @@ from motorgrad import lab, policies
 TICKS = 12
 
 
+@pytest.mark.ci
 def test_a_network_acts_and_shows_its_hidden_units_as_the_policy():
     made = lab.Diagram(tick=1.0)
     made.add("seen", lab.UniformNoise(shape=(2,)))
@@ -53,6 +54,7 @@ def test_settings_of_a_network_are_refused_by_name(make, names):
     assert names in str(error.value)
 
 
+@pytest.mark.ci
 def test_the_critics_of_two_seeds_have_their_own_layers_and_learn():
     made = lab.Diagram(tick=1.0)
     made.add("seen", lab.UniformNoise(shape=(2,)))

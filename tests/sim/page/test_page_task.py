@@ -92,6 +92,7 @@ def test_senses_and_reward_are_chosen_on_the_page_and_it_learns(browser, tmp_pat
         assert faults == []
 
 
+@pytest.mark.ci
 def test_edits_of_the_body_go_with_it():
     with live.Session(live.setup_of(LEG), playing=False) as first:
         name = next(each for each in first.settings if each.endswith(".mass"))

@@ -134,6 +134,7 @@ def go(page, connection, text):
     return found
 
 
+@pytest.mark.ci
 def test_a_link_leads_to_a_moment_and_a_camera_and_for_who_watches_to_the_camera_alone(page):
     session = page.session
     session.order(live.Step(30))

@@ -46,6 +46,7 @@ def branching():
             yield place.panels.panels["Run"], session
 
 
+@pytest.mark.ci
 def test_a_branch_is_forked_renamed_run_beside_gone_to_and_deleted(branching):
     panel, session = branching
     folder = panel._branches
