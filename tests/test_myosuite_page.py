@@ -65,6 +65,9 @@ def test_fingertips_of_a_hand_are_compared_with_their_targets(tool, tmp_path):
     tips = [line.split()[1] for line in table.splitlines()[2:7]]
     assert tips == ["THtip_r", "IFtip_r", "MFtip_r", "RFtip_r", "LFtip_r"]
     assert "Within reach: 0%" in table
+    mg.train(mg.make("linear-recruitment", units=2), steps=10, out=tmp_path / "other", progress=False)
+    with pytest.raises(SystemExit, match="other has 2 actions: it must be a run that learned the hand"):
+        tool.follow_table(tmp_path / "other")
 
 
 @pytest.mark.slow

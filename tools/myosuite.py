@@ -270,21 +270,18 @@ def within_reach(targets: np.ndarray, places: np.ndarray) -> float:
 
 
 def follow_table(directory: Path, episodes: int = 200, decision: int = 60) -> str:
-    """How far each fingertip of a learned hand moves per metre of its target, in m, by least squares at a decision of
-    fresh episodes with the most probable actions; and the share of targets within reach. In Markdown."""
-    given = environment(TASKS["hand"][0])
-    model, data = given.model, mujoco.MjData(given.model)
-    tips = [model.site(name).id for name in given.target_reach_range]
-    found = mg.evaluate(mg.load(directory), LENGTH * episodes, mode="mode")
+    """How far each fingertip of a run's first seed moves per metre of its target, in m, by least squares at a decision
+    of fresh episodes with the most probable actions; and the share of targets within reach. In Markdown."""
+    given, run = environment(TASKS["hand"][0]), mg.load(directory)
+    if run.task.action_size != given.model.nu:
+        raise SystemExit(f"{directory} has {run.task.action_size} actions: it must be a run that learned the hand")
+    found = mg.evaluate(run, LENGTH * episodes, mode="mode")
     assert found.marks is not None
-    assert found.position is not None
+    assert found.sensors is not None
     chosen = slice(decision, None, LENGTH)
-    targets, places = found.marks[0, chosen, :, :3], []
-    for position in found.position[0, chosen]:
-        data.qpos[:] = position
-        mujoco.mj_kinematics(model, data)
-        places.append(data.site_xpos[tips].copy())
-    tip = np.array(places)
+    targets = found.marks[0, chosen, :, :3]
+    places = [found.sensors[f"framepos of site {name}"][0, chosen] for name in given.target_reach_range]
+    tip = np.stack(places, axis=1)
     off = targets - targets.mean(axis=0)
     slopes = (off * (tip - tip.mean(axis=0))).sum(axis=0) / np.square(off).sum(axis=0)
     lines = ["| fingertip | x | y | z |", "|---|---|---|---|"]
