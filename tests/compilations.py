@@ -113,8 +113,8 @@ def close_run(run: Path, store: Path = STORE, most_bytes: int = MOST_BYTES) -> N
 def drop_programs(most_regions: int) -> bool:
     """Drops all compiled programs of this process if it has more mapped regions of memory than this.
 
-    Every program takes some regions. Linux allows a process 65,530 and XLA crashes beyond them, which a process that
-    runs all tests would reach.
+    Every program takes some regions. Linux allows a process 65,530 by default, which a process that runs all tests
+    would reach; then memory cannot be mapped, and XLA may crash.
     """
     regions = Path("/proc/self/maps")
     if not regions.exists() or regions.read_bytes().count(b"\n") <= most_regions:
