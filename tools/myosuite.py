@@ -50,8 +50,11 @@ OURS: dict[str, tuple[str, Literal["binary", "graded"], dict[str, Any]]] = {
     "natural-network-stored": ("natural-network", "graded", STORED),
     "ppo-short-horizon": ("ppo-short-horizon", "graded", {}),
     "ppo-short-horizon-independent": ("ppo-short-horizon", "graded", {"policy.autocorrelation": 0.0}),
+    "sac-hindsight": ("sac", "graded", {}),
 }
 """Our learners: a preset, how muscles are driven, and changes to the preset."""
+UNSCALED = ("sac-hindsight",)
+"""Learners that scale observations themselves: errors for other targets are those that MyoSuite would show."""
 EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
@@ -102,7 +105,8 @@ class Clock:
 def learn(name: str, learner: str, steps: int, seeds: list[int], threads: int, out: Path | None) -> dict[str, Any]:
     """A learner of ours on a rebuilt task; kept in the directory `out`, from which it continues if it was stopped."""
     preset, actions, changes = OURS[learner]
-    task = mg.tasks.myosuite(TASKS[name][0], actions=actions)
+    scaling = "none" if learner in UNSCALED else "running"
+    task = mg.tasks.myosuite(TASKS[name][0], actions=actions, scaling=scaling)
     agent = agent_for(task, changes, preset=preset, steps=steps)
     run = mg.train(task, agent, steps, seeds, out, window=max(1, steps // 40), threads=threads, progress=False)
     if not run.complete:

@@ -14,6 +14,8 @@ SMALL = {"hidden": [64, 64], "activation": "tanh", "layer_norm": False, "sparsit
 """Hidden layers of policy and critic of batch methods."""
 DISCOUNT = 0.99
 """Of the critics with hidden layers, and of the sum by which their rewards are scaled."""
+MOST_KEPT = 300_000
+"""Observations that a learner with replay keeps at most."""
 MOST_PRODUCTS = 40
 """Inputs up to which the critic sees the products of all pairs: they are 820 then."""
 POLICIES: dict[str, dict[str, Any]] = {
@@ -185,6 +187,32 @@ def action_value_gradient(task: Any, steps: int, policy: Any = None) -> dict[str
     }
 
 
+def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
+    """The preset `"sac"`: the gradient of an action's value, learned from experience of any age, and in hindsight where
+    the task has a goal. Noise that lasts for a quarter of the horizon explores."""
+    ahead = horizon(task, 1 / 5)
+    network = {"hidden": [128, 128], "activation": "relu", "sparsity": 0.0, "standardise": True}
+    own = behind_layers(task, network, policy)
+    if own["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
+        own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": 1 - 4 / ahead}
+    hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead}
+    return {
+        "policy": own,
+        "estimator": {
+            "kind": "soft-actor-critic",
+            "improve": 40,
+            "values": {"discount": 1 - 1 / ahead, "network": network},
+            "replay": {
+                "capacity": min(MOST_KEPT, max(1_000, 5 * steps // 4)),
+                "updates": 10,
+                "hindsight": None if task.hindsight is None else hindsight,
+            },
+            "reward_scaling": {"discount": 1 - 1 / ahead},
+        },
+        "optimizer": {"kind": "adam", "learning_rate": 5e-4},
+    }
+
+
 def batch_actor_critic(
     task: Any,
     policy: Any,
@@ -285,6 +313,7 @@ PRESETS: dict[str, Callable[[Any, int, Any], dict[str, Any]]] = {
     "ppo": proximal,
     "ppo-short-horizon": proximal_short_horizon,
     "reinforce": reinforce,
+    "sac": soft_actor_critic,
     "stream-ac": stream_actor_critic,
     "trpo": trust_region,
 }

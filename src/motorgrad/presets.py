@@ -18,6 +18,7 @@ __all__ = [
     "ppo",
     "ppo_short_horizon",
     "reinforce",
+    "sac",
     "stream_ac",
     "trpo",
 ]
@@ -118,6 +119,32 @@ def avg(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None 
     **Raises:** as `natural`; for a task whose actions are not all real numbers.
     """
     return agent_for(task, changes, preset="avg", steps=steps, **more)
+
+
+def sac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
+    r"""Soft actor-critic (Haarnoja et al., 2018) with replay, lasting noise, and targets in hindsight.
+
+    For tasks with real-valued actions. Policy and two action values have two hidden layers of 128 rectifiers each, with
+    layer norms, and see inputs relative to their running mean and deviation. After every 40 decisions, ten batches of
+    256 are drawn from the newest 300,000 observations, and each makes a step of Adam with a learning rate of 5e-4 for
+    values and policy. $\gamma = 1 - 1/h$ with a horizon $h$ of a fifth of the longest episode, from 10 to 100
+    decisions; rewards are divided by the deviation of their discounted sum.
+
+    There is no entropy bonus. The deviation of a squashed number starts at 0.5 and shrinks to 0.3 at most; noise has
+    the autocorrelation $1 - 4/h$. On a task with `hindsight`, such as `compose` and `myosuite` make with
+    `scaling="none"`, two thirds of the drawn decisions get the place that was reached some $h$ decisions later as their
+    target (Andrychowicz et al., 2017).
+
+    **Arguments** and **Returns:** as `natural`.
+
+    **Raises:** as `natural`; for a task whose actions are not all real numbers.
+
+    ```python
+    task = mg.tasks.myosuite("myoHandReachRandom-v0", scaling="none")
+    run = mg.train(task, mg.presets.sac(task, steps=250_000), steps=250_000)
+    ```
+    """
+    return agent_for(task, changes, preset="sac", steps=steps, **more)
 
 
 def intentional_ac(

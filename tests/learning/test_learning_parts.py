@@ -12,6 +12,7 @@ import pytest
 from motorgrad._docstrings import descriptions
 from motorgrad._tree import KINDS, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
 from motorgrad.learning import (
+    ActionValueEnsemble,
     ActionValueGradient,
     ActionValues,
     Agent,
@@ -25,12 +26,15 @@ from motorgrad.learning import (
     Estimator,
     Features,
     Growth,
+    Hindsight,
     LinearCritic,
     Metric,
     Optimizer,
     PolyakAveraging,
+    Replay,
     RewardScaling,
     RootMeanSquare,
+    SoftActorCritic,
     SparseAgent,
     SpatialIndex,
     StepBound,
@@ -40,7 +44,7 @@ from motorgrad.learning import (
     register,
 )
 from motorgrad.policies import Architecture, FeatureMap
-from motorgrad.tasks import LinearRecruitment, ThreeState
+from motorgrad.tasks import Composed, LinearRecruitment, ThreeState
 from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
 from motorgrad.training import NamedPolicy, agent_from_table, agent_table, clear_programs, stepper_for
 
@@ -104,6 +108,14 @@ def narrow(values=None):
     return ActionValueGradient(values=dataclasses.replace(values, network=network))
 
 
+def narrow_soft(values=None, replay=None):
+    """Soft actor-critic with narrow networks and little experience, which it uses from the first decisions."""
+    values = ActionValueEnsemble() if values is None else values
+    network = dataclasses.replace(values.network, hidden=(4,))
+    replay = dataclasses.replace(Replay() if replay is None else replay, capacity=40, start=4, batch=3)
+    return SoftActorCritic(improve=2, values=dataclasses.replace(values, network=network), replay=replay)
+
+
 def agent_with(base, name):
     """A learner that has the part in its place, and a task for it."""
     cls = KINDS[base][name]
@@ -118,6 +130,10 @@ def agent_with(base, name):
     if base is FeatureMap:
         features = {"squares": True, "products": True, "nonlinear": 3}
         return ThreeState(), Agent(NamedPolicy(ThreeState(), "softmax", {"features": features}))
+    if base is Hindsight:
+        task = Composed(scaling="none")
+        replay = Replay(capacity=40, start=4, batch=3, hindsight=made(cls))
+        return task, Agent(NamedPolicy(task, "bounded-hyperplanes"), narrow_soft(replay=replay))
     if base is Architecture:
         return ThreeState(), Agent(NamedPolicy(ThreeState(), "softmax", {"network": made(cls)}))
     inner = {
@@ -131,14 +147,16 @@ def agent_with(base, name):
         RewardScaling: lambda: {"estimator": Estimator(reward_scaling=made(cls))},
         RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
         Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},
-        Estimator: lambda: {"estimator": narrow() if cls is ActionValueGradient else made(cls)},
+        Estimator: lambda: {"estimator": {ActionValueGradient: narrow, SoftActorCritic: narrow_soft}.get(cls, cls)()},
         ActionValues: lambda: {"estimator": narrow(made(cls))},
+        ActionValueEnsemble: lambda: {"estimator": narrow_soft(made(cls))},
+        Replay: lambda: {"estimator": narrow_soft(replay=made(cls))},
         Optimizer: lambda: {"optimizer": made(cls), **({"estimator": BATCH} if cls is ConjugateAscent else {})},
         Metric: lambda: {"metric": made(cls)},
         PolyakAveraging: lambda: {"averaging": made(cls)},
         Agent: dict,
     }[base]()
-    if base is ActionValues or cls is ActionValueGradient:
+    if base in (ActionValues, ActionValueEnsemble, Replay) or cls in (ActionValueGradient, SoftActorCritic):
         return recruitment, Agent(NamedPolicy(recruitment, "graded-motoneurons"), **inner)
     task = ThreeState()
     agent = Agent(NamedPolicy(task, "softmax"), **inner)

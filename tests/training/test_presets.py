@@ -178,7 +178,7 @@ EPISODES = {"time_limit": 50}
 )
 def test_every_preset_fits_its_kinds_of_action_and_is_saved(preset, make, policy):
     task = make()
-    if preset == "avg" and policy != "bounded-hyperplanes":
+    if preset in ("avg", "sac") and policy != "bounded-hyperplanes":
         with pytest.raises(ValueError, match="real-valued actions"):
             mg.agent_for(task, preset=preset, steps=20_000)
         return

@@ -1,5 +1,6 @@
 """Learners: traces, baselines and critics, estimators, optimizers and metrics, and the agent that they make up."""
 
+from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._action_transitions import ActionTransitions
@@ -36,8 +37,10 @@ from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquares
 from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
 from motorgrad.learning._registry import register
+from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._soft_actor_critic import ActionValueEnsemble, EnsembleState, SoftActorCritic
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
@@ -50,6 +53,7 @@ __all__ = [
     "NEVER",
     "SGD",
     "ActionTransitions",
+    "ActionValueEnsemble",
     "ActionValueGradient",
     "ActionValues",
     "Adam",
@@ -75,18 +79,23 @@ __all__ = [
     "CriticState",
     "CriticStep",
     "Decision",
+    "Drawn",
     "EligibilityBaseline",
+    "EnsembleState",
     "Episodic",
     "EpisodicNatural",
     "Estimator",
     "EstimatorState",
+    "Experience",
     "Exponential",
     "Features",
     "FisherMetric",
     "FittedReturns",
     "FixedStep",
+    "Goal",
     "Growth",
     "GrowthState",
+    "Hindsight",
     "IndexState",
     "InputBaseline",
     "IntentionalStep",
@@ -111,6 +120,7 @@ __all__ = [
     "Plateau",
     "PolyakAveraging",
     "RegressionMetric",
+    "Replay",
     "RewardScaling",
     "RootMeanSquare",
     "RunningMean",
@@ -118,6 +128,7 @@ __all__ = [
     "ScalingState",
     "ShermanMorrison",
     "SimpleCentring",
+    "SoftActorCritic",
     "SparseAgent",
     "SpatialIndex",
     "StationaryMetric",

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
+from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Numbers, Part
 from motorgrad.learning._baselines import Transition
@@ -180,6 +181,12 @@ class Agent(Part):
         found = [type(stage).__name__ for stage in self._stages().values() if stage.one_stream]
         return self.estimator.one_stream or next(iter(found), None)
 
+    @property
+    def needs_goal(self) -> str | None:
+        """The setting that needs a task with a goal, by path; `None` where none does."""
+        setting = self.estimator.needs_goal
+        return None if setting is None else f"estimator.{setting}"
+
     def needs_episodes(self) -> list[str]:
         """The settings that need a task with episodes."""
         found = {path: stage.needs_episodes for path, stage in self._stages().items()}
@@ -195,7 +202,7 @@ class Agent(Part):
         if self.growth is not None:
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
-        if self.estimator.reuse is not None:
+        if self.estimator.climbs:
             zeros = jnp.zeros((), leaves[0].dtype)  # no gradient is made before the batch is full
         chain = self.chain
         # Of hidden units and of a memory, the decision tells what was drawn and what was seen.
@@ -295,7 +302,9 @@ class Agent(Part):
         chain = self.chain.map(lambda stage, inner: stage.reset(inner, policy), state.chain)
         return state._replace(policy=policy, chain=chain)
 
-    def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
+    def improve(
+        self, state: AgentState, ended: Flag = False, diverged: Flag = False, goal: Goal | None = None
+    ) -> AgentState:
         r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator requires a step now, and do
         the periodic work of a critic.
 
@@ -303,12 +312,13 @@ class Agent(Part):
         decisions here, and may then add a unit.
 
         `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
-        `reinforce`, that there is no sample: an online learner then does not move, and neither does its momentum.
+        `reinforce`, that there is no sample: an online learner then does not move, and neither does its momentum. The
+        `goal` of the task is for learners that use experience for other targets.
         """
         due = self._due(state, ended)
         chain = self.chain.map(lambda stage, inner: stage.solve(inner, state.policy, due), state.chain)
         state = state._replace(estimator=self.estimator.solve(state.estimator), chain=chain)
-        state = self._improve(state, ended, diverged)
+        state = self._improve(state, ended, diverged, goal)
         if self.growth is None or state.growth is None:
             return state
         growth, policy, new = self.growth.advance(state.growth, state.policy)
@@ -340,7 +350,7 @@ class Agent(Part):
         full = ended if self.estimator.improve == "episode" else running.count >= self.estimator.improve
         return False if full is False else jnp.logical_and(full, running.count > 0)
 
-    def _improve(self, state: AgentState, ended: Flag, diverged: Flag) -> AgentState:
+    def _improve(self, state: AgentState, ended: Flag, diverged: Flag, goal: Goal | None) -> AgentState:
         estimator = self.estimator
         if estimator.improve == "never":
             return state
@@ -351,12 +361,35 @@ class Agent(Part):
         if due is False:
             return state
         running: Any = state.gradient
-        if estimator.reuse is not None:
-            moved = where_any(due, lambda state: estimator.climb(state, self._step), state)
+        if estimator.climbs:
+            moved = self._climbed(state, due, goal)
             return where(due, moved._replace(gradient=running_mean(running.mean)), moved)
         size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
         moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
         return where(due, moved._replace(gradient=running_mean(running.mean)), state)
+
+    def _climbed(self, state: AgentState, due: Flag, goal: Goal | None) -> AgentState:
+        """The state after the steps of `Estimator.climb`, where they are due."""
+        estimator, batch = self.estimator, state.estimator.batch
+        numbers, structure = jax.tree.flatten(self.hyperparameters)
+
+        def steps(numbers: Any, state: AgentState, drawn: Any) -> AgentState:
+            agent = structure.unflatten(numbers)
+            return agent.estimator.climb(state, drawn, agent._step)
+
+        # Mapped over seeds, a product of matrices has one more axis, for which XLA's is several times as slow.
+        steps = jax.custom_batching.sequential_vmap(steps) if estimator.seeds_in_turn else steps
+
+        def climb(state: AgentState) -> AgentState:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            state, kept = jax.lax.optimization_barrier((state, batch))
+            return steps(numbers, state, estimator.drawn(kept, goal))
+
+        # The loop does not carry the batch: mapped over seeds, it would copy it.
+        alone = state._replace(estimator=state.estimator._replace(batch=None))
+        moved = where_any(jnp.logical_and(due, estimator.ready(batch)), climb, alone)
+        batch = where(due, estimator.used(batch), batch)
+        return moved._replace(estimator=moved.estimator._replace(batch=batch))
 
     def _step(self, state: AgentState, gradient: PyTree[Array], due: Flag = True) -> AgentState:
         parameters, settings = split(state.policy)

@@ -94,6 +94,8 @@ class ConjugateAscent(Optimizer):
         check(improve != 1, "estimator.improve", improve, batch)
         reuse = agent.estimator.reuse
         check(reuse is None, "estimator.reuse", reuse, "None with ConjugateAscent; SGD and Adam take one")
+        name = type(agent.estimator).__name__
+        check(not agent.estimator.climbs, "estimator", name, "one whose samples make a gradient with ConjugateAscent")
         for name in ("metric", "growth"):
             part = getattr(agent, name)
             check(part is None, name, part, "None with ConjugateAscent; SGD and Adam take one")

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad._goal import Goal
 from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, MeanReward, Transition
-from motorgrad.learning._branching import where
+from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._overshooting import StepBound
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, at
@@ -24,8 +25,8 @@ class EstimatorState(NamedTuple):
     r"""What an estimator carries from decision to decision.
 
     The state of the `trace`, of the `baseline` and of the `normalization` of advantages; `weight`, the discount
-    $\gamma^t$ within the episode; the state of the `scaling` of rewards; the `batch` that is to be used
-    again, without which there is a trace; the state of the `bound`. A part that is absent has the state `None`.
+    $\gamma^t$ within the episode; the state of the `scaling` of rewards; the `batch` of decisions that are to be
+    used again, without which there is a trace; the state of the `bound`. A part that is absent has the state `None`.
     """
 
     trace: PyTree[Array]
@@ -33,7 +34,7 @@ class EstimatorState(NamedTuple):
     normalization: NormalizationState | None
     weight: Float[Array, ""] | None
     scaling: ScalingState | None = None
-    batch: Batch | None = None
+    batch: Any = None
     bound: Any = None
 
 
@@ -142,6 +143,11 @@ class Estimator(Part):
         return kept or (self.baseline is not None and self.baseline.needs_decision)
 
     @property
+    def needs_goal(self) -> str | None:
+        """The setting that needs a task with a goal, by path; `None` where none does."""
+        return None
+
+    @property
     def needs_uniforms(self) -> bool:
         """Whether the random numbers of a decision must be remembered with it."""
         return False
@@ -231,18 +237,47 @@ class Estimator(Part):
         """Do the work of a critic that is due once in many decisions."""
         return state if self.baseline is None else state._replace(baseline=self.baseline.solve(state.baseline))
 
-    def climb(self, state: Any, step: Callable[[Any, PyTree[Array]], Any]) -> Any:
-        """The state of a learner after all steps from its batch, each made by `step(state, gradient)`;
-        the batch is then empty."""
-        reuse, own = self.reuse, state.estimator
+    @property
+    def climbs(self) -> bool:
+        """Whether the parameters make several steps at a time, from decisions that are kept: `climb`, not `sample`,
+        finds the gradients."""
+        return self.reuse is not None
+
+    @property
+    def seeds_in_turn(self) -> bool:
+        """Whether `climb` takes the seeds one after the other, where they learn side by side."""
+        return False
+
+    def ready(self, batch: Any) -> Flag:
+        """Whether enough decisions are kept for `climb`."""
+        del batch
+        return True
+
+    def drawn(self, batch: Any, goal: Goal | None) -> Any:
+        """What `climb` uses of the decisions that were kept; by default all. The `goal` is that of the task, where it
+        has one."""
+        del goal
+        return batch
+
+    def climb(self, state: Any, drawn: Any, step: Callable[[Any, PyTree[Array]], Any]) -> Any:
+        """The state of a learner after all steps from decisions that were kept.
+
+        **Arguments:** the `state` of the learner, whose estimator does not hold the batch; what `drawn` found; `step`,
+        which makes one step, `step(state, gradient)`.
+        """
+        reuse = self.reuse
         assert reuse is not None
 
         def bonus(state: Any) -> Any:
             return None if self.entropy is None else at(self.entropy, state.steps)
 
         decay = self.trace.decay if isinstance(self.trace, Exponential) else 1.0
-        after = reuse.climb(own.batch, state.policy, decay, bonus, state, step)
-        return after._replace(estimator=after.estimator._replace(batch=reuse.emptied(own.batch)))
+        return reuse.climb(drawn, state.policy, decay, bonus, state, step)
+
+    def used(self, batch: Any) -> Any:
+        """What is kept of a batch after `climb`."""
+        assert self.reuse is not None
+        return self.reuse.emptied(batch)
 
     def _empty_batch(self, policy: Policy, key: jax.Array) -> Batch:
         assert self.reuse is not None

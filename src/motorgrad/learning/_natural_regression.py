@@ -34,6 +34,8 @@ class RegressionMetric(Metric):
         reuse = agent.estimator.reuse
         wanted = f"None with {type(self).__name__}, which reads no gradient; FisherMetric takes one"
         check(reuse is None, "estimator.reuse", reuse, wanted)
+        wanted = f"one that follows scores with {type(self).__name__}, which reads no gradient"
+        check(not agent.estimator.climbs, "estimator", type(agent.estimator).__name__, wanted)
 
     def zeros(self, policy: Policy) -> Float[Array, " parameters"]:
         """A zero for each parameter. **Raises** `ValueError` for more than 4,096."""

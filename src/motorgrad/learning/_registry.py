@@ -21,8 +21,10 @@ from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
+from motorgrad.learning._replay import Hindsight, Replay
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._soft_actor_critic import ActionValueEnsemble, SoftActorCritic
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
@@ -34,6 +36,7 @@ from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 
 KINDS.update(
     {
+        ActionValueEnsemble: {"action-value-ensemble": ActionValueEnsemble},
         ActionValues: {"action-values": ActionValues},
         Agent: {"dense": Agent, "sparse": SparseAgent},
         Architecture: {"perceptron": MultilayerPerceptron},
@@ -62,10 +65,15 @@ KINDS.update(
             "td": TemporalDifference,
             "true-online-td": TrueOnlineTemporalDifference,
         },
-        Estimator: {"action-value-gradient": ActionValueGradient, "estimator": Estimator},
+        Estimator: {
+            "action-value-gradient": ActionValueGradient,
+            "estimator": Estimator,
+            "soft-actor-critic": SoftActorCritic,
+        },
         FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
+        Hindsight: {"hindsight": Hindsight},
         Metric: {
             "compatible": CompatibleWeights,
             "conjugate-gradient": ConjugateGradient,
@@ -77,6 +85,7 @@ KINDS.update(
         },
         Optimizer: {"adam": Adam, "conjugate-ascent": ConjugateAscent, "sgd": SGD},
         PolyakAveraging: {"polyak": PolyakAveraging},
+        Replay: {"replay": Replay},
         RewardScaling: {"reward-scaling": RewardScaling},
         RootMeanSquare: {"root-mean-square": RootMeanSquare},
         SpatialIndex: {"grid": SpatialIndex},

@@ -81,6 +81,10 @@ class Autoregressive(Composed):
     def uniforms(self) -> int:
         return self.policy.uniforms
 
+    @property
+    def marginal(self) -> Any:
+        return self.policy
+
     def initial_memory(self) -> Float[Array, " units"]:
         return jnp.zeros_like(_pool(self.policy).level)
 

@@ -177,6 +177,12 @@ class Policy(eqx.Module):
         after = [part.adapted(seen) if part.inputs == self.inputs else part for part in parts]
         return self if all(new is old for new, old in zip(after, parts, strict=True)) else with_parts(self, after)
 
+    @property
+    def marginal(self) -> "Policy":
+        """The policy without a memory that acts alike on average, for one whose memory only makes its noise last; the
+        policy itself, for others."""
+        return self
+
     def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " judged"]:
         """The part of what the units see by which baselines and critics judge a situation; by default all of it."""
         return seen

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
+from motorgrad._goal import Goal
 from motorgrad._presets import STEPS, natural
 from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 from motorgrad._settings import build, check_fields
@@ -28,8 +29,21 @@ from motorgrad.tasks._composing import (
 )
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
-from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Start, Target
-from motorgrad.tasks.terms._term import Now, bound
+from motorgrad.tasks.terms import (
+    Beyond,
+    Bound,
+    BoundReset,
+    Observation,
+    Quantity,
+    Reset,
+    Scene,
+    Start,
+    Target,
+    TargetError,
+    TargetPosition,
+)
+from motorgrad.tasks.terms._quantities import OfDistance
+from motorgrad.tasks.terms._term import Now, bound, norm
 
 FIXED: Mapping[str, Any] = {"option": False}
 """Metadata of fields that have no option on the command line, only in files and in Python."""
@@ -282,6 +296,37 @@ class Composed(BodyTask):
             add_observation(memory.mean, memory.variance, seen),
         )
         return memory._replace(mean=mean, variance=variance), standardised(mean, variance, seen)
+
+    @functools.cached_property
+    def hindsight(self) -> Goal | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The one target, where it stays, observations show its error as it is, and rewards depend on its distance."""
+        if self.scaling != "none" or len(self._bound.scene.targets) != 1:
+            return None
+        ((name, target),) = self._bound.scene.targets.items()
+        starts = np.cumsum([0, *(len(each.names) for _, each in self._bound.observe)])
+        spans = zip(self.observations, self._bound.observe, starts.tolist(), starts[1:].tolist(), strict=False)
+        aimed = [
+            (type(term), scale, tuple(range(start, end)))
+            for term, (scale, _), start, end in spans
+            if getattr(term, "target", None) == name
+        ]
+        shown = {kind: (scale, places) for kind, scale, places in aimed}
+        if len(shown) < len(aimed):
+            return None
+        scale, errors = shown.pop(TargetError, (0.0, ()))
+        same, targets = shown.pop(TargetPosition, (scale, ()))
+        if target.moves or shown or scale == 0 or same != scale:
+            return None
+        paid = [term for term in self.rewards if getattr(term, "target", None) == name]
+        distances = [term for term in paid if isinstance(term, OfDistance)]
+        if not distances or not all(isinstance(term, OfDistance | Beyond) for term in paid):
+            return None
+
+        def reward(error: Float[Array, " errors"]) -> Scalar:
+            distance = norm(error / scale)
+            return jnp.asarray(sum(term.weight * term.of(distance) for term in distances))
+
+        return Goal(errors, reward, targets)
 
     # -- episodes
 

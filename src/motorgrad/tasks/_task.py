@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check_integer
+from motorgrad._goal import Goal
 from motorgrad.bodies import Body
 from motorgrad.worlds import World
 
@@ -136,6 +137,12 @@ class Task(abc.ABC):
     @property
     def mirror(self) -> Mirror | None:
         """Which inputs and actions are mirror images of each other on a symmetric body; `None` without symmetry."""
+        return None
+
+    @property
+    def hindsight(self) -> Goal | None:
+        """What the task aims at, for learners that use experience for other targets; `None` for a task without a
+        target, and by default."""
         return None
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:

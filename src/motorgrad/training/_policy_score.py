@@ -18,7 +18,7 @@ from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task, make
-from motorgrad.training.engines import stepper_for, validate, validate_episodes
+from motorgrad.training.engines import stepper_for, validate, validate_needs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class PolicyScore:
             check(self.gradient.improve == "never", "gradient.improve", self.gradient.improve, '"never"')
             check(self.of == "reward", "of", self.of, '"reward" where a gradient is estimated')
             check(self.streams > 1, "streams", self.streams, "at least 2 where a gradient is estimated")
-            validate_episodes(task, Agent(made, self.gradient))
+            validate_needs(task, Agent(made, self.gradient))
 
     def space(self, reach: float = 3.0) -> Space:
         """One number for each trainable parameter, by its path: at most `reach` > 0 from the policy's own, from which

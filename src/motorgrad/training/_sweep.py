@@ -11,7 +11,7 @@ from motorgrad._settings import full_path
 from motorgrad._tree import Part, check_rounded, fields_of, numbers_of, with_number
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
-from motorgrad.training.engines import validate_episodes
+from motorgrad.training.engines import validate_needs
 
 Setting = dict[str, float]
 
@@ -51,7 +51,7 @@ def sweep_settings(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
             changed = with_number(changed, path, float(value))
             if rounded is not None:  # a shorter way to the same as below, for all that is possible
                 rounded = _possible(with_number, rounded, path, float(np.asarray(value, dtype)))
-        validate_episodes(task, check_rounded(changed, dtype) if rounded is None else rounded)
+        validate_needs(task, check_rounded(changed, dtype) if rounded is None else rounded)
         settings.append({path: float(value) for path, value in setting.items()})
     distinct = len({tuple(setting.items()) for setting in settings}) == len(settings)
     check(distinct, "sweep", sweep, "without a setting that occurs twice")

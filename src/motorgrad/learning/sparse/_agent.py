@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
+from motorgrad._goal import Goal
 from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._branching import Flag, where_any
 from motorgrad.learning._chain import SGD
@@ -184,7 +185,10 @@ class SparseAgent(Agent):
         state = state._replace(estimator=state.estimator._replace(weight=weight))
         return self._begin(state, jnp.logical_and(ended, self.decay > 0))
 
-    def improve(self, state: AgentState, ended: Flag = False, diverged: Flag = False) -> AgentState:
+    def improve(
+        self, state: AgentState, ended: Flag = False, diverged: Flag = False, goal: Goal | None = None
+    ) -> AgentState:
+        del ended, diverged, goal
         index, sample = _index(state), cast(Array, state.gradient)
         count = (index.count + 1) % self.rebase
         travel = index.travel + jnp.abs(sample)

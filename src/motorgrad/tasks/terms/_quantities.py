@@ -1,9 +1,11 @@
 """Numbers from which composed tasks make rewards, terminations and readings."""
 
+import abc
 from collections.abc import Callable
 from dataclasses import KW_ONLY
 from typing import Literal, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -16,7 +18,21 @@ REST = 0.01
 """A load up to which a muscle rests."""
 
 
-class Distance(Quantity):
+class OfDistance(Quantity):
+    """A function of the distance from the body to a target, the length of the error. Subclasses define `of`."""
+
+    target: eqx.AbstractVar[str]
+
+    @abc.abstractmethod
+    def of(self, distance: Scalar) -> Scalar:
+        """The quantity at a distance, in m or rad."""
+
+    def bind(self, scene: Scene) -> Bound:
+        read = _distance(scene, self.target)
+        return Bound(lambda now: self.of(read(now)))
+
+
+class Distance(OfDistance):
     """How far the body is from a target: the length of the error, in m or rad, to a power.
 
     **Arguments:**
@@ -31,12 +47,11 @@ class Distance(Quantity):
     _: KW_ONLY
     weight: float = number(-1.0)
 
-    def bind(self, scene: Scene) -> Bound:
-        read, power = _distance(scene, self.target), self.power
-        return Bound(read if power == 1 else lambda now: read(now) ** power)
+    def of(self, distance: Scalar) -> Scalar:
+        return distance if self.power == 1 else distance**self.power
 
 
-class Closeness(Quantity):
+class Closeness(OfDistance):
     r"""How close the body is to a target, $e^{-d^2/2w^2}$ of the distance $d$: 1 there, 0 far away.
 
     **Arguments:**
@@ -49,12 +64,11 @@ class Closeness(Quantity):
     target: str = static("target")
     width: float = number(0.1, 0, open_low=True)
 
-    def bind(self, scene: Scene) -> Bound:
-        read = _distance(scene, self.target)
-        return Bound(lambda now: jnp.exp(-0.5 * (read(now) / self.width) ** 2))
+    def of(self, distance: Scalar) -> Scalar:
+        return jnp.exp(-0.5 * (distance / self.width) ** 2)
 
 
-class Within(Quantity):
+class Within(OfDistance):
     """Whether the body is within a tolerance of a target, 1 or 0: a bonus in the reward, the solved share as a reading.
 
     **Arguments:**
@@ -67,9 +81,8 @@ class Within(Quantity):
     target: str = static("target")
     tolerance: float = number(0.05, 0, open_low=True)
 
-    def bind(self, scene: Scene) -> Bound:
-        read = _distance(scene, self.target)
-        return Bound(lambda now: jnp.where(read(now) < self.tolerance, 1.0, 0.0))
+    def of(self, distance: Scalar) -> Scalar:
+        return jnp.where(distance < self.tolerance, 1.0, 0.0)
 
 
 class Beyond(Quantity):

@@ -164,8 +164,8 @@ class Follow(Target):
 
         placed = bool(self.parts)
         if self.random_start:
-            return BoundTarget(names, 1, lambda uniforms: length * uniforms[0], wanted, actual, placed)
-        return BoundTarget(names, 0, lambda uniforms: jnp.zeros(()), wanted, actual, placed)
+            return BoundTarget(names, 1, lambda uniforms: length * uniforms[0], wanted, actual, placed, True)
+        return BoundTarget(names, 0, lambda uniforms: jnp.zeros(()), wanted, actual, placed, True)
 
 
 def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray, "joints 2"]:

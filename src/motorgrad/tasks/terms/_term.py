@@ -74,6 +74,7 @@ class BoundTarget(NamedTuple):
     - `wanted(drawn, time)`: where the target is, at a time (s) in the episode.
     - `actual(state)`: where the body is.
     - `marked`: whether its numbers are places (m), three for each, which pictures of the body mark.
+    - `moves`: whether it moves within an episode.
     """
 
     names: tuple[str, ...]
@@ -82,6 +83,7 @@ class BoundTarget(NamedTuple):
     wanted: Callable[[Any, Scalar], Array]
     actual: Callable[[BodyState], Array]
     marked: bool = False
+    moves: bool = False
 
     def error(self, now: Now, name: str) -> Array:
         """The vector from the body to the target."""

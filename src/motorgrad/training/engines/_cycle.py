@@ -173,7 +173,7 @@ class Cycle:
             learner = self.learner(cycle)
             told = (led.reward, led.observation, led.terminated, led.truncated, diverged)
             agent = learner.reinforce(agent, *told)
-            agent = agent if resting else learner.improve(agent, ended, diverged)
+            agent = agent if resting else learner.improve(agent, ended, diverged, self.task.hindsight)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
         return CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
 

@@ -98,7 +98,7 @@ class Stepper(abc.ABC):
         """The shapes of one seed's policy."""
         validate(task, self.policy)
         if mode == "learn":
-            validate_episodes(task, agent)
+            validate_needs(task, agent)
         if initial is None and isinstance(agent.policy, Policy):
             initial = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(self.seeds), *leaf.shape)), agent.policy)
         self._initial = initial
@@ -112,7 +112,7 @@ class Stepper(abc.ABC):
             if path not in order.paths:
                 raise unknown("number", path, order.paths)
             for value in np.unique(np.asarray(values)):
-                validate_episodes(self.task, with_number(self.agent, path, float(value)))
+                validate_needs(self.task, with_number(self.agent, path, float(value)))
             rows[:, order.places[path]] = values
         return rows
 
@@ -169,7 +169,7 @@ class Stepper(abc.ABC):
         agent = with_number(self.agent, path, value)
         if not is_live(self.agent, path):
             raise ValueError(f"{path} is used only at the start of a run; start a new run to change it")
-        validate_episodes(self.task, agent)
+        validate_needs(self.task, agent)
         self.agent = agent
         return places[path]
 
@@ -199,10 +199,15 @@ def _told(actions: str | tuple[str, ...]) -> str:
     return ", ".join(f"{len(list(run))} {kind}" for kind, run in itertools.groupby(actions))
 
 
-def validate_episodes(task: Task, agent: Agent) -> None:
-    """Refuse a learner that needs episodes on a task that has none."""
+def validate_needs(task: Task, agent: Agent) -> None:
+    """Refuse a learner that needs episodes, or a goal, on a task that has none."""
     for setting in [] if task.has_episodes else agent.needs_episodes():
         raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
+    if agent.needs_goal is not None and task.hindsight is None:
+        has = "a composed task has one with scaling = 'none', one target that stays, its error observed, and a reward"
+        raise ValueError(
+            f"{agent.needs_goal}: needs a goal, but the task {task.name!r} has none; {has} of its distance"
+        )
 
 
 def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:

@@ -1,0 +1,261 @@
+r"""Soft actor-critic: the gradient of an action's value, learned from experience of any age (Haarnoja et al., 2018).
+
+`ActionValueGradient` uses each decision once, in its turn. Here decisions are kept, and values and policy learn from
+batches of them, many times. $Q(y, a)$ may be learned from whatever a policy did, so the noise that explores may last
+for several decisions (`Autoregressive`), and targets may be relabelled (`Hindsight`).
+"""
+
+from typing import Any, NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float, PyTree
+
+from motorgrad._errors import check
+from motorgrad._goal import Goal
+from motorgrad._tree import Part, count, number
+from motorgrad.learning._baselines import Baseline, Transition
+from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._critics import ValueNetwork
+from motorgrad.learning._estimator import Estimator, EstimatorState
+from motorgrad.learning._replay import Drawn, Experience, Replay
+from motorgrad.learning._schedules import at
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, frozen, split, thawed, trainable
+
+
+class EnsembleState(NamedTuple):
+    """The networks; their slow copies, of what is learned alone; the state of Adam."""
+
+    weights: tuple[ValueNetwork, ...]
+    slow: Any
+    rule: Any
+
+
+class ActionValueEnsemble(Part):
+    r"""The value $Q(y, a)$ of an action by several networks, of which the least counts (Fujimoto et al., 2018).
+
+    Each learns by Adam from
+
+    $$r + \gamma\,\big(\min_k \bar Q_k(y', a') + \alpha H(\pi(\cdot \mid y'))\big),\qquad a' \sim \pi(\cdot \mid y'),$$
+
+    whatever the policy was when the decision was made. $\bar Q$ are slow copies of the networks, which follow them by
+    the share `tracking` at every step.
+
+    **Arguments:**
+
+    - `discount`: $\gamma \in [0, 1)$.
+    - `learning_rate`: learning rate of Adam, at least 0.
+    - `tracking`: the share of the distance to the networks by which their slow copies move at a step, in [0, 1].
+    - `members`: number of networks, at least 1.
+    - `network`: the hidden layers. They see the observation and the action, in one vector.
+    """
+
+    discount: float = number(0.99, 0, 1, open_high=True)
+    learning_rate: float = number(5e-4, 0)
+    tracking: float = number(0.01, 0, 1)
+    members: int = count(2, 1, 1_000)
+    network: Architecture = MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True)
+
+    def init(self, inputs: int, dtype: Any, key: jax.Array) -> EnsembleState:
+        """The state before any decision, for this many `inputs`: observation and action."""
+
+        def one(key: jax.Array) -> ValueNetwork:
+            layers = frozen(self.network.build(inputs, key))
+            layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
+            size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(inputs, dtype)).shape
+            return ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
+
+        weights = tuple(one(key) for key in jax.random.split(key, self.members))
+        learned = split(cast(Any, weights))[0]
+        return EnsembleState(weights, learned, optax.scale_by_adam().init(learned))
+
+    def values(
+        self,
+        weights: tuple[ValueNetwork, ...],
+        observation: Float[Array, "batch inputs"],
+        action: Float[Array, "batch actions"],
+    ) -> Float[Array, "members batch"]:
+        """$Q_k(y, a)$ of all members."""
+        joined = jnp.concatenate([observation, action], axis=1).astype(weights[0].weights.dtype)
+        return jnp.stack([jax.vmap(member)(joined) for member in weights])
+
+    def adapted(self, state: EnsembleState, observation: Array, action: Array) -> EnsembleState:
+        """The state after one more decision was seen, for networks that keep statistics."""
+        seen = jnp.concatenate([observation, action]).astype(state.weights[0].weights.dtype)
+        after = [
+            eqx.tree_at(lambda each: each.layers, member, adapted(member.layers, seen)) for member in state.weights
+        ]
+        return state._replace(weights=tuple(after))
+
+    def update(self, state: EnsembleState, policy: Policy, drawn: Drawn, worth: Any, key: jax.Array) -> EnsembleState:
+        """The state after a step down the squared errors of a batch of decisions."""
+        learned, settings = split(cast(Any, state.weights))
+        following = drawn.next_observation
+        numbers = jax.random.uniform(key, (len(following), policy.uniforms), following.dtype)
+        action = jax.vmap(policy.sample)(following, numbers)
+        later = jnp.min(self.values(eqx.combine(state.slow, settings), following, action), axis=0)
+        if worth is not None:
+            later = later + worth * jax.vmap(policy.entropy)(following)
+        wanted = (drawn.reward + self.discount * (1 - drawn.terminated) * later).astype(later.dtype)
+
+        def loss(learned: Any) -> Float[Array, ""]:
+            found = self.values(eqx.combine(learned, settings), drawn.observation, drawn.action)
+            return 0.5 * drawn.mean(jnp.sum(jnp.square(found - wanted), axis=0))
+
+        moves, rule = optax.scale_by_adam().update(jax.grad(loss)(learned), state.rule)
+        learned = eqx.apply_updates(learned, jax.tree.map(lambda move: -self.learning_rate * move, moves))
+        slow = jax.tree.map(lambda old, new: (old + self.tracking * (new - old)).astype(old.dtype), state.slow, learned)
+        return EnsembleState(eqx.combine(learned, settings), slow, rule)
+
+
+class SoftActorCritic(Estimator):
+    r"""Soft actor-critic (Haarnoja et al., 2018): the policy climbs the value of its actions, at decisions from the
+    past.
+
+    Decisions are kept. Each time that the parameters move, after every `improve` decisions, batches are drawn, and for
+    each batch the values make a step, and then the policy along
+
+    $$g = \nabla_\theta\,\mathbb E\big[\min_k Q_k(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))\big]$$
+
+    with fresh random numbers $u$. A policy whose noise lasts explores with it, and is judged by what it does on
+    average: by independent noise of the same spread. Without `entropy`, the deviations of graded units shrink to their
+    `floor`, which then sets how far they explore.
+
+    **Arguments:** those of `Estimator`, of which `improve`, `entropy` ($\alpha$) and `reward_scaling` have an effect;
+    the others are refused, except for `trace`, which has none.
+
+    - `values`: the values of actions, and how they are learned.
+    - `replay`: how much experience is kept, and how often it is used.
+
+    **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
+    real numbers.
+
+    ```python
+    replay = mg.learning.Replay(batch=256, updates=25, hindsight=mg.learning.Hindsight())
+    estimator = mg.learning.SoftActorCritic(improve=100, replay=replay)
+    agent = mg.Agent(mg.policies.bounded_hyperplanes(task, floor=0.3), estimator, mg.learning.Adam(5e-4))
+    ```
+    """
+
+    baseline: Baseline | None = None
+    values: ActionValueEnsemble = ActionValueEnsemble()
+    replay: Replay = Replay()
+
+    def validate(self) -> None:
+        super().validate()
+        for name in ("baseline", "discount", "normalization", "bound", "reuse"):
+            found = getattr(self, name)
+            check(found is None, name, found, "None with SoftActorCritic, which has no advantages")
+        check(self.entropy_in == "sample", "entropy_in", self.entropy_in, "'sample' with SoftActorCritic")
+        wanted = "a number of decisions with SoftActorCritic"
+        check(isinstance(self.improve, int), "improve", self.improve, wanted)
+
+    @property
+    def online(self) -> bool:
+        return False
+
+    @property
+    def climbs(self) -> bool:
+        return True
+
+    @property
+    def one_stream(self) -> str | None:
+        return "the experience kept by SoftActorCritic"
+
+    @property
+    def needs_decision(self) -> bool:
+        return True
+
+    @property
+    def needs_goal(self) -> str | None:
+        return None if self.replay.hindsight is None else "replay.hindsight"
+
+    def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
+        lasting = policy.marginal
+        plain = policy.actions == "graded" and not lasting.has_memory and not policy.hides
+        wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory but lasting noise"
+        check(plain, "policy", type(policy).__name__, f"{wanted}, for SoftActorCritic")
+        key = jax.random.key(0) if key is None else key
+        dtype = jax.tree.leaves(trainable(policy))[0].dtype
+        look, numbers = jnp.zeros(lasting.inputs, dtype), jnp.zeros(lasting.uniforms, dtype)
+        action, (learned, settings) = lasting.mode(look), split(lasting)
+        try:
+            drawn = lambda learned: jnp.sum(eqx.combine(learned, settings).sample(look, numbers))  # noqa: E731
+            jax.eval_shape(jax.grad(drawn), learned)
+        except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
+            wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
+            raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
+        values = self.values.init(look.size + action.size, dtype, jax.random.fold_in(key, 2))
+        experience = self.replay.init(look, action, jax.random.fold_in(key, 3))
+        scaling = None if self.reward_scaling is None else self.reward_scaling.init(dtype)
+        return EstimatorState(None, values, None, None, scaling, experience)
+
+    def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
+        return state
+
+    def sample(
+        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Any = None
+    ) -> tuple[PyTree[Array], EstimatorState]:
+        scaling, dropped = state.scaling, transition.diverged
+        shown = policy.observation_size  # behind it stands what a policy with lasting noise remembers
+        seen, following = transition.observation[:shown], transition.next_observation[:shown]
+        values = where(dropped, state.baseline, self.values.adapted(state.baseline, seen, transition.action))
+        if self.reward_scaling is not None and scaling is not None:
+            scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
+        told = (seen, transition.action, transition.reward, following, transition.terminated, dropped)
+        batch = self.replay.add(state.batch, *told)  # type: ignore[arg-type]
+        reward = transition.reward.astype(batch.rewards.dtype)
+        return reward, state._replace(baseline=values, scaling=scaling, batch=batch)
+
+    def restart(self, state: EstimatorState, policy: Policy) -> EstimatorState:
+        scaling = state.scaling
+        scaling = scaling if self.reward_scaling is None or scaling is None else self.reward_scaling.restart(scaling)
+        return state._replace(batch=self.replay.restart(state.batch), scaling=scaling)  # type: ignore[arg-type]
+
+    @property
+    def seeds_in_turn(self) -> bool:
+        return True
+
+    def ready(self, batch: Experience) -> Flag:
+        return self.replay.ready(batch)
+
+    def drawn(self, batch: Experience, goal: Goal | None) -> tuple[Drawn, Any]:
+        keys = jax.random.split(jax.random.wrap_key_data(batch.key), (self.replay.updates, 2))
+        return jax.vmap(lambda key: self.replay.draw(batch, key, goal))(keys[:, 0]), jax.random.key_data(keys[:, 1])
+
+    def climb(self, state: Any, drawn: tuple[Drawn, Any], step: Any) -> Any:
+        factor = 1.0
+        if self.reward_scaling is not None:
+            factor = self.reward_scaling.factor(state.estimator.scaling)
+
+        def once(state: Any, each: tuple[Drawn, Any]) -> tuple[Any, None]:
+            drawn, words = each
+            of_next, of_this = jax.random.split(jax.random.wrap_key_data(words))
+            drawn = drawn._replace(reward=(factor * drawn.reward).astype(drawn.reward.dtype))
+            worth = None if self.entropy is None else at(self.entropy, state.steps)
+            values = self.values.update(state.estimator.baseline, state.policy.marginal, drawn, worth, of_next)
+            state = state._replace(estimator=state.estimator._replace(baseline=values))
+            return step(state, self._gradient(values, state.policy, drawn, worth, of_this)), None
+
+        return jax.lax.scan(once, state, drawn)[0]
+
+    def used(self, batch: Experience) -> Experience:
+        return self.replay.renewed(batch)
+
+    def _gradient(
+        self, values: EnsembleState, policy: Policy, drawn: Drawn, worth: Any, key: jax.Array
+    ) -> PyTree[Array]:
+        """The mean gradient of the least value over a batch, for actions drawn anew."""
+        learned, settings = split(policy)
+        look = drawn.observation
+        numbers = jax.random.uniform(key, (len(look), policy.marginal.uniforms), look.dtype)
+
+        def gain(parameters: Any) -> Float[Array, ""]:
+            present = eqx.combine(parameters, settings).marginal
+            action = jax.vmap(present.sample)(look, numbers)
+            least = jnp.min(self.values.values(values.weights, look, action), axis=0)
+            return drawn.mean(least if worth is None else least + worth * jax.vmap(present.entropy)(look))
+
+        return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)

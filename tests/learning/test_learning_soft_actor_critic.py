@@ -1,0 +1,363 @@
+"""Soft actor-critic: what replay keeps and draws, targets in hindsight, values by the formulas, bandits it solves."""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+import motorgrad as mg
+from motorgrad.learning import (
+    ActionValueEnsemble,
+    Adam,
+    Agent,
+    Drawn,
+    Goal,
+    Hindsight,
+    MeanReward,
+    Replay,
+    SoftActorCritic,
+)
+from motorgrad.policies import (
+    Architecture,
+    Autoregressive,
+    GradedHyperplanes,
+    MultilayerPerceptron,
+    Softmax,
+    bounded_hyperplanes,
+    split,
+)
+from motorgrad.tasks import Composed, compose, terms
+
+CENTRE = 0.7
+SMALL = {"kind": "perceptron", "hidden": [8], "layer_norm": False, "sparsity": 0.0}
+
+
+def unit() -> Any:
+    return GradedHyperplanes(slope=jnp.array([[0.2]]), level=jnp.array([-0.1]), log_deviation=jnp.array([-1.0]))
+
+
+class Bowl(eqx.Module):
+    """A single feature, −(a − 0.7 y)²."""
+
+    def __call__(self, x):
+        return -jnp.square(x[1:] - CENTRE * x[:1])
+
+
+class Bowls(Architecture):
+    """Layers whose output is that of `Bowl`."""
+
+    def build(self, inputs, key):
+        return Bowl()
+
+
+# -- replay
+
+
+def filled(replay, episodes, dropped=()):
+    """Experience of `episodes`, lists of lengths. Observation t of episode e is (e, t), and so are action and reward.
+    The decisions in `dropped` diverge."""
+    kept = replay.init(jnp.zeros(2), jnp.zeros(1), jax.random.key(0))
+    add, restart = jax.jit(replay.add), jax.jit(replay.restart)
+    for episode, length in enumerate(episodes):
+        for t in range(length):
+            lost = (episode, t) in dropped
+            seen, following = jnp.array([episode, t], float), jnp.array([episode, jnp.nan if lost else t + 1])
+            reward = jnp.nan if lost else 100.0 * episode + t
+            kept = add(kept, seen, jnp.array([-1.0 * t]), reward, following, t == length - 1, lost)
+        kept = restart(restart(kept))  # the second time changes nothing
+    return kept
+
+
+@pytest.mark.parametrize(
+    ("capacity", "episodes", "dropped", "expected"),
+    [
+        (40, [3, 5], (), [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (1, 3), (1, 4)]),
+        (6, [3, 5], (), [(1, 0), (1, 1), (1, 2), (1, 3), (1, 4)]),  # the newest six observations
+        (7, [30], (), [(0, t) for t in range(24, 30)]),
+        (40, [2, 2, 2], ((1, 1), (2, 0)), [(0, 0), (0, 1), (1, 0), (2, 1)]),
+    ],
+    ids=["all", "oldest-lost", "one-long-episode", "diverged"],
+)
+def test_each_decision_is_drawn_with_what_it_led_to(capacity, episodes, dropped, expected):
+    replay = Replay(capacity, 2, batch=2_000)
+    kept = filled(replay, episodes, dropped)
+    drawn = jax.tree.map(np.asarray, replay.draw(kept, jax.random.key(1)))
+    assert all(np.isfinite(each).all() for each in drawn)
+    rows = drawn.weight > 0
+    episode, t = drawn.observation[rows].astype(int).T
+    assert set(zip(episode.tolist(), t.tolist(), strict=True)) == set(expected)
+    np.testing.assert_array_equal(drawn.next_observation[rows], np.stack([episode, t + 1], axis=1))
+    np.testing.assert_array_equal(drawn.action[rows, 0], -t)
+    np.testing.assert_array_equal(drawn.reward[rows], 100 * episode + t)
+    np.testing.assert_array_equal(drawn.terminated[rows], t == np.array(episodes)[episode] - 1)
+    share = np.bincount(100 * episode + t)
+    share = share[share > 0] / rows.sum()
+    assert np.abs(share - 1 / len(expected)).max() < 0.05  # all alike
+
+
+def test_the_mean_of_a_batch_leaves_out_rows_without_a_decision():
+    drawn = Drawn(*(jnp.zeros(()),) * 5, weight=jnp.array([1.0, 0.0, 1.0]))
+    assert float(drawn.mean(jnp.array([2.0, 50.0, 4.0]))) == 3
+    assert float(drawn._replace(weight=jnp.zeros(3)).mean(jnp.ones(3))) == 0
+
+
+@pytest.mark.parametrize(("share", "ahead"), [(0.0, 3.0), (1.0, 3.0), (0.5, 1.0)])
+def test_in_hindsight_a_later_place_is_the_target(share, ahead):
+    """Places 2 t with the target at 50: all errors are those for another place of the same episode, or as they were."""
+    goal = Goal((1,), lambda error: -jnp.abs(error[0]) + 7.0 * (error[0] == 0), (3,))
+    replay = Replay(100, 2, batch=4_000, hindsight=Hindsight(share, ahead))
+    kept = replay.init(jnp.zeros(4), jnp.zeros(1), jax.random.key(0))
+    add, length = jax.jit(replay.add), 20
+    for episode in range(2):
+        for t in range(length):
+            seen, following = (jnp.array([episode, 50.0 - 2 * each, each, 50.0]) for each in (t, t + 1))
+            kept = add(kept, seen, jnp.zeros(1), goal.reward(following[1:2]) + 0.25, following, False, False)
+        kept = replay.restart(kept)
+    drawn = jax.tree.map(np.asarray, jax.jit(lambda key: replay.draw(kept, key, goal))(jax.random.key(2)))
+    plain = jax.tree.map(np.asarray, replay.draw(kept, jax.random.key(2)))
+    rows = drawn.weight > 0
+    error, t, target = drawn.observation[rows, 1:].T
+    following, _, same = drawn.next_observation[rows, 1:].T
+    np.testing.assert_array_equal(error, target - 2 * t)
+    np.testing.assert_array_equal(same, target)
+    np.testing.assert_array_equal(following, target - 2 * (t + 1))
+    np.testing.assert_array_equal(drawn.observation[:, [0, 2]], plain.observation[:, [0, 2]])
+    other = target != 50
+    later = target[other] / 2 - t[other]
+    assert np.all(later >= 1)
+    assert target[other].max(initial=0) <= 2 * length
+    np.testing.assert_allclose(drawn.reward[rows], -np.abs(following) + 7.0 * (following == 0) + 0.25, atol=1e-5)
+    inside = share * (1 if ahead == 1 else 1 - np.mean((1 - 1 / ahead) ** (length - t)))
+    assert abs(other.mean() - inside) < 0.03
+    early = later[t[other] < 3]
+    if share and ahead > 1:
+        assert abs(early.mean() - ahead) < 0.3
+    else:
+        assert np.all(later == 1)
+
+
+def arm(scaling: Any = "none", **changes: Any) -> Any:
+    settings = {
+        "targets": [terms.Reach("hand")],
+        "observe": ["joint-positions", terms.TargetError(scale=3.0), "joint-velocities"],
+        "reward": [terms.Distance(), terms.Within(weight=2.0), terms.Effort(weight=-0.1)],
+        "readings": ["distance"],
+        "time_limit": 1.0,
+    }
+    return compose("arm6", scaling=scaling, **{**settings, **changes})
+
+
+def test_the_goal_of_a_composed_task_gives_the_reward_for_another_target():
+    task = arm()
+    places = [index for index, name in enumerate(task.observation_names) if "error" in name]
+    assert (list(task.hindsight.errors), task.hindsight.targets) == (places, ())
+    shown = Composed(scaling="none")
+    both = [[k for k, name in enumerate(shown.observation_names) if word in name] for word in ("error", "target ")]
+    assert list(shown.hindsight.errors) == both[0]
+    assert list(shown.hindsight.targets) == [place for place in both[1] if place not in both[0]]
+    for error in ([0.3, -0.1, 0.2], [0.01, 0.02, -0.01]):
+        distance = math.sqrt(sum(each * each for each in error))
+        wanted = -distance + 2.0 * (distance < 0.05)
+        assert float(task.hindsight.reward(3.0 * jnp.array(error))) == pytest.approx(wanted, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"scaling": "running"},
+        {"observe": ["joint-positions"]},
+        {"observe": ["joint-positions", "target-error", "distance"]},
+        {"observe": ["target", terms.TargetError(scale=2.0)]},
+        {"reward": [terms.Effort(weight=-0.1)]},
+        {"targets": [terms.Reach("hand"), terms.Reach("hand", name="other")]},
+        {"targets": [terms.Follow("hand", time=(0, 1), values=((0, 0, 0), (1, 1, 1)))]},
+        {"reward": [terms.Distance(), terms.Success()]},
+    ],
+    ids=[
+        "scaled",
+        "no error",
+        "distance observed",
+        "two scales",
+        "no distance",
+        "two targets",
+        "it moves",
+        "another term",
+    ],
+)
+def test_tasks_without_a_goal_take_no_hindsight(changes):
+    task = arm(**changes)
+    assert task.hindsight is None
+    agent = mg.agent_for(task, preset="sac", steps=1_000)
+    assert agent.estimator.replay.hindsight is None
+    agent = mg.agent_for(task, {"estimator.replay.hindsight": "hindsight"}, preset="sac", steps=1_000)
+    with pytest.raises(
+        ValueError, match=r"estimator\.replay\.hindsight: needs a goal, but the task 'composed' has none"
+    ):
+        mg.train(task, agent, 100, progress=False)
+
+
+# -- values and policy
+
+
+def batch(count=64):
+    rng = np.random.default_rng(0)
+    look, action = rng.normal(size=(count, 1)), rng.normal(size=(count, 1))
+    reward, ends = rng.normal(size=count), np.arange(count) % 5 == 0
+    weight = (np.arange(count) % 7 > 0).astype(float)
+    return Drawn(*(jnp.asarray(each) for each in (look, action, reward, look + 0.3, ends, weight)))
+
+
+def test_a_step_of_the_values_is_that_of_the_formulas():
+    with jax.enable_x64(True):
+        policy, key = unit(), jax.random.key(3)
+        values = ActionValueEnsemble(0.9, 0.01, 0.25, 2, MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0))
+        state = values.init(2, jnp.float64, jax.random.key(0))
+        heads = [eqx.tree_at(lambda w: w.weights, each, jnp.arange(4.0) + k) for k, each in enumerate(state.weights)]
+        learned = split(tuple(heads))[0]
+        slow = jax.tree.map(lambda leaf: 0.8 * leaf, learned)
+        state = state._replace(weights=tuple(heads), slow=slow)
+        drawn, worth = batch(), 0.2
+        after = jax.jit(lambda state: values.update(state, policy, drawn, worth, key))(state)
+        numbers = jax.random.uniform(key, (64, 1), jnp.float64)
+        action = jax.vmap(policy.sample)(drawn.next_observation, numbers)
+        settings = split(state.weights)[1]
+
+        def network(weights, look, action):
+            return np.stack([jax.vmap(m)(jnp.concatenate([look, action], axis=1)) for m in weights])
+
+        later = network(eqx.combine(slow, settings), drawn.next_observation, action).min(axis=0)
+        later += worth * np.asarray(jax.vmap(policy.entropy)(drawn.next_observation))
+        wanted = np.asarray(drawn.reward) + 0.9 * ~np.asarray(drawn.terminated) * later
+
+        def loss(learned):
+            each = jnp.stack(
+                [
+                    jax.vmap(m)(jnp.concatenate([drawn.observation, drawn.action], axis=1))
+                    for m in eqx.combine(learned, settings)
+                ]
+            )
+            return 0.5 * jnp.sum(drawn.weight * jnp.sum((each - wanted) ** 2, axis=0)) / jnp.sum(drawn.weight)
+
+        moves, _ = optax.adam(0.01).update(jax.grad(loss)(learned), optax.adam(0.01).init(learned))
+        expected = eqx.apply_updates(learned, moves)
+        for found, each in zip(jax.tree.leaves(split(after.weights)[0]), jax.tree.leaves(expected), strict=True):
+            np.testing.assert_allclose(found, each, atol=1e-7)
+        tracked = jax.tree.map(lambda old, new: old + 0.25 * (new - old), slow, expected)
+        for found, each in zip(jax.tree.leaves(after.slow), jax.tree.leaves(tracked), strict=True):
+            np.testing.assert_allclose(found, each, atol=1e-7)
+
+
+@pytest.mark.parametrize("autocorrelation", [0.0, 0.8])
+def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
+    """E Q = −((m − c)² + s²) at each observation, and a nat of entropy log s is worth 0.3. Lasting noise counts as
+    independent."""
+    with jax.enable_x64(True):
+        policy: Any = unit()
+        policy = Autoregressive(policy, autocorrelation) if autocorrelation else policy
+        estimator = SoftActorCritic(improve=1, entropy=0.3, values=ActionValueEnsemble(members=1, network=Bowls()))
+        state = estimator.values.init(2, jnp.float64, jax.random.key(0))
+        (head,) = state.weights
+        state = state._replace(weights=(eqx.tree_at(lambda w: w.weights, head, jnp.ones(1)),))
+        drawn = jax.tree.map(lambda each: jnp.repeat(each, 500, axis=0), batch())
+        found = jax.jit(lambda key: estimator._gradient(state, policy, drawn, 0.3, key))(jax.random.key(1))
+        found = found.policy if autocorrelation else found
+        look, weight = np.asarray(drawn.observation)[:, 0], np.asarray(drawn.weight)
+        of_m, s = -2 * (0.2 * look - 0.1 - CENTRE * look), 0.02 + math.exp(-1.0)
+        mean = lambda values: np.average(values, weights=weight)  # noqa: E731
+        np.testing.assert_allclose(found.level[0], mean(of_m), atol=0.02)
+        np.testing.assert_allclose(found.slope[0, 0], mean(look * of_m), atol=0.02)
+        np.testing.assert_allclose(found.log_deviation[0], (-2 * s + 0.3 / s) * math.exp(-1.0), atol=0.02)
+
+
+def bandit(estimator, policy, decisions, key=0):
+    """The state of a learner after decisions each of which is an episode: reward −(a − 0.7 y)² for y in [−1, 1]."""
+    agent = Agent(policy, estimator, Adam(1e-2))
+
+    def one(state, key):
+        first, second, drawn = jax.random.split(key, 3)
+        look = jax.random.uniform(first, (1,), minval=-1, maxval=1)
+        state, action = agent.act(state, look, jax.random.uniform(drawn, (1,)))
+        reward = -jnp.sum(jnp.square(action - CENTRE * look))
+        following = jax.random.uniform(second, (1,), minval=-1, maxval=1)
+        return agent.improve(agent.reinforce(state, reward, following, True)), None
+
+    keys = jax.random.split(jax.random.key(key + 1), decisions)
+    return jax.jit(lambda state, keys: jax.lax.scan(one, state, keys)[0])(agent.init(jax.random.key(key)), keys)
+
+
+def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
+    network = MultilayerPerceptron((32,), activation="tanh", sparsity=0.0, layer_norm=False)
+    values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
+    estimator = SoftActorCritic(improve=4, values=values, replay=Replay(3_000, 100, 64, 4))
+    state = bandit(estimator, unit(), 1_500)
+    policy = state.policy
+    assert float(policy.slope[0, 0]) == pytest.approx(CENTRE, abs=0.1)
+    assert float(policy.level[0]) == pytest.approx(0, abs=0.1)
+    assert float(policy.deviation[0]) < 0.25
+
+
+def test_nothing_moves_before_there_is_enough_experience():
+    estimator = SoftActorCritic(improve=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
+    before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision
+    np.testing.assert_array_equal(before.policy.slope, unit().slope)
+    assert float(after.policy.slope[0, 0]) != 0.2
+
+
+# -- what it takes
+
+
+def test_parts_and_policies_without_a_place_in_it_are_refused():
+    for changes, words in (
+        ({"baseline": MeanReward()}, "baseline = "),
+        ({"improve": "episode"}, "improve = 'episode': must be a number of decisions with SoftActorCritic"),
+        ({"discount": 0.9}, "discount = 0.9"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            SoftActorCritic(**changes)
+    with pytest.raises(ValueError, match="start = 200: must be at most capacity = 100"):
+        Replay(100, 200)
+    with pytest.raises(ValueError, match=r"share = 1\.5: must be in \[0, 1\]"):
+        Hindsight(1.5)
+    with pytest.raises(ValueError, match="policy = 'Softmax': must be one with real-valued actions"):
+        SoftActorCritic().init(Softmax(jnp.zeros((2, 1))))
+    with pytest.raises(ValueError, match="policy = 'BoundedHyperplanes': must be one whose actions JAX"):
+        SoftActorCritic().init(bounded_hyperplanes(3, 2, density="beta"))
+    for changes, words in (
+        ({"optimizer": "conjugate-ascent"}, "estimator = 'SoftActorCritic': must be one whose samples make a gradient"),
+        ({"metric": "lstd-nac"}, "estimator = 'SoftActorCritic': must be one that follows scores"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            mg.agent_for(arm(), changes, preset="sac")
+    with pytest.raises(ValueError, match="envs = 2: must be 1 for the experience kept by SoftActorCritic"):
+        mg.train(arm(), preset_for(arm()), 100, envs=2, progress=False)
+
+
+def preset_for(task, **changes):
+    small = {
+        "policy.network": SMALL,
+        "estimator.values.network": SMALL,
+        "estimator.replay.start": 40,
+        "estimator.replay.batch": 8,
+        "estimator.replay.updates": 2,
+        **changes,
+    }
+    return mg.agent_for(task, small, preset="sac", steps=400)
+
+
+def test_a_stopped_run_continues_bit_for_bit_with_its_experience_and_seeds_do_not_matter_to_each_other(tmp_path):
+    task = arm()
+    agent = preset_for(task)
+    whole = mg.train(task, agent, 400, [0, 1], tmp_path / "whole", window=100, progress=False)
+    mg.train(task, agent, 200, [0, 1], tmp_path / "part", window=100, progress=False)
+    again = mg.resume(tmp_path / "part", steps=400, progress=False)
+    for one, other in zip(jax.tree.leaves(whole.policies), jax.tree.leaves(again.policies), strict=True):
+        np.testing.assert_array_equal(one, other)
+    alone = mg.train(task, agent, 400, [1], tmp_path / "alone", window=100, progress=False)
+    for both, one in zip(jax.tree.leaves(whole.policies), jax.tree.leaves(alone.policies), strict=True):
+        np.testing.assert_allclose(both[1], one[0], rtol=1e-3, atol=1e-4)
+    assert np.ptp(whole.policies.policy.pool.slope) > 0  # it has learned
