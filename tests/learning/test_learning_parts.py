@@ -271,7 +271,9 @@ def test_a_learner_resumes_from_its_state_and_its_seeds_do_not_touch(base, name)
     again.advance(7)
     jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)
     first = jax.tree.map(lambda leaf: leaf[:2], more.policies())
-    jax.tree.map(np.testing.assert_array_equal, first, whole.policies())
+    # for another number of seeds, what a body shows is rounded differently
+    tolerance = {"rtol": 1e-4, "atol": 1e-9} if base is Hindsight else {"rtol": 0}
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, **tolerance), first, whole.policies())
     other = nudged(agent)
     after = numbers_of(other.hyperparameters)
     lanes = {path: [value, after[path]] for path, value in numbers_of(agent.hyperparameters).items()}
