@@ -79,6 +79,7 @@ print(found.count("cache_hits"), found.count("cache_misses"))
 """
 
 
+@pytest.mark.ci
 def test_a_process_finds_what_one_of_another_run_compiled(tmp_path, process_environment):
     counts = []
     for _ in range(2):
@@ -93,6 +94,7 @@ def test_a_process_finds_what_one_of_another_run_compiled(tmp_path, process_envi
     assert again == (hits + misses, 0)
 
 
+@pytest.mark.ci
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="needs Linux's list of mapped regions")
 def test_programs_are_dropped_when_a_process_has_many_mapped_regions():
     code = """

@@ -90,7 +90,7 @@ LONG = (
 """Pages whose code takes so long that only `make test-all` runs it."""
 
 
-QUICK = ("README.md", "docs/getting-started.md")
+QUICK = ("README.md",)
 """Pages whose code `make test` runs. `make test-share` runs that of the others."""
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
@@ -15,8 +16,18 @@ class Goal(NamedTuple):
     - `reward(errors)`: the part of a reward that depends on the errors to which an action led.
     - `targets`: the places of the target itself in the observation, in the order and the units of its errors; empty
       where it is not shown.
+    - `actual`: the places of what should reach the target, likewise.
     """
 
     errors: tuple[int, ...]
     reward: Callable[[Float[Array, " errors"]], Float[Array, ""]]
     targets: tuple[int, ...] = ()
+    actual: tuple[int, ...] = ()
+
+    def target(self, observation: Float[Array, "*batch inputs"]) -> Float[Array, "*batch errors"] | None:
+        """The target, as observations show it, or actual + error; none where they show neither."""
+        if self.targets:
+            return observation[..., jnp.asarray(self.targets)]
+        if self.actual:
+            return observation[..., jnp.asarray(self.actual)] + observation[..., jnp.asarray(self.errors)]
+        return None

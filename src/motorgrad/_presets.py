@@ -195,7 +195,7 @@ def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, An
     own = behind_layers(task, network, policy)
     if own["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
         own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": 1 - 4 / ahead}
-    hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead}
+    hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead, "others": 0.5}
     return {
         "policy": own,
         "estimator": {

@@ -132,8 +132,8 @@ def sac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None 
 
     There is no entropy bonus. The deviation of a squashed number starts at 0.5 and shrinks to 0.3 at most; noise has
     the autocorrelation $1 - 4/h$. On a task with `hindsight`, such as `compose` and `myosuite` make with
-    `scaling="none"`, two thirds of the drawn decisions get the place that was reached some $h$ decisions later as their
-    target (Andrychowicz et al., 2017).
+    `scaling="none"`, a third of the drawn decisions get the place that was reached some $h$ decisions later as their
+    target (Andrychowicz et al., 2017), and a third the target of another episode.
 
     **Arguments** and **Returns:** as `natural`.
 

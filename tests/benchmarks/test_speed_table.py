@@ -50,6 +50,7 @@ def test_the_rows_of_bodies_compare_learning_with_replayed_physics(task):
     assert simulated.unit == "simulated s/s"
 
 
+@pytest.mark.ci
 def test_the_rows_of_tendons_compare_muscles_of_one_body():
     rows = list(tendon_rows(1, 3, 1))
     assert [row.wanted for row in rows] == ["≥ 0.77", ""] * 4

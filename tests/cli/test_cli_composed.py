@@ -42,6 +42,7 @@ def status(*arguments):
         return left.code
 
 
+@pytest.mark.ci
 def test_a_task_in_a_file_is_trained_resumed_and_evaluated(folder, capsys):
     task = mg.tasks.load("tasks/reach.toml")
     run = ("--seeds", 2, "--agent.decay", 0.8)

@@ -201,6 +201,7 @@ def _spoil_many(count, sound, monkeypatch):
     assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used) * 1024 < MEMORY
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=[pytest.mark.slow])])
 def test_a_spoilt_file_gives_an_answer_or_is_refused_on_one_line(count, sound, monkeypatch):
     _spoil_many(count, sound, monkeypatch)

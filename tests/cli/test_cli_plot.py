@@ -40,6 +40,7 @@ def texts(path):
     return re.findall(r"<text[^>]*>([^<]*)</text>", Path(path).read_text())
 
 
+@pytest.mark.ci
 def test_the_options_are_those_of_the_library(runs, tmp_path):
     both = [runs / name / "demo" for name in "ab"]
     options = ["--quantity", "reward", "apex", "--x", "decisions", "--smooth", 40, "--labels", "before", "after"]

@@ -152,6 +152,7 @@ def test_nothing_touches_the_edge_of_the_picture(falling, growing, tmp_path):
             assert edge.min() > 245
 
 
+@pytest.mark.ci
 def test_units_that_are_added_are_seen(growing, tmp_path):
     """Drawn without paths, by the pixels that are neither grey nor green, as field and box are: those of units."""
     course = course_of(growing, 4)

@@ -31,6 +31,7 @@ def test_what_is_not_random_holds_at_any_size(name, done):
     assert [claim.statement for claim in done(name).claims if not claim.holds] == []
 
 
+@pytest.mark.ci
 def test_the_learned_ones_share_one_run(out, done):
     for name in LEARNT:
         done(name)

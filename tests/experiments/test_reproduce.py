@@ -326,6 +326,7 @@ def test_parts_and_all_choose_experiments():
 # the command
 
 
+@pytest.mark.ci
 def test_the_command_reproduces_and_reports(capsys):
     assert main(["reproduce", "fig-2.1", "fig-4.9", "--quick", "--json", "found.json"]) == 0
     shown = capsys.readouterr().out
@@ -336,6 +337,7 @@ def test_the_command_reproduces_and_reports(capsys):
     assert [each["name"] for each in found["experiments"]] == ["fig-2.1", "fig-4.9"]
 
 
+@pytest.mark.ci
 def test_settings_of_one_experiment_are_options(capsys):
     assert main(["reproduce", "fig-4.9", "--quick", "--settings.longest", "6", "--json", "-"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -352,6 +354,7 @@ def test_a_file_names_the_experiment_and_its_settings(tmp_path, capsys):
     assert found["experiments"][0]["command"] == again
 
 
+@pytest.mark.ci
 def test_a_strict_run_fails_where_a_claim_does():
     assert main(["reproduce", "fig-4.9", "--quick", "--settings.longest", "6", "--strict"]) == 1
 
@@ -370,7 +373,6 @@ def test_no_name_and_impossible_settings_are_refused(capsys):
     assert "longest = 99: must be from 6 to 20" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_a_killed_reproduction_goes_on(tmp_path):
     command = [sys.executable, "-m", "motorgrad", "reproduce", "fig-4.9", "--quick", "--settings.longest", "8"]

@@ -155,6 +155,7 @@ def test_a_motor_in_a_loop_moves_as_scipy_says(tick):
     np.testing.assert_allclose(record["out.u"][0], expected, atol=2e-4)
 
 
+@pytest.mark.ci
 def test_the_interpreter_moves_the_motor_too():
     record = Interpreter(motor(0.01)).advance(60)
     np.testing.assert_allclose(record["out.u"][0], motor_by_scipy(record.times("out.u")), atol=2e-4)

@@ -112,6 +112,7 @@ def test_a_policy_has_a_state_of_its_own():
         policy([1, 2, 3])
 
 
+@pytest.mark.ci
 def test_grouped_blocks_compute_what_they_did_with_the_same_random_numbers():
     whole = cart()
     grouped = group(whole, ["noise", "push", "place"], "body")

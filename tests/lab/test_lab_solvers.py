@@ -91,6 +91,7 @@ def test_a_relay_switches_and_a_ball_bounces_at_the_instant(solver):
         assert error(Run(ball(solver=solver)), height) < 1e-4  # single precision
 
 
+@pytest.mark.ci
 def test_the_interpreter_bounces_too_and_states_are_interchangeable():
     run, slow = Run(ball(solver="tsit5", **EXACT)), Interpreter(ball(solver="tsit5", **EXACT))
     assert error(slow, height, 6) < 1e-13

@@ -107,6 +107,7 @@ def test_before_any_decision_only_damping_counts():
     np.testing.assert_allclose(ravel_pytree(found)[0], 2 * ravel_pytree(gradient)[0], rtol=1e-5)
 
 
+@pytest.mark.ci
 def test_a_step_has_the_divergence_of_the_limit_at_most():
     seen, actions = decisions(NETWORK, 30)
     metric = ConjugateGradient(memory=30)
@@ -118,6 +119,7 @@ def test_a_step_has_the_divergence_of_the_limit_at_most():
         assert size > 1e-6 or all(map(np.array_equal, jax.tree.leaves(short), jax.tree.leaves(step)))
 
 
+@pytest.mark.ci
 def test_a_network_learns_by_it_and_resumes_bit_for_bit(tmp_path):
     agent = {
         "policy": {"kind": "hyperplanes", "network": {"hidden": [8]}},

@@ -141,6 +141,7 @@ def added_at(history):
     return np.flatnonzero(np.diff(counts)) + 2  # decisions; one unit is there from the start
 
 
+@pytest.mark.ci
 def test_a_reward_that_rises_adds_no_unit_and_one_that_stays_adds_one_after_two_windows():
     rising = noisy(lambda t: jnp.minimum(t, 2_000) * 2e-3)
     for seed in range(3):

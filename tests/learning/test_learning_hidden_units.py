@@ -49,6 +49,7 @@ def test_the_mean_estimate_over_seeds_is_the_exact_gradient(name):
     np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * error + 2e-3 * np.linalg.norm(exact))
 
 
+@pytest.mark.ci
 def test_the_running_fisher_matrices_are_those_of_what_all_pools_draw():
     task, policy = POINTS["hidden units"]
     stepper = stepper_for(task, Agent(policy, gpomdp(0.5), metric=FisherMetric(rate=1e-3, initial=0.0)), range(50))
@@ -69,7 +70,6 @@ def mean_reward(stepper, decisions):
     return np.asarray(stepper.harvest()["reward"], float) / decisions
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_hidden_units_learn_what_one_layer_cannot():
     task = Parity()
@@ -82,7 +82,6 @@ def test_hidden_units_learn_what_one_layer_cannot():
     assert (mean_reward(layers, 5_000) > 0.95).sum() >= 16
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 @pytest.mark.parametrize("task", [LoadUnload(), TMaze()])
 def test_a_controller_earns_more_than_any_policy_without_a_memory(task):

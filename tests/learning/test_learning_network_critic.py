@@ -58,6 +58,7 @@ def test_a_network_critic_learns_the_exact_values(name, discount):
     np.testing.assert_allclose(found.mean(0), exact, atol=0.03 * scale)
 
 
+@pytest.mark.ci
 def test_values_fitted_to_the_returns_of_batches_are_the_exact_ones():
     task, policy, *_ = WORLDS["chain"]
     fit = FittedReturns(0.01, interval=400, passes=20)
@@ -83,6 +84,7 @@ def by_hand(rewards, later, ends, discount, decay):
     return returns
 
 
+@pytest.mark.ci
 def test_the_returns_of_a_batch_end_with_its_episodes():
     """One step of plain size down the squared error, from the returns by hand."""
     fit = FittedReturns(0.01, interval=5, passes=1)

@@ -23,6 +23,7 @@ from motorgrad.learning import (
     ConjugateAscent,
     Criterion,
     CriticFit,
+    EntropyTarget,
     Estimator,
     Features,
     Growth,
@@ -108,12 +109,13 @@ def narrow(values=None):
     return ActionValueGradient(values=dataclasses.replace(values, network=network))
 
 
-def narrow_soft(values=None, replay=None):
+def narrow_soft(values=None, replay=None, entropy_target=None):
     """Soft actor-critic with narrow networks and little experience, which it uses from the first decisions."""
     values = ActionValueEnsemble() if values is None else values
     network = dataclasses.replace(values.network, hidden=(4,))
     replay = dataclasses.replace(Replay() if replay is None else replay, capacity=40, start=4, batch=3)
-    return SoftActorCritic(improve=2, values=dataclasses.replace(values, network=network), replay=replay)
+    values = dataclasses.replace(values, network=network)
+    return SoftActorCritic(improve=2, values=values, replay=replay, entropy_target=entropy_target)
 
 
 def agent_with(base, name):
@@ -151,12 +153,14 @@ def agent_with(base, name):
         ActionValues: lambda: {"estimator": narrow(made(cls))},
         ActionValueEnsemble: lambda: {"estimator": narrow_soft(made(cls))},
         Replay: lambda: {"estimator": narrow_soft(replay=made(cls))},
+        EntropyTarget: lambda: {"estimator": narrow_soft(entropy_target=made(cls))},
         Optimizer: lambda: {"optimizer": made(cls), **({"estimator": BATCH} if cls is ConjugateAscent else {})},
         Metric: lambda: {"metric": made(cls)},
         PolyakAveraging: lambda: {"averaging": made(cls)},
         Agent: dict,
     }[base]()
-    if base in (ActionValues, ActionValueEnsemble, Replay) or cls in (ActionValueGradient, SoftActorCritic):
+    of_values = (ActionValues, ActionValueEnsemble, EntropyTarget, Replay)
+    if base in of_values or cls in (ActionValueGradient, SoftActorCritic):
         return recruitment, Agent(NamedPolicy(recruitment, "graded-motoneurons"), **inner)
     task = ThreeState()
     agent = Agent(NamedPolicy(task, "softmax"), **inner)

@@ -16,6 +16,7 @@ from motorgrad.learning import (
     Adam,
     Agent,
     Drawn,
+    EntropyTarget,
     Goal,
     Hindsight,
     MeanReward,
@@ -110,7 +111,7 @@ def test_the_mean_of_a_batch_leaves_out_rows_without_a_decision():
 def test_in_hindsight_a_later_place_is_the_target(share, ahead):
     """Places 2 t with the target at 50: all errors are those for another place of the same episode, or as they were."""
     goal = Goal((1,), lambda error: -jnp.abs(error[0]) + 7.0 * (error[0] == 0), (3,))
-    replay = Replay(100, 2, batch=4_000, hindsight=Hindsight(share, ahead))
+    replay = Replay(100, 2, batch=4_000, hindsight=Hindsight(share, ahead, 0.0))
     kept = replay.init(jnp.zeros(4), jnp.zeros(1), jax.random.key(0))
     add, length = jax.jit(replay.add), 20
     for episode in range(2):
@@ -141,6 +142,35 @@ def test_in_hindsight_a_later_place_is_the_target(share, ahead):
         assert np.all(later == 1)
 
 
+@pytest.mark.parametrize("shown", [True, False], ids=["target-shown", "place-shown"])
+def test_in_hindsight_the_target_of_another_episode_is_the_target(shown):
+    """Places t − 5, and targets 50 + 10 e of episode e: each of the four targets for 0.6 of the decisions."""
+    goal = (
+        Goal((0,), lambda error: -jnp.abs(error[0]), (2,)) if shown else Goal((0,), lambda e: -jnp.abs(e[0]), (), (1,))
+    )
+    replay = Replay(100, 2, batch=4_000, hindsight=Hindsight(0.6, others=1.0))
+    kept = replay.init(jnp.zeros(4), jnp.zeros(1), jax.random.key(0))
+    add = jax.jit(replay.add)
+    for episode in range(4):
+        target = 50.0 + 10 * episode
+        for t in range(20):
+            seen, following = (jnp.array([target - at, at, target, episode]) for at in (t - 5, t - 4))
+            kept = add(kept, seen, jnp.zeros(1), goal.reward(following[:1]) + 0.25, following, False, False)
+        kept = replay.restart(kept)
+    drawn = jax.tree.map(np.asarray, jax.jit(lambda key: replay.draw(kept, key, goal))(jax.random.key(2)))
+    rows = drawn.weight > 0
+    error, place, target, episode = drawn.observation[rows].T
+    own = 50 + 10 * episode
+    np.testing.assert_array_equal(
+        drawn.next_observation[rows], np.stack([error - 1, place + 1, target, episode], axis=1)
+    )
+    np.testing.assert_allclose(drawn.reward[rows], -np.abs(error - 1) + 0.25, atol=1e-5)
+    np.testing.assert_array_equal(target, error + place if shown else own)
+    for other in (50, 60, 70, 80):
+        assert abs(np.mean((error + place)[own != other] == other) - 0.6 / 4) < 0.03
+    assert abs(np.mean(error + place == own) - (0.4 + 0.6 / 4)) < 0.03
+
+
 def arm(scaling: Any = "none", **changes: Any) -> Any:
     settings = {
         "targets": [terms.Reach("hand")],
@@ -160,6 +190,11 @@ def test_the_goal_of_a_composed_task_gives_the_reward_for_another_target():
     both = [[k for k, name in enumerate(shown.observation_names) if word in name] for word in ("error", "target ")]
     assert list(shown.hindsight.errors) == both[0]
     assert list(shown.hindsight.targets) == [place for place in both[1] if place not in both[0]]
+    placed = arm(observe=[terms.Positions("hand", scale=3.0), terms.TargetError(scale=3.0), terms.Positions("hand")])
+    assert (placed.hindsight.errors, placed.hindsight.actual) == ((3, 4, 5), (0, 1, 2))  # of the same scale
+    assert (shown.hindsight.actual, task.hindsight.actual) == ((), ())
+    posed = arm(targets=[terms.Pose()], observe=["joint-velocities", "joint-positions", "target-error"])
+    assert (posed.hindsight.errors, posed.hindsight.actual) == ((4, 5), (2, 3))
     for error in ([0.3, -0.1, 0.2], [0.01, 0.02, -0.01]):
         distance = math.sqrt(sum(each * each for each in error))
         wanted = -distance + 2.0 * (distance < 0.05)
@@ -301,6 +336,18 @@ def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
     assert float(policy.deviation[0]) < 0.25
 
 
+def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
+    network = MultilayerPerceptron((32,), activation="tanh", sparsity=0.0, layer_norm=False)
+    values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
+    wanted = 0.3  # a deviation, of which entropy is a function
+    target = EntropyTarget(math.log(wanted) + 0.5 * math.log(2 * math.pi * math.e), start=0.5, learning_rate=0.02)
+    estimator = SoftActorCritic(improve=4, values=values, replay=Replay(3_000, 100, 64, 4), entropy_target=target)
+    state = bandit(estimator, unit(), 2_500)
+    assert float(state.policy.deviation[0]) == pytest.approx(wanted, abs=0.06)
+    # where s is best, 2 s² = α: the square counts −1, and a nat of log s counts α
+    assert float(jnp.exp(state.estimator.entropy.log_worth)) == pytest.approx(2 * wanted**2, abs=0.12)
+
+
 def test_nothing_moves_before_there_is_enough_experience():
     estimator = SoftActorCritic(improve=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
     before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision
@@ -316,6 +363,7 @@ def test_parts_and_policies_without_a_place_in_it_are_refused():
         ({"baseline": MeanReward()}, "baseline = "),
         ({"improve": "episode"}, "improve = 'episode': must be a number of decisions with SoftActorCritic"),
         ({"discount": 0.9}, "discount = 0.9"),
+        ({"entropy": 0.1, "entropy_target": EntropyTarget()}, r"entropy = 0\.1: must be None with an entropy_target"),
     ):
         with pytest.raises(ValueError, match=words):
             SoftActorCritic(**changes)
@@ -349,6 +397,7 @@ def preset_for(task, **changes):
     return mg.agent_for(task, small, preset="sac", steps=400)
 
 
+@pytest.mark.ci
 def test_a_stopped_run_continues_bit_for_bit_with_its_experience(tmp_path):
     task = arm()
     agent = preset_for(task)

@@ -62,6 +62,7 @@ def test_the_exact_scores_are_slopes():
     np.testing.assert_allclose(slopes, oracle.stationary_score(mdp, POINT), atol=3e-4)
 
 
+@pytest.mark.ci
 def test_the_means_are_those_written_out_and_a_diverged_decision_breaks_the_chain():
     decay, lost = 0.6, 5
     with jax.enable_x64(True):

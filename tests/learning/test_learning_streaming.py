@@ -94,6 +94,7 @@ def standardised():
     return Agent(hyperplanes(2, 1, network=network), Estimator(Exponential(0.5), critic), SGD(0.1))
 
 
+@pytest.mark.ci
 def test_inputs_are_standardised_by_what_actions_led_to(standardised):
     looks = np.random.default_rng(0).normal(3.0, 2.0, (5, 2)).astype(np.float32)
     state = decided(standardised, [1.0, 0.0, 1.0, 2.0], looks=looks)
@@ -152,7 +153,6 @@ def test_the_preset_is_that_of_the_paper(task, policy):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_the_preset_resumes_bit_for_bit_and_its_seeds_do_not_touch():
     task = mg.make("three-state", time_limit=5)

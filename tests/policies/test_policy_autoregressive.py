@@ -70,6 +70,7 @@ def test_the_density_is_the_normal_one_around_the_mix_of_location_and_last_actio
     np.testing.assert_allclose(policy.mode(seen), mean, rtol=1e-5)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", MAKE)
 def test_score_and_fisher_matrix_are_the_derivatives(name):
     with jax.enable_x64(True):

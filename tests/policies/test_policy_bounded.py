@@ -17,6 +17,7 @@ from motorgrad.policies import (
     BoundedHyperplanes,
     GradedUnits,
     Hyperplanes,
+    Network,
     Primitives,
     bounded_hyperplanes,
     describe,
@@ -157,6 +158,7 @@ def test_scores_have_mean_zero_and_their_square_is_the_fisher_matrix(density, se
 EXTREMES = [(m, v) for m in (-700.0, -9.0, -1.0, 0.0, 4.0, 700.0) for v in (-200.0, -1.0, 9.0)]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("density", DENSITIES)
 def test_nothing_is_infinite_where_a_unit_is_saturated(density):
     """Locations up to 700 and spreads from the floor to e^9, at the bounds, beside them and in the middle."""
@@ -190,6 +192,21 @@ def test_nothing_is_infinite_where_a_unit_is_saturated(density):
 def entropy_slope(policy, observation):
     parameters, rest = split(policy)
     return jax.grad(lambda theta: eqx.combine(theta, rest).entropy(observation))(parameters)
+
+
+def test_the_estimate_of_the_entropy_has_the_entropy_and_its_gradient_as_mean():
+    policy = BoundedHyperplanes(np.array([[0.5], [-2.0]]), [0.2, 0.0], [-1.0, -0.5], low=[0.0, -2.0], high=[1.0, 2.0])
+    policy = Network(policy, eqx.nn.Lambda(jnp.tanh), observed=1)  # it is asked through layers
+    seen, uniforms = jnp.array([0.7]), np.random.default_rng(0).random((40_000, 2))
+    learned, settings = split(policy)
+
+    def estimate(learned):
+        return jnp.mean(jax.vmap(lambda u: eqx.combine(learned, settings).entropy_estimate(seen, u))(uniforms))
+
+    exact, slopes = jax.jit(jax.value_and_grad(lambda learned: eqx.combine(learned, settings).entropy(seen)))(learned)
+    found, means = jax.jit(jax.value_and_grad(estimate))(learned)
+    np.testing.assert_allclose(found, exact, atol=0.02)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=0.03), means, slopes)
 
 
 @pytest.mark.parametrize("density", ["clipped", "squashed"])

@@ -122,6 +122,7 @@ def found(method, score, evaluations, seed=0, **more):
     return search(score, SMALL, method, evaluations=evaluations, seed=seed, progress=False, **more)
 
 
+@pytest.mark.ci
 def test_scores_lead_to_the_optimum_and_gradients_lead_there_sooner():
     plain = found(BayesianOptimisation(), sphere, 24)
     assert plain.curve[-1] > max(-0.1, found(Uniform(), sphere, 120).curve[-1])
@@ -130,6 +131,7 @@ def test_scores_lead_to_the_optimum_and_gradients_lead_there_sooner():
         assert told.curve[-1] > max(-0.5, plain.curve[11])
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "method",
     [BayesianOptimisation(acquisition="upper-confidence-bound"), BayesianOptimisation(kernel="squared-exponential")],

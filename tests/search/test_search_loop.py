@@ -20,6 +20,7 @@ def test_the_same_seed_finds_the_same_and_another_seed_another(kind):
     assert not np.array_equal(one.candidates[-1], other.candidates[-1])
 
 
+@pytest.mark.representatives("boltzmann", "cma-es", "evolution-strategy")
 @pytest.mark.parametrize("kind", METHODS)
 def test_a_stopped_search_goes_on_bit_for_bit(kind, tmp_path):
     calls = []
@@ -63,6 +64,7 @@ def test_the_file_of_another_search_is_refused(other, tmp_path):
         other(file)
 
 
+@pytest.mark.representatives("boltzmann", "cma-es", "evolution-strategy")
 @pytest.mark.parametrize("kind", METHODS)
 def test_what_fails_is_recorded_and_avoided(kind):
     """Half of the space fails, as bodies do that cannot be built."""

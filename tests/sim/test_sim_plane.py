@@ -194,6 +194,7 @@ def test_a_dash_for_each_decision_and_a_dot_at_the_start(axes):
         drawn.update([np.zeros((3, 3))])
 
 
+@pytest.mark.ci
 def test_trajectories_are_those_of_the_world():
     """Without chance in the actions or the start they can be followed by hand."""
     task = FallingParticle(units=1, forces=(RIGHT,), start=ParticleStart(x=(0.2, 0.2), y=(0.95, 0.95)))

@@ -24,6 +24,7 @@ def done(tmp_path_factory):
     return study.run(tmp_path_factory.mktemp("cases") / "study", progress=False)
 
 
+@pytest.mark.ci
 def test_cases_have_settings_and_steps_of_their_own(done, tmp_path):
     assert [point["agent"] for point in done.study.points] == [
         {"learning_rate": 0.01},

@@ -14,7 +14,6 @@ def text_of(page):
     return " ".join(re.sub(r"<style>.*?</style>|<[^>]*>", " ", content, flags=re.DOTALL).split())
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_the_page_shows_a_study_that_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(_driver, "PAUSE", 0.01)
@@ -40,6 +39,7 @@ def test_the_page_shows_a_study_that_runs(tmp_path, monkeypatch):
     assert "study done" in text_of(page)
 
 
+@pytest.mark.ci
 def test_the_page_ranks_settings_for_each_task(tmp_path):
     study = Study(
         task=["three-state", "chain"], agent={"learning_rate": [0.001, 0.2]}, steps=400, seeds=4, window=100, lanes=100

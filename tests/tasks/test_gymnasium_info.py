@@ -40,12 +40,14 @@ def test_an_episode_succeeds_if_it_is_solved_on_enough_steps(reporting, steps, s
     np.testing.assert_allclose([record["success"][0], record["success_count"][0]], [succeeds, 3])
 
 
+@pytest.mark.ci
 def test_held_actions_count_every_step(reporting):
     task = from_gymnasium(reporting(lambda time: {"solved": time in (2, 3)}, cut=6), repeat=3, success_steps=2)
     record = recorded(task, 4)
     np.testing.assert_allclose([record["success"][0], record["solved"][0]], [1, 1 / 3], rtol=1e-6)
 
 
+@pytest.mark.ci
 def test_other_keys_are_read_where_they_are_asked_for(reporting):
     def report(time):
         return {"effort": 2.0 * time, "late": np.nan if time < 3 else time, "is_success": False, "words": "no"}
@@ -57,12 +59,14 @@ def test_other_keys_are_read_where_they_are_asked_for(reporting):
     np.testing.assert_array_equal([record["late_count"][0], record["diverged"][0]], [2, 0])
 
 
+@pytest.mark.ci
 def test_a_key_of_the_end_alone_is_found_and_counts_there(reporting):
     task = from_gymnasium(reporting(lambda time: {"score": 7} if time == 5 else {}, end=5), info=("score",))
     record = recorded(task, 10)
     np.testing.assert_array_equal([record["score"][0], record["score_count"][0]], [7, 2])
 
 
+@pytest.mark.ci
 def test_of_several_keys_of_success_the_one_asked_for_means_it(reporting):
     env_id = reporting(lambda time: {"solved": False, "is_success": True}, cut=3)
     assert recorded(from_gymnasium(env_id), 3)["success"] == 0
@@ -93,6 +97,7 @@ def test_what_cannot_be_read_is_refused_by_name(reporting, settings, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.ci
 def test_success_is_recorded_kept_and_evaluated(reporting, tmp_path):
     env_id = reporting(lambda time: {"solved": time > 2, "effort": time}, cut=4)
     words = f"train gymnasium --task.env-id {env_id} --task.info effort --task.success-steps 2 --steps 80".split()

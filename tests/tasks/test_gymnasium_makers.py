@@ -36,6 +36,7 @@ def short_walk():
     return TimeLimit(Walk(3), 20)
 
 
+@pytest.mark.representatives("short_walk-short_walk")
 @pytest.mark.parametrize(("maker", "name"), [(Walk, "Walk"), (short_walk, "short_walk")])
 def test_a_class_or_a_function_is_an_environment(maker, name, tmp_path):
     task = from_gymnasium(maker)

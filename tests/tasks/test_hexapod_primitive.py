@@ -46,6 +46,7 @@ def part_of(fires, tripod):
     return {("protractor", "levator"): "swing", ("retractor", "depressor"): "stance", ("depressor",): "stand"}[on]
 
 
+@pytest.mark.ci
 def test_a_step_is_a_swing_and_a_stance_of_the_lengths_that_were_chosen():
     task = HexapodPrimitive(swing=0.1, stance=0.1)
     begin = np.array([1, 0, math.log(0.6), math.log(2.0), 9.0, 9.0])  # 0.06 s and 0.2 s, the first tripod

@@ -61,6 +61,7 @@ def followed(task, row=0, walk=WALK):
     return np.stack(observed), np.array(rewards), falls, readings
 
 
+@pytest.mark.ci
 def test_the_six_lateral_angles_are_observed_in_parts_of_thirty_degrees():
     observed, *_ = followed(Hexapod(observes=("lateral",), lag=0))
     np.testing.assert_allclose(observed, np.degrees(read_hexapod(WALK).lateral[:, 0]) / 30.0, atol=1e-6)
@@ -78,6 +79,7 @@ def test_lag_shows_the_angles_of_so_many_decisions_ago_and_stood_still_before(la
     np.testing.assert_array_equal(late[:lag], np.tile(fresh[0], (lag, 1)))
 
 
+@pytest.mark.ci
 def test_all_senses_in_their_order_whatever_the_order_asked_for():
     task = Hexapod(observes=("course", "contact", "current", "yaw", "lateral"), lag=1, course=40, yaw_smoothing=0.25)
     observed, *_ = followed(task)
@@ -127,6 +129,7 @@ def test_velocity_is_paid_along_the_heading_the_course_or_x():
     assert np.abs(along["heading"] - along["x"]).max() > 0.01
 
 
+@pytest.mark.ci
 def test_speed_is_reported_at_every_decision_and_stalls_once_a_second():
     *_, falls, readings = followed(Hexapod())
     speed = read_hexapod(WALK).speed[1:, 0]
@@ -199,6 +202,7 @@ def test_an_overturned_trunk_ends_the_episode_and_counts_as_a_fall():
         assert float(rate) == pytest.approx(50.0 * fallen)
 
 
+@pytest.mark.ci
 def test_the_engine_puts_a_body_on_its_back_on_its_feet():
     task = HexapodSynergy()
     stepper = stepper_for(task, agent_for(task), range(2), threads=1)
@@ -284,6 +288,7 @@ def test_impossible_settings_are_refused_by_name(settings, message):
         Hexapod(**settings)
 
 
+@pytest.mark.ci
 def test_an_evaluation_measures_the_gait():
     task = HexapodSynergy(time_limit=2.0)
     run = train(task, steps=100, seeds=[4, 9], window=50, progress=False)

@@ -69,6 +69,7 @@ def test_the_policy_goes_with_the_actions_or_is_the_tasks_own(env_id, policy):
     assert mg.presets.natural(task).policy.kind == policy
 
 
+@pytest.mark.representatives("CartPole-v1")
 @pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
 def test_foreign_environments_have_it_by_themselves_in_proportion_to_the_training(env_id):
     task = from_gymnasium(env_id)
@@ -130,6 +131,7 @@ def test_parts_are_changed_one_by_one():
         mg.agent_for(task, preset="naturl")
 
 
+@pytest.mark.ci
 def test_the_command_line_scales_and_changes_a_preset(tmp_path):
     words = "train CartPole-v1 --steps 400 --seeds 2 --agent.metric.damping 0.02 --agent.baseline.discount 0.9"
     assert main([*words.split(), "--out", str(tmp_path / "run")]) == 0
@@ -237,7 +239,6 @@ def test_batch_methods_learn_three_states(preset):
     assert min(earned) > 0.75
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_the_preset_balances_the_pole():
     task = from_gymnasium("CartPole-v1")

@@ -15,6 +15,7 @@ TASK = dataclasses.replace(Composed(), time_limit=0.1, actions="binary")  # five
 LIGHT = {"estimator": "olgarb", "metric": None, "averaging": None}  # a learner that is compiled quickly
 
 
+@pytest.mark.ci
 def test_every_episode_of_every_seed_begins_where_the_task_says():
     engine = stepper_for(TASK, agent_for(TASK, LIGHT), [3, 7], threads=1)
     seen = []
@@ -56,6 +57,7 @@ def test_a_run_resumes_bit_for_bit_and_stands_alone(tmp_path):
     np.testing.assert_array_equal(steps, np.tile(jumps, (2, 1)))  # with the first state of an episode, not before
 
 
+@pytest.mark.ci
 def test_a_run_does_not_continue_with_another_model(tmp_path):
     model = tmp_path / "arm.xml"
     model.write_bytes(mg.bodies.BUNDLED["arm6"].read_bytes())
@@ -69,13 +71,13 @@ def test_a_run_does_not_continue_with_another_model(tmp_path):
         mg.train(changed, LIGHT, steps=10, out=tmp_path / "run", progress=False)
 
 
+@pytest.mark.ci
 def test_sweeps_have_the_same_episodes_under_every_setting():
     swept = mg.train(TASK, LIGHT, steps=10, seeds=2, sweep={"optimizer.learning_rate": [0.0, 1e-12]}, progress=False)
     one, two = swept.split()
     np.testing.assert_array_equal(one.curve("distance")[1], two.curve("distance")[1])
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_seeds_side_by_side_are_each_their_own():
     engine = training_stepper_for(TASK, agent_for(TASK, LIGHT), range(10), threads=2)

@@ -180,6 +180,7 @@ def test_a_body_that_breaks_again_and_again_is_counted_and_begins_anew(case):
     assert all(np.isfinite(leaf).all() for leaf in learners)
 
 
+@pytest.mark.representatives("observation")
 @pytest.mark.parametrize("kind", KINDS)
 def test_environments_that_break_change_no_bit_of_the_others(kind):
     found = []

@@ -154,6 +154,7 @@ def test_one_learner_learns_from_the_decisions_of_its_environments_in_turn(task,
     np.testing.assert_array_equal(stepper.batch.packed[:, :2], batch.packed[:, :2])
 
 
+@pytest.mark.ci
 def test_one_environment_is_the_learner_as_it_was(task, agent):
     steppers = [engine(task, agent), engine(task, agent, envs=1)]
     for stepper in steppers:
@@ -161,7 +162,6 @@ def test_one_environment_is_the_learner_as_it_was(task, agent):
     same(steppers[0].state, steppers[1].state)
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_the_number_of_workers_changes_no_number(task, agent):
     steppers = [engine(task, agent, envs=2, workers=workers) for workers in (0, 1, 3)]
@@ -189,6 +189,7 @@ def test_a_restored_state_goes_on_bit_for_bit(task, agent):
     assert kept["cycle"].observation.shape == (2, 2, 2)
 
 
+@pytest.mark.ci
 def test_bodies_are_stepped_in_one_batch():
     task = mg.make("hopper")
     agent = natural(task, batch=10)
@@ -232,7 +233,6 @@ def test_what_cannot_be_is_refused_before_any_work(name, settings, message):
         mg.train(name, **{"steps": 1200, **settings})
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_an_error_in_a_worker_is_raised_here_and_an_end_is_named_and_none_outlives_its_batch(drift):
     stepper = engine(from_gymnasium(drift, fails_at=150), workers=1)

@@ -99,11 +99,13 @@ def test_the_learner_sees_the_end_before_any_reset_and_what_kind_it_is(register,
     assert seen == [[1, False, False, False], [2, False, False, False], [3, *flags, False]] * 2
 
 
+@pytest.mark.ci
 def test_an_end_that_is_also_a_cut_is_an_end(register, monkeypatch):
     task = from_gymnasium(register(lambda: Counted(end=2, cut=2)), scaling="none")
     assert flags_seen(lambda: learner(task, [0]), 2, monkeypatch)[-1] == [2, True, False, False]
 
 
+@pytest.mark.ci
 def test_a_broken_observation_is_a_divergence_and_the_episode_begins_anew(register):
     task = from_gymnasium(register(lambda: Counted(bad=5)), scaling="running")
     stepper = learner(task, SEEDS)
@@ -115,6 +117,7 @@ def test_a_broken_observation_is_a_divergence_and_the_episode_begins_anew(regist
     np.testing.assert_array_equal(state["physics"]["packed"][:, 0], 12 - 5)
 
 
+@pytest.mark.ci
 def test_returns_and_lengths_are_the_environments_own(register):
     task = from_gymnasium(register(lambda: Counted(end=5)), repeat=2, end_reward=-50.0)
     stepper = learner(task, SEEDS)
@@ -127,6 +130,7 @@ def test_returns_and_lengths_are_the_environments_own(register):
     np.testing.assert_array_equal(record["reward"], 2 * (5 - 50) + 2)
 
 
+@pytest.mark.ci
 def test_the_environments_close_with_their_engine_although_its_program_is_kept(register):
     task = from_gymnasium(register(Closing))
     stepper = learner(task, [0, 1])
@@ -137,6 +141,7 @@ def test_the_environments_close_with_their_engine_although_its_program_is_kept(r
     assert Closing.closed == 2
 
 
+@pytest.mark.ci
 def test_the_actions_of_the_learner_are_those_of_the_environment():
     """By hand: the same environment, reset and stepped with the actions that the learner chose."""
     task = from_gymnasium("CartPole-v1", scaling="none")
@@ -151,6 +156,7 @@ def test_the_actions_of_the_learner_are_those_of_the_environment():
             seen, _ = alone.reset()
 
 
+@pytest.mark.ci
 def test_the_engine_is_the_hosts_and_another_seed_changes_nothing_of_an_environment():
     task = from_gymnasium("CartPole-v1")
     few, many = (stepper_for(task, Agent(mg.policies.softmax(task), olgarb(0.9), SGD(0.0)), s) for s in ([3], [0, 3]))
@@ -245,6 +251,7 @@ def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learned_of
     np.testing.assert_allclose(seen, np.clip(wanted, -5, 5), rtol=1e-3, atol=1e-4)
 
 
+@pytest.mark.ci
 def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(register, tmp_path):
     name = register(Forgetful)
     task, told = from_gymnasium(name), f"{name}: a restored copy of it continues differently from the original"

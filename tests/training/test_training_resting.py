@@ -65,6 +65,7 @@ def watched(found):
     return seen
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("interval", [1, pytest.param(GATHERED, marks=[pytest.mark.slow, pytest.mark.ci])])
 def test_what_is_learned_is_the_same_with_and_without_resting(interval):
     resting, complete = stepper(interval=interval), stepper(complete=True, interval=interval)

@@ -49,6 +49,8 @@ def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds
         assert made == shares
 
 
+@pytest.mark.slow
+@pytest.mark.ci
 @pytest.mark.representatives("1")
 @pytest.mark.parametrize("threads", [1, 5])
 def test_the_number_of_threads_changes_no_bit(begun, threads):
@@ -137,6 +139,7 @@ def test_no_two_engines_are_in_compiled_code_at_once(monkeypatch):
     assert not any(overlaps)
 
 
+@pytest.mark.ci
 def test_a_run_of_many_seeds_goes_on_with_any_number_of_threads(tmp_path):
     options = {"seeds": SEEDS, "window": 40, "progress": False}
     whole = mg.train(TASK, AGENT, 120, **options, threads=1)

@@ -146,6 +146,7 @@ SWEEPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.ci
 @pytest.mark.representatives("a world", "a body")
 @pytest.mark.parametrize("kind", SWEEPS)

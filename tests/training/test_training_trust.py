@@ -181,6 +181,7 @@ def held():
     del gymnasium.registry["Held-v0"]
 
 
+@pytest.mark.ci
 def test_an_environment_that_is_only_pickled_goes_on_in_the_same_process(held, tmp_path):
     whole = mg.train(held, **{**RUN, "steps": 90}, out=tmp_path / "whole")
     for steps in (60, 90):
@@ -188,6 +189,7 @@ def test_an_environment_that_is_only_pickled_goes_on_in_the_same_process(held, t
     assert_same(parts.policies, whole.policies)
 
 
+@pytest.mark.ci
 def test_another_process_must_trust_it_and_is_told_what_would_run(held, tmp_path, monkeypatch):
     run = mg.train(held, **RUN, out=tmp_path)
     monkeypatch.setattr(store, "_written", set())  # as another process

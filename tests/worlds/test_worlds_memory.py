@@ -25,6 +25,7 @@ def test_in_the_maze_memory_earns_every_trial_and_without_it_half_of_them(length
     assert oracle.best_memoryless(world, 5)[1] == pytest.approx((4 - 0.1) / 2 / (length + 2), rel=1e-4)
 
 
+@pytest.mark.ci
 def test_no_soft_plane_earns_more_than_three_quarters_of_parity():
     world, rng = parity(2), np.random.default_rng(1)
     planes = [Hyperplanes(rng.normal(size=(1, 2), scale=8), rng.normal(size=1, scale=8)) for _ in range(100)]
@@ -38,6 +39,7 @@ def hidden():
     return Layered([Hyperplanes(rng.normal(size=(2, 2)), rng.normal(size=2))], Softmax(rng.normal(size=(2, 3))))
 
 
+@pytest.mark.ci
 def test_marginal_and_joint_policies_have_the_same_reward_and_gradient():
     world, policy = three_state(), hidden()
     joint = oracle.joint(world, policy)
@@ -61,6 +63,7 @@ def test_a_controller_that_keeps_the_load_in_mind_earns_what_can_be_earned():
     assert oracle.average_reward(joint, controller) == pytest.approx(0.125, abs=1e-12)
 
 
+@pytest.mark.ci
 def test_where_internal_states_are_alike_nothing_is_learned_about_them():
     """The vanishing gradient of Aberdeen and Baxter (2002), and their remedy."""
     world, rng = load_unload(4), np.random.default_rng(3)

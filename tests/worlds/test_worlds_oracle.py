@@ -296,6 +296,7 @@ def test_admission_earns_what_was_published(admission, threshold, published):
     assert earned == pytest.approx(published, abs=0.005)
 
 
+@pytest.mark.ci
 def test_the_best_admission_is_no_worse_than_accepting_always_and_turns_the_cheap_calls_away(admission):
     choice, eta = oracle.optimal_policy(admission)
     assert eta > oracle.average_reward(admission, AdmissionThresholds(np.full(3, 1e3)))
@@ -310,6 +311,7 @@ def test_the_best_admission_is_no_worse_than_accepting_always_and_turns_the_chea
     assert shares[0] < shares[2]
 
 
+@pytest.mark.ci
 def test_the_admission_gradient_by_thresholds_is_a_slope():
     mdp, policy = call_admission(3), AdmissionThresholds([1.0, 2.0, 2.5])
     for seed in range(3):

@@ -129,6 +129,7 @@ def test_the_ratio_is_the_count_slowed_down_by_the_units_squared():
     np.testing.assert_allclose(ratio.gain, count.gain, atol=1e-4)
 
 
+@pytest.mark.ci
 def test_a_rate_may_be_given_for_each_field():
     task, policy = LinearRecruitment(units=2), Motoneurons([0.3, 0.6], [2.0, 3.0])
     still = mean_field(policy, NODES, WEIGHTS, task.immediate, {"threshold": 0.0, "gain": 1e-3}, [0.0, 1000.0])

@@ -40,7 +40,13 @@ from motorgrad.learning._registry import register
 from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
-from motorgrad.learning._soft_actor_critic import ActionValueEnsemble, EnsembleState, SoftActorCritic
+from motorgrad.learning._soft_actor_critic import (
+    ActionValueEnsemble,
+    EnsembleState,
+    EntropyState,
+    EntropyTarget,
+    SoftActorCritic,
+)
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
@@ -82,6 +88,8 @@ __all__ = [
     "Drawn",
     "EligibilityBaseline",
     "EnsembleState",
+    "EntropyState",
+    "EntropyTarget",
     "Episodic",
     "EpisodicNatural",
     "Estimator",

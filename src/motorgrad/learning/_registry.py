@@ -24,7 +24,7 @@ from motorgrad.learning._overshooting import BoundedTemporalDifference, Overshoo
 from motorgrad.learning._replay import Hindsight, Replay
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
-from motorgrad.learning._soft_actor_critic import ActionValueEnsemble, SoftActorCritic
+from motorgrad.learning._soft_actor_critic import ActionValueEnsemble, EntropyTarget, SoftActorCritic
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._surrogate import ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
@@ -65,6 +65,7 @@ KINDS.update(
             "td": TemporalDifference,
             "true-online-td": TrueOnlineTemporalDifference,
         },
+        EntropyTarget: {"entropy-target": EntropyTarget},
         Estimator: {
             "action-value-gradient": ActionValueGradient,
             "estimator": Estimator,

@@ -58,34 +58,46 @@ class Drawn(NamedTuple):
 
 
 class Hindsight(Part):
-    r"""Some of the decisions that are drawn get another target: the place that the body reached later in the same
-    episode (Andrychowicz et al., 2017, the strategy "future").
+    r"""Some of the decisions that are drawn get another target: a place that the body reached later in the same episode
+    (Andrychowicz et al., 2017, the strategy "future"), or the target of another episode.
 
     With the error $e_t$, wanted − actual, and the place reached at a later time $k$ as the target, the error is
-    $e_t - e_k$. The reward changes by what depends on the error; all other parts of it, and ends of episodes, stay.
+    $e_t - e_k$; with the target $g'$ in place of $g$ it is $e_t + g' - g$. The reward changes by what depends on the
+    error; all other parts of it, and ends of episodes, stay.
 
     **Arguments:**
 
     - `share`: the share of decisions that get another target, in [0, 1].
     - `ahead` (decisions): how much later the body reached it, on average, at least 1. The number is drawn from a
       geometric distribution. A decision whose episode ends before keeps its own target.
+    - `others`: the share of those that get the target of another decision that is kept, in place of a place reached
+      later, in [0, 1]. They keep their own where observations do not show it: see `Goal.target`.
+
+    **Raises:** `ValueError` for a value out of range.
     """
 
     share: float = number(0.67, 0, 1)
     ahead: float = number(20.0, 1)
+    others: float = number(0.5, 0, 1)
 
     def relabelled(
         self, experience: Experience, rows: Int[Array, " batch"], drawn: Drawn, goal: Goal, key: Any
     ) -> Drawn:
         """The decisions of these `rows`, some of them for another target."""
-        one, other = jax.random.uniform(key, (2, len(rows)), drawn.reward.dtype)
+        which, one, other = jax.random.uniform(key, (3, len(rows)), drawn.reward.dtype)
+        size, kept = len(experience.rewards), experience.observations
         stay = jnp.maximum(1 - 1 / self.ahead, 1e-9)
         later = 1 + jnp.floor(jnp.log(jnp.maximum(one, 1e-30)) / jnp.log(stay)).astype(jnp.int32)
-        size = len(experience.rewards)
         reached = (rows + later) % size
         same = (experience.episode[reached] == experience.episode[rows]) & (later < size)
         places, targets = jnp.asarray(goal.errors), jnp.asarray(goal.targets, jnp.int32)
-        shift = jnp.where((same & (other < self.share))[:, None], experience.observations[reached][:, places], 0)
+        border = self.share * self.others
+        shift = jnp.where((same & (which >= border) & (which < self.share))[:, None], kept[reached][:, places], 0)
+        own = goal.target(drawn.observation)
+        if own is not None:
+            row = jnp.floor(other * experience.filled).astype(jnp.int32)
+            moves = (experience.episode[row] >= 0) & (which < border)
+            shift = jnp.where(moves[:, None], own - goal.target(kept[row]), shift)
         before = drawn.next_observation[:, places]
         reward = jax.vmap(goal.reward)
 

@@ -97,7 +97,7 @@ class ActionValueEnsemble(Part):
         action = jax.vmap(policy.sample)(following, numbers)
         later = jnp.min(self.values(eqx.combine(state.slow, settings), following, action), axis=0)
         if worth is not None:
-            later = later + worth * jax.vmap(policy.entropy)(following)
+            later = later + worth * jax.vmap(policy.entropy_estimate)(following, numbers)
         wanted = (drawn.reward + self.discount * (1 - drawn.terminated) * later).astype(later.dtype)
 
         def loss(learned: Any) -> Float[Array, ""]:
@@ -110,6 +110,47 @@ class ActionValueEnsemble(Part):
         return EnsembleState(eqx.combine(learned, settings), slow, rule)
 
 
+class EntropyState(NamedTuple):
+    """The logarithm of the worth of entropy, and the state of Adam."""
+
+    log_worth: Float[Array, ""]
+    rule: Any
+
+
+class EntropyTarget(Part):
+    r"""The worth $\alpha$ of a nat of entropy, learned so that the policy's entropy is as wanted (Haarnoja et al.,
+    2018b).
+
+    With each batch, $\log\alpha$ makes a step of Adam: down where the mean entropy of an action is above `target`, up
+    where it is below.
+
+    **Arguments:**
+
+    - `target` (nats): the wanted entropy of each number of an action, on average. A number that is uniform between two
+      bounds has the logarithm of their distance.
+    - `start`: the first $\alpha$, in rewards, positive.
+    - `learning_rate`: learning rate of Adam, at least 0.
+    """
+
+    target: float = number(-1.0)
+    start: float = number(0.1, 0, open_low=True)
+    learning_rate: float = number(5e-4, 0)
+
+    def init(self, dtype: Any) -> EntropyState:
+        """The state at the start."""
+        log_worth = jnp.log(jnp.asarray(self.start, dtype))
+        return EntropyState(log_worth, optax.scale_by_adam().init(log_worth))
+
+    def update(self, state: EntropyState, policy: Policy, drawn: Drawn, key: jax.Array) -> EntropyState:
+        """The state after a step with a batch of decisions."""
+        look = drawn.observation
+        numbers = jax.random.uniform(key, (len(look), policy.uniforms), look.dtype)
+        entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(look, numbers))
+        above = (entropy / policy.outputs - self.target).astype(state.log_worth.dtype)
+        move, rule = optax.scale_by_adam().update(above, state.rule)
+        return EntropyState((state.log_worth - self.learning_rate * move).astype(state.log_worth.dtype), rule)
+
+
 class SoftActorCritic(Estimator):
     r"""Soft actor-critic (Haarnoja et al., 2018): the policy climbs the value of its actions, at decisions from the
     past.
@@ -120,14 +161,15 @@ class SoftActorCritic(Estimator):
     $$g = \nabla_\theta\,\mathbb E\big[\min_k Q_k(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))\big]$$
 
     with fresh random numbers $u$. A policy whose noise lasts explores with it, and is judged by what it does on
-    average: by independent noise of the same spread. Without `entropy`, the deviations of graded units shrink to their
-    `floor`, which then sets how far they explore.
+    average: by independent noise of the same spread. Without `entropy` or an `entropy_target`, the deviations of graded
+    units shrink to their `floor`, which then sets how far they explore.
 
     **Arguments:** those of `Estimator`, of which `improve`, `entropy` ($\alpha$) and `reward_scaling` have an effect;
     the others are refused, except for `trace`, which has none.
 
     - `values`: the values of actions, and how they are learned.
     - `replay`: how much experience is kept, and how often it is used.
+    - `entropy_target`: none, or how $\alpha$ is learned, in place of `entropy`.
 
     **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
     real numbers.
@@ -142,6 +184,7 @@ class SoftActorCritic(Estimator):
     baseline: Baseline | None = None
     values: ActionValueEnsemble = ActionValueEnsemble()
     replay: Replay = Replay()
+    entropy_target: EntropyTarget | None = None
 
     def validate(self) -> None:
         super().validate()
@@ -149,6 +192,8 @@ class SoftActorCritic(Estimator):
             found = getattr(self, name)
             check(found is None, name, found, "None with SoftActorCritic, which has no advantages")
         check(self.entropy_in == "sample", "entropy_in", self.entropy_in, "'sample' with SoftActorCritic")
+        both = self.entropy is not None and self.entropy_target is not None
+        check(not both, "entropy", self.entropy, "None with an entropy_target, which learns it")
         wanted = "a number of decisions with SoftActorCritic"
         check(isinstance(self.improve, int), "improve", self.improve, wanted)
 
@@ -190,7 +235,8 @@ class SoftActorCritic(Estimator):
         values = self.values.init(look.size + action.size, dtype, jax.random.fold_in(key, 2))
         experience = self.replay.init(look, action, jax.random.fold_in(key, 3))
         scaling = None if self.reward_scaling is None else self.reward_scaling.init(dtype)
-        return EstimatorState(None, values, None, None, scaling, experience)
+        worth = None if self.entropy_target is None else self.entropy_target.init(dtype)
+        return EstimatorState(None, values, None, None, scaling, experience, entropy=worth)
 
     def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
         return state
@@ -234,9 +280,12 @@ class SoftActorCritic(Estimator):
             drawn, words = each
             of_next, of_this = jax.random.split(jax.random.wrap_key_data(words))
             drawn = drawn._replace(reward=(factor * drawn.reward).astype(drawn.reward.dtype))
-            worth = None if self.entropy is None else at(self.entropy, state.steps)
+            learned, worth = state.estimator.entropy, None if self.entropy is None else at(self.entropy, state.steps)
+            if self.entropy_target is not None:
+                learned = self.entropy_target.update(learned, state.policy.marginal, drawn, of_this)
+                worth = jnp.exp(learned.log_worth)
             values = self.values.update(state.estimator.baseline, state.policy.marginal, drawn, worth, of_next)
-            state = state._replace(estimator=state.estimator._replace(baseline=values))
+            state = state._replace(estimator=state.estimator._replace(baseline=values, entropy=learned))
             return step(state, self._gradient(values, state.policy, drawn, worth, of_this)), None
 
         return jax.lax.scan(once, state, drawn)[0]
@@ -255,7 +304,9 @@ class SoftActorCritic(Estimator):
         def gain(parameters: Any) -> Float[Array, ""]:
             present = eqx.combine(parameters, settings).marginal
             action = jax.vmap(present.sample)(look, numbers)
-            least = jnp.min(self.values.values(values.weights, look, action), axis=0)
-            return drawn.mean(least if worth is None else least + worth * jax.vmap(present.entropy)(look))
+            gains = jnp.min(self.values.values(values.weights, look, action), axis=0)
+            if worth is not None:
+                gains = gains + worth * jax.vmap(present.entropy_estimate)(look, numbers)
+            return drawn.mean(gains)
 
         return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)

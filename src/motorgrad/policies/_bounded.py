@@ -13,7 +13,7 @@ from motorgrad._errors import check, choice
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import autoregressive
-from motorgrad.policies._densities import DENSITIES, Clipped, Density
+from motorgrad.policies._densities import DENSITIES, Clipped, Density, Squashed
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
@@ -89,6 +89,14 @@ class BoundedUnits(GradedUnits):
         """Entropy of each unit, in nats."""
         density, m, s = self._density, self.mean(observation), self.deviation
         return density.entropy(m, s) + density.inside(m, s) * jnp.log((self.high - self.low) / 2)
+
+    def entropy_estimate(
+        self, observation: Float[Array, " inputs"], uniforms: Float[Array, " units"]
+    ) -> Float[Array, ""]:
+        if not isinstance(self._density, Squashed):
+            return self.entropy(observation)
+        found = self._density.entropy_estimate(self.mean(observation), self.deviation, uniforms)
+        return jnp.sum(found + jnp.log((self.high - self.low) / 2))
 
 
 class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):

@@ -79,6 +79,11 @@ class Seeing(Policy):
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return self.pool.entropy(self.seen(observation))
 
+    def entropy_estimate(
+        self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
+    ) -> Float[Array, ""]:
+        return self.pool.entropy_estimate(self.seen(observation), uniforms)
+
     def enumerate(self) -> Array:
         return self.pool.enumerate()
 

@@ -293,6 +293,14 @@ class Policy(eqx.Module):
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """Entropy of the action distribution, in nats."""
 
+    def entropy_estimate(
+        self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
+    ) -> Float[Array, ""]:
+        """An unbiased estimate of the entropy from the random numbers of `sample`, where it costs less than the
+        entropy; else the entropy."""
+        del uniforms
+        return self.entropy(observation)
+
     @abc.abstractmethod
     def enumerate(self) -> Array:
         """All actions along a leading axis, for exact sums.

@@ -33,7 +33,9 @@ from motorgrad.tasks.terms import (
     Beyond,
     Bound,
     BoundReset,
+    JointPositions,
     Observation,
+    Positions,
     Quantity,
     Reset,
     Scene,
@@ -326,7 +328,14 @@ class Composed(BodyTask):
             distance = norm(error / scale)
             return jnp.asarray(sum(term.weight * term.of(distance) for term in distances))
 
-        return Goal(errors, reward, targets)
+        places = {
+            name: start + k
+            for term, (each, bound), start in zip(self.observations, self._bound.observe, starts.tolist(), strict=False)
+            if isinstance(term, Positions | JointPositions) and each == scale
+            for k, name in enumerate(bound.names)
+        }
+        actual = tuple(places[name] for name in target.shown if name in places)
+        return Goal(errors, reward, targets, actual if len(actual) == len(errors) else ())
 
     # -- episodes
 

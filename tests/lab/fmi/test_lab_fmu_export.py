@@ -141,6 +141,7 @@ def swing():
     return made
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("version", VERSIONS)
 def test_another_simulator_integrates_a_unit_for_model_exchange(version, tmp_path):
     path = write_fmu(swing(), tmp_path / "swing.fmu", version, interface="model exchange")

@@ -27,6 +27,7 @@ class Model:
         return np.full(2, count // 10 % 2), count + 1
 
 
+@pytest.mark.ci
 def test_policies_of_all_kinds_stand_beside_and_go_back_bit_for_bit(run, driven):
     beside = {"seed 7": (run, 7), "function": spread, "model": Model(), "policy": run.policy(2), "before": "untrained"}
     watched = driven(live.setup_of("hopper", run=run, seed=2, frozen=True, beside=beside))

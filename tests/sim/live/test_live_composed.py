@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import pytest
 
 import motorgrad as mg
 from motorgrad.sim import live
@@ -39,6 +40,7 @@ def test_a_live_learner_is_the_learner_of_training_with_its_activations():
     np.testing.assert_array_equal(learner.sample()["position"], after)
 
 
+@pytest.mark.ci
 def test_a_stage_changes_the_surroundings_of_any_model():
     stage = live.Stage(timestep=0.001, gravity=(0, 0, -1.6), cameras={"far": live.Camera((0, -3, 1))})
     setup = live.setup_of(TASK, stage=stage)

@@ -45,6 +45,7 @@ def test_a_picture_leaves_an_environment_as_it_was():
     assert pictures._kept["canvas"] is canvas  # made once
 
 
+@pytest.mark.ci
 def test_an_environment_shows_its_own_picture_and_goes_on_as_without():
     """Watched and unwatched, the learner is the same bit for bit; and the past has its picture, too."""
     task = mg.tasks.from_gymnasium(Lamp)
@@ -68,6 +69,7 @@ def test_an_environment_shows_its_own_picture_and_goes_on_as_without():
     assert np.array_equal(*ends)
 
 
+@pytest.mark.ci
 def test_one_that_cannot_be_drawn_says_why():
     task = mg.tasks.from_gymnasium(Lamp, fails=True)
     with live.Session(live.setup_of(task), playing=False) as session:
@@ -77,7 +79,6 @@ def test_one_that_cannot_be_drawn_says_why():
         session.order(live.Look())
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_an_environment_of_mujoco_shows_its_body():
     task = mg.tasks.from_gymnasium("Hopper-v5")

@@ -130,6 +130,7 @@ def state_of(driven):
     return [np.asarray(leaf) for leaf in jax.tree.leaves(driven.worker.subject.state)]
 
 
+@pytest.mark.ci
 def test_whatever_is_loaded_the_run_goes_on_untouched(hopper, good, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hopper(live.Reset(), live.Step(200))

@@ -41,6 +41,7 @@ def page():
         yield page
 
 
+@pytest.mark.ci
 def test_a_page_is_played_stepped_and_left(page):
     session = page.session
     assert session.snapshot().decision == 0
@@ -81,6 +82,7 @@ def test_a_page_is_played_stepped_and_left(page):
         session.snapshot()
 
 
+@pytest.mark.ci
 def test_a_worker_that_is_killed_is_told_and_waits_for_nobody(page):
     session = page.session
     os.kill(session._process.pid, signal.SIGKILL)

@@ -114,6 +114,7 @@ def test_what_is_told_of_muscles_is_true_of_the_engine_in_use(hopper):
     hopper(live.Edit("agent.estimator.trace.decay", 0.995), live.Edit("body.extensor_left.strength", 400.0))
 
 
+@pytest.mark.ci
 def test_decay_and_reward_go_on_from_the_same_state(hopper):
     hopper(live.Reset(), live.Step(50))
     before = hopper.seen()
@@ -155,6 +156,7 @@ def compilations():
     listening.clear()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("task", "least"), [("chain", 8), ("hopper", 8)])
 def test_any_number_of_a_learner_changes_live_without_compiling(task, least, driven, compilations):
     task = mg.make(task)

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import motorgrad as mg
 from motorgrad.policies import initial
@@ -11,6 +12,7 @@ from motorgrad.sim.live._probe import probe
 from motorgrad.training import agent_for, stepper_for
 
 
+@pytest.mark.ci
 def test_the_probability_shown_is_that_of_what_the_units_saw():
     task = mg.make("hopper")
     agent = agent_for(task, policy={"kind": "finite-state-controller", "states": 3, "strength": 9.0})

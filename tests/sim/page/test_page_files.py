@@ -47,6 +47,7 @@ def files_of(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
+@pytest.mark.ci
 def test_what_lies_inside_is_saved_and_loaded(page, folders):
     work, run, _ = folders
     for path, file in (("a.npz", work / "a.npz"), ("sub/b.npz", work / "sub/b.npz"), (f"{run}/c.npz", run / "c.npz")):

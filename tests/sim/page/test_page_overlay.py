@@ -15,6 +15,7 @@ def content(page):
     return overlay._html(dict(overlay._items), page.session.snapshot(), Pose(None))
 
 
+@pytest.mark.ci
 def test_it_tells_the_task_its_goal_and_the_state_of_the_run(page):
     said = content(page)
     assert "chain" in said

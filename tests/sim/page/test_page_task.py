@@ -49,7 +49,7 @@ def choose(place, label, option):
     place.get_by_role("option", name=option, exact=True).click()
 
 
-@pytest.mark.journey
+@pytest.mark.ci
 @pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 def test_senses_and_reward_are_chosen_on_the_page_and_it_learns(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

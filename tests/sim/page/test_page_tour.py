@@ -31,6 +31,7 @@ def test_a_step_that_cannot_be_is_refused(row, told):
         read_tour([row])
 
 
+@pytest.mark.ci
 def test_a_page_refuses_what_it_does_not_have(page):
     before = page.tour.steps
     good = {"text": "x"}
@@ -129,7 +130,6 @@ def test_texts_are_short_enough_for_a_telephone():
         assert max(len(step.text) for step in steps) < 260
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 def test_a_tour_on_screen(browser, page):
     page.tour([{"text": "Here it runs.", "tab": "Learning"}, {"text": "Press Play.", "tab": "Run", "wait": "play"}])

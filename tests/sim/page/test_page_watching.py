@@ -20,6 +20,7 @@ def of(page, connection):
     return found
 
 
+@pytest.mark.ci
 def test_the_second_address_leads_to_a_place_of_its_own(page):
     token, place = page._gate.watching
     status, headers, _ = get(page, f"/{token}/")

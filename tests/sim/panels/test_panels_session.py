@@ -202,6 +202,7 @@ def march():
     return recorded, late, model, reading, feet
 
 
+@pytest.mark.ci
 def test_a_simulation_that_breaks_down_leaves_no_file_and_comes_back(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     body = '<body name="ball"><freejoint/><geom size=".1" mass="1e-8"/></body>'

@@ -75,6 +75,7 @@ def test_culling_never_removes_what_is_seen(seed, which):
         assert above_horizon(camera, planet.surface, level, tiles, 0.0).all()
 
 
+@pytest.mark.ci
 def test_there_is_something_to_be_seen_in_the_test_above():
     noise = np.random.default_rng(0)
     counts = [len(seen_from(camera_at(noise, planet), planet.surface, noise)) for planet in PLANETS for _ in range(4)]
@@ -229,12 +230,14 @@ def falls_through(seed, which, change=lambda tile: tile, rays=60):
     return lost
 
 
+@pytest.mark.ci
 @settings(deadline=None, max_examples=12)
 @given(seed=SEEDS, which=st.integers(0, 1))
 def test_seams_between_tiles_of_any_levels_are_closed(seed, which):
     assert falls_through(seed, which) == 0
 
 
+@pytest.mark.ci
 def test_seams_would_be_open_without_skirts():
     assert sum(falls_through(seed, 0, bared) for seed in range(8)) > 1
 

@@ -50,7 +50,8 @@ class Reach(Target):
     def bind(self, scene: Scene) -> BoundTarget:
         parts = scene.parts(self.parts)
         points = [scene.point(name) for name in parts]
-        names = tuple(f"{name} {axis}" for name in parts for axis in "xyz") if len(parts) > 1 else tuple("xyz")
+        shown = tuple(f"{name} {axis}" for name in parts for axis in "xyz")
+        names = shown if len(parts) > 1 else tuple("xyz")
         size = len(names)
         if self.at is None and self.low is None and self.high is None:
             uniforms, draw = 1, _one_of(_reached(scene, parts, self.joints, REACHABLE))
@@ -63,7 +64,13 @@ class Reach(Target):
         else:
             uniforms, draw = _drawing(size, self.at, self.low, self.high)
         return BoundTarget(
-            names, uniforms, draw, _stays, lambda state: jnp.concatenate([point(state) for point in points]), True
+            names,
+            uniforms,
+            draw,
+            _stays,
+            lambda state: jnp.concatenate([point(state) for point in points]),
+            marked=True,
+            shown=shown,
         )
 
 
@@ -90,7 +97,8 @@ class Pose(Target):
         if self.at is None and low is None and high is None:
             low, high = (tuple(each) for each in joint_ranges(scene, self.joints).T.tolist())
         uniforms, draw = _drawing(len(names), self.at, low, high)
-        return BoundTarget(tuple(names), uniforms, draw, _stays, lambda state: state.position[places])
+        names = tuple(names)
+        return BoundTarget(names, uniforms, draw, _stays, lambda state: state.position[places], shown=names)
 
 
 class Follow(Target):

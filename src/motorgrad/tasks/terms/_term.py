@@ -75,6 +75,7 @@ class BoundTarget(NamedTuple):
     - `actual(state)`: where the body is.
     - `marked`: whether its numbers are places (m), three for each, which pictures of the body mark.
     - `moves`: whether it moves within an episode.
+    - `shown`: the names under which `Positions` or `JointPositions` show where the body is, in the order of `names`.
     """
 
     names: tuple[str, ...]
@@ -84,6 +85,7 @@ class BoundTarget(NamedTuple):
     actual: Callable[[BodyState], Array]
     marked: bool = False
     moves: bool = False
+    shown: tuple[str, ...] = ()
 
     def error(self, now: Now, name: str) -> Array:
         """The vector from the body to the target."""
