@@ -141,7 +141,7 @@ def sac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None 
 
     ```python
     task = mg.tasks.myosuite("myoHandReachRandom-v0", scaling="none")
-    run = mg.train(task, mg.presets.sac(task, steps=250_000), steps=250_000)
+    run = mg.train(task, mg.presets.sac(task, steps=300_000), steps=300_000)
     ```
     """
     return agent_for(task, changes, preset="sac", steps=steps, **more)

@@ -81,6 +81,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "task-particle-orbit": particle.orbit,
     "task-particle-navigation": particle.navigation,
     "myosuite": myosuite.learning,
+    "hindsight": myosuite.hindsight,
     "action-values": further.action_values,
     "discounting": credit.discounting,
 }
@@ -124,7 +125,6 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
     "task-composed": composed.learning,
-    "hindsight": composed.hindsight,
     "foreign-natural": foreign.preset,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,

@@ -9,11 +9,10 @@ import motorgrad as mg
 from motorgrad.benchmarks._arm18 import arm18
 from motorgrad.sim import draw
 from motorgrad.tasks import Composed, terms
-from tools.figures._style import BLUE, FAINT, GREEN, RED, arrow, band, panels
+from tools.figures._style import BLUE, FAINT, GREEN, band, panels
 from tools.figures._work import Work
 
 SEEDS, STEPS = 8, 60_000
-FEW_SEEDS, FEW = 4, 6_000  # with replay, a decision costs some milliseconds
 SHOWN = 12  # movements
 
 
@@ -53,51 +52,6 @@ def learning(work: Work) -> Figure:
     right.plot(0, 0, "s", color="0.2", markersize=5)
     right.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title="12 movements of 2 s of the first seed")
     assert np.isfinite(hand).all()
-    return figure
-
-
-def hindsight(work: Work) -> Figure:
-    """A movement that misses its target and reaches another, and what learns from a reward for arriving alone."""
-    task = mg.tasks.compose(
-        "arm6",
-        targets=[terms.Reach("hand", low=(0.0, 0.25, 0.0), high=(0.3, 0.45, 0.0))],
-        observe=["joint-positions", "joint-velocities", "target", "target-error"],
-        reward=[terms.Within(tolerance=0.03)],
-        reset=[terms.RandomJoints(share=0.5)],
-        readings=[terms.Within(tolerance=0.03, name="solved")],
-        scaling="none",
-        time_limit=2.0,
-    )
-    figure, (left, right) = panels(2, height=3.0, width_ratios=(1, 1.25))
-    way = np.array([[0.02, 0.3], [0.03, 0.34], [0.06, 0.38], [0.11, 0.4], [0.17, 0.4], [0.22, 0.38]])
-    fine = np.linspace(0, len(way) - 1, 60)
-    smooth = np.stack([np.polyval(np.polyfit(range(len(way)), column, 4), fine) for column in way.T], axis=1)
-    now, then, own = smooth[12], smooth[45], np.array([0.05, 0.44])
-    left.plot(*smooth.T, color=FAINT)
-    left.plot(*own, "o", color=RED, markersize=9, label="target of the episode")
-    left.plot(*then, "o", color=GREEN, markersize=9, label="target in hindsight")
-    for target, colour in ((own, RED), (then, GREEN)):
-        arrow(left, now, target, colour, shrinkB=5)
-    left.plot(*now, "o", color="0.2", markersize=5)
-    left.annotate("$e_t$", (now + own) / 2, xytext=(-14, 0), textcoords="offset points", color=RED)
-    left.annotate("$e_t - e_{t+k}$", (now + then) / 2, xytext=(0, -14), textcoords="offset points", color=GREEN)
-    left.annotate("hand", now, xytext=(-8, -14), textcoords="offset points")
-    left.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", xlim=(-0.02, 0.26), ylim=(0.26, 0.5))
-    left.legend(loc="upper right")
-    for changes, colour, label in (
-        ({}, GREEN, "soft actor-critic with hindsight"),
-        ({"estimator.replay.hindsight": None}, RED, "soft actor-critic without"),
-    ):
-        agent = mg.presets.sac(task, FEW, changes)
-        run = work.train(task, agent, FEW, FEW_SEEDS, f"hindsight-{colour[1:]}")
-        decisions, solved = run.curve("solved")
-        band(right, decisions / 1000, 100 * solved, colour, label)
-    run = work.train(task, mg.presets.natural(task, FEW), FEW, FEW_SEEDS, "hindsight-natural")
-    decisions, solved = run.curve("solved")
-    band(right, decisions / 1000, 100 * solved, BLUE, "natural gradient, online")
-    right.set(xlabel="thousand decisions (of 20 ms)", ylabel="decisions within 3 cm (%)", ylim=(0, 100))
-    right.set_title(f"rewarded within 3 cm alone; {FEW_SEEDS} seeds")
-    right.legend(loc="upper left")
     return figure
 
 

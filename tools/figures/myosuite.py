@@ -1,11 +1,11 @@
-"""The figure of MyoSuite: what is stored of learning its tasks, every seed, and the peers."""
+"""The figures of MyoSuite: what is stored of learning its tasks, every seed, and the peers; and hindsight."""
 
 import math
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from tools.figures._style import COLOURS, level, panels
+from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, RED, arrow, level, panels
 from tools.myosuite import TASKS, stored
 
 WORDS = {"success": "successful episodes", "solved": "solved steps"}
@@ -16,7 +16,7 @@ def learning() -> Figure:
     runs = stored()
     tasks = [name for name in TASKS if any(run["task"] == name for run in runs)]
     learners = list(dict.fromkeys(run["learner"] for run in runs))
-    figure, axes = panels(len(WORDS), 2.5 * len(tasks), len(tasks), squeeze=False, sharey=True)
+    figure, axes = panels(len(WORDS), 2.2 * len(tasks), len(tasks), squeeze=False, sharey=True)
     for row, task in zip(axes, tasks, strict=True):
         for panel, (reading, words) in zip(row, WORDS.items(), strict=True):
             for run in (run for run in runs if run["task"] == task):
@@ -37,4 +37,35 @@ def learning() -> Figure:
                 panel.set(xscale="log", xlim=(min(lengths) / 1e5, None))
     named = {label: line for panel in axes.flat for line, label in zip(*panel.get_legend_handles_labels(), strict=True)}
     figure.legend(named.values(), named.keys(), loc="outside upper center", ncols=math.ceil(len(named) / 2))
+    return figure
+
+
+def hindsight() -> Figure:
+    """A movement that misses its target and reaches another place; and how the hand learns by it."""
+    figure, (left, right) = panels(2, height=3.0, width_ratios=(1, 1.25))
+    places = np.array([[0.02, 0.3], [0.03, 0.34], [0.06, 0.38], [0.11, 0.4], [0.17, 0.4], [0.22, 0.38]])
+    moments = np.linspace(0, len(places) - 1, 60)
+    way = np.stack([np.polyval(np.polyfit(range(len(places)), each, 4), moments) for each in places.T], axis=1)
+    now, then, own = way[12], way[45], np.array([0.05, 0.44])
+    left.plot(*way.T, color=FAINT)
+    left.plot(*own, "o", color=RED, markersize=9, label="target of the episode")
+    left.plot(*then, "o", color=GREEN, markersize=9, label="target in hindsight")
+    for target, colour in ((own, RED), (then, GREEN)):
+        arrow(left, now, target, colour, shrinkB=5)
+    left.plot(*now, "o", color="0.2", markersize=5)
+    left.annotate("$e_t$", (now + own) / 2, xytext=(-16, 0), textcoords="offset points", color=RED)
+    left.annotate("$e_t - e_{t+k}$", (now + then) / 2, xytext=(0, -14), textcoords="offset points", color=GREEN)
+    left.annotate("body", now, xytext=(8, -8), textcoords="offset points")
+    left.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", xlim=(-0.02, 0.26), ylim=(0.26, 0.5))
+    left.legend(loc="upper right")
+    for learner, colour in (("sac-hindsight", GREEN), ("ppo-short-horizon-independent", BLUE)):
+        for run in (run for run in stored() if run["task"] == "hand" and run["learner"] == learner):
+            values = 100 * np.array(run["curves"]["success"], float)
+            for k, seed in enumerate(values):
+                label = f"{learner}, {len(values)} seed{'s' * (len(values) > 1)}" if k == 0 else None
+                right.plot(np.array(run["curves"]["steps"]) / 1000, seed, color=colour, linewidth=1.2, label=label)
+    level(right, 90, "")
+    right.set(xlabel="thousand decisions", ylabel="successful episodes (%)", xscale="log", ylim=(0, 100))
+    right.set_title("a hand with 39 muscles")
+    right.legend(loc="upper left")
     return figure
