@@ -58,14 +58,17 @@ def hindsight() -> Figure:
     left.annotate("body", now, xytext=(8, -8), textcoords="offset points")
     left.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", xlim=(-0.02, 0.26), ylim=(0.26, 0.5))
     left.legend(loc="upper right")
-    for learner, colour in (("sac-hindsight", GREEN), ("ppo-short-horizon-independent", BLUE)):
+    learners = (
+        ("sac-hindsight", "soft actor-critic with hindsight", GREEN),
+        ("ppo-short-horizon-independent", "PPO", BLUE),
+    )
+    for learner, name, colour in learners:
         for run in (run for run in stored() if run["task"] == "hand" and run["learner"] == learner):
             values = 100 * np.array(run["curves"]["success"], float)
             for k, seed in enumerate(values):
-                label = f"{learner}, {len(values)} seed{'s' * (len(values) > 1)}" if k == 0 else None
+                label = f"{name}, {len(values)} seed{'s' * (len(values) > 1)}" if k == 0 else None
                 right.plot(np.array(run["curves"]["steps"]) / 1000, seed, color=colour, linewidth=1.2, label=label)
     level(right, 90, "")
     right.set(xlabel="thousand decisions", ylabel="successful episodes (%)", xscale="log", ylim=(0, 100))
-    right.set_title("a hand with 39 muscles")
-    right.legend(loc="upper left")
+    right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), title="a hand with 39 muscles")
     return figure
