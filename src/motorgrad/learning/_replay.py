@@ -93,11 +93,11 @@ class Hindsight(Part):
         places, targets = jnp.asarray(goal.errors), jnp.asarray(goal.targets, jnp.int32)
         border = self.share * self.others
         shift = jnp.where((same & (which >= border) & (which < self.share))[:, None], kept[reached][:, places], 0)
-        own = goal.target(drawn.observation)
-        if own is not None:
-            row = jnp.floor(other * experience.filled).astype(jnp.int32)
+        row = jnp.floor(other * experience.filled).astype(jnp.int32)
+        own, wanted = goal.target(drawn.observation), goal.target(kept[row])
+        if own is not None and wanted is not None:
             moves = (experience.episode[row] >= 0) & (which < border)
-            shift = jnp.where(moves[:, None], own - goal.target(kept[row]), shift)
+            shift = jnp.where(moves[:, None], own - wanted, shift)
         before = drawn.next_observation[:, places]
         reward = jax.vmap(goal.reward)
 

@@ -148,7 +148,8 @@ class EntropyTarget(Part):
         entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(look, numbers))
         above = (entropy / policy.outputs - self.target).astype(state.log_worth.dtype)
         move, rule = optax.scale_by_adam().update(above, state.rule)
-        return EntropyState((state.log_worth - self.learning_rate * move).astype(state.log_worth.dtype), rule)
+        log_worth = state.log_worth - self.learning_rate * cast(Array, move)
+        return EntropyState(log_worth.astype(state.log_worth.dtype), rule)
 
 
 class SoftActorCritic(Estimator):
