@@ -28,8 +28,6 @@ def actions_of(vector, decisions):
         yield actions
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("Hopper-settings1-3", "Chain-settings2-16")
 @pytest.mark.parametrize("rows", [1, 3, 16])
 @pytest.mark.parametrize(("name", "settings"), CASES)

@@ -54,8 +54,6 @@ LONG = (
 )  # to compile
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("fig-a.2")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]

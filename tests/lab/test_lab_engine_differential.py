@@ -109,8 +109,6 @@ def test_many_random_diagrams_are_the_same_compiled(seed, size):
     agree(random_diagram(seed, size), ticks=7)
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("1-False", "3-True")
 @pytest.mark.parametrize("direct", [False, True])
 @pytest.mark.parametrize("every", [1, 3])

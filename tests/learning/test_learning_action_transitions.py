@@ -46,8 +46,6 @@ def check_mean(found, exact, precision, slack=0.01):
     np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * error + slack * scale)
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("previous-None", "previous-0.7")
 @pytest.mark.parametrize("discount", [None, 0.7])
 @pytest.mark.parametrize("relative_to", ["previous", "mean"])

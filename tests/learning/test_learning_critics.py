@@ -95,7 +95,6 @@ def test_inputs_and_a_constant_tell_three_states_apart():
     check_exact(weights @ seen.T, values(ThreeState().dynamics, POINT, 0.8), False, 0.01)
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 @pytest.mark.representatives("least squares")
 @pytest.mark.parametrize("fit", FITS)

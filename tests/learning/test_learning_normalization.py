@@ -56,8 +56,6 @@ def walk(estimator, scale, steps=40):
     return np.asarray(state.policy.weights)
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("mean-None", "binned-0.9")
 @pytest.mark.parametrize("discount", [None, 0.9])
 @pytest.mark.parametrize("name", BASELINES)

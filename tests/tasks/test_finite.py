@@ -46,8 +46,6 @@ def test_an_admission_is_paid_for_the_state_in_which_it_was_decided():
         assert terminated is False
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("call-admission")
 @pytest.mark.parametrize("name", FINITE)
 def test_the_mean_reward_in_the_engine_is_the_oracles(name):

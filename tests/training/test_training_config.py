@@ -176,8 +176,6 @@ def test_a_finished_run_is_given_back_without_a_word(pretend, tmp_path):
 # ---- being asked to stop
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("15")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_polite_end_saves_everything(number, process_environment, tmp_path):

@@ -53,8 +53,6 @@ def same(one, other):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("world-recurrent", "host-finite-state-controller")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("engine", ["world", "host", "body"])
@@ -75,8 +73,6 @@ def test_a_restored_learner_continues_bit_for_bit(engine, kind, signal):
         assert not np.array_equal(memory[0], memory[1])  # each seed has its own
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("sample")
 @pytest.mark.parametrize("mode", ["learn", "sample", "mode"])
 def test_memory_starts_anew_with_every_episode_on_the_host(mode, signal):
@@ -102,8 +98,6 @@ def test_environments_of_one_learner_have_memories_of_their_own(signal):
     assert not np.array_equal(memory[0, 0], memory[0, 1])
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("recurrent")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_critic_and_the_natural_gradient_work_with_what_units_see(kind):
@@ -120,8 +114,6 @@ def test_a_critic_and_the_natural_gradient_work_with_what_units_see(kind):
     assert stepper.state["cycle"].agent.estimator.baseline.weights.shape == (2, seen + 1)
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("finite-state-controller")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stored_run_has_the_learner_and_its_policies(kind, tmp_path):

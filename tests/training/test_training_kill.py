@@ -122,8 +122,6 @@ def test_a_run_killed_at_random_instants_ends_as_if_it_had_not_been(name, kills,
     assert_same_run(mg.load(tmp_path), undisturbed(name))
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives(".lock")
 @pytest.mark.parametrize("appears", [".lock", "checkpoint/initial.policies"])
 def test_a_run_killed_before_its_first_checkpoint_begins_again(appears, begin, tmp_path):

@@ -62,8 +62,6 @@ def test_a_run_directory_holds_all_there_is_to_know(name, made):
     assert session["command"]
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("gymnasium", "hopper", "linear-recruitment")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):

@@ -49,8 +49,6 @@ def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds
         assert made == shares
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("1")
 @pytest.mark.parametrize("threads", [1, 5])
 def test_the_number_of_threads_changes_no_bit(begun, threads):

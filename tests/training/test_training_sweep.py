@@ -146,7 +146,6 @@ SWEEPS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.ci
 @pytest.mark.representatives("a world", "a body")
 @pytest.mark.parametrize("kind", SWEEPS)

@@ -26,8 +26,8 @@ class EstimatorState(NamedTuple):
 
     The state of the `trace`, of the `baseline` and of the `normalization` of advantages; `weight`, the discount
     $\gamma^t$ within the episode; the state of the `scaling` of rewards; the `batch` of decisions that are to be
-    used again, without which there is a trace; the state of the `bound`; that of what learns the worth of `entropy`. A
-    part that is absent has the state `None`.
+    used again, without which there is a trace; the state of the `bound`; that of the target of the `entropy`. A part
+    that is absent has the state `None`.
     """
 
     trace: PyTree[Array]

@@ -118,7 +118,7 @@ class EntropyState(NamedTuple):
 
 
 class EntropyTarget(Part):
-    r"""The worth $\alpha$ of a nat of entropy, learned so that the policy's entropy is as wanted (Haarnoja et al.,
+    r"""A wanted entropy of the policy, for which the weight $\alpha$ of the entropy bonus is learned (Haarnoja et al.,
     2018b).
 
     With each batch, $\log\alpha$ makes a step of Adam: down where the mean entropy of an action is above `target`, up
@@ -170,7 +170,7 @@ class SoftActorCritic(Estimator):
 
     - `values`: the values of actions, and how they are learned.
     - `replay`: how much experience is kept, and how often it is used.
-    - `entropy_target`: none, or how $\alpha$ is learned, in place of `entropy`.
+    - `entropy_target`: none, or the entropy for which $\alpha$ is learned, in place of `entropy`.
 
     **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
     real numbers.

@@ -168,9 +168,9 @@ class Squashed(Clipped):
         return 2 * (math.log(2) - x - jax.nn.softplus(-2 * x)) - math.log(math.tanh(self.bound))
 
     def entropy_estimate(self, m: Units, s: Units, uniforms: Units) -> Units:
-        """An estimate of the entropy from the numbers of `sample`, much cheaper."""
-        # The entropy of the normal number is known; how far it is squashed is that of one number. Ends are left out:
-        # they count only where |m| is near 4.
+        """An estimate of the entropy from the numbers of one `sample`, without a quadrature."""
+        # The entropy of the normal number is exact, and what squashing takes away is that of one number. The ends have
+        # a probability of their own, which is left out: it matters only where |m| is near 4.
         x = m + s * ndtri(jnp.maximum(uniforms, LEAST)).astype(m.dtype)
         return jnp.log(s) + LOG_ROOT_TWO_PI + 0.5 + self._log_stretch(x)
 

@@ -296,8 +296,10 @@ class Policy(eqx.Module):
     def entropy_estimate(
         self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> Float[Array, ""]:
-        """An unbiased estimate of the entropy from the random numbers of `sample`, where it costs less than the
-        entropy; else the entropy."""
+        """An estimate of the entropy in nats, from the random numbers of one `sample`.
+
+        It is for learners that average over many observations. Policies whose entropy is cheap return it exactly.
+        """
         del uniforms
         return self.entropy(observation)
 

@@ -19,6 +19,7 @@ from motorgrad._running import RunningMean, add_observation, running_mean, stand
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
+from motorgrad.tasks._composed_goal import goal_of
 from motorgrad.tasks._composing import (
     Drive,
     body_of,
@@ -30,22 +31,16 @@ from motorgrad.tasks._composing import (
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.terms import (
-    Beyond,
     Bound,
     BoundReset,
-    JointPositions,
     Observation,
-    Positions,
     Quantity,
     Reset,
     Scene,
     Start,
     Target,
-    TargetError,
-    TargetPosition,
 )
-from motorgrad.tasks.terms._quantities import OfDistance
-from motorgrad.tasks.terms._term import Now, bound, norm
+from motorgrad.tasks.terms._term import Now, bound
 
 FIXED: Mapping[str, Any] = {"option": False}
 """Metadata of fields that have no option on the command line, only in files and in Python."""
@@ -301,41 +296,9 @@ class Composed(BodyTask):
 
     @functools.cached_property
     def hindsight(self) -> Goal | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The one target, where it stays, observations show its error as it is, and rewards depend on its distance."""
-        if self.scaling != "none" or len(self._bound.scene.targets) != 1:
-            return None
-        ((name, target),) = self._bound.scene.targets.items()
-        starts = np.cumsum([0, *(len(each.names) for _, each in self._bound.observe)])
-        spans = zip(self.observations, self._bound.observe, starts.tolist(), starts[1:].tolist(), strict=False)
-        aimed = [
-            (type(term), scale, tuple(range(start, end)))
-            for term, (scale, _), start, end in spans
-            if getattr(term, "target", None) == name
-        ]
-        shown = {kind: (scale, places) for kind, scale, places in aimed}
-        if len(shown) < len(aimed):
-            return None
-        scale, errors = shown.pop(TargetError, (0.0, ()))
-        same, targets = shown.pop(TargetPosition, (scale, ()))
-        if target.moves or shown or scale == 0 or same != scale:
-            return None
-        paid = [term for term in self.rewards if getattr(term, "target", None) == name]
-        distances = [term for term in paid if isinstance(term, OfDistance)]
-        if not distances or not all(isinstance(term, OfDistance | Beyond) for term in paid):
-            return None
-
-        def reward(error: Float[Array, " errors"]) -> Scalar:
-            distance = norm(error / scale)
-            return jnp.asarray(sum(term.weight * term.of(distance) for term in distances))
-
-        places = {
-            name: start + k
-            for term, (each, bound), start in zip(self.observations, self._bound.observe, starts.tolist(), strict=False)
-            if isinstance(term, Positions | JointPositions) and each == scale
-            for k, name in enumerate(bound.names)
-        }
-        actual = tuple(places[name] for name in target.shown if name in places)
-        return Goal(errors, reward, targets, actual if len(actual) == len(errors) else ())
+        """What the task aims at, where observations are not scaled: see `goal_of`."""
+        parts = self._bound
+        return goal_of(self.observations, parts.observe, self.rewards, parts.scene) if self.scaling == "none" else None
 
     # -- episodes
 

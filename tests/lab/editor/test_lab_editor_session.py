@@ -167,8 +167,6 @@ time.sleep(600)
 """
 
 
-@pytest.mark.slow
-@pytest.mark.ci
 @pytest.mark.representatives("True")
 @pytest.mark.parametrize("named", [True, False])
 def test_unsaved_work_survives_a_killed_process(start, tmp_path, process_environment, named):
