@@ -18,7 +18,7 @@ import websockets.asyncio.server
 from viser import _messages as viser_messages
 from viser.infra import _infra
 from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed, ConnectionClosedError
+from websockets.exceptions import ConnectionClosedError
 from websockets.http11 import Request, Response
 
 from motorgrad._errors import check, choice, shown
@@ -126,6 +126,9 @@ class _Front:
                 log.warning("the connection of a browser failed: %s", _line(error))
             finally:
                 self._clients -= 1
+                closed = connection.protocol.close_sent
+                if closed is not None and closed.code == 1009:  # said here, as viser may be writing when it notices
+                    log.warning("a browser's message was refused: larger than %d bytes", LARGEST_PICTURE)
 
         return run
 
@@ -208,12 +211,7 @@ class _Client:
         """The next valid message."""
         while True:
             await self._pace.wait(self._size)
-            try:
-                raw = await self._connection.recv()
-            except ConnectionClosed as error:
-                if error.sent is not None and error.sent.code == 1009:
-                    log.warning("a browser's message was refused: larger than %d bytes", LARGEST_PICTURE)
-                raise
+            raw = await self._connection.recv()
             self._size = len(raw)
             try:
                 allowed = self._check(raw, self.watches)
