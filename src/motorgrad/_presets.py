@@ -189,12 +189,14 @@ def action_value_gradient(task: Any, steps: int, policy: Any = None) -> dict[str
 
 def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
     """The preset `"sac"`: the gradient of an action's value, learned from experience of any age, and in hindsight where
-    the task has a goal. Noise that lasts for a quarter of the horizon explores."""
+    the task has a goal. Noise that lasts a little explores."""
     ahead = horizon(task, 1 / 5)
     network = {"hidden": [128, 128], "activation": "relu", "sparsity": 0.0, "standardise": True}
     own = behind_layers(task, network, policy)
     if own["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
-        own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": 1 - 4 / ahead}
+        # With noise that lasts as long as that of "ppo-short-horizon", policies swing about a pose in place of holding
+        # it (docs/myosuite.md).
+        own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": max(0.0, 1 - 15 / ahead)}
     hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead, "others": 0.5}
     return {
         "policy": own,
