@@ -188,6 +188,7 @@ def test_the_stored_table_is_as_high_as_a_simulation_at_random_points(low, high,
     assert np.abs(found - wanted).max() > error / 4
 
 
+@pytest.mark.ci
 def test_the_stored_table_is_what_is_simulated_now():
     stored = LiftTable.load(STORED)
     assert stored.arm == Arm()

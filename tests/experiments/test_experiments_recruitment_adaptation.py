@@ -193,6 +193,7 @@ def test_the_reward_of_a_common_probability_is_that_of_the_oracle(reward_type):
         assert common_pay(task, loads)[row] == pytest.approx(exact, rel=1e-4)
 
 
+@pytest.mark.ci
 def test_pools_that_are_paid_complete_lifts_can_be_loaded_and_evaluated(tmp_path):
     task = EXPERIMENTS["sec-4.4-large-loads"].quick().task("complete", "large", 2)
     assert task == ArmRecruitment(units=2, reward_type="complete", low=12.0)

@@ -96,6 +96,7 @@ def test_an_index_that_is_not_there_is_refused(spring):
             analysis(apart)
 
 
+@pytest.mark.ci
 def test_trim_finds_the_force_that_holds_a_spring():
     run = lab.Run(oscillator(), watch=["place.y"])
     found = lab.trim(run, ["force.value"], {"place.y": 0.5})

@@ -56,6 +56,7 @@ def test_with_learned_values_the_mean_estimate_is_the_exact_gradient(relative_to
     check_mean(estimates(CHAIN, TABLE, baseline, 10_000), oracle.flat(exact), 0.03)
 
 
+@pytest.mark.ci
 def test_wrong_values_bias_it_as_the_page_says():
     """Two inputs for three states: the fixed point of the values, and the gradient that they stand for, exactly."""
     mdp = ThreeState().dynamics

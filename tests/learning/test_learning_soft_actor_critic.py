@@ -336,6 +336,7 @@ def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
     assert float(policy.deviation[0]) < 0.25
 
 
+@pytest.mark.ci
 def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
     network = MultilayerPerceptron((32,), activation="tanh", sparsity=0.0, layer_norm=False)
     values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
@@ -348,6 +349,7 @@ def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
     assert float(jnp.exp(state.estimator.entropy.log_worth)) == pytest.approx(2 * wanted**2, abs=0.12)
 
 
+@pytest.mark.ci
 def test_nothing_moves_before_there_is_enough_experience():
     estimator = SoftActorCritic(improve=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
     before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision

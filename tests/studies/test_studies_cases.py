@@ -36,6 +36,7 @@ def test_cases_have_settings_and_steps_of_their_own(done, tmp_path):
     assert Study.read(done.path / "study.toml") == done.study
 
 
+@pytest.mark.ci
 def test_the_measures_are_means_of_the_same_runs(done):
     for point in range(3):
         run = done.run(point)

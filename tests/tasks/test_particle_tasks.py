@@ -72,6 +72,7 @@ def test_the_floor_ends_an_episode_and_nothing_else_does():
     assert stepper.harvest()["reward"].shape == (1,)
 
 
+@pytest.mark.ci
 def test_the_position_is_observed_and_the_velocity_if_asked_for():
     state = at(0.1, 0.2, 0.3, 0.4)
     np.testing.assert_allclose(make("particle").observe((), state, jnp.zeros(0))[1], [0.1, 0.2])

@@ -125,6 +125,7 @@ def test_more_hangs_in_the_hand_than_is_seen():
         assert pays(arm, load, [1.0, 0.0], 4) == pytest.approx(pays(arm, load, [1.0, 0.0], 0), abs=1e-6)
 
 
+@pytest.mark.ci
 def test_readings_are_of_what_hangs_in_the_hand():
     task = LinearRecruitment(units=1, drift=Drift(0.25, 10, "steps", "load"))
     stepper = stepper_for(task, agent_for(task), [0])

@@ -96,6 +96,7 @@ def same(one, other):
     jax.tree.map(np.testing.assert_array_equal, one, other)
 
 
+@pytest.mark.ci
 def test_one_learner_learns_from_the_decisions_of_its_environments_in_turn(task, agent):
     envs, ticks = 3, 60
     stepper: Any = stepper_for(task, agent, [5], envs=envs)

@@ -112,6 +112,7 @@ def test_what_goes_wrong_in_one_engine_is_raised(begun, monkeypatch):
         begun.advance(5)
 
 
+@pytest.mark.ci
 def test_no_two_engines_are_in_compiled_code_at_once(monkeypatch):
     busy, overlaps = threading.Lock(), []
 

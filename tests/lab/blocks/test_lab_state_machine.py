@@ -83,6 +83,7 @@ def test_is_the_leg_controller_of_the_hexapod_tick_by_tick():
     }  # fmt: skip
 
 
+@pytest.mark.ci
 def test_six_legs_coupled_by_wires_walk_as_the_controller_does(tmp_path):
     """All in one diagram: legs count who stands of the other tripod, and all that wait."""
     controller, seen = TripodController(), readings(300)

@@ -87,6 +87,7 @@ def drawn(draw, diagram):
     return operation("comment", at=at, text=draw(st.text(max_size=3)), box=[0, 0, 10, 10])
 
 
+@pytest.mark.ci
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_undo_all_is_the_document_before_and_clients_see_every_step(data):

@@ -190,6 +190,7 @@ def test_a_log_replays_bit_for_bit_in_another_session(client, open_session):
         assert other.ask("replay", log=spoilt)["event"] == "refused"
 
 
+@pytest.mark.ci
 def test_a_frozen_unit_keeps_its_parameters_and_the_others_learn(open_session):
     client = Client(open_session(gallery.example("motoneuron-pool")))
     client.do("watch", addresses=["policy.parameters"])

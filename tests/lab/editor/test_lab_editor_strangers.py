@@ -146,6 +146,7 @@ def test_long_and_mutated_messages_are_refused_in_one_line(server, capfd):
     assert "".join(capfd.readouterr()) == ""
 
 
+@pytest.mark.ci
 def test_a_flood_slows_itself_alone(server):
     with join(server) as flood:
         for sequence in range(3000):

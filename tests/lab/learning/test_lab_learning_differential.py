@@ -71,6 +71,7 @@ def test_a_critic_is_the_librarys(fit):
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
 
 
+@pytest.mark.ci
 def test_a_trace_that_learns_is_the_librarys():
     task = mg.make("chain", time_limit=9)
     settings = {

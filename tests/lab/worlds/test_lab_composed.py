@@ -4,6 +4,7 @@ import zlib
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import motorgrad as mg
 from motorgrad import lab
@@ -21,6 +22,7 @@ time_limit = 0.08
 """
 
 
+@pytest.mark.ci
 def test_a_block_begins_and_ends_episodes_as_the_task_says():
     block = lab.Body("composed", SETTINGS)
     task = block.instance

@@ -24,6 +24,7 @@ def known(page):
     return {"Cookie": f"{COOKIE}={page._gate.token}"}
 
 
+@pytest.mark.ci
 def test_figures_are_listed_and_drawn_behind_the_gate(page):
     place, cookie = f"/{page._gate.place}/plots", known(page)
     for path in (place, f"{place}/list", f"{place}/figures/400x200/0"):

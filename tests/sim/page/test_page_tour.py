@@ -59,6 +59,7 @@ def test_a_scene_file_has_a_tour(tmp_path):
         prepared(["--config", str(scene)])
 
 
+@pytest.mark.ci
 def test_steps_wait_for_what_happens_in_a_run(page):
     session = page.session
 
