@@ -175,6 +175,16 @@ def test_an_environment_of_myosuite_is_a_gymnasium_task(suite):
     assert task.observation_size == 17
 
 
+@pytest.mark.slow
+def test_with_replay_and_hindsight_an_elbow_holds_its_poses(suite):
+    """With noise that lasts as long as that of `ppo-short-horizon`, it swings about them: half of the steps are off."""
+    task = mg.tasks.myosuite(ELBOW, actions="graded", scaling="none")
+    run = mg.train(task, mg.presets.sac(task, steps=12_000), steps=12_000, seeds=1, progress=False)
+    readings = mg.evaluate(run, 2_000, mode="mode").readings
+    assert readings["success"][0] == 1
+    assert readings["solved"][0] > 0.85
+
+
 @pytest.mark.parametrize(
     "make", [mg.tasks.myosuite, mg.tasks.from_gymnasium, lambda env_id: Mjcf(f"myosuite:{env_id}")]
 )

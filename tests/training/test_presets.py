@@ -230,13 +230,13 @@ def test_reinforce_needs_episodes_and_several_environments_are_refused_for_batch
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["ppo", "trpo", "a2c"])
-def test_batch_methods_learn_three_states(preset):
+@pytest.mark.parametrize(("preset", "steps"), [("ppo", 6_000), ("trpo", 6_000), ("a2c", 12_000)])
+def test_batch_methods_learn_three_states(preset, steps):
+    """The best policy earns 0.8, the first one 0.5. Single seeds may stay below."""
     task = mg.make("three-state")
-    agent = mg.agent_for(task, preset=preset, steps=6_000)
-    run = mg.train(task, agent, steps=6_000, seeds=2, progress=False)
-    earned = [oracle.average_reward(task.dynamics, jax.tree.map(lambda x, s=s: x[s], run.policies)) for s in (0, 1)]
-    assert min(earned) > 0.75
+    run = mg.train(task, mg.agent_for(task, preset=preset, steps=steps), steps=steps, seeds=8, progress=False)
+    policies = [jax.tree.map(lambda x, s=s: x[s], run.policies) for s in range(8)]
+    assert np.median([oracle.average_reward(task.dynamics, policy) for policy in policies]) > 0.75
 
 
 @pytest.mark.ci
