@@ -50,6 +50,8 @@ def test_a_figure_is_drawn(name, tmp_path):
     from tools.figures.__main__ import draw
     from tools.figures._work import Work
 
+    if name == "holding":
+        pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
     draw(name, Work(most=100), tmp_path / "figure.png")
     picture = np.asarray(Image.open(tmp_path / "figure.png").convert("L"))
     assert picture.shape[1] > 1000

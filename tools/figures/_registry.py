@@ -109,6 +109,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learned-trace": credit.learned_trace,
     "stationary-metric": credit.stationary_metric,
     "natural-actor-critics": credit.natural_actor_critics,
+    "holding": myosuite.holding,
     "learning-three-state": tasks.three_state_learning,
     "learning-chain": tasks.chain_learning,
     "learning-call-admission": tasks.call_admission_learning,

@@ -2,10 +2,13 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, RED, arrow, level, panels
+import motorgrad as mg
+from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, level, panels
+from tools.figures._work import Work
 from tools.myosuite import TASKS, stored
 
 WORDS = {"success": "successful episodes", "solved": "solved steps"}
@@ -71,4 +74,30 @@ def hindsight() -> Figure:
     level(right, 90, "")
     right.set(xlabel="thousand decisions", ylabel="successful episodes (%)", xscale="log", ylim=(0, 100))
     right.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), title="a hand with 39 muscles")
+    return figure
+
+
+def holding(work: Work) -> Figure:
+    """The angle of an elbow that learned with noise that lasts long, or as little as the preset's, and its targets."""
+    task, steps = mg.tasks.myosuite(TASKS["elbow"][0], actions="graded", scaling="none"), TASKS["elbow"][1]
+    angle, error = (task.observation_names.index(name) for name in ("r_elbow_flex", "target error r_elbow_flex"))
+    time = task.period * np.arange(100)
+    figure, axes = panels(2, height=2.9, sharey=True)
+    for panel, lag in zip(axes, (0.8, 0.25), strict=True):
+        agent = mg.agent_for(task, {"policy.autocorrelation": lag}, preset="sac", steps=steps)
+        policy = work.train(task, agent, steps, 1, f"elbow-{lag}").policy(0)
+        world = mg.environments.TaskEnv(task)
+        starts = [(world.reset(seed=seed)[0], seed) for seed in range(12)]
+        several = sorted((look[angle] + look[error], seed) for look, seed in starts)[1::3]
+        for (wanted, seed), colour in zip(several, (BLUE, RED, GREEN, ORANGE), strict=True):
+            look, memory, path = world.reset(seed=seed)[0], policy.initial_memory(), []
+            for _ in time:
+                path.append(look[angle])
+                seen = policy.perceive(memory, jnp.asarray(look))
+                action = policy.mode(seen)
+                memory, look = policy.remember(seen, action), world.step(np.asarray(action))[0]
+            panel.axhspan(wanted - 0.175, wanted + 0.175, color=colour, alpha=0.12, linewidth=0)
+            panel.plot(time, path, color=colour, linewidth=1.3)
+        panel.set(title=f"learned with noise of autocorrelation {lag:g}", xlabel="time (s)", xlim=(0, time[-1]))
+    axes[0].set(ylabel="angle of the elbow (rad)")
     return figure
