@@ -194,8 +194,8 @@ def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, An
     network = {"hidden": [128, 128], "activation": "relu", "sparsity": 0.0, "standardise": True}
     own = behind_layers(task, network, policy)
     if own["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
-        # With noise that lasts as long as that of "ppo-short-horizon", policies swing about a pose in place of holding
-        # it (docs/myosuite.md).
+        # The filter of noise that lasts as long as that of "ppo-short-horizon" would delay actions, and a limb would
+        # swing about its target in place of holding it (docs/myosuite.md).
         own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": max(0.0, 1 - 15 / ahead)}
     hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead, "others": 0.5}
     return {

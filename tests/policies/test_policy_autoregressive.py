@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import motorgrad as mg
 from motorgrad.policies import (
     Autoregressive,
     BoundedHyperplanes,
@@ -102,6 +103,42 @@ def test_the_memory_is_the_last_action_before_its_bounds(name):
         seen = policy.perceive(memory, 0.1 * jnp.ones(size))
         memory = policy.remember(seen, policy.mode(seen))
     np.testing.assert_allclose(policy.mode(seen), still, atol=1e-4)
+
+
+def test_without_a_filter_the_mean_is_that_of_the_units_and_the_noise_lasts():
+    policy = Autoregressive(_units(), RHO, filtered=False)
+
+    def step(memory: jax.Array, given: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        shown, uniforms = given
+        seen = policy.perceive(memory, shown)
+        action = policy.sample(seen, uniforms)
+        return policy.remember(seen, action), action - policy.policy.mean(shown)
+
+    shown, uniforms = (jax.random.uniform(jax.random.key(k), (40_000, 2)) for k in (1, 2))
+    noise = np.asarray(jax.lax.scan(step, policy.initial_memory(), (shown, uniforms))[1])[100:]
+    np.testing.assert_allclose(noise.mean(axis=0), 0, atol=0.03)
+    np.testing.assert_allclose(noise.std(axis=0), policy.policy.deviation, rtol=0.05)
+    for lag in (1, 5):
+        found = [np.corrcoef(unit[:-lag], unit[lag:])[0, 1] for unit in noise.T]
+        np.testing.assert_allclose(found, RHO**lag, atol=0.04)
+
+
+@pytest.mark.parametrize("name", MAKE)
+def test_without_a_filter_the_most_probable_action_is_that_of_the_units(name):
+    policy = Autoregressive(MAKE[name](), RHO, filtered=False)
+    memory, look = policy.initial_memory(), 0.1 * jnp.ones(policy.observation_size)
+    for place in (look, -2 * look, 3 * look):
+        seen = policy.perceive(memory, place)
+        np.testing.assert_allclose(policy.mode(seen), policy.policy.mode(place), rtol=1e-6)
+        memory = policy.remember(seen, policy.mode(seen))
+        np.testing.assert_array_equal(memory, 0)
+
+
+def test_learners_by_scores_refuse_noise_beside_a_mean_that_is_not_filtered():
+    task = mg.make("linear-recruitment", units=2)
+    policy = {"kind": "bounded-hyperplanes", "autocorrelation": RHO, "filtered": False}
+    with pytest.raises(ValueError, match=r"policy = 'Autoregressive': must be one with an exact score"):
+        mg.train(task, mg.agent_for(task, policy=policy, learning_rate=1e-3), steps=10, progress=False)
 
 
 def test_an_autocorrelation_of_zero_is_the_policy_alone():

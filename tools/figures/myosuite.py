@@ -78,14 +78,15 @@ def hindsight() -> Figure:
 
 
 def holding(work: Work) -> Figure:
-    """The angle of an elbow that learned with noise that lasts long, or as little as the preset's, and its targets."""
+    """The angle of an elbow that learned with noise that lasts, with a filtered mean action and with one as it is."""
     task, steps = mg.tasks.myosuite(TASKS["elbow"][0], actions="graded", scaling="none"), TASKS["elbow"][1]
     angle, error = (task.observation_names.index(name) for name in ("r_elbow_flex", "target error r_elbow_flex"))
     time = task.period * np.arange(100)
     figure, axes = panels(2, height=2.9, sharey=True)
-    for panel, lag in zip(axes, (0.8, 0.25), strict=True):
-        agent = mg.agent_for(task, {"policy.autocorrelation": lag}, preset="sac", steps=steps)
-        policy = work.train(task, agent, steps, 1, f"elbow-{lag}").policy(0)
+    for panel, filtered, words in zip(axes, (True, False), ("filtered, as the noise is", "as it is"), strict=True):
+        noise = {"policy.autocorrelation": 0.8, "policy.filtered": filtered}
+        agent = mg.agent_for(task, noise, preset="sac", steps=steps)
+        policy = work.train(task, agent, steps, 1, "elbow-filtered" if filtered else "elbow").policy(0)
         world = mg.environments.TaskEnv(task)
         starts = [(world.reset(seed=seed)[0], seed) for seed in range(12)]
         several = sorted((look[angle] + look[error], seed) for look, seed in starts)[1::3]
@@ -98,6 +99,6 @@ def holding(work: Work) -> Figure:
                 memory, look = policy.remember(seen, action), world.step(np.asarray(action))[0]
             panel.axhspan(wanted - 0.175, wanted + 0.175, color=colour, alpha=0.12, linewidth=0)
             panel.plot(time, path, color=colour, linewidth=1.3)
-        panel.set(title=f"learned with noise of autocorrelation {lag:g}", xlabel="time (s)", xlim=(0, time[-1]))
+        panel.set(title=f"mean action {words}", xlabel="time (s)", xlim=(0, time[-1]))
     axes[0].set(ylabel="angle of the elbow (rad)")
     return figure

@@ -34,8 +34,15 @@ class Autoregressive(Composed):
     mix the numbers before they are squashed or clipped. The most probable action is a low-pass filter of that without
     a memory, with a time constant of $-1/\log\rho$ decisions.
 
+    Not `filtered`, the mean action stays as it is, and only the noise $n$ lasts:
+
+    $$x_t = m(y_t) + n_t, \qquad n_t = \rho\,n_{t-1} + \sqrt{1 - \rho^2}\,s\,\varepsilon_t.$$
+
+    The memory is then the last noise, $n = x - m(y)$. It depends on the parameters, which the score leaves out. So this
+    is for learners that need no score, such as `SoftActorCritic`; others refuse it.
+
     **Arguments:** `policy`, graded hyperplanes with normal noise, or features or layers before them; `autocorrelation`
-    $\rho$ in [0, 1), not trainable.
+    $\rho$ in [0, 1), not trainable; `filtered`, whether the mean is filtered, too.
 
     **Raises:** `ValueError` for other units, and for a $\rho$ out of range.
 
@@ -52,6 +59,7 @@ class Autoregressive(Composed):
 
     policy: Any
     autocorrelation: Float[Array, ""] = fixed(converter=jnp.asarray, default=0.8)
+    filtered: bool = eqx.field(static=True, default=True)
 
     def __check_init__(self) -> None:
         pool = _pool(self.policy)
@@ -85,6 +93,14 @@ class Autoregressive(Composed):
     def marginal(self) -> Any:
         return self.policy
 
+    @property
+    def remembers_parameters(self) -> bool:
+        return not self.filtered
+
+    @property
+    def has_score(self) -> bool:
+        return self.filtered
+
     def initial_memory(self) -> Float[Array, " units"]:
         return jnp.zeros_like(_pool(self.policy).level)
 
@@ -96,7 +112,10 @@ class Autoregressive(Composed):
 
     def remember(self, seen: Float[Array, " inputs"], action: Array) -> Float[Array, " units"]:
         pool = _pool(self.policy)
-        return pool.number_before(action).astype(pool.level.dtype)
+        number = pool.number_before(action)
+        if not self.filtered:
+            number = number - pool.number_before(self.policy.mode(self._shown(seen)))
+        return number.astype(pool.level.dtype)
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
         policy = self.policy.adapted(self._shown(seen))
@@ -145,9 +164,10 @@ class Autoregressive(Composed):
         """The policy without a memory that acts alike after the last activation."""
         own, last, rho = self.policy if policy is None else policy, seen[self.observation_size :], self.autocorrelation
         pool, rest = _pool(own), jnp.sqrt(1 - rho * rho)
+        passed = 1 - rho if self.filtered else jnp.ones_like(rho)
         fields = {
-            "slope": (1 - rho) * pool.slope,
-            "level": (1 - rho) * pool.level + rho * last,
+            "slope": passed * pool.slope,
+            "level": passed * pool.level + rho * last,
             "log_deviation": pool.log_deviation + jnp.log(rest),
             "floor": rest * pool.floor,
         }
@@ -173,11 +193,11 @@ def check_autocorrelation(value: float) -> None:
 
 
 def autoregressive(
-    made: P | Callable[[jax.Array], P], autocorrelation: float
+    made: P | Callable[[jax.Array], P], autocorrelation: float, filtered: bool = True
 ) -> P | Autoregressive | Callable[[jax.Array], P | Autoregressive]:
     """An initial policy with noise of this `autocorrelation`; unchanged if it is 0."""
     check_autocorrelation(autocorrelation)
     if autocorrelation == 0:
         return made
-    rho = jnp.asarray(autocorrelation)
-    return Autoregressive(made, rho) if isinstance(made, Policy) else lambda key: Autoregressive(made(key), rho)
+    lasting = lambda policy: Autoregressive(policy, jnp.asarray(autocorrelation), filtered)  # noqa: E731
+    return lasting(made) if isinstance(made, Policy) else lambda key: lasting(made(key))

@@ -154,6 +154,7 @@ def bounded_hyperplanes(
     features: FeatureMap = INPUTS,
     network: Architecture | None = None,
     autocorrelation: float = 0.0,
+    filtered: bool = True,
 ) -> Any:
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
@@ -173,6 +174,7 @@ def bounded_hyperplanes(
       function from a key to a policy with a `Network`.
     - `autocorrelation`: correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is
       `Autoregressive`, and the density squashed or clipped.
+    - `filtered`: whether the mean action is filtered like such noise, which keeps the score exact.
     """
     inputs, outputs = sizes(task, units)
     ranges = bounds_of(task, outputs)
@@ -181,7 +183,7 @@ def bounded_hyperplanes(
     made = featured(
         features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor), network
     )
-    return autoregressive(made, autocorrelation)
+    return autoregressive(made, autocorrelation, filtered)
 
 
 def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:

@@ -304,6 +304,7 @@ def graded_hyperplanes(
     features: FeatureMap = INPUTS,
     network: Architecture | None = None,
     autocorrelation: float = 0.0,
+    filtered: bool = True,
 ) -> Any:
     """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
 
@@ -321,10 +322,11 @@ def graded_hyperplanes(
       function from a key to a policy with a `Network`.
     - `autocorrelation`: correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is
       `Autoregressive`.
+    - `filtered`: whether the mean action is filtered like such noise, which keeps the score exact.
     """
     inputs, outputs = sizes(task, units)
     made = featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor), network)
-    return autoregressive(made, autocorrelation)
+    return autoregressive(made, autocorrelation, filtered)
 
 
 def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:

@@ -158,6 +158,12 @@ class Policy(eqx.Module):
         once they move; by default not."""
         return False
 
+    @property
+    def has_score(self) -> bool:
+        """Whether the `score` is that of a decision after given observations and actions; by default so. It is not
+        where the memory depends on the parameters, and the score takes it as given."""
+        return True
+
     def perceive(
         self, memory: Float[Array, " memory"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:

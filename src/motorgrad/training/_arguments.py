@@ -14,7 +14,7 @@ from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Gymnasium, HostTask, Task, make
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, sweep_settings
-from motorgrad.training.engines import validate, validate_needs
+from motorgrad.training.engines import validate, validate_needs, validate_score
 from motorgrad.training.store import name_of
 
 MAX_LANES = 1_000_000
@@ -86,6 +86,7 @@ def check_training(
     check(compiled, "task", task.name, "a task in a JAX world for a sparse agent")
     policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
     validate(task, policy)
+    validate_score(policy, learner)
     validate_needs(task, check_rounded(learner, learner.precision))
     own = None if initial is None else check_initial(initial, policy, len(chosen))
     settings = [] if sweep is None else sweep_settings(sweep, task, learner)

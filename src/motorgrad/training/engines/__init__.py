@@ -11,7 +11,7 @@ from motorgrad.training.engines._host import BodyStepper, HostStepper
 from motorgrad.training.engines._programs import clear_programs
 from motorgrad.training.engines._side_by_side import MOST, SideBySide
 from motorgrad.training.engines._sparse import SparseStepper
-from motorgrad.training.engines._stepper import Record, Stepper, validate, validate_needs
+from motorgrad.training.engines._stepper import Record, Stepper, validate, validate_needs, validate_score
 from motorgrad.training.engines._world import WorldStepper
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "training_stepper_for",
     "validate",
     "validate_needs",
+    "validate_score",
 ]
 
 

@@ -99,6 +99,7 @@ class Stepper(abc.ABC):
         validate(task, self.policy)
         if mode == "learn":
             validate_needs(task, agent)
+            validate_score(self.policy, agent)
         if initial is None and isinstance(agent.policy, Policy):
             initial = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(self.seeds), *leaf.shape)), agent.policy)
         self._initial = initial
@@ -190,6 +191,12 @@ def validate(task: Task, policy: Policy) -> None:
         raise ValueError(
             f"policy {type(policy).__name__}: {_told(policy.actions)} actions, but the task {task.name!r} takes {takes}"
         )
+
+
+def validate_score(policy: Policy, agent: Agent) -> None:
+    """Refuse a policy without an exact score for a learner by scores."""
+    wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
+    check(policy.has_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
 
 
 def _told(actions: str | tuple[str, ...]) -> str:
