@@ -107,6 +107,7 @@ def test_another_block_changes_no_others_numbers():
     assert not np.any(after["a die.y"] == after["inner/more dice.y"])
 
 
+@pytest.mark.ci
 def test_a_subsystem_without_id_leaves_the_streams_of_its_blocks():
     inner, diagram = Diagram(), Diagram()
     inner.add("dice", Dice())

@@ -62,6 +62,7 @@ def grid(count):
     return (np.arange(count) + 0.5) / count
 
 
+@pytest.mark.ci
 def test_of_normal_units_it_is_the_exact_gradient_of_a_quadratic_bandit():
     """E Q = −((m − c)² + s²), and a nat of entropy log s is worth 0.3."""
     with jax.enable_x64(True):

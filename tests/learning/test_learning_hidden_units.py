@@ -94,6 +94,7 @@ def test_a_controller_earns_more_than_any_policy_without_a_memory(task):
     assert (rewards > 1.5 * without).sum() >= 16
 
 
+@pytest.mark.ci
 def test_a_controller_starts_each_episode_in_its_first_state():
     """With one decision per episode, nothing is ever remembered."""
     task = LoadUnload(time_limit=1)

@@ -96,6 +96,7 @@ def check_together(interval, improve, tolerance):
     np.testing.assert_allclose(last.blocks[0], one.chain[0][0], rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.ci
 def test_decisions_taken_in_together_make_the_same_matrix():
     check_together(5, 1000, 0)
 

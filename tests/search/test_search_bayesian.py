@@ -142,6 +142,7 @@ def test_other_acquisitions_and_kernels_find_it_too(method):
     assert sphere([best], None)[0] > -1.0
 
 
+@pytest.mark.ci
 def test_candidates_of_a_round_differ():
     """Each is found as if the ones before had their expected scores; the first of all is the start."""
     result = found(BayesianOptimisation(initial=4), sphere, 8)

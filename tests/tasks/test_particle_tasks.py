@@ -105,6 +105,7 @@ def test_the_orbit_pays_its_radius_or_minus_that():
     assert ParticleOrbit(time_limit=5).has_episodes
 
 
+@pytest.mark.ci
 def test_an_orbit_without_pushes_has_the_radius_of_the_closed_form():
     task = make("particle-orbit", forces=[[0.0, 0.0]])
     run = train(task, steps=400, seeds=4, window=200, progress=False)

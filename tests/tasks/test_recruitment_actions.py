@@ -64,6 +64,7 @@ def test_one_graded_unit_grades_the_force_better_than_one_that_fires_or_not():
     assert (run.policies.floor[:, None] + np.exp(run.policies.log_deviation) < 0.2).all()
 
 
+@pytest.mark.ci
 def test_the_next_load_is_the_one_asked_for():
     pool = Querying(SHARP, explore=0.0, cells=10)
     stepper = stepper_for(QUERIED, Agent(pool), [0, 1, 2], "sample")

@@ -96,6 +96,7 @@ def learner():
     return made
 
 
+@pytest.mark.ci
 def test_a_learner_learns_elsewhere(tmp_path):
     made = learner()
     found = simulated(write_fmu(made, tmp_path / "learner.fmu"), 600, made.tick)

@@ -12,6 +12,7 @@ from motorgrad.lab.compiler import stack
 SIZE, TICKS = 3, 30
 
 
+@pytest.mark.ci
 def test_traces_are_the_librarys_filters_one_tick_late():
     made = lab.Diagram(tick=1.0)
     made.add("score", lab.UniformNoise(shape=(SIZE,)))

@@ -11,6 +11,7 @@ from motorgrad.lab.blocks.worlds._tasks import BODIES
 from motorgrad.lab.gallery import learner
 
 
+@pytest.mark.ci
 def test_olgarb_on_the_three_state_world_is_the_librarys():
     task = mg.make("three-state")
     agent = mg.Agent(policies.softmax(task), learning.olgarb(0.8), learning.SGD(0.01))

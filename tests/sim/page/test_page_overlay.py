@@ -34,6 +34,7 @@ def test_goals_are_one_sentence(name, goal):
     assert goal_of(mg.make(name)) == goal
 
 
+@pytest.mark.ci
 def test_programs_add_texts_and_plots_and_remove_them(page):
     page.overlay("decision", text=lambda moment: f"decision {moment.decision:,} < 7")
     page.overlay("sine", plot=(np.arange(9), np.sin(np.arange(9))), unit="m")
