@@ -98,7 +98,7 @@ class Autoregressive(Composed):
         return not self.filtered
 
     @property
-    def has_score(self) -> bool:
+    def has_exact_score(self) -> bool:
         return self.filtered
 
     def initial_memory(self) -> Float[Array, " units"]:
@@ -199,5 +199,9 @@ def autoregressive(
     check_autocorrelation(autocorrelation)
     if autocorrelation == 0:
         return made
-    lasting = lambda policy: Autoregressive(policy, jnp.asarray(autocorrelation), filtered)  # noqa: E731
-    return lasting(made) if isinstance(made, Policy) else lambda key: lasting(made(key))
+    rho = jnp.asarray(autocorrelation)
+    return (
+        Autoregressive(made, rho, filtered)
+        if isinstance(made, Policy)
+        else lambda key: Autoregressive(made(key), rho, filtered)
+    )

@@ -159,9 +159,9 @@ class Policy(eqx.Module):
         return False
 
     @property
-    def has_score(self) -> bool:
-        """Whether the `score` is that of a decision after given observations and actions; by default so. It is not
-        where the memory depends on the parameters, and the score takes it as given."""
+    def has_exact_score(self) -> bool:
+        """Whether `score` is the whole derivative of the log-probability; by default so. It is not where the memory
+        depends on the parameters and the score takes it as given."""
         return True
 
     def perceive(

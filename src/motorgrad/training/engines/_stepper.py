@@ -196,7 +196,7 @@ def validate(task: Task, policy: Policy) -> None:
 def validate_score(policy: Policy, agent: Agent) -> None:
     """Refuse a policy without an exact score for a learner by scores."""
     wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
-    check(policy.has_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
+    check(policy.has_exact_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
 
 
 def _told(actions: str | tuple[str, ...]) -> str:
