@@ -12,6 +12,7 @@ from jax.flatten_util import ravel_pytree
 
 from motorgrad.learning import (
     SGD,
+    ActionValueEnsemble,
     Agent,
     Annealed,
     Clock,
@@ -29,10 +30,12 @@ from motorgrad.learning import (
     gpomdp,
     olgarb,
 )
+from motorgrad.learning._replay import Drawn
 from motorgrad.learning._schedules import at
 from motorgrad.policies import (
     Factored,
     Gated,
+    GradedHyperplanes,
     Hyperplanes,
     LocalGaussians,
     Masked,
@@ -279,6 +282,35 @@ def test_annealed_numbers_end_at_their_end():
     assert float(at(line, None)) == 2.0
 
 
+def test_learning_rates_are_annealed_with_the_steps():
+    rates = [0.1, 0.075, 0.05, 0.05]
+    agent = Agent(POINT, Estimator(Exponential(0.0), None), SGD(Annealed(0.1, 0.05, 2)))
+    state = agent.init(jax.random.key(0))
+    y = jnp.array([0.3, 0.6])
+    for rate in rates:
+        state, _ = agent.act(state, y, jnp.array([0.3]))
+        before, state = state.policy.weights, agent.reinforce(state, jnp.float32(1.0), y)
+        slope = state.gradient.weights
+        state = agent.improve(state)
+        np.testing.assert_allclose(state.policy.weights - before, rate * slope, rtol=1e-4)
+    assert agent_for("three-state", learning_rate=_annealed(0.1, end=0.05, steps=2)).optimizer == agent.optimizer
+
+
+def test_the_values_of_an_ensemble_follow_an_annealed_learning_rate():
+    """Adam's steps are as long as its learning rate: with one that has ended at 0, nothing moves."""
+    policy = GradedHyperplanes([[0.5]], [0.2], [-1.0])
+    column, row = jnp.ones((4, 1)), jnp.ones(4)
+    drawn = Drawn(column, 0.1 * column, row, column, row < 0, row)
+    values = ActionValueEnsemble(learning_rate=Annealed(1e-3, 0.0, 2), members=1)
+    state, update = values.init(2, jnp.float32, jax.random.key(0)), eqx.filter_jit(values.update)
+    moved = []
+    for steps in range(4):
+        after = update(state, policy, drawn, None, jax.random.key(1), jnp.int32(steps))
+        moved.append(float(np.abs(after.weights[0].weights - state.weights[0].weights).max()))
+        state = after
+    assert moved == pytest.approx([1e-3, 5e-4, 0, 0], rel=1e-2)
+
+
 def test_nothing_is_kept_that_nothing_asks_for():
     state = Agent(POINT, olgarb(0.5)).init(jax.random.key(0))
     assert (state.steps, state.chain, state.decision) == (None, (optax.EmptyState(),), None)
@@ -304,6 +336,11 @@ def _annealed(start=0.1, **more):
         (lambda: Annealed(-1.0), "start = -1.0"),
         (lambda: Annealed(1.0, float("inf")), "end = inf"),
         (lambda: Annealed(1.0, steps=0), "steps = 0: must be an integer of at least 1"),
+        (lambda: SGD(-1.0), "learning_rate = -1.0: must be a finite number of at least 0, or an Annealed"),
+        (
+            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), optimizer=SGD(Annealed(0.1))),
+            "optimizer.learning_rate = .*: must be one that does not change with a spatial index",
+        ),
         (lambda: PolyakAveraging(start=-1), "start = -1"),
         (lambda: PolyakAveraging(rate=1.5), "rate = 1.5"),
         (lambda: Agent(POINT, averaging=0.5), "averaging = 0.5: must be None or a PolyakAveraging"),

@@ -23,6 +23,7 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Part, count, number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag
+from motorgrad.learning._schedules import Annealed, at
 from motorgrad.policies import Policy, split, trainable
 
 Updates = PyTree[Array]
@@ -128,7 +129,7 @@ class SGD(Optimizer):
 
     - `learning_rate`: $\alpha \ge 0$, one number for all parameters; or a mapping from names of the policy's fields to
       numbers or arrays that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of
-      several pools a name stands for that field in every pool.
+      several pools a name stands for that field in every pool. `Annealed` changes with the steps of the parameters.
     - `weight_decay`: none, or the share $\lambda \in [0, 1]$ of itself that a parameter loses at every step; a number,
       or a mapping, in which fields left out do not decay. It is decoupled (Loshchilov & Hutter, 2019): neither learning
       rate nor metric changes it. Decaying gains keep units stochastic, and so exploring (section 4.4.1 of the thesis).
@@ -138,7 +139,7 @@ class SGD(Optimizer):
     a field, or a shape that does not fit.
     """
 
-    learning_rate: float | dict[str, Any] = number(1e-3, 0, groups=True)
+    learning_rate: float | dict[str, Any] | Annealed = number(1e-3, 0, groups=True)
     weight_decay: float | dict[str, Any] | None = number(None, 0, 1, groups=True)
 
     def init(self, policy: Policy) -> Any:
@@ -154,14 +155,16 @@ class SGD(Optimizer):
     def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
         parameters = trainable(policy)
         direction, state = self._scaling.update(updates, state, parameters)
-        moves = jax.tree.map(lambda g, rate: -rate * g, direction, self.learning_rates(parameters))
+        moves = jax.tree.map(lambda g, rate: -rate * g, direction, self.learning_rates(parameters, steps))
         if self.weight_decay is not None:
             moves = jax.tree.map(lambda move, decay, p: move - decay * p, moves, self._decays(parameters), parameters)
         return moves, state
 
-    def learning_rates(self, parameters: Any) -> Any:
-        """The learning rate of every parameter, in their structure, with leaves that broadcast to them."""
-        return by_group("learning rate", "of all", self.learning_rate, parameters)
+    def learning_rates(self, parameters: Any, steps: Int[Array, ""] | None = None) -> Any:
+        """The learning rate of every parameter after so many steps, in their structure, with leaves that broadcast to
+        them."""
+        rate = self.learning_rate
+        return by_group("learning rate", "of all", at(rate, steps) if isinstance(rate, Annealed) else rate, parameters)
 
     def _decays(self, parameters: Any) -> Any:
         decay = 0.0 if self.weight_decay is None else self.weight_decay

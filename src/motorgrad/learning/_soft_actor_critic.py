@@ -21,7 +21,7 @@ from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._critics import ValueNetwork
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._replay import Drawn, Experience, Replay
-from motorgrad.learning._schedules import at
+from motorgrad.learning._schedules import Annealed, at
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, frozen, split, thawed, trainable
 
 
@@ -46,14 +46,14 @@ class ActionValueEnsemble(Part):
     **Arguments:**
 
     - `discount`: $\gamma \in [0, 1)$.
-    - `learning_rate`: learning rate of Adam, at least 0.
+    - `learning_rate`: learning rate of Adam, at least 0. It may be `Annealed`.
     - `tracking`: the share of the distance to the networks by which their slow copies move at a step, in [0, 1].
     - `members`: number of networks, at least 1.
     - `network`: the hidden layers. They see the observation and the action, in one vector.
     """
 
     discount: float = number(0.99, 0, 1, open_high=True)
-    learning_rate: float = number(5e-4, 0)
+    learning_rate: float | Annealed = number(5e-4, 0)
     tracking: float = number(0.01, 0, 1)
     members: int = count(2, 1, 1_000)
     network: Architecture = MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True)
@@ -89,8 +89,10 @@ class ActionValueEnsemble(Part):
         ]
         return state._replace(weights=tuple(after))
 
-    def update(self, state: EnsembleState, policy: Policy, drawn: Drawn, worth: Any, key: jax.Array) -> EnsembleState:
-        """The state after a step down the squared errors of a batch of decisions."""
+    def update(
+        self, state: EnsembleState, policy: Policy, drawn: Drawn, worth: Any, key: jax.Array, steps: Any = None
+    ) -> EnsembleState:
+        """The state after a step down the squared errors of a batch of decisions; the parameters have made `steps`."""
         learned, settings = split(cast(Any, state.weights))
         following = drawn.next_observation
         numbers = jax.random.uniform(key, (len(following), policy.uniforms), following.dtype)
@@ -105,7 +107,8 @@ class ActionValueEnsemble(Part):
             return 0.5 * drawn.mean(jnp.sum(jnp.square(found - wanted), axis=0))
 
         moves, rule = optax.scale_by_adam().update(jax.grad(loss)(learned), state.rule)
-        learned = eqx.apply_updates(learned, jax.tree.map(lambda move: -self.learning_rate * move, moves))
+        rate = at(self.learning_rate, steps)
+        learned = eqx.apply_updates(learned, jax.tree.map(lambda move: (-rate * move).astype(move.dtype), moves))
         slow = jax.tree.map(lambda old, new: (old + self.tracking * (new - old)).astype(old.dtype), state.slow, learned)
         return EnsembleState(eqx.combine(learned, settings), slow, rule)
 
@@ -285,7 +288,8 @@ class SoftActorCritic(Estimator):
             if self.entropy_target is not None:
                 learned = self.entropy_target.update(learned, state.policy.marginal, drawn, of_this)
                 worth = jnp.exp(learned.log_worth)
-            values = self.values.update(state.estimator.baseline, state.policy.marginal, drawn, worth, of_next)
+            marginal = state.policy.marginal
+            values = self.values.update(state.estimator.baseline, marginal, drawn, worth, of_next, state.steps)
             state = state._replace(estimator=state.estimator._replace(baseline=values, entropy=learned))
             return step(state, self._gradient(values, state.policy, drawn, worth, of_this)), None
 

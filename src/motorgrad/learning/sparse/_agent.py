@@ -27,6 +27,7 @@ from motorgrad._goal import Goal
 from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._branching import Flag, where_any
 from motorgrad.learning._chain import SGD
+from motorgrad.learning._schedules import changes
 from motorgrad.learning._traces import Episodic, Exponential
 from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
@@ -96,6 +97,8 @@ class SparseAgent(Agent):
         check(estimator.online, "estimator.improve", estimator.improve, "1, at every decision, with a spatial index")
         plain = type(self.optimizer) is SGD and self.optimizer.weight_decay is None
         check(plain, "optimizer", self.optimizer, "SGD without weight decay with a spatial index")
+        rate = getattr(self.optimizer, "learning_rate", None)
+        check(not changes(rate), "optimizer.learning_rate", rate, "one that does not change with a spatial index")
         for name in ("metric", "growth", "averaging"):
             check(getattr(self, name) is None, name, getattr(self, name), "None with a spatial index")
         for name in ("bound", "reward_scaling", "reuse"):

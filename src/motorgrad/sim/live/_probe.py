@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from motorgrad.bodies import BodyState
-from motorgrad.learning import SGD, RunningMean
+from motorgrad.learning import SGD, AgentState, RunningMean
 from motorgrad.policies import trainable
 from motorgrad.training import Stepper
 
@@ -48,7 +48,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
             "reward_sum": jnp.stack([tally.sums[0], tally.carry[0]]),
             "baseline": learner.estimator.level(agent.estimator),
             "parameters": flat,
-            "rates": _learning_rates(learner.optimizer, parameters, flat),
+            "rates": _learning_rates(learner.optimizer, agent, flat),
             "marks": jnp.ravel(engine.task.marks(cycle.memory, state)),
             "batch": jnp.full_like(flat, jnp.nan) if batch is None else ravel_pytree(batch)[0],
         }
@@ -92,8 +92,9 @@ def _wide(action: Array, size: int) -> Array:
     return jnp.pad(numbers, (0, size - numbers.shape[0]), constant_values=jnp.nan)
 
 
-def _learning_rates(optimizer: Any, parameters: Any, flat: Array) -> Array:
+def _learning_rates(optimizer: Any, state: AgentState, flat: Array) -> Array:
     if not isinstance(optimizer, SGD):
         return jnp.full_like(flat, jnp.nan)
-    rates = optimizer.learning_rates(parameters)
+    parameters = trainable(state.policy)
+    rates = optimizer.learning_rates(parameters, state.steps)
     return ravel_pytree(jax.tree.map(lambda p, rate: jnp.broadcast_to(rate, p.shape), parameters, rates))[0]
