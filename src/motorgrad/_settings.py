@@ -149,7 +149,7 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     value = value.item() if isinstance(value, np.generic) else value
     if hasattr(default, "with_setting") and isinstance(value, str | Mapping):
         return default.with_setting(value, where)
-    if (kinds := parts_in(hint)) and (isinstance(value, str | Part) or _is_part_table(hint, value)):
+    if (kinds := parts_in(hint)) and (isinstance(value, str | Part) or _is_part_table(hint, value, default)):
         return _part(kinds, hint, value, where, default)
     origin, options = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
@@ -196,12 +196,15 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     return value
 
 
-def _is_part_table(hint: Any, value: Any) -> bool:
-    """Whether a table describes a part, and not numbers by group."""
+def _is_part_table(hint: Any, value: Any, default: Any) -> bool:
+    """Whether a table describes a part or changes the `default` part, and not numbers by group."""
     mappings = any(
         isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in typing.get_args(hint)
     )
-    return isinstance(value, Mapping) and (not mappings or "kind" in value)
+    if not isinstance(value, Mapping):
+        return False
+    changes = isinstance(default, Part) and value.keys() <= fields_of(type(default)).keys()
+    return not mappings or "kind" in value or changes
 
 
 def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, default: Any) -> Part | None:
@@ -245,8 +248,9 @@ def _one_of(hint: Any, options: tuple[Any, ...], value: Any, where: str, default
     if (value is None or value == "none") and type(None) in options:
         return None
     for option in options:
-        if dataclasses.is_dataclass(option) and isinstance(value, Mapping):  # what is wrong in it is worth saying
-            return as_hinted(option, value, where, default)
+        part = isinstance(option, type) and issubclass(option, Part)  # a table of one has a kind
+        if dataclasses.is_dataclass(option) and isinstance(value, Mapping) and not part:
+            return as_hinted(option, value, where, default)  # what is wrong in it is worth saying
     lists = [option for option in options if typing.get_origin(option) is tuple]
     if len(lists) == 1 and isinstance(value, tuple | list):
         return as_hinted(lists[0], value, where, default)

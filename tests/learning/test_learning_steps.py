@@ -293,7 +293,11 @@ def test_learning_rates_are_annealed_with_the_steps():
         slope = state.gradient.weights
         state = agent.improve(state)
         np.testing.assert_allclose(state.policy.weights - before, rate * slope, rtol=1e-4)
-    assert agent_for("three-state", learning_rate=_annealed(0.1, end=0.05, steps=2)).optimizer == agent.optimizer
+    rate = _annealed(0.1, end=0.05, steps=2)
+    assert agent_for("three-state", learning_rate=rate).optimizer == agent.optimizer
+    groups = {"centre": 0.1, "log_width": 0.2}
+    local = {"policy": "gaussians", "learning_rate": groups}
+    assert agent_for("particle", local).optimizer.learning_rate == groups
 
 
 def test_the_values_of_an_ensemble_follow_an_annealed_learning_rate():
