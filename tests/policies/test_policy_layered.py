@@ -17,6 +17,8 @@ from motorgrad.policies import (
     Hyperplanes,
     Layered,
     Mixed,
+    MultilayerPerceptron,
+    Network,
     Softmax,
     initial,
     split,
@@ -52,6 +54,29 @@ def test_each_pool_sees_the_draws_below_it_and_a_constant_where_it_has_room():
     np.testing.assert_array_equal(policy.view(look, [fired, chosen]), [3, 1])
     skipping = Layered([first], planes(1, 6), skip=True)
     np.testing.assert_array_equal(skipping.view(look, [fired]), np.float32([0.1, 0.2, 0.3, 1, 0, 1]))
+
+
+@pytest.mark.parametrize("name", ["layered", "layered-skip", "controller"])
+def test_hidden_activations_are_those_of_each_hidden_pool_after_the_most_probable_actions_below(name):
+    policy = policy_of(name)
+    look = observation_of(policy)
+    drawn = policy.drawn(policy.mode(look))
+    layers = policy.hidden_activations(look)
+    assert len(layers) == len(policy.pools) - 1
+    for k, layer in enumerate(layers):
+        np.testing.assert_array_equal(layer, policy.pools[k].prob(policy.view(look, drawn[:k])))
+
+
+def test_hidden_activations_come_through_policies_around_and_within():
+    inner = Layered([planes(3, 4)], planes(1, 3))
+    layers = MultilayerPerceptron(hidden=(5, 4)).build(2, jax.random.key(0))
+    behind = Network(inner, layers, 2)
+    assert [each.size for each in behind.hidden_activations([0.3, -0.1])] == [5, 4, 3]
+    assert [each.size for each in Featured(behind, FeatureMap(), 2).hidden_activations([0.3, -0.1])] == [5, 4, 3]
+    within = Layered([planes(2, 3)], Network(planes(1, 4), layers, 2))
+    assert [each.size for each in within.hidden_activations([0.3, -0.1, 0.2])] == [2, 5, 4]
+    with pytest.raises(ValueError, match="must be 3 numbers, what the task shows"):
+        within.hidden_activations([0.3])
 
 
 @pytest.mark.parametrize("name", ["layered", "layered-skip", "controller"])

@@ -80,6 +80,14 @@ def test_without_a_past_the_score_is_that_of_the_drive_alone_and_memory_starts_f
     gain = np.sqrt(1 - np.asarray(policy.decay) ** 2)
     expected = gain * (np.asarray(policy.weights) @ [1, -1] + np.asarray(policy.bias))
     np.testing.assert_allclose(policy.judged(seen), [1, -1, *expected], rtol=1e-5)
+    (hidden,) = policy.hidden_activations(seen)
+    np.testing.assert_allclose(hidden, expected, rtol=1e-5)
+
+
+def test_hidden_units_of_the_output_come_after_the_recurrent_ones():
+    policy = example("layered")
+    recurrent, drawing = policy.hidden_activations(policy.perceive(policy.initial_memory(), [0.5, 0.2]))
+    assert (recurrent.shape, drawing.shape) == ((4,), (2,))
 
 
 def test_a_critic_sees_the_observation_and_the_activations_only():

@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from motorgrad._errors import check, counted, shown
 
-SEE = ("prob", "sample", "mode", "log_prob", "score", "entropy")
+SEE = ("prob", "sample", "mode", "log_prob", "score", "entropy", "hidden_activations")
 """The methods of a policy whose first argument is what its units see."""
 
 

@@ -197,15 +197,16 @@ class Network(Seeing):
         return self if module is self.module else with_fields(self, module=module)
 
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        """Of a module that is no sequence of layers, the output alone."""
+        """Of a module that is no sequence of layers, the output alone; then the pool's own hidden layers."""
         module, found = thawed(self.module), []
-        if not isinstance(module, eqx.nn.Sequential):
-            return (module(observation),)
-        for layer in module.layers:
+        layers = module.layers if isinstance(module, eqx.nn.Sequential) else (module,)
+        for layer in layers:
             observation = layer(observation)
             if isinstance(layer, eqx.nn.Lambda):
                 found.append(observation)
-        return tuple(found) if isinstance(module.layers[-1], eqx.nn.Lambda) else (*found, observation)
+        if not isinstance(layers[-1], eqx.nn.Lambda):
+            found.append(observation)
+        return (*found, *self.pool.hidden_activations(observation))
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         learned, settings = split(self)

@@ -93,6 +93,15 @@ class Sequential(Composed):
         together may be more probable."""
         return self._one_by_one(observation, lambda k, seen: self.pools[k].mode(seen))
 
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        """What the units of each hidden pool do on average, given the most probable actions of the pools before it:
+        firing probabilities, mean activations, or the probabilities of alternatives. A pool's own hidden layers come
+        before it."""
+        found: list[Array] = []
+        for pool, (view, _) in zip(self.pools, self._seen(observation, self.mode(observation)), strict=True):
+            found += [*pool.hidden_activations(view), pool.prob(view)]
+        return tuple(found[:-1])
+
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
         r"""$\log\pi$ of what all pools have drawn."""
         seen = self._seen(observation, action)

@@ -139,7 +139,8 @@ class Policy(eqx.Module):
         return type(self).emit is not Policy.emit
 
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        """The output of each hidden layer, from the inputs on; by default none."""
+        """The output of each hidden layer, from the inputs on; by default none. Of stochastic units it is the firing
+        probability or the mean activation."""
         del observation
         return ()
 

@@ -144,6 +144,11 @@ class Recurrent(Composed):
     def mode(self, observation: Float[Array, " inputs"]) -> Array:
         return self.output.mode(self._view(observation))
 
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        """The activations $h$ of the recurrent units, then the output units' own hidden layers."""
+        view = self._view(observation)
+        return (view[self.observation_size :], *self.output.hidden_activations(view))
+
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
         return self.output.log_prob(self._view(observation), action)
 

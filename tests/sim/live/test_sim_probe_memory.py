@@ -27,6 +27,22 @@ def test_the_probability_shown_is_that_of_what_the_units_saw():
         np.testing.assert_allclose(seen[:3], cycle.observation[0], rtol=1e-6)
 
 
+def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_memory():
+    task = mg.make("load-unload")
+    stepper = stepper_for(task, agent_for(task), [0], "sample")
+    look = probe(stepper, [])
+    memories = []
+    for _ in range(8):
+        stepper.advance(1)
+        policy = jax.tree.map(lambda leaf: leaf[0], stepper.policies())
+        shown = look()
+        seen = policy.perceive(jnp.asarray(shown["memory"][0]), jnp.asarray(shown["observation"][0]))
+        np.testing.assert_allclose(shown["probability"][0], policy.prob(seen), rtol=1e-5)
+        np.testing.assert_array_equal(shown["memory"], stepper.state["cycle"].agent.memory)
+        memories.append(int(np.argmax(shown["memory"])))
+    assert len(set(memories)) > 1
+
+
 def test_episodes_of_a_particle_can_be_walked_with_a_memory():
     task = mg.make("particle")
     policy = initial("recurrent", task, hidden=2)(jax.random.key(0))

@@ -5,12 +5,15 @@ import io
 import re
 import xml.etree.ElementTree as ElementTree
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image
 
 from motorgrad.bodies import debounced
-from motorgrad.policies import Factored, Hyperplanes, LocalGaussians
+from motorgrad.policies import Autoregressive, BoundedHyperplanes, Factored, Hyperplanes, LocalGaussians, initial
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._gait import FIRST, SECOND, draw_footfall
 from motorgrad.sim.panels._muscles import SECONDS, draw_raster
@@ -137,14 +140,41 @@ def test_weights_are_found_in_pools_that_have_them():
     assert weights_of(LocalGaussians(np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))) is None
 
 
+def test_weights_of_units_that_see_more_than_the_observation_are_not_taken_for_its():
+    assert weights_of(initial("layered", 2, units=1, output="softmax")(jax.random.key(0))) is None
+    assert weights_of(initial("layered", 2, units=2, hidden=(2,))(jax.random.key(0))) is None  # of equal shapes
+    assert weights_of(initial("finite-state-controller", 3, units=2, output="softmax")(jax.random.key(0))) is None
+    assert weights_of(initial("recurrent", 3, units=2)(jax.random.key(0))) is None
+
+
 def test_the_background_of_a_portrait_is_the_policys_probability():
     policy = Hyperplanes(np.array([[1.0, -2.0, 0.5], [0.0, 3.0, 1.0]]), np.array([0.1, -0.2]))
     seen, limits = np.array([0.3, 9.0, 9.0]), np.array([[-1.0, 1.0], [-2.0, 2.0]])
-    field = Field().over(policy, seen, 2, 1, limits)
+    field = Field().over(policy, np.zeros(0), seen, 2, 1, limits)
     for row, column in ((0, 0), (5, 30), (GRID - 1, GRID - 1)):
         y, x = -2 + 4 * row / (GRID - 1), -1 + 2 * column / (GRID - 1)
         expected = policy.prob(np.float32([0.3, y, x]))
         np.testing.assert_allclose(field[row, column], expected, atol=1e-5)
+
+
+def test_the_background_keeps_the_memory_and_leaves_out_noise_that_lasts():
+    recurrent = initial("recurrent", 2, units=1, hidden=3)(jax.random.key(0))
+    weights = np.array([[0.4, -0.6, 1.0, -1.0, 0.5]])
+    recurrent = eqx.tree_at(lambda policy: policy.output.weights, recurrent, jnp.asarray(weights, jnp.float32))
+    controller = initial("finite-state-controller", 2, units=2, states=2)(jax.random.key(0))
+    plain = BoundedHyperplanes([[0.5, -1.0]], [0.2], [-1.0])
+    memory, limits = np.random.default_rng(0).normal(size=recurrent.inputs - 2), np.array([[-1.0, 1.0], [-2.0, 2.0]])
+    low = np.float32([-1, -2])
+    for policy, kept, expected in (
+        (recurrent, memory, recurrent.prob(recurrent.perceive(np.float32(memory), low))),
+        (controller, np.array([0.0, 1.0]), controller.prob(np.float32([*low, 0, 1]))),
+        (Autoregressive(plain, 0.9), np.array([0.7]), plain.prob(low)),
+    ):
+        field = Field().over(policy, kept, np.zeros(2), 0, 1, limits)
+        np.testing.assert_allclose(field[0, 0], expected, atol=1e-5)
+    hidden = Field(lambda policy, seen: policy.hidden_activations(seen)[0])
+    found = hidden.over(recurrent, memory, np.zeros(2), 0, 1, limits)
+    assert np.ptp(found, axis=(0, 1)).min() > 0.1  # a recurrent unit responds to the observation at once
 
 
 def test_a_portrait_is_upright():
@@ -158,6 +188,8 @@ def test_a_portrait_is_upright():
     assert shown[0].mean() < shown[-1].mean() == 255  # the first row is the upper one, and coloured
     assert {"angle", "velocity", "1   probability that flexor fires"} <= set(words(made))
     assert draw_portrait(path, None, limits, ("a", "b"), "c")
+    noted = draw_portrait(path, chance, limits, ("a", "b"), "c", note="the memory as now")
+    assert "the memory as now" in words(noted)
 
 
 def test_a_footfall_has_a_bar_for_every_stance():

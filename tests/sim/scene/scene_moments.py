@@ -26,6 +26,7 @@ def moment(position, *, velocity=None, activation=None, control=None, decision=0
         position=position,
         **rows,
         observation=none,
+        memory=none,
         probability=none,
         reward=unknown,
         baseline=unknown,

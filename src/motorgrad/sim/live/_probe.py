@@ -12,7 +12,7 @@ from jaxtyping import Array
 from motorgrad.bodies import BodyState
 from motorgrad.learning import SGD, AgentState, RunningMean
 from motorgrad.policies import trainable
-from motorgrad.training import Stepper
+from motorgrad.training import HostStepper, Stepper
 
 Probed = dict[str, np.ndarray]
 
@@ -21,7 +21,8 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
     """Make a function that samples a stepper.
 
     `reward_sum` (seeds, 2) is the sum of rewards since the last harvest and its rounding error; `rates` are the
-    learning rates of the parameters, NaN where the optimizer has none.
+    learning rates of the parameters, NaN where the optimizer has none. `memory` is what the policy remembers for its
+    next decision.
     """
 
     engine: Any = stepper  # every engine with a viewer has a cycle
@@ -30,8 +31,9 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
         agent, tally = cycle.agent, cycle.tally
         learner = engine.cycle.learner(cycle)
         parameters = trainable(agent.policy)
-        # The memory has moved on since: the decision has what the units saw.
-        seen = agent.decision.observation if agent.policy.has_memory else cycle.observation
+        # An engine on the host has acted already, and the memory has moved on: the decision has what the units saw.
+        acted = agent.policy.has_memory and isinstance(engine, HostStepper)
+        seen = agent.decision.observation if acted else agent.policy.perceive(agent.memory, cycle.observation)
         probability = agent.policy.prob(seen)
         flat = ravel_pytree(parameters)[0]
         position, velocity = _moved(state)
@@ -43,6 +45,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
             "activation": _active(state),
             "contacts": jnp.stack(touched) if touched else jnp.zeros(0),
             "observation": cycle.observation,
+            "memory": jnp.zeros(0) if agent.memory is None else agent.memory,
             "action": _wide(cycle.action, probability.shape[0]),
             "probability": probability,
             "reward_sum": jnp.stack([tally.sums[0], tally.carry[0]]),

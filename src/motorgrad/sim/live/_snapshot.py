@@ -23,6 +23,7 @@ class Snapshot(NamedTuple):
     - `position`, `velocity`, `activation`, `control`: MuJoCo's `qpos`, `qvel`, `act` and `ctrl` of each body. In a
       JAX world, `position` and `velocity` of its state, or the whole state in `position`.
     - `observation`; `probability`: each unit's probability of firing given it, or its mean activation.
+    - `memory`: what the policy remembers for its next decision; of no numbers where it has no memory.
     - `reward` of the last decision; `baseline`; `gradient_norm` of the last gradient, NaN where unknown.
     - `parameters`: the trainable parameters of the acting policy, flat.
     - `marks`: the places that the task marks, such as targets: x, y, z and radius (m) of one after the other.
@@ -44,6 +45,7 @@ class Snapshot(NamedTuple):
     activation: Float[np.ndarray, "bodies na"]
     control: Float[np.ndarray, "bodies nu"]
     observation: Float[np.ndarray, "bodies observations"]
+    memory: Float[np.ndarray, "bodies memory"]
     probability: Float[np.ndarray, "bodies actions"]
     reward: Float[np.ndarray, " bodies"]
     baseline: Float[np.ndarray, " bodies"]
@@ -116,12 +118,23 @@ class Sizes(NamedTuple):
     trail: int
     readings: int
     marks: int
+    memory: int = 0
 
 
 POINTS = 2_000
 NUMBERS = ("decision", "seconds", "playing", "frozen", "speed", "reset_count", "oldest", "newest", "bodies")
 COUNTS = ("decision", "reset_count", "oldest", "newest")
-ARRAYS = ("position", "velocity", "activation", "control", "observation", "probability", "parameters", "marks")
+ARRAYS = (
+    "position",
+    "velocity",
+    "activation",
+    "control",
+    "observation",
+    "memory",
+    "probability",
+    "parameters",
+    "marks",
+)
 SCALARS = ("reward", "baseline", "gradient_norm")
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from motorgrad.policies import Policy
 from motorgrad.sim.live import Session, Snapshot
-from motorgrad.sim.panels._panel import Numbers, Panel, brief
-from motorgrad.sim.panels._policy_diagrams import Field, draw_layers, draw_portrait, limits_of
+from motorgrad.sim.panels._panel import Numbers, Panel
+from motorgrad.sim.panels._policy_diagrams import Field, draw_layers, present
+from motorgrad.sim.panels._portrait import Portrait
 from motorgrad.sim.scene import Pose
 
 
@@ -28,7 +29,6 @@ class NetworkPanel(Panel):
     def fill(self, gui: Any) -> None:
         session = self.session
         sizes = [len(layer) for layer in _layers(session, session.snapshot())]
-        self._field = Field(lambda policy, seen: jnp.concatenate(policy.hidden_activations(seen)))
         self._starts = np.cumsum([0, *sizes])
         with gui.add_folder("Hidden units"):
             self._units = gui.add_html("")
@@ -36,35 +36,23 @@ class NetworkPanel(Panel):
             self._layer = gui.add_dropdown("Layer", names, initial_value=names[-1])
             self._unit = gui.add_slider("Hidden unit", 1, max(sizes), 1, 1)
         with gui.add_folder("What it responds to"):
-            self._portrait = gui.add_html("")
-            senses, moving = (*session.observations,), session.observations[-2:]
-            self._x = gui.add_dropdown("Across", senses, initial_value=moving[0])
-            self._y = gui.add_dropdown("Up", senses, initial_value=moving[-1])
-        for each in (self._layer, self._unit, self._x, self._y):
+            field = Field(lambda policy, seen: jnp.concatenate(policy.hidden_activations(seen)))
+            self._portrait = Portrait(self, field)
+            self._portrait.fill(gui)
+        for each in (self._layer, self._unit):
             each.on_update(self.renew)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        session, layers = self.session, _layers(self.session, snapshot)
-        policy = session.policy(snapshot.parameters[0])
+        layers = _layers(self.session, snapshot)
+        policy = self.session.policy(snapshot.parameters[0])
         if policy is None:
             return
         layer = int(self._layer.value.split()[-1]) - 1
         unit = min(int(self._unit.value), len(layers[layer])) - 1
         self._units.content = draw_layers(layers, (layer, unit))
-        x, y = (session.observations.index(each.value) for each in (self._x, self._y))
-        path = session.trail().observation[:, [x, y]]
-        path = path[np.all(np.isfinite(path), axis=1)]
-        if not len(path):
-            return
-        limits, field, ends = limits_of(path), None, ("", "")
-        if x != y:
-            over = self._field.over(policy, snapshot.observation[0], x, y, limits)[..., self._starts[layer] + unit]
-            least, most = float(over.min()), float(over.max())
-            field, ends = (over - least) / max(most - least, 1e-12), (brief(least, 2), brief(most, 2))
-        names = (session.observations[x], session.observations[y])
-        what = f"unit {unit + 1} of layer {layer + 1}"
-        self._portrait.content = draw_portrait(path, field, limits, names, what, ends)
+        place = int(self._starts[layer]) + unit
+        self._portrait.show(policy, snapshot, place, f"unit {unit + 1} of layer {layer + 1}")
 
     def numbers(self) -> Numbers:
         layers = _layers(self.session, self.session.snapshot())
@@ -74,8 +62,9 @@ class NetworkPanel(Panel):
 
 
 @jax.jit
-def _activations(policy: Policy, seen: jax.Array) -> tuple[jax.Array, ...]:
-    return policy.hidden_activations(seen)
+def _activations(policy: Policy, memory: jax.Array, observation: jax.Array) -> tuple[jax.Array, ...]:
+    acting, seen = present(policy, memory, observation)
+    return acting.hidden_activations(seen)
 
 
 def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:
@@ -83,4 +72,5 @@ def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:
     policy = session.policy(snapshot.parameters[0])
     if policy is None:
         return []
-    return [np.asarray(layer) for layer in _activations(policy, jnp.asarray(snapshot.observation[0]))]
+    found = _activations(policy, jnp.asarray(snapshot.memory[0]), jnp.asarray(snapshot.observation[0]))
+    return [np.asarray(layer) for layer in found]

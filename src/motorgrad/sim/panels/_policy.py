@@ -8,16 +8,20 @@ import numpy as np
 
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._panel import Numbers, Panel, columns_of
-from motorgrad.sim.panels._policy_diagrams import Field, draw_arrows, draw_portrait, limits_of, weights_of
+from motorgrad.sim.panels._policy_diagrams import Field, draw_arrows, weights_of
+from motorgrad.sim.panels._portrait import Portrait
 from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
 
 ALL = "all"
 MANY = 12  # with more units, only one is shown at first
+MEANING = {"discrete": "probability of {}", "graded": "mean activation of {}"}
+"""What a policy computes for a unit, by the kind of its action, where that is not a probability of firing."""
 
 
 class PolicyPanel(Panel):
-    """Weights as arrows; a phase portrait over the probability of firing; ellipses of local units."""
+    """Weights as arrows; a phase portrait over the probability of firing, or the mean activation; ellipses of local
+    units."""
 
     title: ClassVar[str] = "Policy"
     rate: ClassVar[float] = 2.0
@@ -28,9 +32,8 @@ class PolicyPanel(Panel):
 
     def fill(self, gui: Any) -> None:
         session = self.session
-        self._field = Field()
         policy = session.policy(session.snapshot().parameters[0])
-        units, senses = (*session.actions,), (*session.observations,)
+        units = (*session.actions,)
         self._units = None
         if has_local_units(session.task, policy):
             self._units = PlanePicture(session.task, policy)
@@ -44,23 +47,22 @@ class PolicyPanel(Panel):
                 self._to = gui.add_dropdown("Arrows to", (ALL, *units), initial_value=first)
                 self._to.on_update(self.renew)
         with gui.add_folder("Phase portrait"):
-            self._portrait = gui.add_html("")
-            moving = session.observations[-2:]
-            self._x = gui.add_dropdown("Across", senses, initial_value=moving[0])
-            self._y = gui.add_dropdown("Up", senses, initial_value=moving[-1])
+            self._portrait = Portrait(self, Field())
+            self._portrait.fill(gui)
             self._unit = gui.add_dropdown("Unit", units, initial_value=session.actions[0])
-            for each in (self._x, self._y, self._unit):
-                each.on_update(self.renew)
+            self._unit.on_update(self.renew)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
         policy = self.session.policy(snapshot.parameters[0])
-        trail = self.session.trail()
         if self._arrows is not None and policy is not None:
             self._show_weights(weights_of(policy), snapshot.probability[0])
         if self._units is not None and policy is not None:
-            self._plane.image = self._units.paint(policy, trail.position[:, :2])
-        self._show_portrait(policy, snapshot, trail.observation)
+            self._plane.image = self._units.paint(policy, self.session.trail().position[:, :2])
+        unit = self.session.actions.index(self._unit.value)
+        kind = "" if policy is None else policy.actions if isinstance(policy.actions, str) else policy.actions[unit]
+        what = MEANING.get(kind, "probability that {} fires").format(self._unit.value)
+        self._portrait.show(policy, snapshot, unit, what, shares=kind != "graded")
 
     def numbers(self) -> Numbers:
         trail = self.session.trail()
@@ -76,19 +78,3 @@ class PolicyPanel(Panel):
         named = [units[row] for row in rows]
         senses = [*self.session.observations, "bias"]
         self._arrows.content = draw_arrows(weights[rows], senses, named, probability[rows])
-
-    def _show_portrait(self, policy: Any, snapshot: Snapshot, seen: np.ndarray) -> None:
-        session = self.session
-        x, y = (session.observations.index(each.value) for each in (self._x, self._y))
-        unit = session.actions.index(self._unit.value)
-        path = seen[:, [x, y]]
-        path = path[np.all(np.isfinite(path), axis=1)]
-        if not len(path):
-            return
-        limits = limits_of(path)
-        chance = None
-        if policy is not None and x != y:
-            chance = self._field.over(policy, snapshot.observation[0], x, y, limits)[..., unit]
-        names = (session.observations[x], session.observations[y])
-        what = f"probability that {session.actions[unit]} fires"
-        self._portrait.content = draw_portrait(path, chance, limits, names, what)

@@ -108,28 +108,41 @@ PATH, HERE = "#4a4a4a", "#d0021b"
 BOX = (52.0, 8.0, _charts.WIDTH - 10, 240.0)
 
 
-class Field:
-    """What a policy computes from two of the observations, with the others fixed.
+Seeing = Callable[[Policy, jax.Array], jax.Array]
+"""A function of a policy and of what its units see, such as `motorgrad.policies.Policy.prob`."""
 
-    **Arguments:** `of`, a function of the policy and an observation; by default the probability that units fire.
+
+def present(policy: Policy, memory: Any, observation: Any) -> tuple[Policy, jax.Array]:
+    """The policy without noise that lasts, and what its units see of an observation with a memory of a snapshot."""
+    acting = policy.marginal
+    return acting, acting.perceive(memory, observation)
+
+
+class Field:
+    """What a policy computes from two of the observations, with the others and its memory fixed. Noise that lasts is
+    left out.
+
+    **Arguments:** `of`, what it computes, a vector; by default the probability that units fire.
     """
 
-    def __init__(self, of: Callable[[Any, Any], Any] = lambda policy, seen: policy.prob(seen)) -> None:
-        self._of = of
-        self._compiled: Callable[..., Any] | None = None
+    def __init__(self, of: Seeing = lambda policy, seen: policy.prob(seen)) -> None:
+        def response(policy: Policy, memory: jax.Array, observation: jax.Array) -> jax.Array:
+            return of(*present(policy, memory, observation))
 
-    def over(self, policy: Policy, seen: np.ndarray, x: int, y: int, limits: np.ndarray) -> np.ndarray:
+        self._over = jax.jit(jax.vmap(response, (None, None, 0)))
+
+    def over(
+        self, policy: Policy, memory: np.ndarray, observation: np.ndarray, x: int, y: int, limits: np.ndarray
+    ) -> np.ndarray:
         """Probabilities or another quantity of each unit, `(GRID, GRID, units)`, rows from the bottom.
 
-        **Arguments:** `policy`; `seen` `(inputs,)`: the fixed observations; `x`, `y`: the two that vary, between
-        `limits` `(2, 2)`.
+        **Arguments:** `policy`; its `memory` `(memory,)` and the `observation` `(observations,)`, which are fixed, as
+        in a snapshot; `x`, `y`: the two observations that vary, between `limits` `(2, 2)`.
         """
-        if self._compiled is None:
-            self._compiled = jax.jit(jax.vmap(self._of, (None, 0)))
         across, up = np.linspace(limits[:, 0], limits[:, 1], GRID, axis=1)
-        grid = np.tile(np.asarray(seen, np.float32), (GRID, GRID, 1))
+        grid = np.tile(np.asarray(observation, np.float32), (GRID, GRID, 1))
         grid[..., x], grid[..., y] = across[None, :], up[:, None]
-        flat = self._compiled(policy, grid.reshape(GRID * GRID, -1))
+        flat = self._over(policy, np.asarray(memory, np.float32), grid.reshape(GRID * GRID, -1))
         return np.asarray(flat).reshape(GRID, GRID, -1)
 
 
@@ -147,11 +160,12 @@ def draw_portrait(
     names: tuple[str, str],
     what: str,
     ends: tuple[str, str] = ("0", "1"),
+    note: str = "",
 ) -> str:
     """The trajectory `(n, 2)` over the probability `(rows, columns)`, if given, as SVG.
 
     **Arguments:** the `limits` and `names` of the axes; `what` the colours show, from 0 to 1, and what these two `ends`
-    stand for.
+    stand for; a `note` below.
     """
     chart = _charts.Chart(tuple(limits[0]), tuple(limits[1]), names[0], names[1], BOX)
     if probability is not None:
@@ -170,7 +184,9 @@ def draw_portrait(
         frame = f'x="{start}" y="276" width="60" height="10"'
         parts.append(f'<rect {frame} fill="none" stroke="{_charts.INK}" stroke-opacity=".4"/>')
         parts.append(_charts.text(start + 64, 281, f"{ends[1]}   {what}"))
-    return _charts.document(_charts.WIDTH, 292, parts, "phase portrait")
+    if note:
+        parts.append(_charts.text(BOX[0], 296, note, extra='opacity=".75" font-size="9"'))
+    return _charts.document(_charts.WIDTH, 306 if note else 292, parts, "phase portrait")
 
 
 def _pale(share: np.ndarray) -> np.ndarray:
@@ -190,7 +206,8 @@ def draw_layers(layers: Sequence[np.ndarray], marked: tuple[int, int]) -> str:
     parts, top, side = [], 4.0, (_charts.WIDTH - 12) / COLUMNS
     for index, layer in enumerate(layers):
         largest, off = float(np.abs(layer).max(initial=0)), int(np.sum(layer <= 0))
-        words = f"layer {index + 1}: {counted(len(layer), 'unit')}, {off} at or below 0; largest {brief(largest, 2)}"
+        silent = f", {off} at or below 0" if off else ""
+        words = f"layer {index + 1}: {counted(len(layer), 'unit')}{silent}; largest {brief(largest, 2)}"
         parts.append(_charts.text(4, top + 6, words))
         rows = -(-len(layer) // COLUMNS)
         filled = np.full(rows * COLUMNS, np.nan)
@@ -217,7 +234,10 @@ def _signed(share: np.ndarray) -> np.ndarray:
 
 
 def weights_of(policy: Any) -> np.ndarray | None:
-    """Weights `(units, inputs + 1)` of pools that have them, the last column being the biases; None for others."""
+    """Weights `(units, observations + 1)` of pools that have them, the last column being the biases; None for others,
+    and where units do not see the observation alone: they draw one after the other, or remember."""
+    if policy.hides or policy.has_memory:
+        return None
     rows = []
     for pool in getattr(policy, "pools", (policy,)):
         weights = getattr(pool, "weights", None)
