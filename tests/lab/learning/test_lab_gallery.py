@@ -17,6 +17,7 @@ GAINS = {
     "chain": (6_000, 0.02),
     "hopper": (6_000, 0.03),
     "network": (6_000, 0.02),
+    "memory": (40_000, 0.05),
     "leg-controller": (6_000, 0.1),
 }
 """For how many ticks, and by how much the reward is to rise from the first eighth of them to the last."""

@@ -1,5 +1,7 @@
 """Parts of learning as blocks, against the functions that they are made of."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -192,31 +194,52 @@ def test_odd_values_are_taken_or_refused_in_one_line(kind):
 
 
 @pytest.mark.ci
-def test_units_with_hidden_units_output_what_the_task_gets_and_those_with_a_memory_remember_until_restarted():
-    chosen = {"layered": "hidden = [3]", "recurrent": "hidden = 2"}
+def test_units_with_hidden_units_and_with_a_memory_output_what_these_drew_and_what_is_remembered_until_a_restart():
+    chosen = {"layered": {"hidden": (3, 2)}, "recurrent": {"hidden": 2}, "finite-state-controller": {"states": 3}}
+    sizes = {"layered": (5, None), "recurrent": (None, 10), "finite-state-controller": (1, 3)}
     made = lab.Diagram(tick=1.0)
     made.add("seen", lab.UniformNoise(shape=(2,)))
     made.add("chance", lab.UniformNoise(low=0.0, high=1.0))
     made.add("restart", lab.Expression("u < 0.2"))
     made.connect("chance", "restart")
+    watch = ["seen.y", "restart.y"]
     for name, settings in chosen.items():
-        made.add(name, lab.NamedPolicy(name, observed=2, units=2, settings=settings))
+        block = lab.NamedPolicy(name, observed=2, units=2, settings=settings)
+        made.add(name, block)
         made.connect("seen", f"{name}.observation")
-        if name != "layered":
+        if "restart" in block.inputs:
             made.connect("restart", f"{name}.restart")
-    watch = ["seen.y", "restart.y", *(f"{name}.{port}" for name in chosen for port in ("action", "probability"))]
-    watch += ["recurrent.parameters"]
-    run = lab.Run(made, 3, watch=watch)
-    record = run.advance(TICKS)
-    assert record["restart.y"][1].any()
-    for name in chosen:
+        shapes = {"hidden": block.outputs.get("hidden"), "memory": block.outputs.get("memory")}
+        assert tuple(port and math.prod(port.shape) for port in shapes.values()) == sizes[name]
+        watch += [f"{name}.{port}" for port in block.outputs]
+    record = lab.Run(made, 3, watch=watch).advance(TICKS)
+    restart, observations = record["restart.y"][1], jnp.asarray(record["seen.y"][1])
+    assert restart.any()
+    assert not restart.all()
+
+    def told(policy, before, observation, drawn):
+        seen = policy.perceive(before, observation)
+        score = ravel_pytree(policy.score(seen, drawn))[0]
+        return policy.emit(drawn), policy.prob(seen), score, policy.remember(seen, drawn)
+
+    for name, settings in chosen.items():
+        own = {port: record[f"{name}.{port}"][1] for port in made.nodes[name].block.outputs}
         assert record[f"{name}.action"].shape == (3, TICKS, 2)
         assert set(np.unique(record[f"{name}.action"])) == {0, 1}
-    like = policies.initial("recurrent", 2, units=2, hidden=2)(jax.random.key(0))
-    policy = ravel_pytree(like)[1](jnp.asarray(record["recurrent.parameters"][1, 0]))
-    memory = policy.initial_memory()
-    for tick in range(TICKS):  # no step moves the parameters
-        memory = policy.initial_memory() if record["restart.y"][1, tick] else memory
-        seen = policy.perceive(memory, jnp.asarray(record["seen.y"][1, tick]))
-        np.testing.assert_allclose(record["recurrent.probability"][1, tick], policy.prob(seen), rtol=1e-5)
-        memory = policy.remember(seen, jnp.zeros(2))
+        like = policies.initial(name, 2, units=2, **settings)(jax.random.key(0))
+        policy = ravel_pytree(like)[1](jnp.asarray(own["parameters"][0]))  # no step moves the parameters
+        before = None
+        if policy.has_memory:
+            start = np.asarray(policy.initial_memory())
+            before = np.where(restart[:, None] > 0, start, np.concatenate([[start], own["memory"][:-1]]))
+        drawn = jnp.asarray(np.concatenate([own.get("hidden", np.zeros((TICKS, 0))), own["action"]], axis=1), float)
+        action, probability, score, memory = jax.jit(jax.vmap(told, (None, 0, 0, 0)))(
+            policy, before, observations, drawn
+        )
+        np.testing.assert_array_equal(own["action"], action)
+        np.testing.assert_allclose(own["probability"], probability, rtol=1e-5)
+        np.testing.assert_allclose(own["score"], score, rtol=1e-4, atol=1e-5)
+        if policy.has_memory:
+            np.testing.assert_allclose(own["memory"], memory, rtol=1e-5, atol=1e-6)
+        if policy.hides:
+            assert len(np.unique(own["hidden"])) > 1

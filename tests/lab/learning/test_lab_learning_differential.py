@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from learning_diagrams import diagram_of, flat, learned, stepper
+from learning_diagrams import SEEDS, diagram_of, flat, learned, stepper
 
 import motorgrad as mg
 from motorgrad import lab, learning, policies
@@ -86,6 +86,22 @@ def test_a_trace_that_learns_is_the_librarys():
     ours = learned(diagram_of(lab.Softmax(2, task.observation_size), world, 0.0, learning_rate=0.1, **parts), 300)
     assert np.abs(ours).max() > 0.02
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
+
+
+@pytest.mark.ci
+def test_a_controller_remembers_and_learns_as_the_librarys():
+    task, decisions = mg.make("load-unload", time_limit=9), 203  # which is not the end of an episode
+    settings = {"states": 3, "links": 0}
+    policy = {"kind": "finite-state-controller", **settings}
+    theirs = stepper(task, mg.agent_for(task, policy=policy, decay=0.8, learning_rate=0.1))
+    theirs.advance(decisions)
+    units = lab.NamedPolicy("finite-state-controller", 3, 2, {**settings, "output": "softmax"})
+    made = diagram_of(units, lab.World("load-unload", {"time_limit": 9}), 0.8, learning_rate=0.1)
+    record = lab.Run(made, SEEDS, watch=["policy.parameters", "policy.memory"]).advance(decisions + 1)
+    ours = record["policy.parameters"][:, -1]
+    assert np.abs(ours).max() > 0.05
+    np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=1e-4)
+    np.testing.assert_array_equal(record["policy.memory"][:, -2], theirs.state["cycle"].agent.memory)
 
 
 QUICK_RULE = "adam, a fixed step of the baseline"

@@ -11,17 +11,20 @@ TICKS = 12
 
 
 @pytest.mark.ci
-def test_a_network_acts_and_shows_its_hidden_units_as_the_policy():
+@pytest.mark.parametrize("further", [{}, {"standardise": True, "unit_length": True}])
+def test_a_network_acts_and_shows_its_hidden_units_as_the_policy(further):
     made = lab.Diagram(tick=1.0)
     made.add("seen", lab.UniformNoise(shape=(2,)))
-    block = lab.Network("softmax", 2, 3, hidden=(5, 4), sparsity=0.5)
+    block = lab.Network("softmax", 2, 3, hidden=(5, 4), sparsity=0.5, **further)
     made.add("network", block)
     made.connect("seen", "network.observation")
     size = block.outputs["parameters"].shape[0]
     assert (size, block.outputs["hidden"].shape) == (2 * 5 + 5 + 5 * 4 + 4 + 4 * 3, (9,))
     watch = ["seen.y", "network.hidden", "network.probability", "network.parameters"]
     record = lab.Run(made, 2, watch=watch).advance(TICKS)
-    start = policies.softmax(2, 3, network=policies.MultilayerPerceptron((5, 4), sparsity=0.5))(jax.random.key(0))
+    start = policies.softmax(2, 3, network=policies.MultilayerPerceptron((5, 4), sparsity=0.5, **further))(
+        jax.random.key(0)
+    )
     learned, rest = policies.split(start)
     unravel = jax.flatten_util.ravel_pytree(learned)[1]
     for seed in range(2):
@@ -33,11 +36,34 @@ def test_a_network_acts_and_shows_its_hidden_units_as_the_policy():
         )
         for tick in range(TICKS):
             seen = jnp.asarray(record["seen.y"][seed, tick], jnp.float32)
-            hidden = np.concatenate(policy.hidden_activations(seen))
+            hidden = np.concatenate(policy.hidden_activations(seen)[:2])
             np.testing.assert_allclose(record["network.hidden"][seed, tick], hidden, rtol=1e-4, atol=1e-5)
             np.testing.assert_allclose(record["network.probability"][seed, tick], policy.prob(seen), rtol=1e-4)
+            policy = policy.adapted(seen)
     one, other = record["network.parameters"][:, 0]
     assert np.any(one != other)  # each seed has its own
+
+
+def test_a_network_with_a_memory_standardises_what_it_observes():
+    made = lab.Diagram(tick=1.0)
+    made.add("seen", lab.Constant((0.3, -0.8), (2,)))
+    settings = {"autocorrelation": 0.9}
+    made.add("network", lab.Network("bounded-hyperplanes", 2, 1, settings, hidden=(3,), standardise=True))
+    made.connect("seen", "network.observation")
+    record = lab.Run(made, 2, watch=["network.hidden", "network.memory"]).advance(3)
+    assert np.abs(record["network.hidden"][:, 0]).max() > 0.1  # before anything was seen
+    np.testing.assert_array_equal(record["network.hidden"][:, 1:], 0)  # what is always the same is 0 from then on
+    assert record["network.memory"].shape == (2, 3, 1)
+    assert record["network.memory"].all()
+
+
+def test_a_network_saved_before_it_had_some_settings_means_the_same():
+    made = lab.Diagram()
+    made.add("network", lab.Network("softmax", 2, 3, hidden=(5, 4)))
+    text = lab.dumps(made)
+    older = text.replace(', "standardise": false, "unit_length": false', "")
+    assert older != text
+    assert lab.loads(older) == made
 
 
 @pytest.mark.parametrize(

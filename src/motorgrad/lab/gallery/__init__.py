@@ -6,7 +6,16 @@ from motorgrad._errors import unknown
 from motorgrad.lab.diagram import Diagram
 from motorgrad.lab.gallery._dynamics import anti_windup, bouncing_ball, lorenz, pendulum, spiking
 from motorgrad.lab.gallery._plain_blocks import leg_controller, motoneuron_pool
-from motorgrad.lab.gallery._tasks import chain, constructive_pool, hopper, linear_recruitment, network, orbit, particle
+from motorgrad.lab.gallery._tasks import (
+    chain,
+    constructive_pool,
+    hopper,
+    linear_recruitment,
+    memory,
+    network,
+    orbit,
+    particle,
+)
 from motorgrad.lab.gallery._wiring import learner
 
 GALLERY: dict[str, Callable[[], Diagram]] = {
@@ -18,6 +27,7 @@ GALLERY: dict[str, Callable[[], Diagram]] = {
     "chain": chain,
     "hopper": hopper,
     "network": network,
+    "memory": memory,
     "leg-controller": leg_controller,
     "pid": anti_windup,
     "lorenz": lorenz,

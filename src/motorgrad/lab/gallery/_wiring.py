@@ -65,6 +65,8 @@ def learner(
     if world is not None:
         if "valid" in filters.inputs:
             connect(diagram, ("world.valid", "trace.valid"))
+        if "restart" in units.inputs:
+            connect(diagram, ("world.ended", "policy.restart"))
         connect(
             diagram,
             ("world.observation", "policy.observation"),

@@ -29,6 +29,10 @@ class _Shapes(NamedTuple):
     parameters: int
     units: int
     """The number of rows of parameters that can move without the others."""
+    hidden: int
+    """How many numbers are drawn that the task does not get."""
+    memory: tuple[int, ...]
+    """The shape of what is remembered, empty without a memory."""
 
 
 class Remembering(NamedTuple):
@@ -68,9 +72,13 @@ class Units(Block, abc.ABC):
         real = jnp.result_type(float)
         policy = jax.eval_shape(self.start, jax.ShapeDtypeStruct((self.init_uniforms,), real))
         seen = jax.ShapeDtypeStruct((policy.inputs,), real)
-        action = jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
+        drawn = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
+        action = jax.eval_shape(lambda p, drawn: p.emit(drawn), policy, drawn)
         rows = jax.eval_shape(lambda p: p.blocks(trainable(p)), policy)
-        return _Shapes(policy, action, size_of(policy), sum(row.shape[0] for row in rows))
+        units = sum(row.shape[0] for row in rows)
+        memory = jax.eval_shape(lambda p: p.initial_memory(), policy)
+        hidden, shape = drawn.size - action.size, () if memory is None else memory.shape
+        return _Shapes(policy, action, size_of(policy), units, hidden, shape)
 
     def values(self) -> dict[str, np.ndarray]:
         found = super().values()  # for every unit, so that one can be frozen while the diagram runs
@@ -78,7 +86,7 @@ class Units(Block, abc.ABC):
 
     @property
     def inputs(self) -> Ports:
-        policy, _, size, _ = self._shapes
+        policy, size = self._shapes.policy, self._shapes.parameters
         moved = {
             "own": {"step": Port((size,), default=0.0, help="added to the parameters at once")},
             "wire": {"parameters": Port((size,))},
@@ -92,13 +100,18 @@ class Units(Block, abc.ABC):
 
     @property
     def outputs(self) -> Ports:
-        policy, action, size, _ = self._shapes
-        return {
+        policy, action, size, _, hidden, memory = self._shapes
+        ports = {
             "action": Port(action.shape, kind_of(action.dtype)),
             "score": Port((size,), help="gradient of the action's log-probability"),
             "probability": Port((policy.outputs,), help="that each unit fires, or of each alternative"),
             "parameters": Port((size,), help="at this tick"),
         }
+        if policy.hides:
+            ports["hidden"] = Port((hidden,), help="what the hidden units drew")
+        if policy.has_memory:
+            ports["memory"] = Port(memory, help="what is remembered for the next decision")
+        return ports
 
     @property
     def uniforms(self) -> int:
@@ -110,21 +123,22 @@ class Units(Block, abc.ABC):
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         policy, seen, action = self._acted(state, inputs, now)
-        return {
+        shown = {
             "action": policy.emit(action),
             "score": flat(policy.score(seen, action)),
             "probability": policy.prob(seen),
             "parameters": flat(trainable(policy)),
         }
+        if policy.hides:
+            shown["hidden"] = action[: self._shapes.hidden]  # what the task gets comes last
+        if policy.has_memory:
+            shown["memory"] = policy.remember(seen, action)
+        return shown
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
-        after = self.moved(state, inputs, now)
-        if isinstance(after, Policy):
-            return where(jnp.all(self.frozen), after, after.adapted(inputs["observation"]))
-        if not isinstance(after, Remembering):
-            return after
         policy, seen, action = self._acted(state, inputs, now)
-        return after._replace(memory=policy.remember(seen, action))
+        after = where(jnp.all(self.frozen), policy, policy.adapted(seen))
+        return Remembering(after, policy.remember(seen, action)) if policy.has_memory else after
 
     def _acted(self, state: Any, inputs: Signals, now: Moment) -> tuple[Policy, Array, Array]:
         """The policy, what its units see, and what they draw."""
@@ -304,6 +318,12 @@ LINEAR = tuple(name for name in NAMES if "network" in inspect.signature(policies
 class NamedPolicy(Units):
     """Any initial policy of `motorgrad.policies` by its name: tiles of local units, soft boxes, graded units, …
 
+    Policies with hidden units that draw, such as `layered`, output what these drew at this tick as `hidden`, layer by
+    layer. Those with a memory, such as `recurrent`, output what they remember for the next decision as `memory`, and
+    forget it at a tick with `restart`. A `finite-state-controller` has both outputs: its first hidden draw is the next
+    internal state, from 0, and its memory is that state as a one-hot vector. The memory of `recurrent` begins with the
+    activations of its units.
+
     Parameters: in the order of the policy's fields.
     """
 
@@ -352,6 +372,8 @@ class Network(NamedPolicy):
     )
     layer_norm: Annotated[bool, Setting("normalise potentials before the nonlinearity")] = True
     sparsity: Annotated[float, Setting("share of each hidden unit's weights that start at 0")] = 0.9
+    standardise: Annotated[bool, Setting("make inputs relative to their running mean and deviation")] = False
+    unit_length: Annotated[bool, Setting("scale the output of the last layer to length 1")] = False
 
     def validate(self) -> None:
         object.__setattr__(self, "hidden", tuple(self.hidden))
@@ -362,7 +384,9 @@ class Network(NamedPolicy):
         from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
 
         activation: Any = self.activation
-        network = policies.MultilayerPerceptron(self.hidden, activation, self.layer_norm, self.sparsity)
+        network = policies.MultilayerPerceptron(
+            self.hidden, activation, self.layer_norm, self.sparsity, self.standardise, self.unit_length
+        )
         settings = {**read_table("settings", self.settings), "network": network}
         return Initial(Sizes(self.observed, self.units), self.policy, settings)
 
@@ -371,7 +395,8 @@ class Network(NamedPolicy):
         return {**super().outputs, "hidden": Port((sum(self.hidden),), help="activations of the hidden units")}
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        layers = self.acting(self.moved(state, inputs, now)).hidden_activations(inputs["observation"])
+        policy, seen, _ = self._acted(state, inputs, now)
+        layers = policy.hidden_activations(seen)[: len(self.hidden)]  # what `unit_length` scales comes after them
         return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}
 
 
