@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,7 +27,7 @@ from motorgrad.learning import (
     gpomdp,
     olgarb,
 )
-from motorgrad.policies import Hyperplanes, Softmax
+from motorgrad.policies import Hyperplanes, Network, Softmax, trainable
 from motorgrad.tasks import Chain, ThreeState
 from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import oracle
@@ -48,16 +49,24 @@ def flat(tree):
 
 
 def in_double(policy):
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64), policy)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64) if eqx.is_inexact_array(leaf) else leaf, policy)
 
 
-def test_compatible_weights_are_bhatnagars():
-    """The rule of the paper, written out, with a score over the parameters of all units."""
+def network():
+    layers = eqx.nn.MLP(2, 3, 4, 1, key=jax.random.key(1))
+    return Network(Hyperplanes(jnp.full((2, 3), 0.4), jnp.array([0.1, -0.3])), layers, 2)
+
+
+@pytest.mark.parametrize("make", [lambda: POOL, network], ids=["pool", "network"])
+def test_compatible_weights_are_bhatnagars(make):
+    """The rule of the paper, written out, with a score over the parameters of all units and layers."""
     rate, step = 0.1, 0.05
     with jax.enable_x64(True):
-        agent = Agent(in_double(POOL), Estimator(Exponential(0.0), Constant(0.3)), SGD(step), CompatibleWeights(rate))
+        policy = in_double(make())
+        agent = Agent(policy, Estimator(Exponential(0.0), Constant(0.3)), SGD(step), CompatibleWeights(rate))
         state = agent.init(jax.random.key(0))
-        theta, weights = flat(state.policy), np.zeros(6)
+        theta = flat(trainable(state.policy))
+        weights = np.zeros(theta.size)
         seen, uniforms, rewards = decisions(10)
         for y, after, number, reward in zip(seen, seen[1:], uniforms, rewards, strict=False):
             before = state.policy
@@ -66,7 +75,7 @@ def test_compatible_weights_are_bhatnagars():
             state = agent.improve(agent.reinforce(state, jnp.asarray(reward), jnp.asarray(after)))
             weights = weights - rate * score * (score @ weights) + rate * (reward - 0.3) * score
             theta = theta + step * weights
-            np.testing.assert_allclose(flat(state.policy), theta, atol=1e-12)
+            np.testing.assert_allclose(flat(trainable(state.policy)), theta, atol=1e-12)
 
 
 def test_rank_one_updates_keep_the_inverse_of_the_damped_matrix():

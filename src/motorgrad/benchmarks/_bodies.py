@@ -120,15 +120,18 @@ def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str 
 def tendon_rows(seeds: int, decisions: int, pairs: int) -> Iterator[Row]:
     """Physics steps per second of Hill-type muscles on tendons that stretch, against rigid ones and against muscles of
     other kinds on the same body, at random activations; with the curves of Millard et al. too."""
-    bodies: tuple[tuple[str, Any, Any], ...] = (
-        ("arm6", Mjcf("arm6"), Mjcf("arm6", muscle_model="hill")),
-        ("hopper", HopperBody(), HopperBody(muscle_model="hill")),
-    )
-    for name, plain, compliant in bodies:
+    bodies: list[tuple[str, Any, Any, int]] = [
+        ("arm6", Mjcf("arm6"), Mjcf("arm6", muscle_model="hill"), decisions),
+        ("hopper", HopperBody(), HopperBody(muscle_model="hill"), decisions),
+    ]
+    if importlib.util.find_spec("myosuite") is not None:  # its steps take some fifty times as long
+        hand = Mjcf("myosuite:myohand_r")
+        bodies.append(("myohand_r", hand, dataclasses.replace(hand, muscle_model="hill"), math.ceil(decisions / 20)))
+    for name, plain, compliant, count in bodies:
         rigid, millard = (dataclasses.replace(compliant, **c) for c in ({"tendon": "rigid"}, {"curves": "millard"}))
         both = dataclasses.replace(rigid, curves="millard")
-        actions = np.random.default_rng(0).uniform(size=(decisions, seeds, len(plain.groups)))
-        other = "MuJoCo's own" if name == "arm6" else "the thesis's"
+        actions = np.random.default_rng(0).uniform(size=(count, seeds, len(plain.groups)))
+        other = "the thesis's" if name == "hopper" else "MuJoCo's own"
         for muscles, against, one, two, wanted in (
             ("muscles", "on rigid ones", compliant, rigid, "≥ 0.77"),
             ("muscles", other, compliant, plain, ""),
@@ -137,7 +140,7 @@ def tendon_rows(seeds: int, decisions: int, pairs: int) -> Iterator[Row]:
         ):
             first, second = (functools.partial(_stepped, BodyBatch(body, seeds), actions) for body in (one, two))
             what = f"{name}, {muscles} on compliant tendons ÷ {against}, {seeds} seed{'s' * (seeds > 1)}"
-            steps = decisions * seeds * 10
+            steps = count * seeds * 10
             yield in_turn(what, "physics steps/s", steps, first, second, pairs=pairs, wanted=wanted)
 
 
