@@ -32,6 +32,20 @@ LAYERS = {"layered": [16], "controller": [4], "recurrent": [4]}
 
 
 @pytest.mark.ci
+def test_the_policy_on_the_page_has_the_running_statistics_of_its_observations():
+    network = {"kind": "hyperplanes", "network": {"hidden": [4], "standardise": True}}
+    with Session(setup_of("hopper", mg.agent_for("hopper", policy=network)), speed=20.0) as session:
+        assert until(lambda: session.snapshot().decision >= 30, 120)
+        snapshot = session.snapshot()
+        policy = session.policy(snapshot)
+        assert policy is not None
+        assert np.abs(snapshot.fixed).max() > 0
+        found = policy.prob(np.asarray(snapshot.observation[0], np.float32))
+        np.testing.assert_allclose(found, snapshot.probability[0], atol=1e-5)
+        assert policy.module.layers[0].count >= 30
+
+
+@pytest.mark.ci
 @pytest.mark.representatives("controller")
 @pytest.mark.parametrize("name", LEARNERS)
 def test_every_tab_fills_and_follows_the_run(name):

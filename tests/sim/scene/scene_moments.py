@@ -32,6 +32,7 @@ def moment(position, *, velocity=None, activation=None, control=None, decision=0
         baseline=unknown,
         gradient_norm=unknown,
         parameters=none,
+        fixed=none,
         marks=np.broadcast_to(np.ravel(marks), (count, np.size(marks))),
         reset_count=0,
         oldest=0,

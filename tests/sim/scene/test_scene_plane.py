@@ -47,7 +47,7 @@ def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server)
         assert len(discs.batched_opacities) >= len(session.actions)
         order = np.argsort(discs.batched_opacities[: len(session.actions)])
         assert np.all(np.diff(snapshot.probability[0][order]) >= -1e-6)
-        policy = session.policy(snapshot.parameters[0])
+        policy = session.policy(snapshot)
         # the policy is looked at four times a second, and learns meanwhile
         centre = board.place(np.asarray(policy.centre)[:1, :2])[0]
         np.testing.assert_allclose(discs.batched_positions[0, [0, 2]], centre[[0, 2]], atol=1e-3)

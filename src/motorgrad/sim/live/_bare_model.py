@@ -82,7 +82,8 @@ class BareModel:
         seen = {"position": d.qpos, "velocity": d.qvel, "activation": d.act, "control": d.ctrl}
         sample = {name: np.array(values)[None] for name, values in seen.items()}
         sample["contacts"] = np.array([[d.sensordata[place] for _, place in self._feet]])
-        sample |= dict.fromkeys(("observation", "memory", "action", "probability", "parameters", "marks"), nothing)
+        absent = ("observation", "memory", "action", "probability", "parameters", "fixed", "marks")
+        sample |= dict.fromkeys(absent, nothing)
         return sample | dict.fromkeys(("reward", "baseline", "gradient_norm"), unknown)
 
     def tally(self) -> list[Tally]:

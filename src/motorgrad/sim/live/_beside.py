@@ -75,7 +75,8 @@ class BesideBody:
         """The present moment. Of a policy that is not motorgrad's, neither parameters nor probabilities are known."""
         found = self._probe()
         if self._predict is not None:
-            found |= {name: np.full_like(found[name], np.nan) for name in ("parameters", "probability", "baseline")}
+            unknown = ("parameters", "fixed", "probability", "baseline")
+            found |= {name: np.full_like(found[name], np.nan) for name in unknown}
         return found
 
     @property

@@ -72,7 +72,8 @@ class Learner:
         room = int(np.clip(ROOM / self.period, 200, 4000))
         moved = (width["position"], width["velocity"], width["activation"], len(body.muscles))
         learned = (width["observation"], units, width["parameters"])
-        sizes = Sizes(*moved, *learned, len(body.feet), room, len(readings), width["marks"], width["memory"])
+        remembered = (width["marks"], width["memory"], width["fixed"])
+        sizes = Sizes(*moved, *learned, len(body.feet), room, len(readings), *remembered)
         inputs = list(self.task.observation_names)
         named = [getattr(self.task, "action_names", ()), body.groups, [f"unit {i}" for i in range(units)]]
         actions = next(list(names) for names in named if len(names) == units)

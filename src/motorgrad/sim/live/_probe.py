@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,7 @@ from jaxtyping import Array
 
 from motorgrad.bodies import BodyState
 from motorgrad.learning import SGD, AgentState, RunningMean
-from motorgrad.policies import trainable
+from motorgrad.policies import split, trainable
 from motorgrad.training import HostStepper, Stepper
 
 Probed = dict[str, np.ndarray]
@@ -22,7 +23,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
 
     `reward_sum` (seeds, 2) is the sum of rewards since the last harvest and its rounding error; `rates` are the
     learning rates of the parameters, NaN where the optimizer has none. `memory` is what the policy remembers for its
-    next decision.
+    next decision, and `fixed` its numbers that are not trained, such as the running statistics of observations.
     """
 
     engine: Any = stepper  # every engine with a viewer has a cycle
@@ -30,7 +31,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
     def view(cycle: Any, state: Any) -> dict[str, Array]:
         agent, tally = cycle.agent, cycle.tally
         learner = engine.cycle.learner(cycle)
-        parameters = trainable(agent.policy)
+        parameters, settings = split(agent.policy)
         # An engine on the host has acted already, and the memory has moved on: the decision has what the units saw.
         acted = agent.policy.has_memory and isinstance(engine, HostStepper)
         seen = agent.decision.observation if acted else agent.policy.perceive(agent.memory, cycle.observation)
@@ -51,6 +52,7 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
             "reward_sum": jnp.stack([tally.sums[0], tally.carry[0]]),
             "baseline": learner.estimator.level(agent.estimator),
             "parameters": flat,
+            "fixed": ravel_pytree(eqx.filter(settings, eqx.is_array))[0],
             "rates": _learning_rates(learner.optimizer, agent, flat),
             "marks": jnp.ravel(engine.task.marks(cycle.memory, state)),
             "batch": jnp.full_like(flat, jnp.nan) if batch is None else ravel_pytree(batch)[0],

@@ -124,31 +124,31 @@ class Session:
         values["labels"] = decoded(found["labels"][:bodies])
         return Snapshot(**values, seconds=float(found["seconds"]), speed=float(found["speed"]))
 
-    def policy(self, parameters: np.ndarray) -> Policy | None:
-        """The policy with the flat `parameters` of a snapshot.
-
-        Parameters that are not trained are those with which the run began. None where there is no learner, or where the
-        policy has grown since then.
-        """
+    def policy(self, snapshot: Snapshot) -> Policy | None:
+        """The acting policy of the first body at a snapshot. None where there is no learner, or where the policy has
+        grown since the run began."""
         if self.agent is None:
             return None
-        size, unravel, fixed = self._structure
-        if parameters.shape != (size,):
-            return None
-        return eqx.combine(unravel(jnp.asarray(parameters, jnp.result_type(float))), fixed)
+        (shapes, rest), shaped = self._structure, []
+        for numbers, (like, unravel) in zip((snapshot.parameters[0], snapshot.fixed[0]), shapes, strict=True):
+            if numbers.shape != like.shape:
+                return None
+            shaped.append(unravel(jnp.asarray(numbers, like.dtype)))
+        return eqx.combine(*shaped, rest)
 
     @functools.cached_property
-    def _structure(self) -> tuple[int, Any, Any]:
-        """Of the policy: the number of trained parameters, the function that shapes them, and everything else."""
+    def _structure(self) -> tuple[list[tuple[Any, Any]], Any]:
+        """Of the policy: the numbers that are trained and those that are not, flat, with the functions that shape them;
+        and everything else."""
         assert self.agent is not None
         initial = self.setup.initial
         if initial is None:
             whole = self.agent.init(jax.random.key(self.setup.seed)).policy
         else:
             whole = jax.tree.map(lambda leaf: leaf[0], initial)
-        trained, fixed = split(whole)
-        flat, unravel = ravel_pytree(trained)
-        return flat.size, unravel, fixed
+        trained, settings = split(whole)
+        fixed, rest = eqx.partition(settings, eqx.is_array)
+        return [ravel_pytree(trained), ravel_pytree(fixed)], rest
 
     @property
     def branches(self) -> tuple[Branch, ...]:

@@ -25,7 +25,8 @@ class Snapshot(NamedTuple):
     - `observation`; `probability`: each unit's probability of firing given it, or its mean activation.
     - `memory`: what the policy remembers for its next decision; of no numbers where it has no memory.
     - `reward` of the last decision; `baseline`; `gradient_norm` of the last gradient, NaN where unknown.
-    - `parameters`: the trainable parameters of the acting policy, flat.
+    - `parameters`: the trainable parameters of the acting policy, flat; `fixed`: its numbers that are not trained, such
+      as the running statistics of observations.
     - `marks`: the places that the task marks, such as targets: x, y, z and radius (m) of one after the other.
     - `reset_count`: how often the run was reset or set to another decision; `oldest`, `newest`: the range of decisions
       that it can go to.
@@ -51,6 +52,7 @@ class Snapshot(NamedTuple):
     baseline: Float[np.ndarray, " bodies"]
     gradient_norm: Float[np.ndarray, " bodies"]
     parameters: Float[np.ndarray, "bodies parameters"]
+    fixed: Float[np.ndarray, "bodies fixed"]
     marks: Float[np.ndarray, "bodies numbers"]
     reset_count: int
     oldest: int
@@ -119,6 +121,7 @@ class Sizes(NamedTuple):
     readings: int
     marks: int
     memory: int = 0
+    fixed: int = 0
 
 
 POINTS = 2_000
@@ -133,6 +136,7 @@ ARRAYS = (
     "memory",
     "probability",
     "parameters",
+    "fixed",
     "marks",
 )
 SCALARS = ("reward", "baseline", "gradient_norm")

@@ -363,13 +363,13 @@ class _Plane(Painting):
         del camera, ground
         self._session, self._titles = session, titles
         side = min(width, height)
-        self._picture = PlanePicture(session.task, session.policy(snapshot.parameters[0]), side)
+        self._picture = PlanePicture(session.task, session.policy(snapshot), side)
         self._canvas = np.full((height, width, 3), 255, np.uint8)
         self._corner = (height - side) // 2, (width - side) // 2
 
     def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
         del arrows  # the plane has none
-        policy = self._session.policy(snapshot.parameters[0])
+        policy = self._session.policy(snapshot)
         if policy is not None:
             drawn = self._picture.paint(policy, self._session.trail().position[:, :2])
             top, left = self._corner
@@ -383,7 +383,7 @@ def painting_of(session: Session) -> type[Painting] | None:
     """What paints a session: its bodies, or the plane of a particle with local units; None for any other."""
     if session.model is not None:
         return _Bodies
-    policy = session.policy(session.snapshot().parameters[0])
+    policy = session.policy(session.snapshot())
     return _Plane if has_local_units(session.task, policy) else None
 
 

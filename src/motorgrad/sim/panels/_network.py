@@ -45,7 +45,7 @@ class NetworkPanel(Panel):
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
         layers = _layers(self.session, snapshot)
-        policy = self.session.policy(snapshot.parameters[0])
+        policy = self.session.policy(snapshot)
         if policy is None:
             return
         layer = int(self._layer.value.split()[-1]) - 1
@@ -69,7 +69,7 @@ def _activations(policy: Policy, memory: jax.Array, observation: jax.Array) -> t
 
 def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:
     """The current activations of each hidden layer; empty for a policy without hidden layers."""
-    policy = session.policy(snapshot.parameters[0])
+    policy = session.policy(snapshot)
     if policy is None:
         return []
     found = _activations(policy, jnp.asarray(snapshot.memory[0]), jnp.asarray(snapshot.observation[0]))

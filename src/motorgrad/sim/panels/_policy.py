@@ -32,7 +32,7 @@ class PolicyPanel(Panel):
 
     def fill(self, gui: Any) -> None:
         session = self.session
-        policy = session.policy(session.snapshot().parameters[0])
+        policy = session.policy(session.snapshot())
         units = (*session.actions,)
         self._units = None
         if has_local_units(session.task, policy):
@@ -54,7 +54,7 @@ class PolicyPanel(Panel):
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        policy = self.session.policy(snapshot.parameters[0])
+        policy = self.session.policy(snapshot)
         if self._arrows is not None and policy is not None:
             self._show_weights(weights_of(policy), snapshot.probability[0])
         if self._units is not None and policy is not None:

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 import viser
 
-from motorgrad.sim.live import Session
+from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.plane import Animation, direction_colours, draw_reward, shapes_of
 from motorgrad.sim.scene._beside import rgb_of_body
 from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
@@ -151,7 +151,7 @@ class PlaneUnits(Layer):
         if not _is_particle(session) or session.agent is None:
             return
 
-        self._session, policy = session, session.policy(session.snapshot().parameters[0])
+        self._session, policy = session, session.policy(session.snapshot())
         try:
             shapes_of(policy)  # type: ignore[arg-type]
         except ValueError:  # units without a centre in the plane
@@ -173,7 +173,7 @@ class PlaneUnits(Layer):
         assert snapshot is not None
         if now >= self._due:
             self._due = now + PERIOD
-            self._look(snapshot.parameters[0])
+            self._look(snapshot)
         firing = np.nan_to_num(snapshot.probability[0])[: len(self._forces)][self._there]
         count = len(firing)
         turn = np.tile(FACING, (count, 1))
@@ -181,9 +181,9 @@ class PlaneUnits(Layer):
         self.pools[0].show(self._at, turn, np.column_stack([self._half, np.full(count, 0.1)]), self._colours)
         self.pools[1].show(self._at, turn, flat, self._colours, 0.08 + 0.8 * firing)
 
-    def _look(self, parameters: np.ndarray) -> None:
+    def _look(self, snapshot: Snapshot) -> None:
         """Update the positions of the units."""
-        policy = self._session.policy(parameters)
+        policy = self._session.policy(snapshot)
         if policy is None:
             return
         shapes = shapes_of(policy)
