@@ -124,7 +124,7 @@ def tendon_rows(seeds: int, decisions: int, pairs: int) -> Iterator[Row]:
         ("arm6", Mjcf("arm6"), Mjcf("arm6", muscle_model="hill"), decisions),
         ("hopper", HopperBody(), HopperBody(muscle_model="hill"), decisions),
     ]
-    if importlib.util.find_spec("myosuite") is not None:  # its steps take some fifty times as long
+    if importlib.util.find_spec("myosuite") is not None:  # its steps take some ten times as long
         hand = Mjcf("myosuite:myohand_r")
         bodies.append(("myohand_r", hand, dataclasses.replace(hand, muscle_model="hill"), math.ceil(decisions / 20)))
     for name, plain, compliant, count in bodies:
