@@ -1,7 +1,6 @@
 """How fast the hexapod's body can walk by a rhythm: `python -m tools.hexapod_gaits`, from the root of a checkout.
 
-    python -m tools.hexapod_gaits runs/gaits             # CMA-ES, three seeds; a quarter of an hour on two cores
-    python -m tools.hexapod_gaits runs/gaits --seeds 1   # continues if it is stopped
+    python -m tools.hexapod_gaits runs/gaits   # CMA-ES, two seeds; a quarter of an hour; continues if it is stopped
 
 Nothing is learned and nothing is sensed: each muscle is active for a part of a cycle. The left legs do half a cycle
 later what the right ones do. CMA-ES searches for the frequency, and for the phase and the duty of the twelve muscles of
@@ -20,7 +19,7 @@ from motorgrad.search import CmaEs, Range, Space, search
 
 COURSE = 100_000  # decisions: one direction for all of a walk
 SETTLING, LENGTH = 30, 120  # decisions: before the speed counts, and in all
-POPULATION, ROUNDS = 48, 150
+POPULATION, ROUNDS = 48, 120
 STARTS = (4.0, 6.0, 8.0)  # Hz, of the seeds in turn
 LONG = 3_000  # decisions of the last evaluation, a minute
 TASK = mg.make("hexapod", course=COURSE)
@@ -75,7 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
         prog="python -m tools.hexapod_gaits", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("out", type=Path, help="directory of the searches, which continue there")
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     given = parser.parse_args(arguments)
     given.out.mkdir(parents=True, exist_ok=True)
