@@ -198,20 +198,24 @@ def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, An
         # swing about its target in place of holding it (docs/myosuite.md).
         own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": max(0.0, 1 - 15 / ahead)}
     hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead, "others": 0.5}
+    start, every, batches = 1_000, 40, 10
+    updates, last = (decisions // every * batches for decisions in (max(0, steps - start), steps // 8))
     return {
         "policy": own,
         "estimator": {
             "kind": "soft-actor-critic",
-            "improve": 40,
+            "improve": every,
             "values": {"discount": 1 - 1 / ahead, "network": network},
             "replay": {
                 "capacity": min(MOST_KEPT, max(1_000, 5 * steps // 4)),
-                "updates": 10,
+                "start": start,
+                "updates": batches,
                 "hindsight": None if task.hindsight is None else hindsight,
             },
             "reward_scaling": {"discount": 1 - 1 / ahead},
         },
         "optimizer": {"kind": "adam", "learning_rate": 5e-4},
+        "averaging": {"start": max(0, updates - last)},
     }
 
 

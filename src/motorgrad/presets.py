@@ -131,9 +131,10 @@ def sac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None 
     decisions; rewards are divided by the deviation of their discounted sum.
 
     There is no entropy bonus. The deviation of a squashed number starts at 0.5 and shrinks to 0.3 at most; noise has
-    the autocorrelation $1 - 15/h$, at least 0. On a task with `hindsight`, such as `compose` and `myosuite` make with
-    `scaling="none"`, a third of the drawn decisions get the place that was reached some $h$ decisions later as their
-    target (Andrychowicz et al., 2017), and a third the target of another episode.
+    the autocorrelation $1 - 15/h$, at least 0. Averaging begins with the last eighth of the `steps`. On a task with
+    `hindsight`, such as `compose` and `myosuite` make with `scaling="none"`, a third of the drawn decisions get the
+    place that was reached some $h$ decisions later as their target (Andrychowicz et al., 2017), and a third the target
+    of another episode.
 
     **Arguments** and **Returns:** as `natural`.
 

@@ -33,6 +33,7 @@ from motorgrad.policies import (
     split,
 )
 from motorgrad.tasks import Composed, compose, terms
+from motorgrad.training import stepper_for
 
 CENTRE = 0.7
 SMALL = {"kind": "perceptron", "hidden": [8], "layer_norm": False, "sparsity": 0.0}
@@ -397,6 +398,18 @@ def preset_for(task, **changes):
         **changes,
     }
     return mg.agent_for(task, small, preset="sac", steps=400)
+
+
+@pytest.mark.ci
+def test_the_preset_averages_the_last_eighth_of_its_steps():
+    """No step is made before there is enough experience."""
+    small = {"policy.network": SMALL, "estimator.values.network": SMALL, "estimator.replay.batch": 8}
+    agent = mg.agent_for(arm(), small, preset="sac", steps=1_600)
+    stepper = stepper_for(arm(), agent, [0])
+    stepper.advance(1_600)
+    made = int(stepper.state["cycle"].agent.steps[0])
+    assert (made - agent.averaging.start) / made == pytest.approx(1_600 / 8 / (1_600 - 1_000), abs=0.1)
+    assert mg.agent_for(arm(), preset="sac", steps=500).averaging.start == 0
 
 
 @pytest.mark.ci
