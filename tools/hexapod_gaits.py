@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-import motorgrad as mg
 from motorgrad.environments import TaskVectorEnv
 from motorgrad.search import CmaEs, Range, Space, search
+from motorgrad.tasks import Hexapod
 
 COURSE = 100_000  # decisions: one direction for all of a walk
 SETTLING, LENGTH = 30, 120  # decisions: before the speed counts, and in all
 POPULATION, ROUNDS = 48, 120
 STARTS = (4.0, 6.0, 8.0)  # Hz, of the seeds in turn
 LONG = 3_000  # decisions of the last evaluation, a minute
-TASK = mg.make("hexapod", course=COURSE)
+TASK = Hexapod(course=COURSE)
 GROUPS: list[str] = list(TASK.body.groups)
 RIGHT = [name for name in GROUPS if "_right_" in name]
 KINDS = ("phase", "duty")

@@ -123,7 +123,7 @@ class Units(Block, abc.ABC):
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
         policy, seen, action = self._acted(state, inputs, now)
-        shown = {
+        shown: dict[str, Any] = {
             "action": policy.emit(action),
             "score": flat(policy.score(seen, action)),
             "probability": policy.prob(seen),
