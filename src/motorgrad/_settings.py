@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
-from motorgrad._tree import Part, fields_of, hints_of, kind_of, parts_in
+from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in
 
 T = TypeVar("T")
 LARGEST = 3.4e38  # of single precision
@@ -149,7 +149,7 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     value = value.item() if isinstance(value, np.generic) else value
     if hasattr(default, "with_setting") and isinstance(value, str | Mapping):
         return default.with_setting(value, where)
-    if (kinds := parts_in(hint)) and (isinstance(value, str | Part) or _is_part_table(hint, value, default)):
+    if (kinds := parts_in(hint)) and (_is_kind(hint, value) or _is_part_table(hint, value, default)):
         return _part(kinds, hint, value, where, default)
     origin, options = typing.get_origin(hint), typing.get_args(hint)
     if hint is Any:
@@ -194,6 +194,13 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         return Path(text)
     check(isinstance(value, origin or hint), where, value, _name(hint))
     return value
+
+
+def _is_kind(hint: Any, value: Any) -> bool:
+    """Whether a value is a part or names its kind. Where a number may stand too, only a known name does."""
+    if not isinstance(value, str) or float not in options_of(hint):
+        return isinstance(value, str | Part)
+    return any(value in kind.kinds() for kind in parts_in(hint))
 
 
 def _is_part_table(hint: Any, value: Any, default: Any) -> bool:

@@ -203,10 +203,11 @@ def part_form(part: Part, optional: bool = False) -> Any:
         if hasattr(value, "as_setting"):
             hint = policy_form(value)
             value = hint()
-        elif isinstance(value, Part) or parts_in(hint):
-            hint, value = _part_option(hint, value)
-        elif np.ndim(value):
-            value = tuple(np.asarray(value).tolist())
+        else:
+            if isinstance(value, Part) or parts_in(hint):
+                hint, value = _part_option(hint, value)
+            if np.ndim(value):
+                value = tuple(np.asarray(value).tolist())
         entries.append((name, *_entry(hint, value, helps.get(name))))
     space = {"__doc__": description_of(cls)}
     return dataclasses.make_dataclass(cls.__name__, entries, bases=(_PartForm,), namespace=space)
@@ -218,8 +219,8 @@ def _part_option(hint: Any, value: Any) -> tuple[Any, Any]:
     if isinstance(value, Part):
         form = part_form(value, type(None) in options_of(hint))
         return form, form()
-    if float in options_of(hint):
-        return float | None, value
+    if float in options_of(hint):  # a number may be annealed
+        return typing.Union[tuple(option for option in options_of(hint) if not parts_in(option))], value  # noqa: UP007
     names = [name for kind in parts_in(hint) for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
     return typing.Literal[("none", *names)], "none"
 
