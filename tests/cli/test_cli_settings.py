@@ -16,7 +16,7 @@ from motorgrad._tree import fields_of
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.bodies import Muscle
 from motorgrad.cli import main
-from motorgrad.learning import SGD, Adam, Agent, Estimator, FisherMetric, Growth, LinearCritic, Window
+from motorgrad.learning import SGD, Adam, Agent, Annealed, Estimator, FisherMetric, Growth, LinearCritic, Window
 from motorgrad.tasks import TASKS, make
 from motorgrad.training import agent_for, agent_from_table, agent_table, load, stepper_for
 
@@ -197,6 +197,19 @@ def test_one_number_for_all_takes_the_place_of_a_number_by_group(one):
 def test_the_number_of_one_group_is_changed_by_its_path():
     changed = agent_for("arm-recruitment", {"learning_rate.gain": 0.5})
     assert changed.optimizer.learning_rate == {"gain": 0.5, "threshold": 4e-4}
+
+
+def test_an_annealed_rate_takes_the_place_of_numbers_by_group_and_is_changed_by_its_paths(capsys):
+    falling = {"kind": "annealed", "start": 0.1, "end": 0.01, "steps": 50}
+    changed = agent_for("arm-recruitment", {"learning_rate": falling})
+    assert changed.optimizer.learning_rate == Annealed(0.1, 0.01, 50)
+    further = build(Agent, {"optimizer": {"learning_rate": {"start": 0.2}}}, "agent", changed)
+    assert further.optimizer.learning_rate == Annealed(0.2, 0.01, 50)
+    words = ["annealed", *(w for name in ("start", "end", "steps") for w in (f"@.{name}", str(falling[name])))]
+    rate = "--agent.optimizer.learning-rate"
+    with pytest.raises(SystemExit, match="0"):
+        main(["train", "arm-recruitment", rate, *(word.replace("@", rate) for word in words), "--check"])
+    assert tomllib.loads(capsys.readouterr().out)["agent"]["optimizer"]["learning_rate"] == falling
 
 
 def test_kinds_of_parts_go_with_options_of_the_task(capsys):

@@ -230,6 +230,8 @@ def _apply_kinds(agent: Agent, rest: list[str]) -> tuple[Agent, list[str]]:
             left.append(argument)
             continue
         words = words if equals else words[1:]
+    for path in [path for path in numbers if path.rpartition(".")[0] in kinds]:  # of the part in place of the groups
+        left.append(f"--agent.{_dashed(path)}={numbers.pop(path)}")
     kinds = {**IMPLIED.get(kinds.get("policy", ""), {}), **kinds}
     for path in sorted(kinds, key=lambda path: path.count(".")):
         change = {"kind": kinds[path], **_required_values(path, kinds[path], left)}
@@ -249,7 +251,7 @@ def _required_values(path: str, kind: str, rest: list[str]) -> dict[str, Any]:
         for name, field in fields_of(cls).items():
             if default_of(field) is dataclasses.MISSING:
                 flag = f"--agent.{_dashed(path)}.{_dashed(name)}"
-                words = [b for a, b in zip(rest, [*rest[1:], ""], strict=True) if a == flag]
+                words = [after for word, after in itertools.pairwise([*rest, ""]) if word == flag]
                 words += [word.partition("=")[2] for word in rest if word.startswith(f"{flag}=")]
                 try:
                     found.update((name, float(word)) for word in words)
