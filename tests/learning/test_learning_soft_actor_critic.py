@@ -421,7 +421,7 @@ def test_a_stopped_run_continues_bit_for_bit_with_its_experience(tmp_path):
     again = mg.resume(tmp_path / "part", steps=400, progress=False)
     for one, other in zip(jax.tree.leaves(whole.policies), jax.tree.leaves(again.policies), strict=True):
         np.testing.assert_array_equal(one, other)
-    assert np.ptp(whole.policies.policy.pool.slope) > 0  # it has learned
+    assert np.ptp(whole.policies.pool.slope) > 0  # it has learned
 
 
 @pytest.mark.slow
