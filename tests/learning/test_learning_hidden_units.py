@@ -16,8 +16,19 @@ from motorgrad.worlds import oracle
 
 RNG = np.random.default_rng(0)
 HIDDEN = Layered([Hyperplanes(RNG.normal(size=(2, 2)), RNG.normal(size=2))], Softmax(RNG.normal(size=(2, 3))))
+_SHOWN = 2 + 2  # to layers above the first, with `skip`: the observation and what the layer below has drawn
+DEEP = Layered(
+    [Hyperplanes(RNG.normal(size=(2, count)), RNG.normal(size=2)) for count in (2, _SHOWN)],
+    Softmax(RNG.normal(size=(2, _SHOWN + 1))),
+    skip=True,
+)
 CONTROLLER = FiniteStateController(Softmax(RNG.normal(size=(2, 6))), Softmax(RNG.normal(size=(2, 6))))
-POINTS = {"hidden units": (ThreeState(), HIDDEN), "internal states": (LoadUnload(length=3), CONTROLLER)}
+POINTS = {
+    "hidden units": (ThreeState(), HIDDEN),
+    "two layers that see the observation": (ThreeState(), DEEP),
+    "internal states": (LoadUnload(length=3), CONTROLLER),
+}
+RECURRENT = {"policy": {"kind": "recurrent", "longest": 10.0}, "learning_rate": 0.003, "entropy": 0.003}
 
 
 def per_seed(mean):
@@ -83,9 +94,9 @@ def test_hidden_units_learn_what_one_layer_cannot():
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("task", [LoadUnload(), TMaze()])
-def test_a_controller_earns_more_than_any_policy_without_a_memory(task):
-    stepper = stepper_for(task, agent_for(task), range(20))
+@pytest.mark.parametrize(("task", "changes"), [(LoadUnload(), {}), (TMaze(), {}), (LoadUnload(), RECURRENT)])
+def test_a_memory_earns_more_than_any_policy_without_one(task, changes):
+    stepper = stepper_for(task, agent_for(task, **changes), range(20))
     stepper.advance(300_000)
     rewards = mean_reward(stepper, 20_000)
     _, without = oracle.best_memoryless(task.dynamics, 4)
