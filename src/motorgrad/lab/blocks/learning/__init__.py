@@ -25,9 +25,10 @@ from motorgrad.lab.blocks.learning._estimators import (
 )
 from motorgrad.lab.blocks.learning._growing import GrowingGaussians
 from motorgrad.lab.blocks.learning._learner import Learner
+from motorgrad.lab.blocks.learning._named_policies import NamedPolicy, Network
 from motorgrad.lab.blocks.learning._optimizers import OptimizerBlock, WeightDecay
 from motorgrad.lab.blocks.learning._parts import PartBlocks
-from motorgrad.lab.blocks.learning._units import Gaussians, Hyperplanes, Motoneurons, NamedPolicy, Network, Softmax
+from motorgrad.lab.blocks.learning._units import Gaussians, Hyperplanes, Motoneurons, Softmax
 
 PART_BLOCKS = PartBlocks(
     {
