@@ -125,6 +125,12 @@ class Mirrored(Composed, BinaryUnits):
         parts = zip(self._both_views(observation), self._both_sides(action), strict=True)
         return _sum(*(self.pool.fisher(view, side) for view, side in parts))
 
+    def fisher_sum(
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
+    ) -> tuple[Float[Array, "units parameters parameters"], ...]:
+        views, sides = jax.vmap(self._both_views)(observations), jax.vmap(self._both_sides)(actions)
+        return self.pool.fisher_sum(jnp.concatenate(views), jnp.concatenate(sides), jnp.tile(weights, 2))
+
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
         """The policy after both views of one more observation, so that its statistics are symmetric, too."""
         one, other = self._both_views(seen)
