@@ -27,6 +27,7 @@ TASK_TABLE = {
     "gymnasium": Entry("gymnasium._gymnasium:Gymnasium"),
     "hexapod": Entry("hexapod._hexapod:Hexapod", "motorgrad/Hexapod-v0"),
     "hexapod-primitive": Entry("hexapod._primitive:HexapodPrimitive", "motorgrad/HexapodPrimitive-v0"),
+    "hexapod-proprioception": Entry("hexapod._hexapod:HexapodProprioception", "motorgrad/HexapodProprioception-v0"),
     "hexapod-stride": Entry("hexapod._stride:HexapodStride", "motorgrad/HexapodStride-v0"),
     "hexapod-synergy": Entry("hexapod._hexapod:HexapodSynergy", "motorgrad/HexapodSynergy-v0"),
     "hopper": Entry("_hopper:Hopper", "motorgrad/Hopper-v0"),

@@ -10,8 +10,8 @@ from motorgrad.experiments.chapter_5.extensions.beyond_5_3_4_muscles import abla
 from motorgrad.tasks import Hexapod, synergy_matrix
 from motorgrad.training import agent_table
 
-CLAIMED = {"beyond-5.3.4-muscles": 6, "beyond-5.4.1-synergies": 3}
-MUSCLES, SYNERGIES = (EXPERIMENTS[name] for name in CLAIMED)
+CLAIMED = {"beyond-5.3.4-muscles": 6, "beyond-5.3.4-proprioception": 3, "beyond-5.4.1-synergies": 3}
+MUSCLES, PROPRIOCEPTION, SYNERGIES = (EXPERIMENTS[name] for name in CLAIMED)
 
 
 @pytest.fixture(autouse=True)
@@ -20,7 +20,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [MUSCLES.name, SYNERGIES.name])
+@pytest.mark.parametrize("name", CLAIMED)
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)
@@ -32,7 +32,9 @@ def test_synergies_are_found_in_the_run_of_the_unchanged_learner(out, done):
     for name in CLAIMED:
         done(name)
     names = [run.name for run in (out / "trained").iterdir()]
-    shared = [name for name in names if name.startswith("hexapod-") and "synergy" not in name]
+    shared = [
+        name for name in names if name.startswith("hexapod-") and "synergy" not in name and "proprioception" not in name
+    ]
     assert len(shared) == 3  # the unchanged learner, and two that are changed
 
 
@@ -49,6 +51,7 @@ def test_they_stand_in_the_order_of_the_source():
         (MUSCLES, {"compared": 11}, "compared = 11"),
         (MUSCLES, {"variants": ("no muscles",)}, "no muscles"),
         (MUSCLES, {"variants": (FULL,)}, "variants = "),
+        (PROPRIOCEPTION, {"watched": 30.0}, "watched = 30"),
         (SYNERGIES, {"gaits": 11}, "gaits = 11"),
         (SYNERGIES, {"learners": 1}, "learners = 1"),
         (SYNERGIES, {"seconds": 0.0}, "seconds = 0"),
@@ -74,6 +77,15 @@ def test_nothing_is_given_to_the_learner_and_one_thing_is_changed_in_each_other(
         paths = {"damping": "metric", "learning_rate": "optimizer", "baseline": "estimator"}
         assert {name for name in table if table[name] != own[name]} == {paths.get(name, name) for name in changes}
         assert (study.task(variant) != task) == bool(VARIANTS[variant][0])
+
+
+def test_with_all_senses_no_gait_and_no_synergies_are_given():
+    study = PROPRIOCEPTION()
+    task, policy = study.task(), study.learner().policy(jax.random.key(0))
+    assert (task.name, task.drives, task.action_size) == ("hexapod-proprioception", None, 24)
+    assert (study.updates, study.seeds) == (study.learner().metric.kl.steps, 50)
+    assert policy.pool.pool.weights.shape == (12, task.observation_size + 64)
+    assert not np.any(policy.pool.pool.weights)
 
 
 def test_schedules_end_with_the_updates():
@@ -142,3 +154,16 @@ def test_claims_about_synergies():
     values |= {f"by lot {mode} net": 1.5 + spread[::-1] for mode in ("mode", "sample")}
     values |= {"found sample speed": 0.5 + spread, "explained": np.array([0.3, 0.4, 0.35, 0.3, 0.42])}
     assert [claim.holds for claim in study.claims(values)] == [False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("changes", "holds"),
+    [
+        ({"speed": 3.2, "net": 2.7}, [True, True, True]),
+        ({"speed": 2.8, "net": 2.7}, [False, True, True]),
+        ({"speed": 3.2, "net": 2.3}, [True, False, True]),
+        ({"speed": 3.2, "net": 2.7, "stalls": 0.02}, [True, True, False]),
+    ],
+)
+def test_claims_with_all_senses(changes, holds):
+    assert [claim.holds for claim in PROPRIOCEPTION().claims(made_up(**changes))] == holds

@@ -74,7 +74,8 @@ def test_mirrored_actions_move_the_body_as_in_the_mirror(name, body):
     # the walks are no walks straight on, in which nothing could be wrong
     assert np.abs(places[:, 0, 1]).max() > 0.01
     away = np.abs(observed[:, 1] - observed[:, 0]).max(0)
-    assert away.min() > 0.02
+    own = (np.array(mirror.inputs) == np.arange(len(away))) & (np.array(mirror.signs) == 1)  # such as the trunk's pitch
+    assert away[~own].min() > 0.02
     assert np.abs(observed).max(axis=(0, 1)).min() > 0.02
 
 
@@ -82,7 +83,7 @@ def test_swapping_only_the_legs_or_only_the_signs_is_no_mirror():
     task = TASKS_HERE["muscles"]
     mirror = task.mirror
     observed, *_ = two_walks(task, 60, mirror)
-    for wrong in (mirror._replace(signs=(1,) * 20), mirror._replace(inputs=tuple(range(20)))):
+    for wrong in (mirror._replace(signs=(1,) * 46), mirror._replace(inputs=tuple(range(46)))):
         image = np.array(wrong.signs) * observed[:, 0, list(wrong.inputs)]
         assert np.abs(image - observed[:, 1]).max() > 0.1
 
@@ -106,9 +107,9 @@ def test_a_policy_of_it_acts_in_the_mirror_as_in_the_mirror():
     task = TASKS_HERE["tripods"]
     policy, mirror = initial("mirrored", task), task.mirror
     assert isinstance(policy, Mirrored)
-    assert policy.pool.weights.shape == (2, 20)
+    assert policy.pool.weights.shape == (2, 46)
     random = np.random.default_rng(0)
-    pool = Hyperplanes(random.normal(size=(2, 20)), random.normal(size=2))
+    pool = Hyperplanes(random.normal(size=(2, 46)), random.normal(size=2))
     policy = Mirrored(pool, policy.order, policy.signs, policy.left, policy.right)
     observed, *_ = two_walks(task, 20, mirror)
     here, there = (np.asarray(jax.vmap(policy.prob)(seen)) for seen in observed.swapaxes(0, 1))
@@ -164,7 +165,7 @@ def test_a_run_with_everything_resumes_and_loads(tmp_path):
     assert (loaded.policies.order, loaded.policies.signs) == (task.mirror.inputs, task.mirror.signs)
     for one, other in zip(*map(jax.tree.leaves, (whole.policies, loaded.policies)), strict=True):
         np.testing.assert_array_equal(one, other)
-    assert loaded.policies.pool.weights.shape == (2, 2, 20)
+    assert loaded.policies.pool.weights.shape == (2, 2, 46)
     assert np.abs(loaded.policies.pool.weights).max() > 0
 
 

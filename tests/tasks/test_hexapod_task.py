@@ -3,9 +3,11 @@
 import dataclasses
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import motorgrad as mg
 from motorgrad.bodies import LEGS, TRIPODS, BodyBatch, OnTerrain, Terrain, biomimetic_hexapod, read_hexapod
@@ -101,6 +103,35 @@ def test_all_senses_in_their_order_whatever_the_order_asked_for():
     away = np.angle(np.exp(1j * (reading.heading[:, 0] - starts)))
     np.testing.assert_allclose(observed[:, 19], away, atol=1e-5)
     assert np.abs(away).max() > 0.05
+
+
+def test_joints_and_trunk_are_sensed_as_the_body_moves():
+    """The trunk against the coordinates of its free joint, whose rotation is in its own axes."""
+    task = Hexapod(observes=("trunk", "velocity", "vertical"))
+    observed, *_ = followed(task)
+    assert observed.shape == (131, 26)
+    assert len(task.observation_range) == len(task.observation_names) == task.observation_size == 26
+    reading, walk = read_hexapod(WALK), WALK.velocity[:, 0]
+    np.testing.assert_allclose(observed[:, :6], np.degrees(reading.vertical[:, 0]) / 30.0, atol=1e-6)
+    joints = np.concatenate([reading.lateral_velocity[:, 0], reading.vertical_velocity[:, 0]], axis=1)
+    np.testing.assert_allclose(observed[:, 6:18], joints / 10, atol=1e-5)
+    turned = Rotation.from_quat(WALK.position[:, 0, 3:7], scalar_first=True)
+    tilt = turned.as_matrix()[:, 2, :2]
+    np.testing.assert_allclose(observed[:, 18:20], 5 * tilt, atol=1e-5)
+    own = turned.inv().apply(WALK.sensors["velocity"][:, 0])
+    np.testing.assert_allclose(observed[:, 20:23], own / [2, 1, 0.5], atol=1e-5)
+    np.testing.assert_allclose(observed[:, 23:], walk[:, 3:6] / 3, atol=1e-5)
+    assert np.abs(observed).max(0).min() > 0.1
+    with pytest.raises(ValueError, match="smell"):
+        Hexapod(observes=("smell",))
+
+
+def test_with_all_senses_left_and_right_share_their_units():
+    task = make("hexapod-proprioception")
+    policy = agent_for(task).policy(jax.random.key(0))
+    assert (task.observation_size, policy.outputs, policy.pool.outputs) == (40, 24, 12)
+    assert "lateral" not in task.observes
+    assert not np.any(policy.pool.pool.weights)
 
 
 def test_a_course_goes_on_where_headings_jump_by_a_turn():

@@ -24,7 +24,7 @@ from motorgrad.bodies.hexapod._controllers import TRIPODS, LegState, TripodClock
 from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure_gait, walk
 from motorgrad.bodies.hexapod._hexapod import Hexapod, biomimetic_hexapod
 from motorgrad.bodies.hexapod._numbers import Hinge, LateralPair, Leg, Section, Segment, VerticalPair
-from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, read_hexapod
+from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading, TrunkReading, read_hexapod, read_trunk
 from motorgrad.bodies.mjcf._anatomy import Anatomy, Sensor, WithSensors, actuator_levels
 from motorgrad.bodies.mjcf._mjcf import BUNDLED, Mjcf
 from motorgrad.bodies.mjcf._to_hill import hill_of
@@ -89,6 +89,7 @@ __all__ = [
     "Terrain",
     "TripodClock",
     "TripodController",
+    "TrunkReading",
     "Turning",
     "VerticalPair",
     "Walk",
@@ -124,6 +125,7 @@ __all__ = [
     "read_hexapod",
     "read_hill",
     "read_model",
+    "read_trunk",
     "set_hill",
     "start_key",
     "start_pose",

@@ -25,7 +25,7 @@ from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks.gymnasium._making import make_environment
 from motorgrad.tasks.gymnasium._pictures import EnvironmentPictures, physics_of, renders
-from motorgrad.tasks.hexapod._hexapod import Hexapod, HexapodSynergy
+from motorgrad.tasks.hexapod._hexapod import Hexapod, HexapodProprioception, HexapodSynergy
 from motorgrad.tasks.hexapod._primitive import HexapodPrimitive
 from motorgrad.tasks.hexapod._stride import HexapodStride
 from motorgrad.tasks.hexapod._synergies import Synergies, find_synergies, synergy_matrix
@@ -50,6 +50,7 @@ __all__ = [
     "Gymnasium",
     "Hexapod",
     "HexapodPrimitive",
+    "HexapodProprioception",
     "HexapodStride",
     "HexapodSynergy",
     "Hopper",

@@ -68,6 +68,33 @@ def read_hexapod(state: BodyState) -> HexapodReading:
     )
 
 
+class TrunkReading(NamedTuple):
+    """The motion of the middle section, as NumPy or JAX arrays with any leading axes. Its axes point forward, to its
+    left and up.
+
+    - `tilt` (..., 2): z components of the axes forward and to the left: the sines of pitch and roll, positive with the
+      front and with the left side up.
+    - `velocity` (..., 3): along its axes, m/s.
+    - `rotation` (..., 3): rates of rotation about its axes, rad/s.
+    """
+
+    tilt: Any
+    velocity: Any
+    rotation: Any
+
+
+def read_trunk(state: BodyState) -> TrunkReading:
+    """Read how a hexapod's middle section moves (NumPy, JAX, tracers)."""
+    sensors, xp = state.sensors, state.position.__array_namespace__()
+    forward, up = sensors["forward"], sensors["upward"]
+    axes = xp.stack([forward, xp.cross(up, forward), up], axis=-2)
+
+    def along_axes(vector: Any) -> Any:
+        return xp.sum(axes * vector[..., None, :], axis=-1)
+
+    return TrunkReading(axes[..., :2, 2], along_axes(sensors["velocity"]), along_axes(sensors["rotation"]))
+
+
 def add_hexapod_sensors(spec: mujoco.MjSpec) -> None:
     """Add all sensors to the skeleton of a hexapod."""
     for freedom in ("lateral", "vertical"):

@@ -21,14 +21,19 @@ from motorgrad.bodies import (
     Terrain,
     measure_gait,
     read_hexapod,
+    read_trunk,
 )
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._task import Flag, Mirror, Reading, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
 
-Sense = Literal["lateral", "current", "contact", "yaw", "course"]
+Sense = Literal["lateral", "current", "contact", "yaw", "course", "vertical", "velocity", "trunk"]
 SENSES = get_args(Sense)
+JOINT_VELOCITY = 10.0  # rad/s, observed as 1
+TRUNK_SCALES = (0.2, 0.2, 2.0, 1.0, 0.5, 3.0, 3.0, 3.0)
+"""What is observed as 1: sines of pitch and roll; velocities forward, to the left and up in m/s; rotations in rad/s."""
+USUAL: tuple[Sense, ...] = ("lateral", "current", "contact", "yaw", "course")
 SPAN = 20.0  # s, over which a net displacement is measured
 SECOND = 1.0  # s, over which a stall is measured
 STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
@@ -88,9 +93,12 @@ class Hexapod(WalkingTask):
       by spaces; by default every muscle has its own unit.
     - `observes`: `"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, the present ones;
       `"contact"`, +1 for every foot on the ground and -1 for the others; `"yaw"`, the smoothed yaw rate in rad/s;
-      `"course"`, the heading relative to the course's in rad. They are always in this order.
+      `"course"`, the heading relative to the course's in rad; `"vertical"`, the six vertical angles; `"velocity"`, the
+      six lateral and six vertical velocities, divided by 10 rad/s; `"trunk"`, the motion of the middle section: the
+      sines of its pitch and roll, divided by 0.2, its velocity forward, to the left and up, divided by 2, 1 and 0.5
+      m/s, and its rates of rotation about these axes, divided by 3 rad/s. They are always in this order.
     - `lag` (decisions): delay of the observation `"lateral"`; 0 in the thesis.
-    - `angle_scale` (degrees): the lateral angle that is observed as 1.
+    - `angle_scale` (degrees): the angle of a joint that is observed as 1.
     - `yaw_smoothing`: the weight of the newest yaw rate in the smoothed one, in (0, 1].
     - `reward_type`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the
       start of a course; or the world's `"x"` axis.
@@ -108,7 +116,7 @@ class Hexapod(WalkingTask):
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
     terrain: Terrain = LEVEL
     synergies: tuple[str, ...] | None = None
-    observes: tuple[Sense, ...] = SENSES
+    observes: tuple[Sense, ...] = USUAL
     lag: int = 1
     angle_scale: float = 30.0
     yaw_smoothing: float = 0.1
@@ -143,15 +151,20 @@ class Hexapod(WalkingTask):
     def observation_names(self) -> tuple[str, ...]:
         legs = [leg.replace("_", " ") for leg in LEGS]
         words = {"lateral": "earlier angle" if self.lag else "angle", "current": "present angle", "contact": "contact"}
+        words |= {"vertical": "vertical angle"}
         named = {sense: [f"{word} {leg}" for leg in legs] for sense, word in words.items()}
+        named["velocity"] = [f"{kind} velocity {leg}" for kind in ("lateral", "vertical") for leg in legs]
+        named["trunk"] = ["pitch", "roll", *(f"velocity {way}" for way in ("forward", "left", "up"))]
+        named["trunk"] += [f"{kind} rate" for kind in ("roll", "pitch", "trunk's yaw")]
         return tuple(name for sense in self._seen for name in named.get(sense, [sense]))
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
-        """For lateral angles the range of the joints; for yaw rate and course the range of a curved walk."""
-        lateral = self.lateral_range(self.angle_scale)
-        ranges = {"lateral": lateral, "current": lateral, "contact": [(-1.0, 1.0)] * 6}
-        return tuple(each for sense in self._seen for each in ranges.get(sense, [(-1.0, 1.0)]))
+        """For angles of joints their range; for everything else the range of a walk that curves."""
+        lateral, vertical = (self.joint_range(freedom, self.angle_scale) for freedom in ("lateral", "vertical"))
+        angles = {"lateral": lateral, "current": lateral, "vertical": vertical}
+        counts = {"contact": 6, "velocity": 12, "trunk": 8}
+        return tuple(each for sense in self._seen for each in angles.get(sense, [(-1.0, 1.0)] * counts.get(sense, 1)))
 
     @property
     def mirror(self) -> Mirror | None:
@@ -172,7 +185,8 @@ class Hexapod(WalkingTask):
     ) -> tuple[HexapodMemory, Float[Array, " inputs"]]:
         reading = read_hexapod(state)
         made = memory.decisions + 1
-        now = reading.lateral / math.radians(self.angle_scale)
+        scale = math.radians(self.angle_scale)
+        now = reading.lateral / scale
         line = jnp.concatenate([now[None], memory.past])
         line = jnp.where(made == 0, now, line)  # the delay line starts full of the first observation
         yaw = memory.yaw + self.yaw_smoothing * (reading.yaw_rate - memory.yaw)
@@ -185,6 +199,9 @@ class Hexapod(WalkingTask):
             "contact": jnp.where(reading.contact > TOUCH, 1.0, -1.0),
             "yaw": yaw[None],
             "course": jnp.arctan2(jnp.sin(away), jnp.cos(away))[None],
+            "vertical": reading.vertical / scale,
+            "velocity": jnp.concatenate([reading.lateral_velocity, reading.vertical_velocity]) / JOINT_VELOCITY,
+            "trunk": jnp.concatenate(read_trunk(state)) / jnp.array(TRUNK_SCALES),
         }
         after = memory._replace(decisions=made, past=line[:-1], yaw=yaw, course=course, origin=origin)
         return after, jnp.concatenate([seen[sense] for sense in self._seen])
@@ -265,3 +282,36 @@ class HexapodSynergy(Hexapod):
     observes: tuple[Sense, ...] = ("lateral",)
     lag: int = 0
     reward_type: Literal["heading", "course", "x"] = "heading"
+
+
+PROPRIOCEPTION: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk")
+
+
+@dataclasses.dataclass(frozen=True)
+class HexapodProprioception(Hexapod):
+    """Walk as fast as possible, with 24 muscles that fire independently, and with all senses of joints and trunk.
+
+    Its learner has units that act for left and right (`motorgrad.policies.Mirrored`), and is designed for 240,000
+    decisions. Everything else is as in `Hexapod`.
+
+    **Arguments:** those of `Hexapod`, and
+
+    - `observes`: by default everything present: angles and velocities of the joints, contacts, heading, and the motion
+      of the trunk.
+    """
+
+    name: ClassVar[str] = "hexapod-proprioception"
+    learner: ClassVar[Mapping[str, Any]] = natural_actor_critic(
+        {"kind": "mirrored", "features": {"nonlinear": 64}},
+        batch=BATCH,
+        updates=1500,
+        discount=0.97,
+        decay=0.97 * 0.95,
+        memory=20,
+        features={"squares": True, "actions": True},
+        damping=0.01,
+        kl=(0.06, 0.006),
+        entropy=0.02,
+    )
+
+    observes: tuple[Sense, ...] = PROPRIOCEPTION

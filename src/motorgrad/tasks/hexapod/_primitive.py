@@ -97,7 +97,7 @@ class HexapodPrimitive(WalkingTask):
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
-        return ((0.0, 1.0),) * STEPS + tuple(self.lateral_range(self.angle_scale))
+        return ((0.0, 1.0),) * STEPS + tuple(self.joint_range("lateral", self.angle_scale))
 
     @property
     def action_size(self) -> int:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -22,12 +22,17 @@ def _other_side(name: str) -> str:
 
 # Angles of legs are positive forward and up on both sides, so they keep their signs.
 _SWAPPED = tuple(LEGS.index(_other_side(leg)) for leg in LEGS)
-_MIRRORED: dict[str, tuple[tuple[int, ...], int]] = {
-    "lateral": (_SWAPPED, 1),
-    "current": (_SWAPPED, 1),
-    "contact": (_SWAPPED, 1),
-    "yaw": ((0,), -1),
-    "course": ((0,), -1),
+_LEGS = (_SWAPPED, (1,) * len(LEGS))
+_TURN = ((0,), (-1,))
+_MIRRORED: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
+    "lateral": _LEGS,
+    "current": _LEGS,
+    "contact": _LEGS,
+    "yaw": _TURN,
+    "course": _TURN,
+    "vertical": _LEGS,
+    "velocity": ((*_SWAPPED, *(len(LEGS) + image for image in _SWAPPED)), 2 * _LEGS[1]),
+    "trunk": (tuple(range(8)), (1, -1, 1, -1, 1, -1, 1, -1)),
 }
 TRIPOD_SYNERGIES = tuple(
     " ".join(f"{muscle}_{leg}" for muscle in muscles for leg in tripod)
@@ -58,9 +63,9 @@ class WalkingTask(BodyTask):
         for name, value in usual.items():
             check(shortest <= value <= longest, name, value, f"from {shortest!r} to {longest!r} s")
 
-    def lateral_range(self, scale: float) -> list[tuple[float, float]]:
-        """The least and greatest lateral angle of each leg, divided by `scale` (degrees)."""
-        joints = [self.body.sections[leg.partition("_")[2]].leg.lateral.range for leg in LEGS]
+    def joint_range(self, freedom: Literal["lateral", "vertical"], scale: float) -> list[tuple[float, float]]:
+        """The least and greatest angle of a joint of each leg, divided by `scale` (degrees)."""
+        joints = [getattr(self.body.sections[leg.partition("_")[2]].leg, freedom).range for leg in LEGS]
         return [(low / scale, high / scale) for low, high in joints]
 
     def walking_readings(self, reading: HexapodReading) -> dict[str, Reading]:
@@ -84,9 +89,9 @@ def hexapod_mirror(
     inputs: list[int] = []
     signs: list[int] = []
     for sense in senses:
-        images, sign = _MIRRORED[sense]
+        images, own = _MIRRORED[sense]
         inputs += [len(inputs) + image for image in images]
-        signs += [sign] * len(images)
+        signs += own
     matrix = np.eye(len(groups)) if drives is None else drives
     outputs = _match_rows(matrix, matrix[:, [groups.index(_other_side(group)) for group in groups]])
     return None if outputs is None else Mirror(tuple(inputs), tuple(signs), outputs)

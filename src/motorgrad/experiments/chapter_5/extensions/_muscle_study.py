@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import jax
 import numpy as np
@@ -44,6 +44,8 @@ class MuscleStudy(Experiment):
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
+    kind: ClassVar[type[Hexapod]] = Hexapod
+
     updates: int = ranged(1200, 1, 100_000)
     seeds: int = ranged(10, 2, 1000)
     watched: float = 60.0
@@ -59,7 +61,7 @@ class MuscleStudy(Experiment):
     def task(self, variant: str = FULL) -> Hexapod:
         """The task of a variant."""
         choice("variant", variant, VARIANTS)
-        return Hexapod(**VARIANTS[variant][0])
+        return self.kind(**VARIANTS[variant][0])
 
     def learner(self, variant: str = FULL) -> Agent:
         """The task's own learner, with schedules that end after this many updates."""
