@@ -12,8 +12,8 @@ from tools.figures.composed import reach
 
 
 def hexapod_walk(work: Work) -> list[Motion]:
-    """A hexapod learns to walk with 24 independent muscles."""
-    return _before_and_after(work, "hexapod", 192_000, "hexapod-walk")
+    """A hexapod learns to walk with 24 independent muscles and all senses."""
+    return _before_and_after(work, "hexapod-proprioception", 184_000, "hexapod-walk")
 
 
 def hexapod_synergies(work: Work) -> list[Motion]:

@@ -291,7 +291,7 @@ PROPRIOCEPTION: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "ver
 class HexapodProprioception(Hexapod):
     """Walk as fast as possible, with 24 muscles that fire independently, and with all senses of joints and trunk.
 
-    Its learner has units that act for left and right (`motorgrad.policies.Mirrored`), and is designed for 240,000
+    Its learner has units that act for left and right (`motorgrad.policies.Mirrored`), and is designed for 184,000
     decisions. Everything else is as in `Hexapod`.
 
     **Arguments:** those of `Hexapod`, and
@@ -304,7 +304,7 @@ class HexapodProprioception(Hexapod):
     learner: ClassVar[Mapping[str, Any]] = natural_actor_critic(
         {"kind": "mirrored", "features": {"nonlinear": 64}},
         batch=BATCH,
-        updates=1500,
+        updates=1150,
         discount=0.97,
         decay=0.97 * 0.95,
         memory=20,

@@ -34,7 +34,7 @@ class Proprioception(MuscleStudy):
 
     kind: ClassVar[type[Hexapod]] = HexapodProprioception
 
-    updates: int = ranged(1500, 1, 100_000)
+    updates: int = ranged(1150, 1, 100_000)
     seeds: int = ranged(50, 2, 1000)
 
     quick = smoke(updates=4, seeds=2, watched=20.0)
@@ -62,8 +62,10 @@ class Proprioception(MuscleStudy):
                 frozen.plot(across, found, "o", markersize=3, color=colour, alpha=0.6, label=label)
                 ends = [place + shift - 0.17, place + shift + 0.17]
                 frozen.plot(ends, [np.median(found)] * 2, color="k", linewidth=2)
+        for name, aim in TARGETS.items():
+            frozen.axhline(aim, color=LINES[name][1], linewidth=1, linestyle=":", zorder=0)
         frozen.set_xticks(range(len(MODES)), [*MODES.values()])
-        frozen.set(title="frozen, from a fresh start", ylim=(0, None))
+        frozen.set(title="frozen, from a fresh start", ylim=(-0.08, None))
         frozen.legend(loc="lower left")
         return figure
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from motorgrad import policies
 from motorgrad.lab.blocks._base import as_text, read_table
