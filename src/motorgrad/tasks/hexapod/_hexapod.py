@@ -33,7 +33,6 @@ SENSES = get_args(Sense)
 JOINT_VELOCITY = 10.0  # rad/s, observed as 1
 TRUNK_SCALES = (0.2, 0.2, 2.0, 1.0, 0.5, 3.0, 3.0, 3.0)
 """What is observed as 1: sines of pitch and roll; velocities forward, to the left and up in m/s; rotations in rad/s."""
-USUAL: tuple[Sense, ...] = ("lateral", "current", "contact", "yaw", "course")
 SPAN = 20.0  # s, over which a net displacement is measured
 SECOND = 1.0  # s, over which a stall is measured
 STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
@@ -116,7 +115,7 @@ class Hexapod(WalkingTask):
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
     terrain: Terrain = LEVEL
     synergies: tuple[str, ...] | None = None
-    observes: tuple[Sense, ...] = USUAL
+    observes: tuple[Sense, ...] = ("lateral", "current", "contact", "yaw", "course")
     lag: int = 1
     angle_scale: float = 30.0
     yaw_smoothing: float = 0.1
@@ -150,8 +149,12 @@ class Hexapod(WalkingTask):
     @property
     def observation_names(self) -> tuple[str, ...]:
         legs = [leg.replace("_", " ") for leg in LEGS]
-        words = {"lateral": "earlier angle" if self.lag else "angle", "current": "present angle", "contact": "contact"}
-        words |= {"vertical": "vertical angle"}
+        words = {
+            "lateral": "earlier angle" if self.lag else "angle",
+            "current": "present angle",
+            "contact": "contact",
+            "vertical": "vertical angle",
+        }
         named = {sense: [f"{word} {leg}" for leg in legs] for sense, word in words.items()}
         named["velocity"] = [f"{kind} velocity {leg}" for kind in ("lateral", "vertical") for leg in legs]
         named["trunk"] = ["pitch", "roll", *(f"velocity {way}" for way in ("forward", "left", "up"))]
@@ -284,9 +287,6 @@ class HexapodSynergy(Hexapod):
     reward_type: Literal["heading", "course", "x"] = "heading"
 
 
-PROPRIOCEPTION: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk")
-
-
 @dataclasses.dataclass(frozen=True)
 class HexapodProprioception(Hexapod):
     """Walk as fast as possible, with 24 muscles that fire independently, and with all senses of joints and trunk.
@@ -314,4 +314,4 @@ class HexapodProprioception(Hexapod):
         entropy=0.02,
     )
 
-    observes: tuple[Sense, ...] = PROPRIOCEPTION
+    observes: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk")

@@ -30,6 +30,9 @@ MODES: tuple[Literal["mode", "sample"], ...] = ("mode", "sample")
 FRESH = 500_000_000
 """Added to the row numbers, so that policies are not judged on the random numbers of their training."""
 
+SMOOTH = 40.0
+"""Simulated seconds over which the speed during learning is averaged."""
+WORDS = {"mode": "most probable actions", "sample": "sampled actions"}
 SETTLING = 2.0  # seconds that do not count
 
 
@@ -45,6 +48,7 @@ class MuscleStudy(Experiment):
     """
 
     kind: ClassVar[type[Hexapod]] = Hexapod
+    """The task."""
 
     updates: int = ranged(1200, 1, 100_000)
     seeds: int = ranged(10, 2, 1000)

@@ -9,14 +9,10 @@ from motorgrad._errors import check
 from motorgrad.experiments._claims import OURS, Claim, at_least, at_most, in_every, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
-from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, VARIANTS, MuscleStudy
+from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, SMOOTH, VARIANTS, WORDS, MuscleStudy
 from motorgrad.statistics import mean_of, median_of
 
-SMOOTH = 40.0
-"""Simulated seconds over which the speed during learning is averaged."""
-
 COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-WORDS = {"mode": "most probable actions", "sample": "sampled actions"}
 SPEED, NET = 1.8, 1.6
 """Targets for the most probable actions: median speed along the heading and net displacement, m/s."""
 

@@ -8,16 +8,13 @@ import numpy as np
 from motorgrad.experiments._claims import OURS, Claim, at_least, in_every
 from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
-from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, MuscleStudy
+from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, SMOOTH, WORDS, MuscleStudy
 from motorgrad.statistics import median_of
 from motorgrad.tasks import Hexapod, HexapodProprioception
 
-SMOOTH = 40.0
-"""Simulated seconds over which the speed during learning is averaged."""
 TARGETS = {"speed": 3.0, "net": 2.5}
 """Medians with sampled actions, m/s."""
 LINES = {"speed": ("speed along the heading", "#0072B2"), "net": ("net displacement over 20 s", "#D55E00")}
-MODES = {"sample": "sampled actions", "mode": "most probable actions"}
 
 
 @experiment("beyond-5.3.4-proprioception", "24 muscles with all senses", "beyond section 5.3.4")
@@ -54,7 +51,7 @@ class Proprioception(MuscleStudy):
         )
         practice.plot(values["time"], values["practice"].T, color="0.5", linewidth=0.4, alpha=0.6, zorder=0)
         practice.legend(loc="upper left")
-        for place, mode in enumerate(MODES):
+        for place, mode in enumerate(reversed(WORDS)):
             for shift, (name, (words, colour)) in zip((-0.2, 0.2), LINES.items(), strict=True):
                 found = np.sort(values[f"{FULL} {mode} {name}"])
                 across = place + shift + 0.15 * np.linspace(-1, 1, len(found))
@@ -64,7 +61,7 @@ class Proprioception(MuscleStudy):
                 frozen.plot(ends, [np.median(found)] * 2, color="k", linewidth=2)
         for name, aim in TARGETS.items():
             frozen.axhline(aim, color=LINES[name][1], linewidth=1, linestyle=":", zorder=0)
-        frozen.set_xticks(range(len(MODES)), [*MODES.values()])
+        frozen.set_xticks(range(len(WORDS)), [*reversed(WORDS.values())])
         frozen.set(title="frozen, from a fresh start", ylim=(-0.08, None))
         frozen.legend(loc="lower left")
         return figure
