@@ -1,5 +1,6 @@
 """The commands: what they do, what they leave behind, what they refuse. Some in processes of their own, as a user's."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -247,6 +248,20 @@ def test_evaluate_judges_both_modes_in_turn(runs, capsys):
         outcome = mg.evaluate(mg.load(runs["hopper"]), 60, mode=mode)
         assert found["modes"][mode]["reward"]["per_seed"] == outcome.reward.tolist()
     assert found["modes"]["sample"] != found["modes"]["mode"]
+
+
+def test_evaluate_changes_settings_of_the_task_on_the_line_or_in_a_file(runs, capsys):
+    changed = dataclasses.replace(mg.load(runs["hopper"]).task, penalty=0.5)
+    outcome = mg.evaluate(mg.load(runs["hopper"]).with_task(changed), 60)
+    assert outcome.reward.tolist() != mg.evaluate(mg.load(runs["hopper"]), 60).reward.tolist()
+    options = ["--steps", 60, "--no-film", "--json", "e.json"]
+    Path("e.toml").write_text(f'run = "{runs["hopper"]}"\n[task]\npenalty = 0.5\n')
+    for given in ([runs["hopper"], "--task.penalty", 0.5], ["--config", "e.toml"]):
+        assert status("evaluate", *given, *options) == 0
+        assert read("e.json")["reward"]["per_seed"] == outcome.reward.tolist()
+    capsys.readouterr()
+    assert main(["evaluate", "--task.penalty", "1", str(runs["hopper"])]) == 2
+    assert "--task.penalty: must follow the run" in capsys.readouterr().err
 
 
 def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):

@@ -288,6 +288,17 @@ def test_a_run_refuses_seeds_and_quantities_that_it_does_not_have(made):
         run.curve("rewards")
 
 
+def test_policies_act_in_a_changed_task_of_the_same_observations_and_actions(made):
+    run = made("hopper")
+    short = dataclasses.replace(run.task, time_limit=0.2)
+    assert run.with_task(short).task == short
+    assert run.with_task(short).with_task(run.task).task == run.task
+    with pytest.raises(ValueError, match="task = 'three-state': must be a task of the kind 'hopper'"):
+        run.with_task(TASKS[FINITE]())
+    with pytest.raises(ValueError, match=r"task\.observation_names = "):
+        run.with_task(dataclasses.replace(run.task, observe_contact=False))
+
+
 def test_a_curve_has_the_seeds_in_rows(made):
     run = made(FINITE)
     decision, values = run.curve("reward")

@@ -13,7 +13,7 @@ from tools.figures.composed import reach
 
 def hexapod_walk(work: Work) -> list[Motion]:
     """A hexapod learns to walk with 24 independent muscles and all senses."""
-    return _before_and_after(work, "hexapod-proprioception", 184_000, "hexapod-walk")
+    return _before_and_after(work, "hexapod-proprioception", 200_000, "hexapod-walk")
 
 
 def hexapod_synergies(work: Work) -> list[Motion]:

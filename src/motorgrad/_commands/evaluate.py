@@ -4,15 +4,16 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
-from motorgrad._commands._configuration import parse
+from motorgrad._commands._configuration import ASKED, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._errors import check
 from motorgrad._extras import FILM, installed, missing, require
 from motorgrad._files import check_writable
+from motorgrad._settings import table
 from motorgrad.experiments import motion_of
 from motorgrad.tasks import BodyTask
 from motorgrad.training import Evaluation, Run, evaluate, load
@@ -24,7 +25,10 @@ MOST = 10_000_000
 
 @dataclasses.dataclass(frozen=True)
 class Evaluate:
-    """Evaluate the policies of a run without learning, from a fresh start, and film one of them."""
+    """Evaluate the policies of a run without learning, from a fresh start, and film one of them.
+
+    Settings of the run's task can be changed after RUN: motorgrad evaluate RUN --task.time-limit None.
+    """
 
     run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     """The run directory."""
@@ -48,6 +52,7 @@ class Evaluate:
     """Evaluate with the settings in config.toml even if they were changed since the run was made."""
     json: Path | None = None
     """Also write the result to this file, as JSON; - for the standard output."""
+    task: ClassVar[Any] = None
 
     def validate(self) -> None:
         trained = self.load()
@@ -63,7 +68,8 @@ class Evaluate:
                 require(*FILM)
 
     def load(self) -> Run:
-        return load(self.run, trust=self.trust, allow_changed=self.allow_changed)
+        found = load(self.run, trust=self.trust, allow_changed=self.allow_changed)
+        return found if self.task is None else found.with_task(self.task)
 
     @property
     def film_path(self) -> Path:
@@ -73,7 +79,7 @@ class Evaluate:
 
 
 def run(arguments: list[str]) -> int:
-    options = parse(Evaluate, arguments, "evaluate")
+    options = _options(arguments)
     trained = options.load()
     modes: tuple[Mode, ...] = ("sample", "mode") if options.mode == "both" else (options.mode,)
     outcomes = {mode: evaluate(trained, options.steps, mode=mode, untrained=options.untrained) for mode in modes}
@@ -112,6 +118,26 @@ def run(arguments: list[str]) -> int:
                 print(made.note)
     write_json(options.json, found)
     return 0
+
+
+def _options(arguments: list[str]) -> Evaluate:
+    """The options of the command; where some are of the task, with all settings of the run's own as defaults."""
+    given = read_arguments(arguments)
+    flags = [word.partition("=")[0] for word in given.rest if word.startswith("--task")]
+    changes = given.table.get("task", {})
+    check(isinstance(changes, dict), f"{given.file}: task", changes, "a table of settings")
+    if not flags and not changes:
+        return resolve(Evaluate, given, "evaluate")
+    word = given.table.get("run") or next(iter(given.rest), "")
+    if not isinstance(word, str) or word.startswith("-"):
+        raise ValueError(f"{[*flags, 'task'][0]}: must follow the run: motorgrad evaluate RUN --task.NAME VALUE")
+    trust, changed = (any(word.replace("-", "_") == f"__{name}" for word in given.rest) for name in ASKED)
+    task = load(word, trust=trust, allow_changed=changed).task
+    own = ("task", type(task), dataclasses.field(default_factory=lambda: task))
+    space = {"__doc__": Evaluate.__doc__}
+    kind = dataclasses.make_dataclass("Evaluate", [own], bases=(Evaluate,), frozen=True, namespace=space)
+    values = given.table | ({"task": table(task) | changes} if changes else {})
+    return resolve(kind, given._replace(table=values), "evaluate")
 
 
 def _summaries(outcome: Evaluation) -> dict[str, Any]:

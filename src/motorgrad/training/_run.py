@@ -128,6 +128,24 @@ class Run:
         """
         return saved_task(self.config, self.path, self._trust) if self._task is None else self._task
 
+    def with_task(self, task: Task) -> "Run":
+        """The run with its policies in a changed task, to evaluate them elsewhere: on other ground, or without a limit
+        of time. What was learned, and `config`, stay as they are.
+
+        **Arguments:** `task`, of the run's own kind, with the same observations and actions.
+
+        ```python
+        run = mg.train("hexapod-synergy", steps=160, progress=False)
+        bumpy = dataclasses.replace(run.task, terrain=mg.bodies.Terrain(difficulty=0.5))
+        print(mg.evaluate(run.with_task(bumpy), steps=50))
+        ```
+        """
+        own = self.task
+        check(type(task) is type(own), "task", task.name, f"a task of the kind {own.name!r}, as the run's own")
+        for name in ("observation_names", "action_size"):
+            check(getattr(task, name) == getattr(own, name), f"task.{name}", getattr(task, name), "as the run's own")
+        return dataclasses.replace(self, _task=task)
+
     @property
     def memory(self) -> Any:
         """The memory of the task at the end, seeds leading, such as the scale of observations; `None` without one."""

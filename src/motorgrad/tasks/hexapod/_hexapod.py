@@ -291,20 +291,21 @@ class HexapodSynergy(Hexapod):
 class HexapodProprioception(Hexapod):
     """Walk as fast as possible, with 24 muscles that fire independently, and with all senses of joints and trunk.
 
-    Its learner has units that act for left and right (`motorgrad.policies.Mirrored`), and is designed for 184,000
+    Its learner has units that act for left and right (`motorgrad.policies.Mirrored`), and is designed for 200,000
     decisions. Everything else is as in `Hexapod`.
 
     **Arguments:** those of `Hexapod`, and
 
     - `observes`: by default everything present: angles and velocities of the joints, contacts, heading, and the motion
       of the trunk.
+    - `time_limit` (s): by default 8, so that setting off is practised; `None` for one long walk.
     """
 
     name: ClassVar[str] = "hexapod-proprioception"
     learner: ClassVar[Mapping[str, Any]] = natural_actor_critic(
         {"kind": "mirrored", "features": {"nonlinear": 64}},
         batch=BATCH,
-        updates=1150,
+        updates=1250,
         discount=0.97,
         decay=0.97 * 0.95,
         memory=20,
@@ -315,3 +316,4 @@ class HexapodProprioception(Hexapod):
     )
 
     observes: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk")
+    time_limit: float | None = 8.0
