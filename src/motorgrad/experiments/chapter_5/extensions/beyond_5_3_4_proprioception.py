@@ -40,7 +40,7 @@ class Proprioception(MuscleStudy):
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)
         time, practice = run.curve("speed", x="simulated", smooth=SMOOTH)
-        walk = dataclasses.replace(run.task, time_limit=None)  # practice is cut into episodes
+        walk = dataclasses.replace(self.task(), time_limit=None)  # practice is cut into episodes
         return {"time": time, "practice": practice, **self.judged(work, run.with_task(walk))}
 
     def figure(self, values: Values) -> Figure:
@@ -65,7 +65,7 @@ class Proprioception(MuscleStudy):
             frozen.axhline(aim, color=LINES[name][1], linewidth=1, linestyle=":", zorder=0)
         frozen.set_xticks(range(len(WORDS)), [*reversed(WORDS.values())])
         frozen.set(title="frozen, from a fresh start", ylim=(-0.08, None))
-        frozen.legend(loc="lower left")
+        frozen.legend(loc="lower left", bbox_to_anchor=(0, 0.08))  # above walkers that stall
         return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
