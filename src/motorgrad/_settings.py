@@ -127,13 +127,16 @@ def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
 def table(instance: Any) -> dict[str, Any]:
     """The inverse of `build`: a dataclass as a plain table.
 
-    Fields that are `None` are left out. A part of a learner names its `kind`, and what it is without as `"none"`.
+    Fields that are `None` by default are left out where they are `None`; others are then `"none"`. A part of a learner
+    names its `kind`, and all that it is without as `"none"`.
     """
     values = {name: getattr(instance, name) for name in fields_of(type(instance))}
     if isinstance(instance, Part):
         return {"kind": kind_of(instance)} | {name: _plain("none" if v is None else v) for name, v in values.items()}
-    plain = {name: field.metadata.get("plain", _plain) for name, field in fields_of(type(instance)).items()}
-    return {name: plain[name](value) for name, value in values.items() if value is not None}
+    fields = fields_of(type(instance))
+    given = {name: value for name, value in values.items() if value is not None or default_of(fields[name]) is not None}
+    plain = {name: fields[name].metadata.get("plain", _plain) for name in given}
+    return {name: "none" if value is None else plain[name](value) for name, value in given.items()}
 
 
 def default_of(field: dataclasses.Field[Any]) -> Any:
