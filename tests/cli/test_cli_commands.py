@@ -261,7 +261,7 @@ def test_evaluate_changes_settings_of_the_task_on_the_line_or_in_a_file(runs, ca
         assert read("e.json")["reward"]["per_seed"] == outcome.reward.tolist()
     capsys.readouterr()
     assert main(["evaluate", "--task.penalty", "1", str(runs["hopper"])]) == 2
-    assert "--task.penalty: must follow the run" in capsys.readouterr().err
+    assert "--task.penalty: needs the run as the first word" in capsys.readouterr().err
 
 
 def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
