@@ -83,7 +83,7 @@ def test_with_all_senses_no_gait_and_no_synergies_are_given():
     study = PROPRIOCEPTION()
     task, policy = study.task(), study.learner().policy(jax.random.key(0))
     assert (task.name, task.drives, task.action_size, task.time_limit) == ("hexapod-proprioception", None, 24, 8.0)
-    assert (study.updates, study.seeds) == (study.learner().metric.kl.steps, 50)
+    assert (study.updates, study.seeds, study.first_seed) == (study.learner().metric.kl.steps, 50, 50)
     assert policy.pool.pool.weights.shape == (12, task.observation_size + 64)
     assert not np.any(policy.pool.pool.weights)
 

@@ -130,7 +130,9 @@ def _options(arguments: list[str]) -> Evaluate:
         return resolve(Evaluate, given, "evaluate")
     word = given.table.get("run") or next(iter(given.rest), "")
     if not isinstance(word, str) or word.startswith("-"):
-        raise ValueError(f"{[*flags, 'task'][0]}: needs the run as the first word: motorgrad evaluate RUN --task.NAME VALUE")
+        raise ValueError(
+            f"{[*flags, 'task'][0]}: needs the run as the first word: motorgrad evaluate RUN --task.NAME VALUE"
+        )
     trust, changed = (any(word.replace("-", "_") == f"__{name}" for word in given.rest) for name in ASKED)
     task = load(word, trust=trust, allow_changed=changed).task
     own = ("task", type(task), dataclasses.field(default_factory=lambda: task))

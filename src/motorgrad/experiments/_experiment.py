@@ -42,7 +42,7 @@ class Workspace:
         self.trained: dict[str, float] = {}
         """Seconds of training of every run that was requested, over all sessions."""
 
-    def train(self, task: Task, agent: Agent, steps: int, seeds: int, initial: Policy | None = None) -> Run:
+    def train(self, task: Task, agent: Agent, steps: int, seeds: int | list[int], initial: Policy | None = None) -> Run:
         """Train, or load the run if an experiment has already requested the same; `initial` as in `motorgrad.train`.
 
         **Raises** `KeyboardInterrupt` if Ctrl-C stopped the training; what was trained is saved.

@@ -49,6 +49,7 @@ class MuscleStudy(Experiment):
 
     kind: ClassVar[type[Hexapod]] = Hexapod
     """The task."""
+    first_seed: ClassVar[int] = 0
 
     updates: int = ranged(1200, 1, 100_000)
     seeds: int = ranged(10, 2, 1000)
@@ -86,7 +87,9 @@ class MuscleStudy(Experiment):
         """Trained hexapods, shared with other experiments of the same settings."""
         settings = self.learner(variant)
         assert isinstance(settings.estimator.improve, int)
-        return work.train(self.task(variant), settings, self.updates * settings.estimator.improve, seeds or self.seeds)
+        count, steps = seeds or self.seeds, self.updates * settings.estimator.improve
+        chosen = list(range(self.first_seed, self.first_seed + count)) if self.first_seed else count
+        return work.train(self.task(variant), settings, steps, chosen)
 
     def judged(self, work: Workspace, run: Run, variant: str = FULL) -> Values:
         """Walks of frozen policies from a fresh start, by mode and quantity, a number or a word for each seed."""

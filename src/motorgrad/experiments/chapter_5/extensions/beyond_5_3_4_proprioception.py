@@ -26,11 +26,13 @@ class Proprioception(MuscleStudy):
     **Arguments:**
 
     - `updates`: number of updates of the parameters; the learner's schedules scale with them.
-    - `seeds`: independent hexapods.
+    - `seeds`: independent hexapods, numbered from 50 on.
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
     kind: ClassVar[type[Hexapod]] = HexapodProprioception
+    first_seed: ClassVar[int] = 50
+    """Those before were judged with earlier settings, before training was cut into episodes."""
 
     updates: int = ranged(1250, 1, 100_000)
     seeds: int = ranged(50, 2, 1000)
