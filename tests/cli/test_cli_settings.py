@@ -72,6 +72,12 @@ def test_a_task_survives_its_own_table_in_toml(name):
     assert build(TASKS[name], tomllib.loads(tomli_w.dumps(table(task)))) == task
 
 
+def test_a_setting_that_is_turned_off_survives_in_toml():
+    cls = TASKS["hexapod-proprioception"]
+    assert cls().time_limit is not None
+    assert build(cls, tomllib.loads(tomli_w.dumps(table(cls(time_limit=None))))) == cls(time_limit=None)
+
+
 @pytest.mark.parametrize("name", TASKS)
 def test_a_tasks_learner_is_made_of_settings_that_exist(name):
     task = make(name)

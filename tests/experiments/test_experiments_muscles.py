@@ -1,5 +1,7 @@
 """The experiments on 24 muscles: each from end to end at its smoke size, and how claims are judged."""
 
+import dataclasses
+
 import jax
 import numpy as np
 import pytest
@@ -86,6 +88,20 @@ def test_with_all_senses_no_gait_and_no_synergies_are_given():
     assert (study.updates, study.seeds, study.first_seed) == (study.learner().metric.kl.steps, 50, 50)
     assert policy.pool.pool.weights.shape == (12, task.observation_size + 64)
     assert not np.any(policy.pool.pool.weights)
+
+
+def test_with_all_senses_training_has_episodes_and_the_judged_walks_have_none(monkeypatch):
+    class Trained:
+        def curve(self, quantity, **options):
+            return np.zeros(1), np.zeros((2, 1))
+
+        def with_task(self, task):
+            return task
+
+    monkeypatch.setattr(PROPRIOCEPTION, "trained", lambda self, work: Trained())
+    monkeypatch.setattr(PROPRIOCEPTION, "judged", lambda self, work, task: {"judged in": task})
+    study = PROPRIOCEPTION()
+    assert study.run(None)["judged in"] == dataclasses.replace(study.task(), time_limit=None)
 
 
 def test_schedules_end_with_the_updates():

@@ -129,12 +129,17 @@ class Run:
         return saved_task(self.config, self.path, self._trust) if self._task is None else self._task
 
     def with_task(self, task: Task) -> "Run":
-        """The run with its policies in a changed task, to evaluate them elsewhere: on other ground, or without a limit
-        of time. What was learned, and `config`, stay as they are.
+        """The run in a changed task, to evaluate its policies on other ground or without a time limit.
+
+        Policies and `config` stay as they are.
 
         **Arguments:** `task`, of the run's own kind, with the same observations and actions.
 
+        **Raises:** `ValueError` for a task of another kind, or with other observations or actions.
+
         ```python
+        import dataclasses
+
         run = mg.train("hexapod-synergy", steps=160, progress=False)
         bumpy = dataclasses.replace(run.task, terrain=mg.bodies.Terrain(difficulty=0.5))
         print(mg.evaluate(run.with_task(bumpy), steps=50))

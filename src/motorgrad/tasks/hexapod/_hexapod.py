@@ -298,7 +298,7 @@ class HexapodProprioception(Hexapod):
 
     - `observes`: by default everything present: angles and velocities of the joints, contacts, heading, and the motion
       of the trunk.
-    - `time_limit` (s): by default 8, so that setting off is practised; `None` for one long walk.
+    - `time_limit` (s): 8 by default, so that the hexapod practises setting off; `None` for one long walk.
     """
 
     name: ClassVar[str] = "hexapod-proprioception"

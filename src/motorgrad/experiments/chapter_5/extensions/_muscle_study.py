@@ -50,6 +50,7 @@ class MuscleStudy(Experiment):
     kind: ClassVar[type[Hexapod]] = Hexapod
     """The task."""
     first_seed: ClassVar[int] = 0
+    """The seed of the first hexapod; the others follow."""
 
     updates: int = ranged(1200, 1, 100_000)
     seeds: int = ranged(10, 2, 1000)
@@ -88,6 +89,7 @@ class MuscleStudy(Experiment):
         settings = self.learner(variant)
         assert isinstance(settings.estimator.improve, int)
         count, steps = seeds or self.seeds, self.updates * settings.estimator.improve
+        # a count where seeds start from 0, because stored runs are found by it
         chosen = list(range(self.first_seed, self.first_seed + count)) if self.first_seed else count
         return work.train(self.task(variant), settings, steps, chosen)
 

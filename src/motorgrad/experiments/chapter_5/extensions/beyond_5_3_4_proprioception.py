@@ -26,13 +26,13 @@ class Proprioception(MuscleStudy):
     **Arguments:**
 
     - `updates`: number of updates of the parameters; the learner's schedules scale with them.
-    - `seeds`: independent hexapods, numbered from 50 on.
+    - `seeds`: independent hexapods, with seeds from 50 on.
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
     kind: ClassVar[type[Hexapod]] = HexapodProprioception
     first_seed: ClassVar[int] = 50
-    """Those before were judged with earlier settings, before training was cut into episodes."""
+    """Seeds 0 to 49 were judged with earlier settings, which trained without episodes."""
 
     updates: int = ranged(1250, 1, 100_000)
     seeds: int = ranged(50, 2, 1000)
@@ -42,7 +42,7 @@ class Proprioception(MuscleStudy):
     def run(self, work: Workspace) -> Values:
         run = self.trained(work)
         time, practice = run.curve("speed", x="simulated", smooth=SMOOTH)
-        walk = dataclasses.replace(self.task(), time_limit=None)  # practice is cut into episodes
+        walk = dataclasses.replace(self.task(), time_limit=None)  # training is cut into episodes
         return {"time": time, "practice": practice, **self.judged(work, run.with_task(walk))}
 
     def figure(self, values: Values) -> Figure:
