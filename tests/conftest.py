@@ -3,12 +3,14 @@
 import gc
 import os
 from collections import defaultdict
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 import compilations
 import motorgrad  # noqa: F401 - sets XLA's flags, which must be set before any test module makes an array
+import needed
 
 # All workers of a run share one folder of compiled functions. What a worker finds half written by another it compiles
 # for itself. A process that a test starts does so, too, unless it is given `compiled_environment`.
@@ -19,6 +21,7 @@ _RUN = Path(os.environ[compilations.FOLDER]) if _WORKER else compilations.open_r
 _FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_fusion_emitters=false")
 _COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
+_FIXTURES_NEED = dict.fromkeys(_BROWSERS, "chromium") | {"silhouette": "OpenGL"}
 _MOST_REGIONS = 40_000  # of memory, of a process
 # Folders of which `make test-share` runs the slow tests, too: every unit and world, and all that is done to a page.
 _SHARE = tuple(
@@ -39,6 +42,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """
     cases: dict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
+        for fixture in _FIXTURES_NEED.keys() & item.fixturenames:
+            item.add_marker(pytest.mark.needs(_FIXTURES_NEED[fixture]))
         if _BROWSERS.intersection(item.fixturenames):
             item.add_marker(pytest.mark.flaky(reruns=1))
             if not item.get_closest_marker("journey"):
@@ -59,6 +64,29 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("slow") and item.path.as_posix().startswith(_SHARE):
             item.add_marker(pytest.mark.ci)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Skips, with one line that names it, a module or a folder that cannot be imported without an extra."""
+    report = yield
+    call = getattr(report, "call", None)
+    if report.failed and call is not None and (why := needed.lacked_by(call.excinfo.value)):
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 0, f"Skipped: {why}")
+        report.result = []
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)  # before fixtures are made
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skips, with one line that names it, a test that needs what is not there."""
+    for mark in item.iter_markers("needs"):
+        for name in mark.args:
+            if why := needed.lacking(name):
+                pytest.skip(why)
 
 
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:

@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 
-from motorgrad._compiler import compile_small_loops_whole
+from motorgrad._compiler import compilations, compile_small_loops_whole
 
 TELL = "import os, json; print(json.dumps(os.environ.get('XLA_FLAGS', '')))"
 
@@ -47,3 +47,15 @@ def test_a_run_says_how_it_was_compiled(tmp_path):
     mg.train("three-state", steps=10, out=tmp_path, progress=False)
     session = json.loads((tmp_path / "provenance.json").read_text())["sessions"][-1]
     assert session["compiler"]["XLA_FLAGS"] == os.environ["XLA_FLAGS"]
+
+
+def test_compilations_are_counted():
+    import jax
+
+    before = compilations()
+    double = jax.jit(lambda x: 2 * x)
+    double(1.0)
+    assert compilations() > before
+    once = compilations()
+    double(2.0)
+    assert compilations() == once

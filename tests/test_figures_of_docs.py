@@ -33,6 +33,7 @@ def names(kind):
 
 
 DRAWN, MEASURED, FILMS = names("DRAWN"), names("MEASURED"), names("FILMS")
+MARKS = {"estimator-gpomdp": pytest.mark.ci, "holding": pytest.mark.needs("motorgrad[myosuite]")}
 
 
 def test_the_names_are_those_of_the_registry():
@@ -44,14 +45,12 @@ def test_the_names_are_those_of_the_registry():
 @pytest.mark.representatives("unit-motoneuron", "hexapod-muscles")
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.ci if name == "estimator-gpomdp" else ()) for name in (*DRAWN, *MEASURED)],
+    [pytest.param(name, marks=MARKS.get(name, ())) for name in (*DRAWN, *MEASURED)],
 )
 def test_a_figure_is_drawn(name, tmp_path):
     from tools.figures.__main__ import draw
     from tools.figures._work import Work
 
-    if name == "holding":
-        pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
     draw(name, Work(most=100), tmp_path / "figure.png")
     picture = np.asarray(Image.open(tmp_path / "figure.png").convert("L"))
     assert picture.shape[1] > 1000

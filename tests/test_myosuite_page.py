@@ -57,8 +57,8 @@ def test_targets_within_reach_are_those_of_the_sum_over_fingertips(tool):
 
 
 @pytest.mark.slow
+@pytest.mark.needs("motorgrad[myosuite]")
 def test_fingertips_of_a_hand_are_compared_with_their_targets(tool, tmp_path):
-    pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
     agent = {"policy": {"kind": "bounded-hyperplanes", "deviation": 0.1}}
     mg.train(mg.tasks.myosuite(tool.TASKS["hand"][0]), agent, 100, [0], tmp_path / "run", progress=False)
     table = tool.follow_table(tmp_path / "run", episodes=3)
@@ -72,10 +72,11 @@ def test_fingertips_of_a_hand_are_compared_with_their_targets(tool, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.ci
-@pytest.mark.parametrize(("learner", "needed"), [("natural-network", "myosuite"), ("ppo", "stable_baselines3")])
-def test_a_learner_learns_and_is_stored(tool, tmp_path, monkeypatch, learner, needed):
-    pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
-    pytest.importorskip(needed, reason="pip install '.[peers]'", exc_type=ImportError)
+@pytest.mark.needs("motorgrad[myosuite]")
+@pytest.mark.parametrize(
+    "learner", ["natural-network", pytest.param("ppo", marks=pytest.mark.needs("motorgrad[peers]"))]
+)
+def test_a_learner_learns_and_is_stored(tool, tmp_path, monkeypatch, learner):
     monkeypatch.setattr(tool, "EPISODES", 2)
     given = ["--steps", "400", "--seeds", "1", "--run", str(tmp_path / "run"), "--out", str(tmp_path)]
     tool.main(["learn", "finger", "--learner", learner, *given])

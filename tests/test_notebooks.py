@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "notebooks").glob("*.ipynb"))
-nbformat = pytest.importorskip("nbformat", reason="notebooks need motorgrad[docs]")
-nbclient = pytest.importorskip("nbclient", reason="notebooks need motorgrad[docs]")
-pytest.importorskip("ipykernel", reason="notebooks need motorgrad[docs]")
-pytest.importorskip("ipywidgets", reason="notebooks need motorgrad[docs]")
+nbformat = pytest.importorskip("nbformat", reason="needs motorgrad[docs]")
+nbclient = pytest.importorskip("nbclient", reason="needs motorgrad[docs]")
+pytestmark = pytest.mark.needs("motorgrad[docs]")
 
 
 def outputs(notebook):

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import motorgrad
+import needed
 from motorgrad.lab import BLOCKS, parameters_of
 from tools.block_pages import slug
 
-pytestmark = [pytest.mark.slow, pytest.mark.ci]
+pytestmark = [pytest.mark.slow, pytest.mark.ci, pytest.mark.needs("motorgrad[docs]")]
 
-CHROMIUM = Path("/usr/bin/chromium")
 FOUND = {  # a page among the first that a search names
     "neural network": "own-network.html",
     "continuous actions": "policies.html#continuous-actions",
@@ -22,8 +22,6 @@ FOUND = {  # a page among the first that a search names
     "export": "export.html",
 }
 ROOT = Path(__file__).parents[1]
-pytest.importorskip("mkdocs_jupyter", reason="the site needs motorgrad[docs]")
-pytest.importorskip("mkdocstrings", reason="the site needs motorgrad[docs]")
 
 
 @pytest.fixture(scope="module")
@@ -76,13 +74,13 @@ def test_nothing_is_fetched_from_elsewhere(site):
     assert "fonts.g" not in text
 
 
+@pytest.mark.needs("chromium")
 def test_search_works_from_the_disk_and_fetches_nothing(site):
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser: {CHROMIUM} is missing")
+    from playwright import sync_api
+
     asked, faults = [], []
     with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
+        browser = driver.chromium.launch(executable_path=str(needed.CHROMIUM), args=["--no-sandbox"])
         page = browser.new_page()
         page.on("request", lambda request: asked.append(request.url))
         page.on("pageerror", lambda error: faults.append(str(error)))

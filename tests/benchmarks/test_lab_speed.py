@@ -7,8 +7,8 @@ from motorgrad.benchmarks import _lab as lab
 from motorgrad.lab import Run
 
 
+@pytest.mark.needs("motorgrad[peers]")
 def test_the_peers_oscillators_move_as_ours():
-    pytest.importorskip("pathsim", reason="needs the extra motorgrad[peers]")
     places = [f"place {n}.y" for n in range(3)]
     record = Run(lab.oscillators(3), watch=places).advance(151)
     peer = lab.PathSimOscillators(3)

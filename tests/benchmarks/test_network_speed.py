@@ -12,8 +12,10 @@ STEPS = 6
 
 
 @pytest.mark.ci
+@pytest.mark.needs("motorgrad[peers]")
 def test_the_learner_in_torch_takes_the_same_steps():
-    torch = pytest.importorskip("torch", reason="needs the extra motorgrad[peers]")
+    import torch
+
     agent = networks.learner((16, 8))
     state = agent.init(jax.random.key(0))
     peer = networks.TorchLearner(state.policy, state.estimator.baseline.weights)

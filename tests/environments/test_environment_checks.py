@@ -12,7 +12,7 @@ from motorgrad import _gymnasium_ids
 from motorgrad.environments import TaskEnv
 from motorgrad.tasks import Hopper
 
-SB3 = "Stable-Baselines3 is not installed (the extra `peers`)"
+needs_peers = pytest.mark.needs("motorgrad[peers]")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -44,19 +44,23 @@ def test_gymnasium_finds_nothing_in_a_picture():
 
 
 @pytest.mark.ci
+@needs_peers
 @pytest.mark.representatives(*FEW)
 @pytest.mark.parametrize("name", IDS)
 def test_stable_baselines_finds_nothing(name):
-    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason=SB3)
+    from stable_baselines3.common import env_checker as checker
+
     for environment in (gymnasium.make(name), gymnasium.make(name).unwrapped):
         checker.check_env(environment)
         environment.close()
 
 
 @pytest.mark.ci
+@needs_peers
 def test_ppo_of_stable_baselines_learns_a_little():
     """On the chain, one way leads to all reward: a few hundred decisions are enough to prefer it."""
-    sb3 = pytest.importorskip("stable_baselines3", reason=SB3)
+    import stable_baselines3 as sb3
+
     environment = gymnasium.make("motorgrad/Chain-v0", length=3, time_limit=16)
     model = sb3.PPO("MlpPolicy", environment, n_steps=64, batch_size=32, learning_rate=3e-3, seed=0, device="cpu")
 
@@ -76,8 +80,10 @@ def test_ppo_of_stable_baselines_learns_a_little():
     environment.close()
 
 
+@needs_peers
 def test_ppo_of_stable_baselines_moves_muscles():
-    sb3 = pytest.importorskip("stable_baselines3", reason=SB3)
+    import stable_baselines3 as sb3
+
     model = sb3.PPO("MlpPolicy", TaskEnv(Hopper(time_limit=1.0)), n_steps=128, batch_size=64, seed=0, device="cpu")
     before = [leaf.detach().clone() for leaf in model.policy.parameters()]
     model.learn(256)

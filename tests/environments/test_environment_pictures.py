@@ -10,7 +10,6 @@ import pytest
 from environment_examples import HOPPER, hopping
 
 from motorgrad.environments import TaskEnv
-from motorgrad.sim import gl_problem
 from motorgrad.tasks import HexapodSynergy, Hopper
 
 SMALL = {"width": 96, "height": 64}
@@ -165,7 +164,7 @@ def test_a_film_is_recorded(tmp_path):
     assert film.stat().st_size > 0
 
 
-@pytest.mark.skipif(bool(gl_problem()), reason="no OpenGL here")
+@pytest.mark.needs("OpenGL")
 def test_a_picture_costs_no_new_renderer(monkeypatch):
     made, make = [], mujoco.MjrContext
     monkeypatch.setattr(mujoco, "MjrContext", lambda *about: made.append(about) or make(*about))

@@ -61,8 +61,8 @@ def test_a_killed_experiment_goes_on_and_a_failing_one_is_set_aside(wanted, tmp_
     assert not made.complete
 
 
+@pytest.mark.needs("motorgrad[ray]")
 def test_reproduce_on_ray(wanted, tmp_path, monkeypatch, capsys):
-    pytest.importorskip("ray", reason="experiments on Ray need motorgrad[ray]")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "out" / "fig-2.2").mkdir(parents=True)
     (tmp_path / "out" / "fig-2.2" / "values.npz").write_bytes(b"nothing of use")

@@ -1,4 +1,4 @@
-"""Bodies to film."""
+"""Bodies to film, and a browser that shows pages of them."""
 
 from pathlib import Path
 
@@ -6,7 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from motorgrad.sim import Motion, gl_problem
+import needed
+from motorgrad.sim import Motion
+
+SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"]
 
 
 @pytest.fixture
@@ -25,9 +28,18 @@ def hop(leg) -> Motion:
     return Motion(leg, time, position, activation, "hopping")
 
 
-@pytest.fixture(params=["drawn", "gl"])
+@pytest.fixture(params=["drawn", pytest.param("gl", marks=pytest.mark.needs("OpenGL"))])
 def renderer(request) -> str:
-    """Each renderer in turn; OpenGL is skipped, aloud, where it does not work."""
-    if request.param == "gl" and gl_problem():
-        pytest.skip(f"no OpenGL here: {gl_problem()}")
+    """Each renderer in turn."""
     return request.param
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser that draws WebGL in software."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=str(needed.CHROMIUM), args=SOFTWARE)
+        yield browser
+        browser.close()

@@ -8,7 +8,8 @@ from study_examples import assert_same_study, failing_study, small
 from motorgrad.studies import _slurm, run_study
 from motorgrad.studies._places import Work
 
-submitit = pytest.importorskip("submitit", reason="studies on Slurm need motorgrad[slurm]")
+submitit = pytest.importorskip("submitit", reason="needs motorgrad[slurm]")
+pytestmark = pytest.mark.needs("motorgrad[slurm]")
 
 
 @pytest.mark.slow

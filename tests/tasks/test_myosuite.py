@@ -13,14 +13,16 @@ import pytest
 import tomli_w
 
 import motorgrad as mg
-from motorgrad._myosuite import environment
+from motorgrad._myosuite import composing, environment
 from motorgrad._settings import build, table
 from motorgrad.bodies import Mjcf
 from motorgrad.bodies.mjcf import _mjcf as mjcf
+from motorgrad.tasks.gymnasium._batch import serialize
 
 ELBOW, FINGER, REACH = "myoElbowPose1D6MRandom-v0", "myoFingerPoseRandom-v0", "myoFingerReachRandom-v0"
 MOTORS, EXOSKELETON = "motorFingerReachRandom-v0", "myoElbowPose1D6MExoFixed-v0"
 HAND, ARM, FIXED = "myoHandReachRandom-v0", "myoArmReachRandom-v0", "myoHandPose3Fixed-v0"
+FALLING = "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
 CASES = [
     pytest.param(FINGER, 3),
     pytest.param(MOTORS, 3),
@@ -31,10 +33,7 @@ CASES = [
 ]
 
 
-@pytest.fixture(scope="module")
-def suite():
-    """MyoSuite, or a skip that says what to install."""
-    pytest.importorskip("myosuite", reason="pip install '.[myosuite]'", exc_type=ImportError)
+needs_myosuite = pytest.mark.needs("motorgrad[myosuite]")
 
 
 def played(task, env_id, episodes, seed=0):
@@ -98,7 +97,8 @@ def begin(theirs, batch, target):
 
 
 @pytest.mark.parametrize(("env_id", "episodes"), CASES)
-def test_a_rebuilt_task_is_myosuites_own(suite, env_id, episodes):
+@needs_myosuite
+def test_a_rebuilt_task_is_myosuites_own(env_id, episodes):
     task = mg.tasks.myosuite(env_id, scaling="none")
     found = played(task, env_id, episodes)
     for name in ("ended", "solved"):
@@ -110,7 +110,8 @@ def test_a_rebuilt_task_is_myosuites_own(suite, env_id, episodes):
 
 
 @pytest.mark.parametrize("env_id", [FINGER, pytest.param(HAND, marks=[pytest.mark.slow, pytest.mark.ci])])
-def test_targets_are_drawn_as_myosuite_draws_them(suite, env_id):
+@needs_myosuite
+def test_targets_are_drawn_as_myosuite_draws_them(env_id):
     task, theirs, count = mg.tasks.myosuite(env_id), environment(env_id), 500
     numbers = np.random.default_rng(0).random((count, task.init_uniforms), np.float32)
     ours, wanted = np.asarray(jax.vmap(lambda uniforms: task.init(uniforms).drawn["target"])(numbers)), []
@@ -123,7 +124,8 @@ def test_targets_are_drawn_as_myosuite_draws_them(suite, env_id):
     np.testing.assert_allclose(ours.std(0), spread, rtol=0.15)
 
 
-def test_places_to_reach_are_reachable_and_differ(suite):
+@needs_myosuite
+def test_places_to_reach_are_reachable_and_differ():
     task = mg.tasks.myosuite(REACH)
     numbers = np.random.default_rng(0).random((200, task.init_uniforms), np.float32)
     places = np.asarray(jax.vmap(lambda uniforms: task.init(uniforms).drawn["target"])(numbers))
@@ -133,7 +135,8 @@ def test_places_to_reach_are_reachable_and_differ(suite):
     assert (places.std(0) > 0.01).all()
 
 
-def test_episodes_begin_as_in_myosuite(suite):
+@needs_myosuite
+def test_episodes_begin_as_in_myosuite():
     def starts(env_id):
         task = mg.tasks.myosuite(env_id)
         return task.begin(np.random.default_rng(0).random((1000, task.init_uniforms), np.float32))["position"]
@@ -144,13 +147,15 @@ def test_episodes_begin_as_in_myosuite(suite):
     assert high - 0.02 < drawn.max() <= high
 
 
-def test_muscles_that_are_on_or_off_take_myosuites_extreme_commands(suite):
+@needs_myosuite
+def test_muscles_that_are_on_or_off_take_myosuites_extreme_commands():
     task = mg.tasks.myosuite(FINGER, actions="binary")
     assert task.action_size == 5
     np.testing.assert_allclose(task.control(np.eye(5, dtype=np.float32))[0], [0.9241418, *[0.00055278] * 4], rtol=1e-5)
 
 
-def test_a_run_describes_its_task_by_the_id(suite, tmp_path):
+@needs_myosuite
+def test_a_run_describes_its_task_by_the_id(tmp_path):
     task = mg.tasks.myosuite(FINGER)
     text = tomli_w.dumps(table(task))
     assert FINGER in text
@@ -160,7 +165,8 @@ def test_a_run_describes_its_task_by_the_id(suite, tmp_path):
         Mjcf(f"myosuite:{FINGER}", checksum="0" * 32)
 
 
-def test_unknown_ids_name_the_nearest(suite):
+@needs_myosuite
+def test_unknown_ids_name_the_nearest():
     with pytest.raises(ValueError, match=f"did you mean '{ELBOW}'"):
         mg.tasks.myosuite("myoElbowPose1D6MRandm-v0")
     with pytest.raises(ValueError, match="unknown posing or reaching task of MyoSuite"):
@@ -169,14 +175,16 @@ def test_unknown_ids_name_the_nearest(suite):
         Mjcf("myosuite:myoFingerPoseRndom-v0")
 
 
-def test_an_environment_of_myosuite_is_a_gymnasium_task(suite):
+@needs_myosuite
+def test_an_environment_of_myosuite_is_a_gymnasium_task():
     task = mg.tasks.from_gymnasium(FINGER)
     assert task.period == pytest.approx(0.02)
     assert task.observation_size == 17
 
 
 @pytest.mark.slow
-def test_with_replay_and_hindsight_an_elbow_holds_its_poses(suite):
+@needs_myosuite
+def test_with_replay_and_hindsight_an_elbow_holds_its_poses():
     """With the filter of noise that lasts for 100 ms, it would swing about them, and half of the steps be off."""
     task = mg.tasks.myosuite(ELBOW, actions="graded", scaling="none")
     run = mg.train(task, mg.presets.sac(task, steps=12_000), steps=12_000, seeds=1, progress=False)
@@ -197,3 +205,44 @@ def test_without_the_extra_the_error_has_the_command(monkeypatch, make):
     monkeypatch.delitem(gymnasium.registry, FINGER, raising=False)
     with pytest.raises(ValueError, match=r"MyoSuite is not installed .*: pip install '\.\[myosuite\]'"):
         make(FINGER)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(lambda: Mjcf(f"myosuite:{HAND}"), id="environment"),
+        pytest.param(lambda: Mjcf("myosuite:myohand_r"), id="model"),
+        pytest.param(lambda: serialize(mg.tasks.make_environment(HAND, {})), id="gymnasium"),
+    ],
+)
+def test_how_myosuite_composes_its_models_is_not_told(make, monkeypatch, tmp_path, capfd):
+    pytest.importorskip("myosuite", reason="needs motorgrad[myosuite]")
+    monkeypatch.chdir(tmp_path)
+    environment.cache_clear()
+    mjcf._of_myosuite.cache_clear()
+    make()  # without a warning, or this fails
+    assert "WARNING" not in "".join(capfd.readouterr())
+    assert not list(tmp_path.iterdir())  # MuJoCo's log
+
+
+def test_only_the_warning_of_parts_without_a_prefix_is_hidden(recwarn):
+    def attach():
+        spec = mujoco.MjSpec()
+        spec.attach(mujoco.MjSpec(), prefix="", frame=spec.worldbody.add_frame())
+        return spec
+
+    told, before = [], mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(told.append)
+    try:
+        with composing():
+            attach().compile()
+            falling = mujoco.MjModel.from_xml_string(FALLING)
+            data = mujoco.MjData(falling)
+            data.qvel[:] = np.nan
+            mujoco.mj_step(falling, data)
+        with composing(of_myosuite=False):
+            attach()
+    finally:
+        mujoco.set_mju_user_warning(before)
+    assert [message.split()[0] for message in told] == ["Nan,", "Attaching"]
+    assert not recwarn.list

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 import tomllib
 
@@ -14,8 +15,9 @@ import pytest
 from training_examples import TASK_NAMES, assert_same, assert_same_run, checkpoints, columns
 
 import motorgrad as mg
+from motorgrad._progress import Progress
 from motorgrad.tasks import TASKS
-from motorgrad.training import RunDirectoryError, agent_for
+from motorgrad.training import RunDirectoryError, agent_for, clear_programs
 
 FINITE = "three-state"
 
@@ -373,6 +375,38 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(capsys):
     assert "2 seeds" in said
     mg.train(FINITE, steps=10, progress=False)
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("updates", "said", "unsaid"),
+    [
+        ([], "0:00 compiling", "left"),
+        ([(20.0, 1, False)], "compiling · reward 1", "left"),
+        ([(20.0, 1, False), (0.2, 2, True)], "compiling · reward 1", "left"),  # too short to tell
+        ([(20.0, 1, False), (1.0, 101, True)], "0:09 left reward 1", "compiling"),
+        ([(20.0, 1, False), (1.0, 101, True), (30.0, 102, False)], "0:09 left reward 1", "compiling"),
+        ([(20.0, 1, False), (1.0, 101, True), (30.0, 1000, True)], "100% 0:00", "left"),
+    ],
+)
+def test_a_bar_says_that_it_compiles_and_leaves_that_out_of_the_time_left(updates, said, unsaid, monkeypatch, capsys):
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")  # a terminal for rich
+    now = 0.0
+    monkeypatch.setattr("motorgrad._progress.perf_counter", lambda: now)
+    with Progress("hop", "decisions", 1000, 0, True, at_first="compiling") as bar:
+        for seconds, done, usual in updates:
+            now += seconds
+            bar.update(done, "reward 1", usual)
+    last = re.sub(r"\x1b\[[^A-Za-z]*[A-Za-z]", "", capsys.readouterr().err).strip().splitlines()[-1]
+    assert said in " ".join(last.split())
+    assert unsaid not in last
+
+
+def test_the_bar_is_there_while_programs_are_made(monkeypatch, capsys):
+    clear_programs()
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    mg.train(FINITE, steps=2000)
+    said = capsys.readouterr().err
+    assert said.index("compiling") < said.index("reward")
 
 
 def test_at_most_two_checkpoints_are_kept(tmp_path):

@@ -4,14 +4,16 @@ import contextlib
 
 import pytest
 
+import needed
+
 
 @pytest.fixture(scope="module")
 def chromium():
-    from editor_page import CHROMIUM, needs, sync_api
+    from editor_page import needs_pages, sync_api
 
-    needs()
+    needs_pages()
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=str(needed.CHROMIUM), args=["--no-sandbox"])
         yield browser
         browser.close()
 

@@ -1,7 +1,6 @@
 """The editor in cells of JupyterLab and marimo."""
 
 import contextlib
-import importlib.util
 import json
 import os
 import socket
@@ -10,7 +9,9 @@ import sys
 import time
 
 import pytest
-from editor_page import CHROMIUM, Editor, needs, sync_api
+from editor_page import Editor, needs_pages, sync_api
+
+import needed
 
 CELL = """from motorgrad import lab
 diagram = lab.Diagram()
@@ -21,7 +22,7 @@ editor = lab.edit(diagram)
 editor"""
 START = 60_000  # milliseconds: a kernel starts and imports JAX
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.needs("chromium")]
 
 
 @contextlib.contextmanager
@@ -51,7 +52,7 @@ def started(command, folder):
 def driven(url, begin):
     """Open a notebook, and use the editor in it."""
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=str(needed.CHROMIUM), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1360, "height": 900})
         editor = Editor(page)
         page.goto(url)
@@ -71,9 +72,8 @@ def driven(url, begin):
 
 
 def test_in_marimo(tmp_path):
-    needs()
-    if importlib.util.find_spec("marimo") is None:
-        pytest.skip("marimo is not installed")
+    needs_pages()
+    pytest.importorskip("marimo", reason="needs marimo")
     body = "\n".join(f"    {line}" for line in CELL.splitlines())
     (tmp_path / "notebook.py").write_text(
         f"import marimo\n\napp = marimo.App(width='full')\n\n\n@app.cell\ndef _():\n{body}\n    return\n"
@@ -84,9 +84,8 @@ def test_in_marimo(tmp_path):
 
 
 def test_in_jupyterlab(tmp_path):
-    needs()
-    if importlib.util.find_spec("jupyterlab") is None:
-        pytest.skip("jupyterlab is not installed")
+    needs_pages()
+    pytest.importorskip("jupyterlab", reason="needs jupyterlab")
     cell = {"cell_type": "code", "id": "a", "metadata": {}, "execution_count": None, "outputs": [], "source": CELL}
     kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
     notebook = {"cells": [cell], "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}

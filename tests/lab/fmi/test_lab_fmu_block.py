@@ -9,7 +9,7 @@ from units import built, needs_compiler
 from motorgrad import lab
 from motorgrad.lab import Diagram, DiagramError, Fmu, Run
 
-pytestmark = needs_compiler
+pytestmark = [needs_compiler, pytest.mark.needs("motorgrad[fmi]")]
 TICK = 0.05
 
 

@@ -1,9 +1,7 @@
 """Diagrams as Functional Mock-up Units: fmpy validates and runs them, with the outputs of the diagram's own run."""
 
-import fmpy
 import numpy as np
 import pytest
-from fmpy.validation import validate_fmu
 from units import needs_compiler
 
 import motorgrad.lab as lab
@@ -11,12 +9,15 @@ from motorgrad.lab import Diagram, Fmu, Run, write_fmu
 from motorgrad.lab.compiler import draw_span
 from motorgrad.lab.fmi._random import draw
 
-pytestmark = needs_compiler
+pytestmark = [needs_compiler, pytest.mark.needs("motorgrad[fmi]")]
 VERSIONS = ("2.0", "3.0")
 
 
 def simulated(path, ticks, tick, inputs=None):
     """What fmpy records of a unit after each of its steps, by the names of outputs."""
+    import fmpy
+    from fmpy.validation import validate_fmu
+
     record = fmpy.simulate_fmu(str(path), stop_time=ticks * tick, output_interval=tick, step_size=tick, input=inputs)
     assert validate_fmu(str(path)) == []
     return {name: record[name][1 : ticks + 1] for name in record.dtype.names}
@@ -145,6 +146,9 @@ def swing():
 @pytest.mark.ci
 @pytest.mark.parametrize("version", VERSIONS)
 def test_another_simulator_integrates_a_unit_for_model_exchange(version, tmp_path):
+    import fmpy
+    from fmpy.validation import validate_fmu
+
     path = write_fmu(swing(), tmp_path / "swing.fmu", version, interface="model exchange")
     assert validate_fmu(str(path)) == []
     found = fmpy.simulate_fmu(str(path), stop_time=2, output_interval=0.05, relative_tolerance=1e-10)
@@ -171,6 +175,8 @@ def test_model_exchange_refuses_what_is_not_continuous(tmp_path):
 
 
 def test_sources_alone_and_equal_units(tmp_path):
+    from fmpy.validation import validate_fmu
+
     first = write_fmu(mixed(), tmp_path / "a.fmu", compiled=False).read_bytes()
     assert write_fmu(mixed(), tmp_path / "a.fmu", compiled=False).read_bytes() == first
     assert validate_fmu(str(tmp_path / "a.fmu")) == []

@@ -64,9 +64,10 @@ def test_the_actions_of_a_function_are_those_that_are_taken(driven):
 
 
 @pytest.mark.ci
+@pytest.mark.needs("motorgrad[peers]")
 def test_a_ppo_model_stands_beside_as_an_object_and_as_a_file(tmp_path, driven):
-    sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
     import gymnasium
+    import stable_baselines3 as sb3
 
     model = sb3.PPO("MlpPolicy", gymnasium.make("motorgrad/Hopper-v0"), device="cpu", n_steps=64, batch_size=64)
     file = tmp_path / "ppo.zip"

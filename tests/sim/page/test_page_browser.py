@@ -19,22 +19,9 @@ from PIL import Image
 import motorgrad as mg
 from motorgrad.sim import live
 
-CHROMIUM = Path("/usr/bin/chromium")
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"]
 PATIENCE = 60_000  # ms: WebGL in software leaves a page little time for anything else
 
 pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser: {CHROMIUM} is missing")
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=SOFTWARE)
-        yield browser
-        browser.close()
 
 
 @contextlib.contextmanager

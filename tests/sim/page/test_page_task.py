@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from page_clients import until
-from test_page_browser import CHROMIUM, PATIENCE, SOFTWARE
+from test_page_browser import PATIENCE
 
 import motorgrad as mg
 from motorgrad.sim import live
@@ -17,17 +17,6 @@ PRESS = """element => {
     element.dispatchEvent(new Kind(kind, {bubbles: true, button: 0, pointerId: 1, isPrimary: true}));
   }
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser: {CHROMIUM} is missing")
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=SOFTWARE)
-        yield browser
-        browser.close()
 
 
 def press(place, words):

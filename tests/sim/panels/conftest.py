@@ -1,10 +1,9 @@
-"""Real sessions to watch."""
+"""Real sessions to watch. (Pytest cannot skip a folder whose conftest.py fails, so viser is imported by fixtures.)"""
 
 from pathlib import Path
 
 import mujoco
 import pytest
-from panel_studio import until
 
 from motorgrad.sim.live import Session, Setup, setup_of
 
@@ -14,6 +13,8 @@ LEG = Path(__file__).parents[1] / "leg.xml"
 @pytest.fixture(scope="module")
 def hopping():
     """A hopper that learns, four times as fast as the clock."""
+    from panel_studio import until
+
     with Session(setup_of("hopper", seed=3), speed=4.0) as session:
         assert until(lambda: session.snapshot().decision > 450, 120)
         yield session
@@ -22,6 +23,8 @@ def hopping():
 @pytest.fixture(scope="module")
 def legged():
     """A bare model with four muscles."""
+    from panel_studio import until
+
     model = mujoco.MjModel.from_xml_path(str(LEG))
     with Session(Setup("leg", model=model)) as session:
         assert until(lambda: session.snapshot().decision > 20, 60)

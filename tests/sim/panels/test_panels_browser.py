@@ -10,8 +10,6 @@ from PIL import Image
 
 from motorgrad.sim.scene import Scene
 
-CHROMIUM = Path("/usr/bin/chromium")
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"]
 SMALL = {"width": 320, "height": 240}
 PATIENCE = 60_000  # ms: WebGL in software leaves a page little time for anything else
 # a press without waiting until the page stands still, which it may not for long
@@ -21,17 +19,6 @@ PRESS = """element => {
     element.dispatchEvent(new Kind(kind, {bubbles: true, button: 0, pointerId: 1, isPrimary: true}));
   }
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser: {CHROMIUM} is missing")
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=SOFTWARE)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from panel_studio import until
 
-from motorgrad.sim import Viewpoint, gl_problem
+from motorgrad.sim import Viewpoint
 from motorgrad.sim.live import Compare, Session, setup_of
 from motorgrad.sim.panels import FilmRecorder, Overlay, SlowFilmRecorder
 
-needs_gl = pytest.mark.skipif(bool(gl_problem()), reason=f"no OpenGL here: {gl_problem()}")
+needs_gl = pytest.mark.needs("OpenGL")
 
 
 def read(path):

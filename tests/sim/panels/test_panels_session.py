@@ -12,7 +12,6 @@ from panel_studio import until
 from PIL import Image
 
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
-from motorgrad.sim import gl_problem
 from motorgrad.sim.live import Edit, Pause, Push, Session, Setup, Trail, Undo
 from motorgrad.sim.panels import Panels
 from motorgrad.sim.panels._gait import GaitReader, is_hexapod
@@ -101,7 +100,7 @@ def test_moment_arms_take_a_small_share_of_a_core(server, legged, monkeypatch):
 
 
 @pytest.mark.ci
-@pytest.mark.skipif(bool(gl_problem()), reason=f"no OpenGL here: {gl_problem()}")
+@pytest.mark.needs("OpenGL")
 def test_the_form_makes_the_film_that_is_chosen(server, hopping):
     form = panels_of(server, hopping).panels["Capture"]._film
     form._format.value, form._camera.value, form._pace.value = "GIF", "framed", "½×"

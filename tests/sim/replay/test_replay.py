@@ -6,7 +6,6 @@ import io
 import json
 import re
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +15,6 @@ import motorgrad as mg
 from motorgrad.sim import Motion, Plot, write_replay
 from motorgrad.sim.film import Annotations, Arrow, Curve
 from motorgrad.sim.replay import _replay
-
-CHROMIUM = Path("/usr/bin/chromium")
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox"]
 
 
 def unpacked(path):
@@ -31,17 +27,6 @@ def unpacked(path):
         array = np.frombuffer(stream, f"<{kind}", int(np.prod(shape)), 4 + size + place).reshape(shape)
         arrays[name] = np.cumsum(array, 0, dtype=kind) if kind == "i2" else array
     return about, arrays
-
-
-@pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser: {CHROMIUM} is missing")
-    with sync_api.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=str(CHROMIUM), args=SOFTWARE)
-        yield browser
-        browser.close()
 
 
 def silhouette(page):

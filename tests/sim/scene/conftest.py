@@ -1,14 +1,12 @@
-"""A page's scene on a server of its own."""
+"""A page's scene on a server of its own. (Pytest cannot skip a folder whose conftest.py fails, so fixtures import.)"""
 
 import contextlib
 import io
 
 import pytest
-import viser
 
 from motorgrad.bodies import Hexapod, Hopper, compile_model
 from motorgrad.sim.live import setup_of
-from motorgrad.sim.scene import Pose, Scene
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +21,8 @@ def hopper():
 
 @pytest.fixture
 def server():
+    import viser
+
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer("127.0.0.1", 0, verbose=False)
     yield server
@@ -32,6 +32,7 @@ def server():
 @pytest.fixture
 def staged(server):
     """Builds a scene of a model, with every layer on: the scene and its pose."""
+    from motorgrad.sim.scene import Pose, Scene
 
     def build(model, layers=None):
         scene, pose = Scene(layers), Pose(model)

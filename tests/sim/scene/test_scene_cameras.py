@@ -1,6 +1,5 @@
 """Each kind of camera moves as it should, in a real browser, for each browser by itself."""
 
-import shutil
 import threading
 import time
 
@@ -13,13 +12,9 @@ from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
 from motorgrad.sim.live import setup_of
 from motorgrad.sim.scene import Cameras, Pose, Scene, View
 
-CHROMIUM = "/usr/bin/chromium"
-SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 PATIENCE = 60.0  # s; software rendering on a busy machine is slow
 SPEED = 0.3  # m/s, at which the body goes along x
 EYES = 0.5  # m, of a walker in this test
-
-needs_browser = pytest.mark.skipif(shutil.which(CHROMIUM) is None, reason=f"no browser at {CHROMIUM}")
 
 
 class Walker:
@@ -62,15 +57,6 @@ def walker(server):
     walker = Walker(server)
     yield walker
     walker.close()
-
-
-@pytest.fixture
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        yield browser
-        browser.close()
 
 
 class Looker:
@@ -125,7 +111,6 @@ class Looker:
         return self.camera.position - self.camera.look_at
 
 
-@needs_browser
 @pytest.mark.slow
 def test_each_camera_moves_as_it_should(walker, browser):
     looker, cameras = Looker(browser, walker), walker.view.cameras

@@ -1,0 +1,58 @@
+"""Tests can be collected, and the library used, without any extra of motorgrad: also where the extras are installed."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import without_extras
+
+import needed
+
+ROOT = Path(__file__).parents[1]
+ALONE = [sys.executable, str(ROOT / "tests" / "without_extras.py")]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_every_module_of_tests_is_collected_or_names_the_extra_that_it_needs(process_environment):
+    options = ["--collect-only", "-q", "-rs", "-p", "no:cacheprovider"]
+    done = subprocess.run(
+        [*ALONE, "-m", "pytest", *options], cwd=ROOT, capture_output=True, text=True, env=process_environment
+    )
+    assert done.returncode == 0, done.stdout[-5000:] + done.stderr
+    skipped = [line for line in done.stdout.splitlines() if line.startswith("SKIPPED")]
+    assert any("tests/lab/" in line for line in skipped)  # or nothing was hidden
+    extras = PROJECT["optional-dependencies"]
+    for line in skipped:
+        assert any(f"[{extra}]" in line for extra in extras), line
+    collected = {line.partition("::")[0] for line in done.stdout.splitlines() if "::" in line}
+    modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")}
+    told = {module for module in modules if any(f" {module}:" in line for line in skipped)}
+    folders = {Path(line.split()[2].partition(":")[0]) for line in skipped}
+    missing = {module for module in modules - collected - told if not folders & set(Path(module).parents)}
+    assert not missing
+
+
+def test_every_extra_is_known_to_the_tests():
+    assert set(needed.PACKAGES) == set(PROJECT["optional-dependencies"]) - {"all", "dev"}
+
+
+def test_what_an_extra_installs_is_hidden_and_what_the_library_needs_is_not():
+    hidden = without_extras.modules_of_extras()
+    assert {"diffrax", "viser"} <= hidden
+    assert not {"jax", "mujoco", "pytest", "numpy"} & hidden
+
+
+def test_a_test_that_needs_what_is_not_there_is_skipped_aloud(monkeypatch):
+    monkeypatch.setitem(needed.PACKAGES, "onnx", ("no_such_package",))
+    needed.lacking.cache_clear()
+    assert needed.lacking("motorgrad[onnx]") == "needs motorgrad[onnx]: no_such_package cannot be imported"
+    needed.lacking.cache_clear()
+
+
+def test_an_import_that_fails_for_another_reason_is_not_the_fault_of_an_extra():
+    with pytest.raises(ImportError) as failed:
+        from math import no_such_function  # noqa: F401
+    assert needed.lacked_by(failed.value) == ""
+    assert needed.lacked_by(ModuleNotFoundError(name="no_such_module")) == ""
