@@ -3,19 +3,56 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import contextlib
 import functools
 import re
+import sys
+import threading
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 from motorgrad._errors import unknown
 
 _FAMILIES = re.compile(r"myo[A-Z]|motorFinger")
+_ATTACHED = re.compile("Attaching a spec with an empty prefix|Attach conflict when attaching")
+_composing = threading.RLock()  # handlers and filters of warnings belong to the process
 
 
 def is_of_myosuite(env_id: str) -> bool:
     """Whether an id looks like an id of MyoSuite."""
     return _FAMILIES.match(env_id) is not None
+
+
+@contextlib.contextmanager
+def composing(of_myosuite: bool = True) -> Iterator[None]:
+    """Context in which MyoSuite composes a model, without MuJoCo's warnings of how MyoSuite attaches its parts.
+
+    MuJoCo prints such a warning, appends it to a file in the working folder, and repeats it whenever the model is
+    compiled. All other warnings are shown. Nothing changes unless `of_myosuite`.
+    """
+    if not of_myosuite:
+        yield
+        return
+    import mujoco
+
+    with _composing, warnings.catch_warnings():
+        before = mujoco.get_mju_user_warning()
+
+        def tell(message: str) -> None:
+            if _ATTACHED.match(message):
+                return
+            if before is None:
+                print(f"WARNING: {message}", file=sys.stderr)  # as MuJoCo prints it
+            else:
+                before(message)
+
+        warnings.filterwarnings("ignore", _ATTACHED.pattern)
+        mujoco.set_mju_user_warning(tell)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(before)
 
 
 def register() -> None:
@@ -69,7 +106,7 @@ def _model(name: str) -> Any:
     import mujoco
     from myo_sim.build import compose  # pyright: ignore[reportMissingImports]
 
-    with warnings.catch_warnings():
+    with composing():
         warnings.simplefilter("ignore")
         given: Any = compose.build_spec(name)
         text = compose.sanitize_spec_xml(given.to_xml(), asset_dir=str(compose.ROOT), model=given.compile())
@@ -91,6 +128,6 @@ def environment(env_id: str) -> Any:
     known = ids()  # which asks for MyoSuite
     if env_id not in known:
         raise unknown("environment of MyoSuite", env_id, known)
-    with warnings.catch_warnings():
+    with composing():
         warnings.simplefilter("ignore")
         return gymnasium.make(env_id).unwrapped

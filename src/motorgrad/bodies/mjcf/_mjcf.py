@@ -16,7 +16,7 @@ from typing import Any, Literal
 import mujoco
 
 from motorgrad._errors import check, check_positive, unknown
-from motorgrad._myosuite import description
+from motorgrad._myosuite import composing, description
 from motorgrad._settings import check_fields
 from motorgrad.bodies._body import Actuator, to_mjcf
 from motorgrad.bodies.mjcf._to_hill import to_hill
@@ -200,7 +200,7 @@ class Mjcf:
 
 @functools.lru_cache(maxsize=32)
 def _of_myosuite(name: str) -> Mjcf:
-    with warnings.catch_warnings():  # MuJoCo warns of parts that MyoSuite attached without a prefix
+    with composing():
         warnings.simplefilter("ignore")
         return Mjcf(description(name))
 

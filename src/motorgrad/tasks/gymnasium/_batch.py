@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
+from motorgrad._myosuite import composing
 from motorgrad.tasks.gymnasium._making import make_environment, one_line
 from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
@@ -256,12 +257,13 @@ def serialize(environment: "gymnasium.Env") -> bytes:
     """
     import cloudpickle
 
-    return cloudpickle.dumps(pickle.loads(cloudpickle.dumps(environment)))
+    return cloudpickle.dumps(deserialize(cloudpickle.dumps(environment)))
 
 
 def deserialize(content: bytes) -> "gymnasium.Env":
     """Restore an environment from bytes. This runs code named in the bytes: restore only what you trust."""
-    return pickle.loads(content)
+    with composing(b"myosuite" in content):  # MyoSuite's environments are made anew
+        return pickle.loads(content)
 
 
 def is_pickle(content: bytes) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from motorgrad._errors import check
-from motorgrad._myosuite import is_of_myosuite, register
+from motorgrad._myosuite import composing, is_of_myosuite, register
 
 if TYPE_CHECKING:
     import gymnasium
@@ -59,9 +59,8 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
             raise ValueError(f"env_id = {env_id!r}: {error}") from None
     try:
         maker = _maker(env_id)
-        if maker is None:
-            return gymnasium.make(env_id, **kwargs)
-        return gymnasium.make(EnvSpec(env_id, maker), **kwargs)
+        with composing(is_of_myosuite(env_id.rpartition(":")[2])):
+            return gymnasium.make(env_id if maker is None else EnvSpec(env_id, maker), **kwargs)
     except gymnasium.error.UnregisteredEnv as error:
         raise ValueError(f"env_id = {env_id!r}: {one_line(error)}") from None
     except gymnasium.error.DependencyNotInstalled as error:
