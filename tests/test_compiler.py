@@ -1,9 +1,13 @@
 """How loops are compiled: said before JAX compiles anything, beside what a user has said."""
 
 import json
+import math
 import os
+import re
 import subprocess
 import sys
+
+import pytest
 
 from motorgrad._compiler import compilations, compile_small_loops_whole
 
@@ -47,6 +51,26 @@ def test_a_run_says_how_it_was_compiled(tmp_path):
     mg.train("three-state", steps=10, out=tmp_path, progress=False)
     session = json.loads((tmp_path / "provenance.json").read_text())["sessions"][-1]
     assert session["compiler"]["XLA_FLAGS"] == os.environ["XLA_FLAGS"]
+
+
+@pytest.mark.ci
+def test_programs_have_no_large_numbers_in_them(tmp_path):
+    # XLA computes with them while it compiles, and raises an alarm where that takes more than a second
+    import jax
+
+    import motorgrad as mg
+
+    mg.training.clear_programs()
+    jax.config.update("jax_dump_ir_to", str(tmp_path))
+    try:
+        task = mg.make("hopper")
+        mg.train(task, mg.presets.natural_network(task, 1_000), steps=20, progress=False)
+    finally:
+        jax.config.update("jax_dump_ir_to", "")
+    programs = [path.read_text() for path in tmp_path.glob("*.mlir")]
+    written = re.findall(r"dense(?:<\[|<\"0x|_resource<)[^\n]*? : tensor<([\dx]+)x", "\n".join(programs))
+    sizes = [math.prod(map(int, shape.split("x"))) for shape in written]
+    assert 100 < max(sizes) < 100_000  # 128 of the network
 
 
 def test_compilations_are_counted():

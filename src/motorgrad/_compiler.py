@@ -2,6 +2,7 @@
 
 import functools
 import os
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -66,3 +67,23 @@ def loop_options() -> dict[str, Any] | None:
     except jax.errors.JaxRuntimeError:
         return None
     return options
+
+
+def compilations() -> int:
+    """Return the number of programs that JAX has compiled in this process since this was first called."""
+    return _compiled()["programs"]
+
+
+@functools.cache
+def _compiled() -> Counter[str]:
+    """Let JAX count what it compiles from now on."""
+    from jax import monitoring
+
+    counts: Counter[str] = Counter()
+
+    def note(event: str, duration_secs: float, **_: str | int) -> None:
+        if event == "/jax/core/compile/backend_compile_duration":
+            counts["programs"] += 1
+
+    monitoring.register_event_duration_secs_listener(note)
+    return counts

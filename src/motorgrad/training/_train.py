@@ -11,6 +11,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
+from motorgrad._compiler import compilations
 from motorgrad._errors import check, counted
 from motorgrad._progress import Progress
 from motorgrad._settings import table
@@ -122,13 +123,17 @@ def train(
         check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory: give `out`")
         check_tensorboard()
-    with nullcontext() if out is None else RunDirectory(out) as directory:
+    lanes = len(arguments.seeds) * max(1, len(arguments.settings))
+    with (
+        nullcontext() if out is None else RunDirectory(out) as directory,
+        _TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
+    ):
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
         training = _Training(arguments, saving, threads, reported)
         if directory is not None:
             training.open(directory, window, trust, allow_changed)
             training.write_events(directory, tensorboard)
-        return training.run(progress)
+        return training.run(report)
 
 
 def resume(
@@ -309,15 +314,13 @@ class _Training:
                 "choose another directory, or delete this one"
             )
 
-    def run(self, progress: bool) -> Run:
+    def run(self, report: "_TrainingProgress") -> Run:
         steps, window = self.config["run"]["steps"], self.config["run"]["window"]
         stepper, saving, count = self.stepper, self.saving, 1
         if self.continues:
             self._commit()  # the files of this session are covered from its beginning
-        with (
-            stop_when_asked() as stopped,
-            _TrainingProgress(self.task, len(stepper.seeds), steps, stepper.decision, progress) as report,
-        ):
+        report.begin(stepper.decision, steps)
+        with stop_when_asked() as stopped:
             while stepper.decision < steps and not self.ended and not stopped() and not (saving and saving.given_up):
                 due = min((stepper.decision // window + 1) * window, steps)
                 made, start = min(-(-count // self.envs) * self.envs, due - stepper.decision), time.perf_counter()
@@ -421,19 +424,24 @@ def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
 
 
 class _TrainingProgress(Progress):
-    """Progress of a training: decisions per second, simulated time, the latest means, the time left."""
+    """Progress of a training: the latest means, decisions per second, simulated time."""
 
-    def __init__(self, task: Task, seeds: int, steps: int, start: int, shown: bool):
-        super().__init__(task.name, "decisions", steps, start, shown)
+    def __init__(self, task: Task, seeds: int, steps: int, shown: bool):
+        super().__init__(task.name, "decisions", steps, 0, shown, at_first="compiling")
         self.task, self.seeds = task, seeds
         self._latest: dict[str, float] = {}
+        self._rate: float | None = None
+        self._compiled = compilations()
 
     def report(self, decision: int, rate: float, latest: Mapping[str, float]) -> None:
         """Show progress at a `decision`, the `rate` in decisions per second and seed, and new means of the metrics."""
         self._latest |= latest
+        before, self._compiled = self._compiled, compilations()
+        usual = self._compiled == before
+        if usual:
+            self._rate = rate
         facts = [f"{name} {value:.4g}" for name, value in reversed(self._latest.items())]
-        facts += [f"{rate * self.seeds:,.0f} decisions/s"]
+        if self._rate is not None:
+            facts.append(f"{self._rate * self.seeds:,.0f} decisions/s")
         facts += [f"{decision * self.task.period:,.0f} s simulated"] if self.task.period != 1 else []
-        left = (self.total - decision) / rate if rate else 0
-        facts_text = " · ".join([*facts, counted(self.seeds, "seed")])
-        self.update(decision, facts_text, without_bar=f"{left:.0f} s left")
+        self.update(decision, " · ".join([*facts, counted(self.seeds, "seed")]), usual)
