@@ -124,8 +124,8 @@ def learn(name: str, learner: str, steps: int, seeds: list[int], threads: int, o
 
 def learn_peer(name: str, learner: str, steps: int, seed: int, threads: int) -> dict[str, Any]:
     """A peer on MyoSuite's own environment."""
-    import stable_baselines3
-    import torch
+    import stable_baselines3  # pyright: ignore[reportMissingImports]
+    import torch  # pyright: ignore[reportMissingImports]
 
     register()
     torch.set_num_threads(threads or os.cpu_count() or 1)

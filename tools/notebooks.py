@@ -7,8 +7,8 @@ so in words, and its picture stays.
 import sys
 from pathlib import Path
 
-import nbformat
-from nbclient import NotebookClient
+import nbformat  # pyright: ignore[reportMissingImports]
+from nbclient import NotebookClient  # pyright: ignore[reportMissingImports]
 
 
 def main(paths: list[str]) -> None:

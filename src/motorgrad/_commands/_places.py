@@ -10,6 +10,7 @@ import tyro
 
 from motorgrad._commands import IMPORTED
 from motorgrad._errors import check, choice
+from motorgrad._extras import require
 from motorgrad._files import check_writable
 from motorgrad.studies import PLACES
 
@@ -34,6 +35,8 @@ class Places:
     def check_places(self) -> None:
         """**Raises** `ValueError` for options that do not fit together."""
         choice("on", self.on, PLACES)
+        if needs := PLACES[self.on].needs:
+            require(*needs)
         check(self.on == "ray" or not self.address, "address", self.address, "left out, unless --on ray")
         check(self.on == "slurm" or not self.slurm, "slurm", self.slurm, "left out, unless --on slurm")
         _ = self.how

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import write_json
+from motorgrad._extras import require
 from motorgrad.benchmarks import Row, speed_table
 from motorgrad.training import provenance
 
@@ -21,6 +22,10 @@ class Bench:
     """A smoke test: small sizes, meaningless numbers."""
     json: Path | None = None
     """Also write the table to this file, as JSON; - for the standard output."""
+
+    def validate(self) -> None:
+        require("the rows of TimLab need", "diffrax", "lab")
+        require("the rows of TimSim need", "viser", "sim")
 
 
 def run(arguments: list[str]) -> int:

@@ -9,6 +9,7 @@ import tyro
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import write_json
 from motorgrad._errors import check
+from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad.experiments import animate, course_of
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
@@ -56,6 +57,8 @@ class Plot:
             for file in self.animate:
                 check(file.suffix.lower() in (".mp4", ".gif"), "animate", str(file), "a file ending in .mp4 or .gif")
                 check_writable("animate", file)
+                if file.suffix.lower() == ".mp4":
+                    require(*FILM)
         check(0 < self.seconds <= 600, "seconds", self.seconds, "above 0, up to 600 s of film")
         alone = self.seed is not None and self.animate is None
         check(not alone, "seed", self.seed, "given with --animate: the curves are of all seeds")

@@ -8,6 +8,7 @@ from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
 from motorgrad._errors import counted
+from motorgrad._extras import require
 from motorgrad._files import read_toml
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
 
@@ -22,6 +23,11 @@ class Sweep(StudyFile):
 
     metric: str = "reward"
     """The metric that ranks the settings, here and on the page index.html of the folder."""
+
+    def validate(self) -> None:
+        super().validate()
+        if isinstance(self.made, Search):
+            require(*Search.needs)
 
     @property
     def kind(self) -> type[Study | Search]:

@@ -97,9 +97,9 @@ class PathSimOscillators:
     """The ring of oscillators in PathSim, with its fixed-step RK4."""
 
     def __init__(self, number: int):
-        from pathsim import Connection, Simulation
-        from pathsim.blocks import Adder, Amplifier, Integrator
-        from pathsim.solvers import RK4
+        from pathsim import Connection, Simulation  # pyright: ignore[reportMissingImports]
+        from pathsim.blocks import Adder, Amplifier, Integrator  # pyright: ignore[reportMissingImports]
+        from pathsim.solvers import RK4  # pyright: ignore[reportMissingImports]
 
         sums = [Adder("--+") for _ in range(number)]
         speeds, self.places = (

@@ -80,7 +80,7 @@ class TorchLearner:
     """
 
     def __init__(self, policy: Any, critic: Any):
-        import torch
+        import torch  # pyright: ignore[reportMissingImports]
 
         torch.set_num_threads(1)
         self._torch = torch

@@ -29,7 +29,7 @@ def onnx_model(program: Program, name: str = "policy", about: str = "") -> Any:
     **Raises:** `RuntimeError` without the package onnx, `Untranslatable` for an operation that ONNX does not have.
     """
     try:
-        import onnx
+        import onnx  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise missing("an ONNX model needs", "onnx", "onnx") from None
     return _Graph(onnx, program).model(name, about)

@@ -23,7 +23,7 @@ from motorgrad.studies._results import Results
 from motorgrad.studies._slurm import Slurm
 from motorgrad.studies._study import Study
 
-PLACES: dict[str, Callable[..., Place]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
+PLACES: dict[str, type[Place]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
 """Where jobs can run, by name."""
 
 On = Literal["here", "processes", "ray", "slurm"]

@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from motorgrad._errors import check_integer
 from motorgrad._signals import STOPS
@@ -28,9 +28,14 @@ class Place(abc.ABC):
     information for the jobs, and its own options.
 
     - `itself`: whether jobs run in the process of the driver.
+    - `needs`: the arguments of `require` before a job runs there, where that takes an extra.
     """
 
     itself: bool = False
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    @abc.abstractmethod
+    def __init__(self, folder: Path, workers: int, told: Work, **options: Any): ...
 
     @property
     def workers(self) -> int:

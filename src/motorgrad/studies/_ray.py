@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check_integer
-from motorgrad._extras import missing
+from motorgrad._extras import require
 from motorgrad.studies._jobs import AnyJob, Work, work
 from motorgrad.studies._places import Place, processors, thread_settings
 
@@ -26,12 +26,13 @@ class Ray(Place):
     **Raises** `RuntimeError` without the package.
     """
 
+    needs = ("running jobs on Ray needs", "ray", "ray")
+
     def __init__(self, folder: Path, workers: int, told: Work, address: str = ""):
-        try:
-            import ray  # type: ignore[import-not-found]
-            from ray import exceptions as errors  # type: ignore[import-not-found]
-        except ImportError:
-            raise missing("running jobs on Ray needs", "ray", "ray") from None
+        require(*self.needs)
+        import ray  # type: ignore[import-not-found]
+        from ray import exceptions as errors  # type: ignore[import-not-found]
+
         check_integer("workers", workers, 0, 1_000_000)
         self._ray, self._ours = ray, not ray.is_initialized()
         if self._ours:

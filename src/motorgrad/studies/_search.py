@@ -14,13 +14,13 @@ import json
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import tomli_w
 
 from motorgrad._errors import check, check_integer, choice
-from motorgrad._extras import missing
+from motorgrad._extras import require
 from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build, table
 from motorgrad.studies._driver import run_study
@@ -59,6 +59,9 @@ class Search:
     metric: str = "reward"
     direction: Literal["maximize", "minimize"] = "maximize"
     seed: int = 0
+
+    needs: ClassVar[tuple[str, str, str]] = ("a search needs", "optuna", "search")
+    """What `require` is given before it runs."""
 
     def __post_init__(self) -> None:
         choice("search.sampler", self.sampler, ("tpe", "random"))
@@ -263,11 +266,9 @@ def _suggest(trial: Any, value: Any, path: str) -> Any:
 
 
 def _optuna() -> Any:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import optuna  # type: ignore[import-not-found]
-    except ImportError:
-        raise missing("a search needs", "optuna", "search") from None
+    require(*Search.needs)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import optuna  # type: ignore[import-not-found]
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     return optuna

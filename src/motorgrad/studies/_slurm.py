@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, check_integer
-from motorgrad._extras import missing
+from motorgrad._extras import require
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 from motorgrad.studies._places import Place, process_environment, thread_settings
 
@@ -28,6 +28,8 @@ class Slurm(Place):
     **Raises** `RuntimeError` without the package, and where there is no Slurm; `ValueError` for unknown parameters.
     """
 
+    needs = ("running jobs on Slurm needs", "submitit", "slurm")
+
     def __init__(
         self,
         folder: Path,
@@ -36,11 +38,10 @@ class Slurm(Place):
         cluster: str = "slurm",
         parameters: Mapping[str, Any] | None = None,
     ):
-        try:
-            import submitit  # type: ignore[import-not-found]
-            from submitit.core import utils  # type: ignore[import-not-found]
-        except ImportError:
-            raise missing("running jobs on Slurm needs", "submitit", "slurm") from None
+        require(*self.needs)
+        import submitit  # type: ignore[import-not-found]
+        from submitit.core import utils  # type: ignore[import-not-found]
+
         check_integer("workers", workers, 0, 100_000)
         check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
         self._workers, self._errors = workers or AT_ONCE, utils

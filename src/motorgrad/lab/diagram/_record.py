@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
+from motorgrad._extras import require
 
 if TYPE_CHECKING:
     import pandas
@@ -77,8 +78,9 @@ class Record:
 
             run.advance(1000).to_pandas()["scope.u"].mean(axis=1)
 
-        **Raises** `ImportError` where pandas is not installed.
+        **Raises** `MissingExtra` where pandas is not installed.
         """
+        require("a table of pandas needs", "pandas", "lab")
         import pandas
 
         parts = []

@@ -189,8 +189,8 @@ def load_stable_baselines(path: Path) -> Any:
     except (KeyError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path}: not a model of stable-baselines3: {error}") from None
     require("a model of stable-baselines3 needs", "stable_baselines3", "peers")
-    from stable_baselines3.common.policies import ActorCriticPolicy
-    from stable_baselines3.common.save_util import load_from_zip_file
+    from stable_baselines3.common.policies import ActorCriticPolicy  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.save_util import load_from_zip_file  # pyright: ignore[reportMissingImports]
 
     data, parameters, _ = load_from_zip_file(io.BytesIO(path.read_bytes()), device="cpu")
     assert data is not None

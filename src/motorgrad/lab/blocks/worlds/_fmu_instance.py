@@ -19,8 +19,8 @@ SMALLEST = 1e-12  # of a step: what is shorter is not integrated
 def fmpy_module() -> Any:
     """The package fmpy. **Raises** `ValueError` with the command that installs it."""
     try:
-        import fmpy
-        import fmpy.simulation
+        import fmpy  # pyright: ignore[reportMissingImports]
+        import fmpy.simulation  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ValueError(missing("Functional Mock-up Units need", "fmpy", "fmi")) from None
     return fmpy
