@@ -6,10 +6,12 @@ filled with hard links to the store; when it ends, the complete entries that it 
 """
 
 import contextlib
+import ctypes
 import gc
 import hashlib
 import os
 import platform
+import resource
 import shutil
 import tempfile
 import time
@@ -110,14 +112,22 @@ def close_run(run: Path, store: Path = STORE, most_bytes: int = MOST_BYTES) -> N
     shutil.rmtree(run, ignore_errors=True)
 
 
-def drop_programs(most_regions: int) -> bool:
-    """Drops all compiled programs of this process if it has more mapped regions of memory than this.
+def resident() -> int:
+    """The memory of this process that is in use, in bytes; 0 where the system does not tell."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return 0
+    return pages * resource.getpagesize()
 
-    Every program takes some regions. Linux allows a process 65,530 by default, which a process that runs all tests
-    would reach; then memory cannot be mapped, and XLA may crash.
+
+def drop_programs(most_bytes: int) -> bool:
+    """Drops all compiled programs of this process, and returns their memory, if it uses more than `most_bytes`.
+
+    A program takes about 1.3 MB, and the tests compile thousands. Linux also limits a process to 65,530 mapped regions
+    of memory, of which every program takes some: with 2 GB of programs it has a third of them.
     """
-    regions = Path("/proc/self/maps")
-    if not regions.exists() or regions.read_bytes().count(b"\n") <= most_regions:
+    if resident() <= most_bytes:
         return False
     import jax  # not before `environment` is in force
 
@@ -126,4 +136,6 @@ def drop_programs(most_regions: int) -> bool:
     clear_programs()
     jax.clear_caches()
     gc.collect()
+    with contextlib.suppress(OSError, AttributeError):  # where the C library is another than glibc
+        ctypes.CDLL(None).malloc_trim(0)  # the Makefile has it keep what is freed
     return True

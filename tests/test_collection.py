@@ -6,9 +6,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import without_extras
 
 import needed
+import without_extras
+from tools import try_light
 
 ROOT = Path(__file__).parents[1]
 ALONE = [sys.executable, str(ROOT / "tests" / "without_extras.py")]
@@ -56,3 +57,16 @@ def test_an_import_that_fails_for_another_reason_is_not_the_fault_of_an_extra():
         from math import no_such_function  # noqa: F401
     assert needed.lacked_by(failed.value) == ""
     assert needed.lacked_by(ModuleNotFoundError(name="no_such_module")) == ""
+
+
+def test_commands_work_without_extras_or_name_the_one_that_they_need(tmp_path, compiled_environment):
+    code = f"import sys; sys.path.append({str(ROOT)!r}); from tools.try_light import main; main()"
+    done = subprocess.run(
+        [*ALONE, "-c", code, "--here"], cwd=tmp_path, capture_output=True, text=True, env=compiled_environment
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_each_extra_of_a_command_is_tried():
+    apart = {"all", "dev", "docs", "peers", "fmi"}  # no command needs these, or one that needs another extra first
+    assert set(try_light.NEEDS.values()) == set(PROJECT["optional-dependencies"]) - apart
