@@ -5,6 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 # What is installed beside the library: dev for tests, all for TimSim, TimLab and films, and others (CONTRIBUTING.md).
 EXTRAS ?= dev,all
+EVERY_EXTRA := dev,all,docs,fmi,myosuite,onnx,peers,ray,slurm
 comma := ,
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
@@ -17,7 +18,7 @@ KEPT_MEMORY := MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_TOP_PAD_=67108864 MALLOC
 PYTEST := $(QUIET_THREADS) $(KEPT_MEMORY) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-share test-all lint format release bench torture docs figures gallery notebooks clean
+.PHONY: help install demo editor test test-extras test-share test-all lint format release bench torture docs figures gallery notebooks clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -48,6 +49,10 @@ editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it
 
 test: $(STAMP) $(BUILT)  ## the quick tests
 	$(PYTEST) -m "not slow"
+
+test-extras:  ## install every extra, and run the quick tests that need one, a browser or OpenGL
+	@$(MAKE) --no-print-directory EXTRAS=$(EVERY_EXTRA) install editor
+	$(PYTEST) -m "needs and not slow"
 
 test-share: $(STAMP) $(BUILT)  ## of the slow tests those of documentation, wheel, pages and units
 	$(PYTEST) -m "slow and ci"
