@@ -1,4 +1,4 @@
-"""Tests can be collected, and the library used, without any extra of motorgrad: also where the extras are installed."""
+"""All tests can be collected without any extra of motorgrad, also where the extras are installed."""
 
 import subprocess
 import sys
@@ -16,10 +16,10 @@ ALONE = [sys.executable, str(ROOT / "tests" / "without_extras.py")]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
-def test_every_module_of_tests_is_collected_or_names_the_extra_that_it_needs(process_environment):
+def test_every_module_of_tests_is_collected_or_names_the_extra_that_it_needs(compiled_environment):
     options = ["--collect-only", "-q", "-rs", "-p", "no:cacheprovider"]
     done = subprocess.run(
-        [*ALONE, "-m", "pytest", *options], cwd=ROOT, capture_output=True, text=True, env=process_environment
+        [*ALONE, "-m", "pytest", *options], cwd=ROOT, capture_output=True, text=True, env=compiled_environment
     )
     assert done.returncode == 0, done.stdout[-5000:] + done.stderr
     skipped = [line for line in done.stdout.splitlines() if line.startswith("SKIPPED")]
@@ -57,14 +57,6 @@ def test_an_import_that_fails_for_another_reason_is_not_the_fault_of_an_extra():
         from math import no_such_function  # noqa: F401
     assert needed.lacked_by(failed.value) == ""
     assert needed.lacked_by(ModuleNotFoundError(name="no_such_module")) == ""
-
-
-def test_commands_work_without_extras_or_name_the_one_that_they_need(tmp_path, compiled_environment):
-    code = f"import sys; sys.path.append({str(ROOT)!r}); from tools.try_light import main; main()"
-    done = subprocess.run(
-        [*ALONE, "-c", code, "--here"], cwd=tmp_path, capture_output=True, text=True, env=compiled_environment
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_each_extra_of_a_command_is_tried():
