@@ -40,14 +40,17 @@ def fair(found):
     return all(found["reloaders"]) and all(0 < counts[0] >= 0.5 * counts[len(counts) // 2] for counts in steady)
 
 
-async def visit(asked, until, pause, heard):
-    """One connection; the number of messages is added to what was `heard`."""
+PATIENCE = 600  # s, for which a client stays that has heard nothing yet
+
+
+async def visit(asked, until, pause, heard, least=0):
+    """One connection, until some time and so many messages; their number is added to what was `heard`."""
     first = base64.b64decode(asked["first"])
-    settings = {"origin": asked["origin"], "subprotocols": asked["protocols"] or None, "open_timeout": 60}
+    settings = {"origin": asked["origin"], "subprotocols": asked["protocols"] or None, "open_timeout": PATIENCE}
     # a slow client's network holds little
     async with connect(asked["address"], max_size=None, max_queue=4, ping_interval=None, **settings) as connection:
         await connection.send(first.decode() if asked["text"] else first)
-        while (left := until - time.monotonic()) > 0:
+        while (left := until + (PATIENCE if heard[0] < least else 0) - time.monotonic()) > 0:
             if pause is None:
                 await asyncio.sleep(left)
                 break
@@ -71,7 +74,8 @@ async def behave(asked, kind, failed):
                 await visit(asked, time.monotonic() + 0.05, 0.0, heard)
                 visits += 1
             return visits
-        await visit(asked, end, {"readers": 0.0, "slow": 0.3, "deaf": None}[kind], heard)
+        pause, least = {"readers": (0.0, 1), "slow": (0.3, 1), "deaf": (None, 0)}[kind]
+        await visit(asked, end, pause, heard, least)
     except Exception as error:
         failed.append(f"{kind}: {type(error).__name__}: {error}")
     return heard[0]

@@ -1,5 +1,10 @@
-"""What the documentation says is true: its Python runs and prints what it says, and its links lead somewhere."""
+"""What the documentation says is true: its Python runs and prints what it says, and its links lead somewhere.
 
+To run all of it takes long, and is left to the share. That its blocks compile, its imports work, and that motorgrad has
+every name that they use and takes what they give, is found without running them.
+"""
+
+import ast
 import re
 from pathlib import Path
 
@@ -7,8 +12,10 @@ import mujoco
 import numpy as np
 import pytest
 
+import motorgrad as mg
 from motorgrad._tree import KINDS
 from motorgrad.tasks import TASKS
+from page_code import PageCode
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -87,17 +94,57 @@ LONG = (
     "docs/units/spatial-index.md",
     "docs/worlds.md",
 )
-"""Pages whose code takes so long that only `make test-all` runs it."""
-
-
-QUICK = ("README.md",)
-"""Pages whose code `make test` runs. `make test-share` runs that of the others."""
+"""Pages whose code takes so long that only `make test-all` runs it. `make test-share` runs that of the others."""
 
 
 def paced(page):
-    if name_of(page) in QUICK:
-        return page
     return pytest.param(page, marks=pytest.mark.slow if name_of(page) in LONG else pytest.mark.ci)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if python_of(page)], ids=name_of)
+def test_the_code_compiles_and_motorgrad_has_what_it_uses(page):
+    code = PageCode()
+    for number, block in enumerate(python_of(page), 1):
+        code.read(block, f"{name_of(page)}, block {number}")
+    assert code.faults == []
+    assert code.checked > 0
+
+
+@pytest.mark.parametrize(
+    ("block", "said"),
+    [
+        ("import motorgrad.lerning", "No module named 'motorgrad.lerning'"),
+        ("from motorgrad.learning import ADAM", "No module named 'motorgrad.learning.ADAM'"),
+        ("import motorgrad as mg\nmg.policies.hyperplane(1)", "has no 'hyperplane'"),
+        ("import motorgrad as mg\nmg.learning.olgarb(dekay=0.9)", "unexpected keyword argument 'dekay'"),
+        ("import motorgrad as mg\nmg.learning.SGD(1, 2, 3, 4, 5, 6)", "too many positional arguments"),
+        ("import motorgrad as mg\nmg.train()", "missing a required argument: 'task'"),
+        ("import motorgrad as mg\nmg.make('hopper', penalti=0.3)", "has no setting 'penalti'"),
+        ("import motorgrad as mg\nrun = mg.train(1, steps=2)\nrun.plott('apex')", "Run has no 'plott'"),
+        ("import motorgrad as mg\nmg.load('x').plot(colour=3)", "unexpected keyword argument 'colour'"),
+        ("import motorgrad as mg\ndef f(run: mg.Run):\n    return [run.seedz for _ in 'ab']", "Run has no 'seedz'"),
+    ],
+)
+def test_what_is_wrong_in_code_is_found_without_running_it(block, said):
+    code = PageCode()
+    code.read(block, "page")
+    (fault,) = code.faults
+    assert said in fault
+    with pytest.raises(SyntaxError):
+        code.read("import motorgrad as", "page")
+
+
+def test_the_first_lines_of_the_front_page_run():
+    """Up to where its learners are made."""
+    names: dict = {}
+    first, *_, last = python_of(ROOT / "README.md")
+    for block, long in ((first, "mg.train("), (last, "mg.lab.Run(")):
+        statements = ast.parse(block).body
+        quick = next(number for number, each in enumerate(statements) if long in ast.unparse(each))
+        exec(compile(ast.Module(statements[:quick], []), "README.md", "exec"), names)
+    assert isinstance(names["task"], mg.tasks.Task)
+    assert isinstance(names["agent"], mg.Agent)
+    assert isinstance(names["diagram"], mg.lab.Diagram)
 
 
 @pytest.mark.parametrize("page", [paced(page) for page in PAGES if python_of(page)], ids=name_of)

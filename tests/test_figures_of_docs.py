@@ -33,7 +33,11 @@ def names(kind):
 
 
 DRAWN, MEASURED, FILMS = names("DRAWN"), names("MEASURED"), names("FILMS")
-MARKS = {"estimator-gpomdp": pytest.mark.ci, "holding": pytest.mark.needs("motorgrad[myosuite]")}
+MARKS = {
+    "estimator-gpomdp": pytest.mark.ci,
+    "unit-motoneuron": pytest.mark.ci,
+    "holding": pytest.mark.needs("motorgrad[myosuite]"),
+}
 
 
 def test_the_names_are_those_of_the_registry():
@@ -42,7 +46,7 @@ def test_the_names_are_those_of_the_registry():
     assert (*DRAWN, *MEASURED, *FILMS) == NAMES
 
 
-@pytest.mark.representatives("unit-motoneuron", "hexapod-muscles")
+@pytest.mark.representatives("hexapod-muscles")
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=MARKS.get(name, ())) for name in (*DRAWN, *MEASURED)],

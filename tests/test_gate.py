@@ -2,7 +2,7 @@
 
 import asyncio
 import itertools
-import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -113,16 +113,24 @@ def test_no_two_gates_have_the_same_secrets():
     assert min(len(gate.token) for gate in gates) >= 32
 
 
-def test_who_sends_too_fast_waits():
+def test_who_sends_too_fast_waits(monkeypatch):
+    clock = [100.0]
+
+    async def sleep(seconds):
+        clock[0] += seconds
+
+    monkeypatch.setattr("motorgrad._gate.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr("motorgrad._gate.asyncio", SimpleNamespace(sleep=sleep))
+
     async def send(count, size=0):
-        pace, start = Pace(rate=1000.0, burst=100.0), time.monotonic()
+        pace, start = Pace(rate=1000.0, burst=100.0), clock[0]
         for _ in range(count):
             await pace.wait(size)
-        return time.monotonic() - start
+        return clock[0] - start
 
-    assert asyncio.run(send(90)) < 0.1
-    assert asyncio.run(send(300)) >= 0.19
-    assert asyncio.run(send(30, size=10 * 2**16)) >= 0.2  # long messages count for more
+    assert asyncio.run(send(90)) == 0
+    assert asyncio.run(send(300)) == pytest.approx(0.2)
+    assert asyncio.run(send(30, size=10 * 2**16)) == pytest.approx(0.23)  # long messages count for more
 
 
 def test_who_may_watch_has_a_token_a_place_and_a_cookie_of_its_own():

@@ -15,26 +15,24 @@ from motorgrad._signals import asked, interrupt_when_asked
 def main(arguments: list[str] | None = None) -> int:
     """Run a command. Returns the exit status: 0 done, 2 bad input, 130 stopped by Ctrl-C or SIGTERM."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if not arguments or arguments[0] in ("-h", "--help", "help"):
-        print(_help())
-        return 0
-    if arguments[0] in ("-V", "--version"):
-        from motorgrad import __version__
-
-        print(f"motorgrad {__version__}")
-        return 0
-    from motorgrad._errors import choice
-
     name = "--import"
     try:
         arguments = _after_imports(arguments)
         name, *rest = arguments or ["--help"]
-        if name == "--help":
+        if name in ("-h", "--help", "help"):
             print(_help())
-            return 0
-        choice("command", name, COMMANDS)
-        with interrupt_when_asked():
-            status = _run(name, rest)
+            status = 0
+        elif name in ("-V", "--version"):
+            from motorgrad import __version__
+
+            print(f"motorgrad {__version__}")
+            status = 0
+        else:
+            from motorgrad._errors import choice
+
+            choice("command", name, COMMANDS)
+            with interrupt_when_asked():
+                status = _run(name, rest)
         sys.stdout.flush()
         return status
     except BaseException as error:

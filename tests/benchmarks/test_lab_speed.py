@@ -1,5 +1,7 @@
 """The diagrams of the speed table: that the peer's is the same diagram, and that the rows say what was measured."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,8 @@ def test_rows_say_what_they_measured(monkeypatch):
     row = lab.discrete_row(10, 50, 1, "≥ 1")
     assert (row.name, row.unit, row.wanted) == ("diagram of 10 blocks, discrete", "ticks/s", "≥ 1")
     assert row.ours > 0
-    assert 0 < lab.compile_row(10, False, "≤ 5").ours < 60
+    start = time.perf_counter()
+    assert 0 < lab.compile_row(10, False, "≤ 5").ours <= time.perf_counter() - start
     monkeypatch.setattr(lab.importlib.util, "find_spec", lambda name: None)
     row = lab.peer_row(10, 50, 1, 1)
     assert row.name == "diagram of 10 blocks, continuous (PathSim is not installed: extra peers)"

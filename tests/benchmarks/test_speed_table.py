@@ -41,6 +41,8 @@ def test_ratios_are_of_pairs_measured_in_turn():
     assert (row.name, row.unit, row.wanted) == ("n", "u/s", "≥ 0.1")
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("task", [Hopper(), HexapodSynergy()], ids=lambda task: task.name)
 def test_the_rows_of_bodies_compare_learning_with_replayed_physics(task):
     row = body_row("a body", task, 2, 20, pairs=2)
@@ -69,6 +71,7 @@ def test_the_hand_written_loop_learns_the_best_policy():
     assert 0.6 < mean < 0.8
 
 
+@pytest.mark.ci
 def test_the_recruitment_loop_learns_as_the_library_does():
     task, decisions, seeds = LinearRecruitment(units=2), 100_000, 20
     rate = numbers_of(agent_for(task).hyperparameters)["optimizer.learning_rate"]

@@ -233,7 +233,7 @@ def answers(folder):
         name: (None, str(asked)) if isinstance(asked, Path) else (asked, None) for name, (asked, _) in DOCUMENTS.items()
     }
     python = [sys.executable, "-c", CHILD]
-    done = subprocess.run(python, cwd=folder, input=json.dumps(given), capture_output=True, text=True, timeout=100)
+    done = subprocess.run(python, cwd=folder, input=json.dumps(given), capture_output=True, text=True, timeout=1200)
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout)
 

@@ -91,7 +91,7 @@ def test_zsh_completes_commands_names_and_options(scripts, tmp_path):
     assert [line.rstrip() for line in found.read_text().splitlines()] == [f"motorgrad {line}" for line in wanted]
 
 
-def until(so, seconds=60):
+def until(so, seconds=600):
     """Wait until something is so."""
     end = time.monotonic() + seconds
     while not so():

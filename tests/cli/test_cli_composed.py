@@ -71,7 +71,8 @@ def test_options_of_the_task_and_its_learner_go_with_the_file(folder, capsys):
     assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["source"] == str(folder / "tasks" / "arm.xml")
 
 
-def test_hill_muscles_are_options_of_bodies(folder, capsys):
+@pytest.mark.ci  # it compiles the laws of the muscles
+def test_hill_muscles_of_a_file_are_those_of_its_model(folder, capsys):
     (folder / "tasks" / "hill.toml").write_text(
         REACH.replace(
             '"arm.xml"',
@@ -80,9 +81,12 @@ def test_hill_muscles_are_options_of_bodies(folder, capsys):
         )
     )
     assert status("train", "--task", "tasks/hill.toml", "--check") == 0
-    body = mg.tasks.load("tasks/hill.toml").body
     assert tomllib.loads(capsys.readouterr().out)["task"]["body"]["muscle_model"] == "hill"
+    body = mg.tasks.load("tasks/hill.toml").body
     assert (len(body.hill), body.model.na) == (1, 8)  # the elbow's two have compliant tendons
+
+
+def test_hill_muscles_are_options_of_bodies(capsys):
     options = {"muscle-model": "hill", "tendon": "rigid", "curves": "millard"}
     flags = [word for name, value in options.items() for word in (f"--task.body.{name}", value)]
     assert status("train", "hopper", *flags, "--check") == 0

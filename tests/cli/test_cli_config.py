@@ -103,6 +103,8 @@ def test_a_check_does_nothing(tmp_path, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("chain", "composed", "gymnasium", "hopper", "particle-navigation")
 @pytest.mark.parametrize("name", TASKS)
 def test_what_a_check_prints_is_a_file_that_says_the_same(name, capsys):
     found = checked(capsys, "train", name, "--seeds", 3, "--agent.decay", 0.25)

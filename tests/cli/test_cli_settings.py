@@ -45,6 +45,8 @@ values = st.recursive(
 )
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("body", "chain", "composed", "estimator", "gymnasium", "hopper")
 @pytest.mark.parametrize("name", CLASSES)
 @given(data=st.data())
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -241,6 +243,7 @@ def test_the_commands_rate_for_all_takes_the_place_of_the_tasks_rates(tmp_path, 
         assert tomllib.loads(capsys.readouterr().out)["agent"]["optimizer"]["learning_rate"] == rates
 
 
+@pytest.mark.ci
 def test_a_run_with_one_number_for_all_goes_on_and_is_repeated_by_its_own_configuration(tmp_path, capsys):
     first, again = tmp_path / "first", tmp_path / "again"
     arguments = ["train", "arm-recruitment", "--agent.learning-rate", "1e-4", "--steps", "90"]

@@ -1,5 +1,6 @@
 """Bodies to film, and a browser that shows pages of them."""
 
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -32,6 +33,24 @@ def hop(leg) -> Motion:
 def renderer(request) -> str:
     """Each renderer in turn."""
     return request.param
+
+
+@pytest.fixture(scope="session")
+def messages_to_who_has_left():
+    """Leaves out what viser warns of in a page's threads when a browser leaves between two messages.
+
+    A filter of warnings would not do: pytest sets the filters anew for every phase of a test, and for a moment they
+    make errors of all warnings, in every thread.
+    """
+    warn = warnings.warn
+
+    def others(message, *arguments, stacklevel=1, **options):
+        if not str(message).startswith("Queued a "):
+            warn(message, *arguments, stacklevel=stacklevel + 1, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(warnings, "warn", others)
+        yield
 
 
 @pytest.fixture(scope="module")

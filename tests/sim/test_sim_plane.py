@@ -70,8 +70,9 @@ def test_regions_are_green_where_they_pay_and_red_where_they_cost(axes):
     assert (axes.get_xlim(), axes.get_ylim(), axes.get_aspect()) == ((0, 1), (0, 1), 1)
     assert len(axes.get_xticks()) == len(axes.get_yticks()) == 0
     pixels = picture(axes)
-    for x, y in np.random.default_rng(0).uniform(0.05, 0.95, (200, 2)):
-        worth = float(region_reward(regions, jnp.array([x, y])))
+    places = np.random.default_rng(0).uniform(0.05, 0.95, (200, 2))
+    worths = np.asarray(jax.jit(jax.vmap(lambda place: region_reward(regions, place)))(places))
+    for (x, y), worth in zip(places, worths, strict=True):
         red, green, _ = pixels[int(y * 199), int(x * 199)]
         if abs(worth) > 0.3:
             assert (green - red > 20) == (worth > 0)

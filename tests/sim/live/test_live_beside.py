@@ -125,7 +125,7 @@ def test_seeds_and_runs_are_gathered_from_the_command_line(run):
 def test_two_runs_stand_beside_each_other(run, tmp_path):
     from motorgrad._commands.sim import prepared
 
-    other = mg.train("hopper", steps=100, seeds=[4], out=tmp_path / "other", progress=False)
+    other = mg.train("hopper", steps=100, seeds=[4, 5], out=tmp_path / "other", progress=False)
     setup, _ = prepared(["--run", str(run.path), "--run", str(other.path)])
     assert (setup.label, [each.label for each in setup.beside]) == ("run", ["other"])
     assert setup.beside[0].seed == 4

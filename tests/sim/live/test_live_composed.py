@@ -8,19 +8,23 @@ import motorgrad as mg
 from motorgrad.sim import live
 from motorgrad.sim.live._bare_model import BareModel
 from motorgrad.sim.live._learner import Learner
-from motorgrad.training import agent_for, stepper_for
+from motorgrad.training import stepper_for
 
 TASK = mg.tasks.Composed(time_limit=0.1)
+FEW_TERMS = mg.tasks.Composed(time_limit=0.1, observations=["joint-positions", "target-error"], rewards=["distance"])
 
 
+@pytest.mark.ci  # test_live_worker.py has the same with a hopper, whose programs other tests use, too
 def test_a_live_learner_is_the_learner_of_training_with_its_activations():
-    setup = live.setup_of(TASK, seed=3)
+    units = mg.policies.initial("bounded-hyperplanes", FEW_TERMS, deviation=1.5)
+    agent = mg.Agent(units, mg.learning.olgarb(0.4), mg.learning.SGD(1e-3))  # small, as its programs are compiled here
+    setup = live.setup_of(FEW_TERMS, agent, seed=3)
     assert setup.name == "arm6"
     learner = Learner(setup)
-    engine = stepper_for(TASK, agent_for(TASK), [3], threads=1)
+    engine = stepper_for(FEW_TERMS, agent, [3], threads=1)
     about = learner.about()
     assert about.sizes.activation == 6
-    assert about.actions == list(TASK.action_names)
+    assert about.actions == list(FEW_TERMS.action_names)
     for _ in range(8):  # over the end of an episode
         sample = learner.step()
         engine.advance(1)

@@ -1,24 +1,14 @@
 """Gymnasium environments in view: their own picture, made when somebody asks, or the body that MuJoCo moves in them."""
 
-import time
-
 import gymnasium
 import numpy as np
 import pytest
+from patience import until
 from pictured import Lamp
 
 import motorgrad as mg
 from motorgrad.sim import live
 from motorgrad.tasks import EnvironmentPictures
-
-
-def until(true, seconds=60.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if true():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def looked(session):

@@ -9,6 +9,7 @@ import jax
 import mujoco
 import numpy as np
 import pytest
+from patience import until
 
 from motorgrad.bodies import BODIES, Hexapod, Hopper, Terrain, compile_model
 from motorgrad.sim import live
@@ -69,15 +70,18 @@ def test_a_reader_never_sees_half_a_write():
 
     writer = threading.Thread(target=write)
     writer.start()
-    end = time.monotonic() + 60
-    while len(set(seen)) < 50 and time.monotonic() < end:
+
+    def seen_enough():
         read = other.read()
         both = np.concatenate([read["a"], read["b"]])
         seen.append(both[0] if both.min() == both.max() else None)
+        return len(set(seen)) == 50
+
+    enough = until(seen_enough, pause=lambda _: None)  # reads as fast as it can
     stop.set()
     writer.join()
+    assert enough
     assert None not in seen
-    assert len(set(seen)) == 50
     other.close()
     block.close()
 

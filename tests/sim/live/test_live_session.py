@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -11,21 +10,12 @@ import time
 
 import numpy as np
 import pytest
+from patience import PATIENCE, until
 
 import motorgrad as mg
 from motorgrad.benchmarks._watcher import watch
 from motorgrad.sim import live
-from motorgrad.sim.page import ExposedWarning, warn_of
 from motorgrad.training import agent_for, stepper_for
-
-PATIENCE = 120.0
-
-
-def until(true):
-    end = time.monotonic() + PATIENCE
-    while not true():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
 
 
 def resident(pid):
@@ -35,7 +25,7 @@ def resident(pid):
 
 
 @pytest.fixture
-def page():
+def page(messages_to_who_has_left):
     """A hopper's page, at first paused."""
     with mg.sim.view("hopper", seed=3, playing=False) as page:
         yield page
@@ -46,10 +36,10 @@ def test_a_page_is_played_stepped_and_left(page):
     session = page.session
     assert session.snapshot().decision == 0
     session.order(live.Step(3))
-    until(lambda: session.snapshot().decision == 3)
+    assert until(lambda: session.snapshot().decision == 3)
     session.order(live.Speed(math.inf))
     session.order(live.Play())
-    until(lambda: session.snapshot().decision > 500)
+    assert until(lambda: session.snapshot().decision > 500)
     snapshot, trail, curve = session.snapshot(), session.trail(), session.curve()
     assert snapshot.playing
     assert snapshot.position.shape == (1, session.model.nq)
@@ -57,12 +47,12 @@ def test_a_page_is_played_stepped_and_left(page):
     assert trail.activation.shape == (len(trail.decision), len(session.muscles))
     assert set(curve.values) == {"reward", "apex"}
     session.order(live.Pause())
-    until(lambda: not session.snapshot().playing)
+    assert until(lambda: not session.snapshot().playing)
     session.order(live.Edit("body.flexor_left.strength", 250.0))
     session.order(live.Edit("agent.estimator.trace.decay", 3.0))
-    until(lambda: session.settings["body.flexor_left.strength"] == 250.0)
+    assert until(lambda: session.settings["body.flexor_left.strength"] == 250.0)
     assert session.model.actuator_gainprm[0, 0] == -250.0
-    until(lambda: len(session.log) == 2)
+    assert until(lambda: len(session.log) == 2)
     assert [event.kind for event in session.log] == ["change", "error"]
     for wrong, says in (
         (live.Edit("agent.optimizer.learning_ratte", 1.0), "did you mean 'agent.optimizer.learning_rate'"),
@@ -86,7 +76,7 @@ def test_a_page_is_played_stepped_and_left(page):
 def test_a_worker_that_is_killed_is_told_and_waits_for_nobody(page):
     session = page.session
     os.kill(session._process.pid, signal.SIGKILL)
-    until(lambda: session.ended)
+    assert until(lambda: session.ended)
     with pytest.raises(RuntimeError, match="hopper: the simulation has ended"):
         session.order(live.Play())
 
@@ -110,32 +100,26 @@ def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, compiled_enviro
     assert done.stderr == ""
 
 
-def test_another_host_is_warned_of():
-    with pytest.warns(ExposedWarning, match=r"host = '0.0.0.0': other machines can reach the page"):
-        warn_of("0.0.0.0")
-    with mg.sim.view("chain") as page, socket.socket() as probe:
-        address = next(a[4][0] for a in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET))
-        if address.startswith("127."):
-            pytest.skip("this machine has no other address than its own")
-        assert probe.connect_ex((address, page.server.get_port())) != 0
-
-
-def soak(seconds, speed, clients):
-    """Learn for so long while clients come, reload and leave; what grew, and what was learned."""
+def soak(seconds, speed, clients, least):
+    """Learn for so long and so many decisions while clients come, reload and leave; what grew, and what was learned."""
     failed, visits = [], []
 
     def visit(number):
         rng = np.random.default_rng(number)
         while time.monotonic() < end - 1:
             pause = 0.3 if number == 0 else 0.0  # one is slow
+            stay = rng.uniform(0.5, 2.0)
             try:
-                messages, _ = watch(page.url, rng.uniform(0.5, 2.0), pause)
+                messages, _ = watch(page.url, stay, pause)
+                while not messages and stay < PATIENCE:  # on a busy machine this may be too short to be served
+                    stay *= 4
+                    messages, _ = watch(page.url, stay, pause)
                 visits.append(messages)
             except Exception as error:
                 failed.append(error)
 
     with mg.sim.view("hopper", seed=3, speed=speed) as page:
-        until(lambda: page.session.snapshot().decision > 200)
+        assert until(lambda: page.session.snapshot().decision > 200)
         end = time.monotonic() + seconds
         threads = [threading.Thread(target=visit, args=(number,)) for number in range(clients)]
         for thread in threads:
@@ -146,12 +130,14 @@ def soak(seconds, speed, clients):
             thread.join()
         after = resident(page.session._process.pid), resident(os.getpid())
         grown = [now - then for now, then in zip(after, before, strict=True)]
+        assert until(lambda: page.session.snapshot().decision > least)
         page.session.order(live.Pause())
-        until(lambda: not page.session.snapshot().playing)
+        assert until(lambda: not page.session.snapshot().playing)
         events, end = list(page.session.log), page.session.snapshot()
         assert page.failures == 0
     assert failed == []
-    assert np.count_nonzero(visits) > 0.9 * len(visits)  # on a busy machine half a second may be too short to be served
+    assert visits
+    assert all(visits)
     assert [event for event in events if event.kind in ("error", "ended")] == []
     task = mg.make("hopper")
     alone = stepper_for(task, agent_for(task), [3])
@@ -163,17 +149,17 @@ def soak(seconds, speed, clients):
 
 
 @pytest.mark.ci
-def test_clients_that_come_and_go_change_nothing(capfd):
-    end, *grown = soak(6.0, 5.0, 3)
+def test_clients_that_come_and_go_change_nothing(capfd, messages_to_who_has_left):
+    end, *grown = soak(6.0, 5.0, 3, least=500)
     assert "Traceback" not in capfd.readouterr().err
     assert end.decision > 500
     assert max(grown) < 64 * 2**20
 
 
 @pytest.mark.slow
-def test_ten_minutes_of_clients_that_come_and_go(capfd):
+def test_ten_minutes_of_clients_that_come_and_go(capfd, messages_to_who_has_left):
     """The worker may keep 256 MB of states to go back to, of which a hopper needs a few."""
-    end, *grown = soak(600.0, 10.0, 4)
+    end, *grown = soak(600.0, 10.0, 4, least=50_000)
     assert "Traceback" not in capfd.readouterr().err
     assert end.decision > 50_000
     assert max(grown) < 64 * 2**20

@@ -32,12 +32,17 @@ def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_mem
     stepper = stepper_for(task, agent_for(task), [0], "sample")
     look = probe(stepper, [])
     memories = []
+
+    @jax.jit
+    def probability(policies, memory, observation):
+        policy = jax.tree.map(lambda leaf: leaf[0], policies)
+        return policy.prob(policy.perceive(memory, observation))
+
     for _ in range(8):
         stepper.advance(1)
-        policy = jax.tree.map(lambda leaf: leaf[0], stepper.policies())
         shown = look()
-        seen = policy.perceive(jnp.asarray(shown["memory"][0]), jnp.asarray(shown["observation"][0]))
-        np.testing.assert_allclose(shown["probability"][0], policy.prob(seen), rtol=1e-5)
+        expected = probability(stepper.policies(), shown["memory"][0], shown["observation"][0])
+        np.testing.assert_allclose(shown["probability"][0], expected, rtol=1e-5)
         np.testing.assert_array_equal(shown["memory"], stepper.state["cycle"].agent.memory)
         memories.append(int(np.argmax(shown["memory"])))
     assert len(set(memories)) > 1
@@ -45,7 +50,7 @@ def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_mem
 
 def test_episodes_of_a_particle_can_be_walked_with_a_memory():
     task = mg.make("particle")
-    policy = initial("recurrent", task, hidden=2)(jax.random.key(0))
+    policy = jax.jit(initial("recurrent", task, hidden=2))(jax.random.key(0))
     tracks = plane.trajectories(task, policy, episodes=2, decisions=5)
     assert len(tracks) == 2
     assert all(len(track) > 1 and np.isfinite(track).all() for track in tracks)

@@ -4,12 +4,27 @@ import pytest
 
 import motorgrad as mg
 
+_pages = []
 
-@pytest.fixture(scope="module")
-def page():
-    with mg.sim.view("chain", playing=False) as page:
-        yield page
-        assert page.failures == 0
+
+@pytest.fixture(autouse=True)
+def _left(messages_to_who_has_left):
+    pass
+
+
+@pytest.fixture
+def page(messages_to_who_has_left):
+    """One for all tests of this folder, as its process takes seconds to start. It is left paused."""
+    if not _pages:
+        _pages.append(mg.sim.view("chain", playing=False))
+    yield _pages[0]
+    assert _pages[0].failures == 0
+
+
+@pytest.hookimpl(trylast=True)  # after those of fixtures
+def pytest_runtest_teardown(item, nextitem):
+    if _pages and (nextitem is None or nextitem.path.parent != item.path.parent):
+        _pages.pop().close()
 
 
 @pytest.fixture

@@ -3,16 +3,16 @@
 import contextlib
 import http.client
 import importlib.metadata
-import time
 
 import msgspec
 import zstandard
+from patience import PATIENCE, until
 from websockets.sync.client import connect
 
 from motorgrad.benchmarks._watcher import CAMERA, origin_of
 
 VERSION = f"viser-v{importlib.metadata.version('viser')}"
-TIMEOUT = 60
+TIMEOUT = PATIENCE  # s, of an answer
 
 
 def get(page, path, **headers):
@@ -58,16 +58,6 @@ def update(connection, handle, value, name="value"):
 def fields(page):
     """Every field that a browser can change."""
     return list(page.server.gui._gui_input_handle_from_uuid.values())
-
-
-def until(true, seconds=30.0):
-    """Wait until something is true; whether it became so."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if true():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def hear(connection):

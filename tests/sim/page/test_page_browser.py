@@ -12,16 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_clients import until
+from patience import PATIENCE, until
 from pictured import Lamp
 from PIL import Image
 
 import motorgrad as mg
 from motorgrad.sim import live
-
-PATIENCE = 60_000  # ms: WebGL in software leaves a page little time for anything else
-
-pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 
 
 @contextlib.contextmanager
@@ -29,7 +25,7 @@ def opened(browser):
     """An empty page of a browser that has been nowhere, and what it asked the network for."""
     context = browser.new_context(viewport={"width": 900, "height": 900})
     page, asked, faults = context.new_page(), [], []
-    page.set_default_timeout(PATIENCE)
+    page.set_default_timeout(1000 * PATIENCE)  # WebGL in software leaves a page little time for anything else
     page.on("request", lambda request: asked.append(request.url))
     page.on("pageerror", lambda error: faults.append(str(error)))
     try:

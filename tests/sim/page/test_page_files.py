@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from page_clients import client, fields, hear, until, update
+from page_clients import client, fields, hear, update
+from patience import until
 
 from motorgrad.sim import live
-
-pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from page_clients import until
+from patience import until
 
 import motorgrad as mg
 from motorgrad.sim.panels._overlay import goal_of
@@ -39,7 +39,7 @@ def test_programs_add_texts_and_plots_and_remove_them(page):
     page.overlay("decision", text=lambda moment: f"decision {moment.decision:,} < 7")
     page.overlay("sine", plot=(np.arange(9), np.sin(np.arange(9))), unit="m")
     said = content(page)
-    assert "decision 0 &lt; 7" in said
+    assert f"decision {page.session.snapshot().decision:,} &lt; 7" in said
     assert ">sine (m)<" in said
     page.overlay("decision")
     page.overlay("sine")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_clients import get, until
+from page_clients import get
+from patience import until
 from PIL import Image
-from test_page_browser import browser as browser
 from test_page_browser import opened
 
 import motorgrad as mg

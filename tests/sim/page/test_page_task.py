@@ -4,8 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from page_clients import until
-from test_page_browser import PATIENCE
+from patience import PATIENCE, until
 
 import motorgrad as mg
 from motorgrad.sim import live
@@ -39,13 +38,12 @@ def choose(place, label, option):
 
 
 @pytest.mark.ci
-@pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 def test_senses_and_reward_are_chosen_on_the_page_and_it_learns(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with mg.sim.view(str(LEG), speed=float("inf")) as page:
         bare = page.session
         seen = browser.new_context(viewport={"width": 1280, "height": 900}).new_page()
-        seen.set_default_timeout(2 * PATIENCE)
+        seen.set_default_timeout(1000 * PATIENCE)
         faults = []
         seen.on("pageerror", lambda error: faults.append(str(error)))
         seen.goto(page.url)
@@ -69,12 +67,12 @@ def test_senses_and_reward_are_chosen_on_the_page_and_it_learns(browser, tmp_pat
         assert "MuscleLengths" in [type(term).__name__ for term in saved.observations]
 
         press_button(seen, "Learn")
-        assert until(lambda: page.session is not bare, 240)
-        assert until(lambda: bare.ended, 240)
+        assert until(lambda: page.session is not bare)
+        assert until(lambda: bare.ended)
         learner = page.session
         assert learner.task == saved  # the page and its file describe the same task
         seen.locator("tr", has_text="reward, lately").wait_for()  # its tab is in front
-        assert until(lambda: len(learner.curve().reward) > 2, 240)
+        assert until(lambda: len(learner.curve().reward) > 2)
         assert learner.snapshot().decision > 100
         assert learner.snapshot().marks.shape == (1, 4)  # the place to reach is marked
         assert page.failures == 0

@@ -3,8 +3,8 @@
 import re
 
 import pytest
-from page_clients import client, until, update
-from test_page_browser import browser as browser
+from page_clients import client, update
+from patience import until
 from test_page_browser import opened
 
 from motorgrad._commands.sim import prepared

@@ -3,13 +3,12 @@
 import time
 
 import pytest
-from page_clients import CAMERA, alive, client, fields, get, send, socket, until, update
+from page_clients import CAMERA, alive, client, fields, get, send, socket, update
+from patience import until
 
 from motorgrad._gate import COOKIE
 from motorgrad.sim import live
 from motorgrad.sim.scene import own, own_elements
-
-pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
 
 
 def of(page, connection):

@@ -1,8 +1,7 @@
-"""A server with panels, as a page has it; and patience."""
+"""A server with panels, as a page has it."""
 
 import contextlib
 import threading
-import time
 import types
 
 import viser
@@ -42,13 +41,3 @@ def studio(session, scene=None):
         panels.close()
         server.stop()
     assert not failed, failed
-
-
-def until(true, seconds=30.0):
-    """Wait until something is true; whether it became so."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if true():
-            return True
-        time.sleep(0.02)
-    return False

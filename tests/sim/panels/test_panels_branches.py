@@ -4,7 +4,8 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from panel_studio import studio, until
+from panel_studio import studio
+from patience import until
 
 from motorgrad.sim import live
 from motorgrad.sim.live import Branch, Session, Setup

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from panel_studio import studio, until
+from panel_studio import studio
+from patience import PATIENCE, until
 from PIL import Image
 
 from motorgrad.sim.scene import Scene
 
 SMALL = {"width": 320, "height": 240}
-PATIENCE = 60_000  # ms: WebGL in software leaves a page little time for anything else
 # a press without waiting until the page stands still, which it may not for long
 PRESS = """element => {
   for (const kind of ["pointerdown", "mousedown", "pointerup", "mouseup", "click"]) {
@@ -26,7 +26,7 @@ def seen(browser, hopping):
     """A hopper's page in a browser, without the scene, which is another room's matter."""
     with studio(hopping) as place:
         page = browser.new_page(viewport={"width": 900, "height": 1000}, accept_downloads=True)
-        page.set_default_timeout(PATIENCE)
+        page.set_default_timeout(1000 * PATIENCE)  # WebGL in software leaves a page little time for anything else
         page.faults = []
         page.on("pageerror", lambda error: page.faults.append(str(error)))
         page.goto(place.url)
@@ -196,7 +196,7 @@ def test_save_and_load(seen, hopping, tmp_path, monkeypatch):
 def test_before_and_after(seen, hopping):
     press(seen, "Learning")
     seen.get_by_role("checkbox").first.evaluate("element => element.click()")
-    assert until(lambda: len(hopping.snapshot().position) == 2, 60)
+    assert until(lambda: len(hopping.snapshot().position) == 2)
     seen.get_by_role("checkbox").first.evaluate("element => element.click()")
     assert until(lambda: len(hopping.snapshot().position) == 1)
 
@@ -227,7 +227,7 @@ def test_diagrams_are_drawn(seen):
 def test_capture_a_picture_and_the_scene(browser, hopping, tmp_path):
     with studio(hopping, Scene()) as place:
         page = browser.new_page(viewport=SMALL, accept_downloads=True)
-        page.set_default_timeout(2 * PATIENCE)
+        page.set_default_timeout(1000 * PATIENCE)
         page.goto(place.url)
         page.get_by_text("Capture", exact=True).first.wait_for()
         press(page, "Capture")
@@ -246,7 +246,7 @@ def test_capture_a_picture_and_the_scene(browser, hopping, tmp_path):
         page.close()
     # opened when the server is no more
     alone, faults = browser.new_page(viewport=SMALL), []
-    alone.set_default_timeout(2 * PATIENCE)
+    alone.set_default_timeout(1000 * PATIENCE)
     alone.on("pageerror", lambda error: faults.append(str(error)))
     requests = []
     alone.on("request", lambda request: requests.append(request.url))

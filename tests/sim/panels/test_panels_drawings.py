@@ -158,17 +158,17 @@ def test_the_background_of_a_portrait_is_the_policys_probability():
 
 
 def test_the_background_keeps_the_memory_and_leaves_out_noise_that_lasts():
-    recurrent = initial("recurrent", 2, units=1, hidden=3)(jax.random.key(0))
+    recurrent = jax.jit(initial("recurrent", 2, units=1, hidden=3))(jax.random.key(0))
     weights = np.array([[0.4, -0.6, 1.0, -1.0, 0.5]])
     recurrent = eqx.tree_at(lambda policy: policy.output.weights, recurrent, jnp.asarray(weights, jnp.float32))
-    controller = initial("finite-state-controller", 2, units=2, states=2)(jax.random.key(0))
+    controller = jax.jit(initial("finite-state-controller", 2, units=2, states=2))(jax.random.key(0))
     plain = BoundedHyperplanes([[0.5, -1.0]], [0.2], [-1.0])
     memory, limits = np.random.default_rng(0).normal(size=recurrent.inputs - 2), np.array([[-1.0, 1.0], [-2.0, 2.0]])
     low = np.float32([-1, -2])
     for policy, kept, expected in (
-        (recurrent, memory, recurrent.prob(recurrent.perceive(np.float32(memory), low))),
-        (controller, np.array([0.0, 1.0]), controller.prob(np.float32([*low, 0, 1]))),
-        (Autoregressive(plain, 0.9), np.array([0.7]), plain.prob(low)),
+        (recurrent, memory, jax.jit(lambda: recurrent.prob(recurrent.perceive(np.float32(memory), low)))()),
+        (controller, np.array([0.0, 1.0]), jax.jit(lambda: controller.prob(np.float32([*low, 0, 1])))()),
+        (Autoregressive(plain, 0.9), np.array([0.7]), jax.jit(lambda: plain.prob(low))()),
     ):
         field = Field().over(policy, kept, np.zeros(2), 0, 1, limits)
         np.testing.assert_allclose(field[0, 0], expected, atol=1e-5)

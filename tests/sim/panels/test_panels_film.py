@@ -7,7 +7,7 @@ import time
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from panel_studio import until
+from patience import until
 
 from motorgrad.sim import Viewpoint
 from motorgrad.sim.live import Compare, Session, setup_of
@@ -36,11 +36,9 @@ def test_a_film_shows_the_run_in_the_time_of_the_clock(hopping, tmp_path):
     first = made = film.frames
     longest = 0.0  # seconds in which one picture was painted
     while last - begin < 1.5:
-        assert time.monotonic() - last < 30, "no more frames come"
-        time.sleep(0.01)
-        if film.frames > made:
-            made, now = film.frames, time.monotonic()
-            longest, last = max(longest, now - last), now
+        assert until(lambda made=made: film.frames > made), "no more frames come"
+        made, now = film.frames, time.monotonic()
+        longest, last = max(longest, now - last), now
     made, lasted = made - first, last - begin
     film.stop()
     film.stop()  # which does nothing
@@ -116,7 +114,7 @@ def test_films_show_what_programs_add(hopping, tmp_path):
 def test_both_bodies_are_filmed_side_by_side(hopping, tmp_path):
     hopping.order(Compare(True))
     try:
-        assert until(lambda: len(hopping.snapshot().position) == 2, 60)
+        assert until(lambda: len(hopping.snapshot().position) == 2)
         film = FilmRecorder(hopping, tmp_path / "two.mp4", width=96, height=96, fps=10)
         assert until(lambda: film.painted >= 2)
         film.stop()
@@ -142,22 +140,6 @@ def test_a_film_ends_with_its_run(tmp_path):
     assert until(lambda: not film.running)
     film.stop()
     assert len(read(film.path)[0]) == film.frames
-
-
-@pytest.mark.parametrize(
-    ("name", "settings", "said"),
-    [
-        ("run.avi", {}, "ending in .mp4"),
-        ("run.mp4", {"fps": 0}, "fps = 0"),
-        ("run.mp4", {"fps": float("nan")}, "fps = nan"),
-        ("run.mp4", {"width": 63}, "width = 63"),
-        ("run.mp4", {"height": "high"}, "height = 'high'"),
-    ],
-)
-def test_what_cannot_be_filmed_is_refused_before_it_begins(hopping, tmp_path, name, settings, said):
-    with pytest.raises(ValueError, match=said):
-        FilmRecorder(hopping, tmp_path / name, **settings)
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 import viser
-from panel_studio import until
+from patience import until
 from test_panels_drawings import words
 
 import motorgrad as mg
@@ -35,7 +35,7 @@ LAYERS = {"layered": [16], "controller": [4], "recurrent": [4]}
 def test_the_policy_on_the_page_has_the_running_statistics_of_its_observations():
     network = {"kind": "hyperplanes", "network": {"hidden": [4], "standardise": True}}
     with Session(setup_of("hopper", mg.agent_for("hopper", policy=network)), speed=20.0) as session:
-        assert until(lambda: session.snapshot().decision >= 30, 120)
+        assert until(lambda: session.snapshot().decision >= 30)
         snapshot = session.snapshot()
         policy = session.policy(snapshot)
         assert policy is not None
@@ -46,7 +46,6 @@ def test_the_policy_on_the_page_has_the_running_statistics_of_its_observations()
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("controller")
 @pytest.mark.parametrize("name", LEARNERS)
 def test_every_tab_fills_and_follows_the_run(name):
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
@@ -57,7 +56,7 @@ def test_every_tab_fills_and_follows_the_run(name):
             policy, network = panels.panels["Policy"], panels.panels["Network"]
             drawn = []
             for decision in (30, 60):
-                assert until(lambda decision=decision: session.snapshot().decision >= decision, 120)
+                assert until(lambda decision=decision: session.snapshot().decision >= decision)
                 snapshot = session.snapshot()
                 for panel in (policy, network):
                     panel.show(snapshot, pose)

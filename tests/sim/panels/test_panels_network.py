@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from panel_studio import studio, until
-from test_panels_browser import browser  # noqa: F401
+from panel_studio import studio
+from patience import PATIENCE, until
 
 import motorgrad as mg
 from motorgrad.sim.live import Session, setup_of
@@ -17,7 +17,7 @@ SMALL = {"policy.network": {"hidden": [40, 6]}, "policy.features": {"squares": T
 def learning():
     agent = mg.agent_for("hopper", SMALL)
     with Session(setup_of("hopper", agent, seed=3), speed=4.0) as session:
-        assert until(lambda: session.snapshot().decision > 60, 120)
+        assert until(lambda: session.snapshot().decision > 60)
         yield session
 
 
@@ -32,17 +32,17 @@ def test_activations_are_drawn_by_layer_with_the_marked_unit():
 
 @pytest.mark.slow
 @pytest.mark.ci
-def test_the_panel_shows_what_the_hidden_units_do_and_respond_to(learning, browser, tmp_path):  # noqa: F811
+def test_the_panel_shows_what_the_hidden_units_do_and_respond_to(learning, browser, tmp_path):
     with studio(learning) as place:
         panel = place.panels.panels["Network"]
         page = browser.new_page(viewport={"width": 700, "height": 1000})
         page.goto(place.url)
-        page.get_by_role("tab", name="Network").click(timeout=60_000)
-        page.get_by_text("layer 1: 40 units").wait_for(timeout=60_000)
-        page.get_by_text("unit 1 of layer 2").wait_for(timeout=60_000)
+        page.get_by_role("tab", name="Network").click(timeout=1000 * PATIENCE)
+        page.get_by_text("layer 1: 40 units").wait_for(timeout=1000 * PATIENCE)
+        page.get_by_text("unit 1 of layer 2").wait_for(timeout=1000 * PATIENCE)
         panel._layer.value, panel._unit.value = "layer 1", 33
         panel.renew()
-        page.get_by_text("unit 33 of layer 1").wait_for(timeout=60_000)
+        page.get_by_text("unit 33 of layer 1").wait_for(timeout=1000 * PATIENCE)
         page.screenshot(path=str(tmp_path / "network.png"))
         numbers = panel.numbers()
         assert [len(column) for column in numbers.values()] == [46, 46, 46]

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 import viser
-from panel_studio import until
+from patience import until
 from PIL import Image
 
 from motorgrad.bodies import Hexapod, compile_model, measure_gait, walk
-from motorgrad.sim.live import Edit, Pause, Push, Session, Setup, Trail, Undo
-from motorgrad.sim.panels import Panels
+from motorgrad.sim.live import Edit, Pause, Play, Push, Session, Setup, Trail, Undo
+from motorgrad.sim.panels import FilmRecorder, Panels
 from motorgrad.sim.panels._gait import GaitReader, is_hexapod
 from motorgrad.sim.panels._joints import moment_arms
 from motorgrad.sim.panels._panel import csv_of
@@ -28,6 +28,14 @@ def server():
     server.stop()
 
 
+@pytest.fixture(scope="module")
+def hopping(hopping):
+    """The hopper, paused after some decisions: it need not learn while it is looked at."""
+    hopping.order(Pause())
+    assert until(lambda: not hopping.snapshot().playing)
+    return hopping
+
+
 def panels_of(server, session):
     server.gui.reset()
     panels = Panels()
@@ -40,7 +48,13 @@ def nobody(**more):
     return types.SimpleNamespace(client=None, **more)
 
 
-def test_panels_that_do_not_apply_do_not_appear(server, hopping, legged):
+@pytest.fixture(params=["hopping", pytest.param("legged", marks=pytest.mark.ci)])
+def session(request):
+    """A learner, and a bare model without one; each in a process, which takes seconds to start."""
+    return request.getfixturevalue(request.param)
+
+
+def test_panels_that_do_not_apply_do_not_appear(server, hopping):
     assert list(panels_of(server, hopping).panels) == [
         "Run",
         "Learning",
@@ -50,31 +64,34 @@ def test_panels_that_do_not_apply_do_not_appear(server, hopping, legged):
         "Policy",
         "Capture",
     ]
-    assert list(panels_of(server, legged).panels) == ["Run", "Motion", "Body", "Joints", "Muscles", "Capture"]
     assert is_hexapod(compile_model(Hexapod()))
     assert not is_hexapod(hopping.model)
     assert not is_hexapod(None)
 
 
-def test_every_panel_shows_something_and_its_numbers_are_a_table(server, hopping, legged):
-    for session in (hopping, legged):
-        panels, pose = panels_of(server, session), Pose(session.model)
-        snapshot = session.snapshot()
-        pose.place(snapshot)
-        for panel in panels.panels.values():
-            panel.show(snapshot, pose)
-            try:
-                columns = panel.numbers()
-            except NotImplementedError:
-                assert panel.title in ("Motion", "Body", "Capture")
-                continue
-            rows = list(csv.reader(io.StringIO(csv_of(columns).decode())))
-            assert len(rows) > 3
-            assert len({len(row) for row in rows}) == 1
+@pytest.mark.ci
+def test_a_bare_model_has_the_panels_that_need_no_learner(server, legged):
+    assert list(panels_of(server, legged).panels) == ["Run", "Motion", "Body", "Joints", "Muscles", "Capture"]
 
 
-def test_moment_arms_take_a_small_share_of_a_core(server, legged, monkeypatch):
-    panel, pose, snapshot = panels_of(server, legged).panels["Joints"], Pose(legged.model), legged.snapshot()
+def test_every_panel_shows_something_and_its_numbers_are_a_table(server, session):
+    panels, pose = panels_of(server, session), Pose(session.model)
+    snapshot = session.snapshot()
+    pose.place(snapshot)
+    for panel in panels.panels.values():
+        panel.show(snapshot, pose)
+        try:
+            columns = panel.numbers()
+        except NotImplementedError:
+            assert panel.title in ("Motion", "Body", "Capture")
+            continue
+        rows = list(csv.reader(io.StringIO(csv_of(columns).decode())))
+        assert len(rows) > 3
+        assert len({len(row) for row in rows}) == 1
+
+
+def test_moment_arms_take_a_small_share_of_a_core(server, hopping, monkeypatch):
+    panel, pose, snapshot = panels_of(server, hopping).panels["Joints"], Pose(hopping.model), hopping.snapshot()
     pose.place(snapshot)
     clock = [0.0]
     monkeypatch.setattr("motorgrad.sim.panels._joints.time", types.SimpleNamespace(monotonic=lambda: clock[0]))
@@ -109,11 +126,13 @@ def test_the_form_makes_the_film_that_is_chosen(server, hopping):
         form._toggle(nobody())
     assert not form.at_work
     form._width.value = 96
+    hopping.order(Play())
     form._toggle(nobody())
     film = form._film
     assert form._button.label == "Stop film"
     assert until(lambda: film.seconds > 0.4)
     film.stop()
+    hopping.order(Pause())
     assert dict(form.rows())["being made"] == "100%"
     with Image.open(film.path) as made:
         assert (made.format, made.size) == ("GIF", (96 + 4 + 84, 64))  # the body and a plot
@@ -169,12 +188,13 @@ def test_an_edit_is_made_and_logged(server, hopping):
     assert "0.00025" in learning._lines.content
 
 
-def test_a_fault_of_ours_is_not_taken_for_the_users(server, legged):
-    panel = panels_of(server, legged).panels["Run"]
+def test_a_fault_of_ours_is_not_taken_for_the_users(server, hopping):
+    panel = panels_of(server, hopping).panels["Run"]
     with pytest.raises(ZeroDivisionError):
         panel.guarded(lambda _: 1 / 0)(nobody())
 
 
+@pytest.mark.ci
 def test_a_bare_models_muscles_are_driven_by_hand(server, legged):
     muscles = panels_of(server, legged).panels["Muscles"]
     muscles._which.value = legged.muscles[2]
@@ -257,14 +277,12 @@ def test_a_gait_is_what_the_recording_of_the_walk_says(march):
 def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
     import asyncio
 
-    from motorgrad.sim.live import Play, Scrub, Step
+    from motorgrad.sim.live import Scrub, Step
     from motorgrad.sim.panels import DragPush
     from motorgrad.sim.scene import Scene
 
     scene, pose = Scene(), Pose(hopping.model)
     scene.build(server, hopping)
-    hopping.order(Pause())
-    assert until(lambda: not hopping.snapshot().playing)
     begin = hopping.snapshot().decision + 1
     hopping.order(Step())
     assert until(lambda: hopping.snapshot().decision == begin)
@@ -291,5 +309,20 @@ def test_parts_of_the_body_are_pulled_by_dragging(server, hopping):
         ends.append(hopping.snapshot().position[0])
     np.testing.assert_array_equal(ends[0], ends[1])  # neither the end of a drag nor the untrained body pulls
     assert np.abs(ends[2] - ends[1]).max() > 1e-3
-    hopping.order(Play())
     server.scene.reset()
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "said"),
+    [
+        ("run.avi", {}, "ending in .mp4"),
+        ("run.mp4", {"fps": 0}, "fps = 0"),
+        ("run.mp4", {"fps": float("nan")}, "fps = nan"),
+        ("run.mp4", {"width": 63}, "width = 63"),
+        ("run.mp4", {"height": "high"}, "height = 'high'"),
+    ],
+)
+def test_what_cannot_be_filmed_is_refused_before_it_begins(hopping, tmp_path, name, settings, said):
+    with pytest.raises(ValueError, match=said):
+        FilmRecorder(hopping, tmp_path / name, **settings)
+    assert list(tmp_path.iterdir()) == []

@@ -1,10 +1,10 @@
 """Each kind of camera moves as it should, in a real browser, for each browser by itself."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
+from patience import PATIENCE, until
 from scene_moments import moment
 
 from motorgrad.benchmarks._watcher import watch
@@ -12,7 +12,6 @@ from motorgrad.bodies import Hexapod, OnTerrain, Terrain, compile_model
 from motorgrad.sim.live import setup_of
 from motorgrad.sim.scene import Cameras, Pose, Scene, View
 
-PATIENCE = 60.0  # s; software rendering on a busy machine is slow
 SPEED = 0.3  # m/s, at which the body goes along x
 EYES = 0.5  # m, of a walker in this test
 
@@ -73,12 +72,9 @@ class Looker:
         self.camera = walker.server.get_clients()[self.id].camera
         self.page.wait_for_timeout(1000)
 
-    def until(self, condition, patience=PATIENCE):
+    def until(self, condition):
         """Wait until something holds, with the browser at work."""
-        end = time.monotonic() + patience
-        while not condition():
-            assert time.monotonic() < end, "it did not come about"
-            self.page.wait_for_timeout(50)
+        assert until(condition, pause=lambda seconds: self.page.wait_for_timeout(1000 * seconds))
 
     def select(self, key, name):
         def chosen():

@@ -1,10 +1,10 @@
 """The plane of a particle, of a real run."""
 
-import time
 import types
 
 import numpy as np
 import pytest
+from patience import until
 
 from motorgrad.sim.live import Session, Step, setup_of
 from motorgrad.sim.scene import Pose, Scene, View
@@ -34,8 +34,7 @@ def test_the_particle_is_where_it_is_and_its_units_light_up_as_they_fire(server)
         for _ in range(3):
             before = session.snapshot().decision
             session.order(Step(4))
-            while session.snapshot().decision < before + 4:
-                time.sleep(0.01)
+            assert until(lambda before=before: session.snapshot().decision == before + 4)
             snapshot = session.snapshot()
             pose.place(snapshot)
             scene.update(snapshot, pose)
