@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lab_examples import Chance, Dice, Ticker, agree, leak, wire
+from lab_examples import Chance, Dice, Scattered, Ticker, agree, leak, wire
 
 from motorgrad.lab import (
     BLOCKS,
@@ -19,7 +19,6 @@ from motorgrad.lab import (
     HillMuscle,
     HostBlock,
     Integrator,
-    Run,
     Sum,
     UnitDelay,
 )
@@ -33,10 +32,15 @@ def default(kind: type[Block]) -> Block | None:
     return None if needed else kind()
 
 
+LATER = dict.fromkeys(("learning", "sinks"), pytest.mark.slow)  # take long to compile
+# Compiled, these blocks are held against closed forms, NumPy and their tasks in tests/lab/blocks and tests/lab/worlds.
+LATER |= dict.fromkeys(("bodies and worlds", "mathematics", "sources", "vectors"), pytest.mark.ci)
+
+
 def categories() -> list[Any]:
-    """The categories of blocks; those that take long to compile are left to the long tests."""
+    """The categories of blocks; some are left to the long tests and to the share."""
     found = sorted({kind.category for kind in BLOCKS.values()})
-    return [pytest.param(each, marks=pytest.mark.slow) if each in ("learning", "sinks") else each for each in found]
+    return [pytest.param(each, marks=LATER.get(each, ())) for each in found]
 
 
 @pytest.mark.parametrize("category", categories())
@@ -53,7 +57,7 @@ def test_every_block_is_the_same_compiled(category):
                 kind_of, scale = ("length", 0.25) if declared.unit == "m" else (declared.kind, 1.0)
                 source = f"{kind_of} {declared.shape} {number}"  # other numbers for other blocks of a kind
                 if source not in diagram.nodes:
-                    diagram.add(source, Chance(declared.shape, declared.kind, scale))
+                    diagram.add(source, Scattered(declared.shape, declared.kind, scale, number))
                 diagram.connect(source, f"{name} {number}.{port}")
     agree(diagram, ticks=5, seeds=(3,))
 
@@ -96,6 +100,15 @@ def random_diagram(seed: int, size: int) -> Diagram:
     return diagram
 
 
+def test_a_random_diagram_is_the_same_compiled():
+    diagram = random_diagram(3, 8)
+    blocks = {type(node.block).__name__ for node in diagram.nodes.values()}
+    assert blocks == {"Constant", "Dice", "Gain", "Sum", "UnitDelay", "Integrator", "Diagram"}
+    assert diagram.substeps == 3
+    agree(diagram, ticks=7)
+
+
+@pytest.mark.ci
 @settings(max_examples=3, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(seed=st.integers(0, 10**6), size=st.integers(1, 14))
 def test_random_diagrams_are_the_same_compiled(seed, size):
@@ -109,7 +122,8 @@ def test_many_random_diagrams_are_the_same_compiled(seed, size):
     agree(random_diagram(seed, size), ticks=7)
 
 
-@pytest.mark.representatives("1-False", "3-True")
+@pytest.mark.ci
+@pytest.mark.representatives("3-True")
 @pytest.mark.parametrize("direct", [False, True])
 @pytest.mark.parametrize("every", [1, 3])
 def test_hosts_are_the_same_compiled(direct, every):
@@ -122,15 +136,15 @@ def test_hosts_are_the_same_compiled(direct, every):
     diagram.add("delay", UnitDelay(shape=(2,)))
     diagram.add("gain", Gain(2.0))
     wire(diagram, "dice gain", "gain host", "host sum.u1", "split sum.u2", "sum delay", "dice other")
-    run = agree(diagram, ticks=132 if direct and every == 3 else 8, seeds=(4, 1))
+    crosses = direct and every == 3  # a span of random numbers ends with tick 127
+    run = agree(diagram, ticks=132 if crosses else 8, seeds=(4,) if crosses else (4, 1))
     assert run.compilations == 1
 
 
 def test_numbers_that_differ_by_a_type_are_widened_along_a_wire():
     diagram = Diagram()
-    diagram.add("yes", Chance((3,), "bool"))
+    diagram.add("yes", Scattered((3,), "bool"))
     diagram.add("gain", Gain(2.0, (3,)))
     diagram.connect("yes", "gain")
-    run = Run(diagram, watch=["gain.y"])
+    run = agree(diagram)
     assert set(np.unique(run.advance(50)["gain.y"])) == {0.0, 2.0}
-    agree(diagram)

@@ -3,9 +3,12 @@
 import subprocess
 import sys
 
+import pytest
+
 WEB = ("starlette", "uvicorn", "websockets", "viser", "anywidget", "tornado", "aiohttp")
 
 
+@pytest.mark.ci
 def test_the_engine_runs_without_any_web_package(process_environment):
     code = f"""
 import sys

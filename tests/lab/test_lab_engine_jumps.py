@@ -23,6 +23,7 @@ from motorgrad.lab import (
 )
 
 ENGINES = pytest.mark.parametrize("engine", [Run, Interpreter])
+COMPILED = pytest.mark.parametrize("engine", [Run, pytest.param(Interpreter, marks=pytest.mark.ci)])  # as a step is
 
 
 def integral(source: Block, tick: float, substeps: int = 1, port: str = "y") -> Diagram:
@@ -41,6 +42,11 @@ def assert_exact(engine, diagram, ticks, exact, jump):
     assert error < 1e-4 * diagram.tick * jump
 
 
+@pytest.mark.ci
+@pytest.mark.representatives(
+    *(f"{place}-0.01-Run" for place in (0, 1, 7, 7.37, 9.999)),
+    *("7-0.01-Interpreter", "7.37-0.01-Interpreter", "9.999-0.0125-Run"),
+)
 @ENGINES
 @pytest.mark.parametrize("tick", [0.001, 0.01, 0.0125, 0.1])
 @pytest.mark.parametrize("place", [0, 1, 7, 7.37, 9.999])
@@ -61,7 +67,7 @@ def test_every_step_on_a_tick_of_a_long_run_is_exact():
     np.testing.assert_allclose(np.diff(record["out.u"]), np.diff(exact), atol=1e-6)  # the rounding of a sum of 10 s
 
 
-@ENGINES
+@COMPILED
 def test_the_integral_of_a_pulse_train_is_exact(engine):
     def area(t):
         whole, part = np.divmod(3.0 * (t - 0.05), 1.0)
@@ -76,7 +82,7 @@ def test_a_pulse_train_faster_than_the_ticks_ends():
     assert np.isfinite(record["out.u"]).all()
 
 
-@ENGINES
+@COMPILED
 @pytest.mark.parametrize("between", ["hold", "linear"])
 def test_the_integral_of_a_table_is_exact(engine, between, tmp_path):
     times, rows = np.array([0.0, 0.1, 0.1234, 0.3, 0.4]), np.array([1.0, -2.0, 5.0, 0.5, 3.0])
@@ -92,7 +98,7 @@ def test_the_integral_of_a_table_is_exact(engine, between, tmp_path):
     assert np.abs(error).max() < (0.01 * 7 * 1e-3 if between == "hold" else 0.01**2 * 500 / 10)
 
 
-@ENGINES
+@COMPILED
 @pytest.mark.parametrize(
     ("formula", "exact"),
     [
@@ -148,6 +154,8 @@ def motor_by_scipy(times: np.ndarray) -> np.ndarray:
     return speed
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("0.01")
 @pytest.mark.parametrize("tick", [0.001, 0.005, 0.01])
 def test_a_motor_in_a_loop_moves_as_scipy_says(tick):
     record = Run(motor(tick)).advance(round(2.0 / tick))

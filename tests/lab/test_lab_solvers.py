@@ -83,12 +83,16 @@ def error(engine, exact, ticks=38) -> float:
     return np.abs(record["out.u"] - exact(record.times("out.u"))).max()
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("tsit5")  # a stiff system is solved by rodas5p below
 @pytest.mark.parametrize("solver", ["tsit5", "dopri8", "rodas5p"])
-def test_a_relay_switches_and_a_ball_bounces_at_the_instant(solver):
+def test_a_relay_switches_at_the_instant(solver):
     assert error(Run(relay(solver=solver, **EXACT)), level) < 1e-10
-    if solver == "tsit5":
-        assert error(Run(ball(solver=solver, **EXACT)), height) < 1e-12
-        assert error(Run(ball(solver=solver)), height) < 1e-4  # single precision
+
+
+@pytest.mark.ci
+def test_a_ball_bounces_at_the_instant_in_single_precision_too():
+    assert error(Run(ball(solver="tsit5")), height) < 1e-4
 
 
 @pytest.mark.ci
@@ -103,13 +107,15 @@ def test_seeds_bounce_by_themselves_and_going_back_repeats_them_bit_for_bit():
     kept = np.array([0.8, 0.5, 0.7])
     run = Run(ball(solver="tsit5", **EXACT), seeds=3, sweep={"back.gain": -kept})
     timeline = Timeline(run, every=7)
-    whole = timeline.advance(11)["out.u"]
+    record = timeline.advance(38)
+    whole, times = record["out.u"], record.times("out.u")
+    assert np.abs(whole[0] - height(times)).max() < 1e-12
     for row, factor in enumerate(kept):
-        np.testing.assert_allclose(whole[row], height(np.arange(11) * 0.1, factor), atol=1e-12)
+        np.testing.assert_allclose(whole[row, :11], height(times[:11], factor), atol=1e-12)
     end = run.state
-    for tick in (0, 5, 8):
+    for tick in (0, 5, 8, 30):
         timeline.seek(tick)
-        np.testing.assert_array_equal(timeline.advance(11 - tick)["out.u"], whole[:, tick:])
+        np.testing.assert_array_equal(timeline.advance(38 - tick)["out.u"], whole[:, tick:])
         same(run.state, end)
     run["gravity.value"] = -1.62
     assert np.isfinite(run.advance(5)["out.u"]).all()
@@ -234,15 +240,21 @@ def test_an_algebraic_loop_is_solved_where_asked_for_else_refused():
     with pytest.raises(DiagramError, match="algebraic loop: g → f → s → g"):
         Run(looped())
     diagram = looped(loops="solve")
-    run, slow = Run(diagram, seeds=2, watch=["s.y", "x.y"]), Interpreter(diagram, watch=["s.y", "x.y"])
-    record, expected = run.advance(20), slow.advance(4)
+    run = Run(diagram, seeds=2, watch=["s.y", "x.y"])
+    record = run.advance(20)
     s, u = record["s.y"][0], np.sin(np.pi * record.times("s.y"))
     np.testing.assert_allclose(s + np.tanh(3 * s), u, atol=1e-5)
-    for address in ("s.y", "x.y"):
-        np.testing.assert_allclose(record[address][0, :4], expected[address][0], atol=1e-5)
     state, after = run.state, run.advance(5)["x.y"]
     run.restore(state)
     np.testing.assert_array_equal(run.advance(5)["x.y"], after)
+
+
+@pytest.mark.ci
+def test_the_interpreter_solves_the_loop_too():
+    diagram = looped(loops="solve")
+    record, expected = (engine(diagram, watch=["s.y", "x.y"]).advance(4) for engine in (Run, Interpreter))
+    for address in ("s.y", "x.y"):
+        np.testing.assert_allclose(record[address][0], expected[address][0], atol=1e-5)
 
 
 def test_a_loop_of_conditions_cannot_be_solved():

@@ -11,7 +11,7 @@ import pytest
 from motorgrad.lab import BLOCKS, Diagram, dumps, example, loads, problems
 
 LONGEST = 1_000  # characters of a refusal
-SLOWEST = 5.0  # seconds for one file
+SLOWEST = 5.0  # seconds of the processor for one file
 RUNS = {"exec", "compile", "import", "os.system", "os.exec", "subprocess.Popen", "marshal.loads"}
 NUMBERS = [True, -1, 0, 1, 2**31, 1e30, 1e-30, 0.5]
 ODD = [*NUMBERS, None, "", "x", "gain", "a.b", "../x", [], [[]], [1, 2], [[1, 2], [3]], {}, {"a": 1}]
@@ -93,14 +93,14 @@ def small() -> list[str]:
     return [*files, json.dumps({**whole, "blocks": blocks})]
 
 
-@pytest.mark.parametrize("count", [500, pytest.param(10_000, marks=[pytest.mark.slow])])
+@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=[pytest.mark.slow])])
 def test_a_spoilt_file_is_loaded_or_refused_on_one_line_and_runs_no_code(count, small):
     for text in small:
         problems(loads(text))  # what is imported when first used is so now
     watch, chance, refused = Watch(), random.Random(count), 0
     for number in range(count):
         text = spoilt(small[number % len(small)], chance)
-        start = time.monotonic()
+        start = time.process_time()
         try:
             watch.on = True
             diagram = loads(text)
@@ -112,7 +112,7 @@ def test_a_spoilt_file_is_loaded_or_refused_on_one_line_and_runs_no_code(count, 
             assert len(said) < LONGEST, (said, text)
         finally:
             watch.on = False
-        assert time.monotonic() - start < SLOWEST, text
+        assert time.process_time() - start < SLOWEST, text
         if diagram is not None:
             assert loads(dumps(diagram)) == diagram
     assert watch.seen == []
@@ -121,6 +121,6 @@ def test_a_spoilt_file_is_loaded_or_refused_on_one_line_and_runs_no_code(count, 
 
 def test_a_policy_of_many_inputs_is_laid_out_in_no_time():
     text = dumps(example("particle"))
-    start = time.monotonic()
+    start = time.process_time()
     loads(text.replace('"observed": 2', '"observed": 10000'))
-    assert time.monotonic() - start < SLOWEST
+    assert time.process_time() - start < SLOWEST

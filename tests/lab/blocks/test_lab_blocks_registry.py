@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from block_driver import arrays, of, signal
+from block_driver import of
 
 from motorgrad import lab
 from motorgrad._tree import KINDS
@@ -67,10 +67,10 @@ def test_gives_the_same_stacked_as_alone(name, tmp_path):
     if isinstance(block, Sink):
         pytest.skip("nothing of a sink is computed")
     rng = np.random.default_rng(0)
-    own, values = arrays(block), {name: jnp.asarray(value) for name, value in block.values().items()}
-    inputs = {name: signal(port, rng.uniform(0.2, 0.9, port.shape)) for name, port in block.inputs.items()}
-    time, numbers = jnp.asarray(0.3), jnp.asarray(rng.uniform(size=block.uniforms), float)
-    now = Moment(jnp.uint32(3), time, jnp.asarray(0.1), numbers, time)
+    values = {name: np.asarray(value) for name, value in block.values().items()}
+    inputs = {name: rng.uniform(0.2, 0.9, port.shape).astype(port.dtype) for name, port in block.inputs.items()}
+    time, step, numbers = np.float32(0.3), np.float32(0.1), rng.uniform(size=block.uniforms).astype(np.float32)
+    now = Moment(np.uint32(3), time, step, numbers, time)
 
     def functions(block, inputs, now):
         state = block.init(jnp.full(block.init_uniforms, 0.5))
@@ -78,9 +78,11 @@ def test_gives_the_same_stacked_as_alone(name, tmp_path):
         moved = block.derivative(state, inputs, now) if block.is_continuous else ()
         return block.output(state, direct, now), block.update(state, inputs, now), moved
 
-    single = functions(own, inputs, now)
-    twice = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), (values, inputs, now))
-    stacked = jax.vmap(lambda v, i, n: functions(block.bound(v), i, n))(*twice)
+    def bound(values, inputs, now):
+        return functions(block.bound(values), inputs, now)
+
+    twice = jax.tree.map(lambda leaf: np.stack([leaf, leaf]), (values, inputs, now))
+    single, stacked = jax.jit(lambda one, two: (bound(*one), jax.vmap(bound)(*two)))((values, inputs, now), twice)
     for row in (0, 1):
         for one, other in zip(jax.tree.leaves(single), jax.tree.leaves(stacked), strict=True):
             np.testing.assert_allclose(one, other[row], rtol=1e-6, atol=1e-6)

@@ -24,13 +24,21 @@ ONE = of("constant", 1.0)
     ],
 )
 def test_transfer_function_is_that_of_scipy(numerator, denominator):
+    diagram = Diagram(0.01)
+    for name, source in (("step", ONE), ("wave", of("sine", frequency=0.7))):
+        diagram.add(name, source)
+        diagram.add(f"{name} block", of("transfer function", numerator, denominator))
+        diagram.add(f"{name} out", Outlet())
+        diagram.connect(name, f"{name} block.u")
+        diagram.connect(f"{name} block", f"{name} out")
+    record = Run(diagram).advance(400)
     times = np.arange(400) * 0.01
     _, step = scipy.signal.step((numerator, denominator), T=times)
-    np.testing.assert_allclose(answer(of("transfer function", numerator, denominator), ONE, 400), step, atol=3e-5)
+    np.testing.assert_allclose(record["step out.u"][0], step, atol=3e-5)
     wave = np.sin(2 * np.pi * 0.7 * times)
     _, expected, _ = scipy.signal.lsim((numerator, denominator), wave, times)
-    given = answer(of("transfer function", numerator, denominator), of("sine", frequency=0.7), 400)
-    np.testing.assert_allclose(given, expected, atol=3e-4)  # SciPy takes the wave as straight from tick to tick
+    # SciPy takes the wave as straight from tick to tick
+    np.testing.assert_allclose(record["wave out.u"][0], expected, atol=3e-4)
 
 
 def test_transfer_function_filters_every_element_by_itself():

@@ -1,5 +1,8 @@
 """Sinks: what they show is what they saw."""
 
+import dataclasses
+import functools
+
 import numpy as np
 import pytest
 from block_driver import of
@@ -12,6 +15,33 @@ from motorgrad.lab.blocks._scopes import Viewer
 TICK = 0.01
 
 
+WAVES = {
+    "a": of("sine", frequency=(1.0, 2.0), shape=(2,)),
+    "b": of("normal noise", deviation=0.2, shape=(2,)),
+}
+
+
+@functools.cache
+def waves():
+    """A run of the waves on all that shows them, of three seeds: one program."""
+    diagram = Diagram(TICK)
+    sinks = {
+        "scope": of("scope", ("a", "b"), (2,)),
+        "recorder": of("recorder", ("a", "b"), (2,)),
+        "XY portrait": of("XY portrait", shape=(2,), across=(-2.0, 2.0)),
+        "histogram": of("histogram", (2,), 5, (-0.5, 0.5)),
+        "raster": of("raster", shape=(2,)),
+    }
+    ports = {"XY portrait": ("x", "y"), "histogram": ("u",), "raster": ("u",)}
+    for name, block in {**WAVES, **sinks}.items():
+        diagram.add(name, block)
+    for name in sinks:
+        given = ports.get(name, ("a", "b"))
+        for source, port in zip("ab" if len(given) == 2 else "b", given, strict=True):
+            diagram.connect(source, f"{name}.{port}")
+    return sinks, Run(diagram, 3).advance(200)
+
+
 def seen(sink, sources, ticks=200, seeds=3):
     """A record of a sink named "sink" whose inputs are these sources."""
     diagram = Diagram(TICK)
@@ -22,27 +52,18 @@ def seen(sink, sources, ticks=200, seeds=3):
     return Run(diagram, seeds).advance(ticks)
 
 
-WAVES = {
-    "a": of("sine", frequency=(1.0, 2.0), shape=(2,)),
-    "b": of("normal noise", deviation=0.2, shape=(2,)),
-}
-
-
 def example(name):
-    """A sink of every kind, with a record."""
-    if name in ("scope", "recorder"):
-        sink = of(name, ("a", "b"), (2,))
-        return sink, seen(sink, WAVES)
-    if name == "XY portrait":
-        sink = of(name, shape=(2,), across=(-2.0, 2.0))
-        return sink, seen(sink, {"x": WAVES["a"], "y": WAVES["b"]})
+    """A sink of every kind, with a record and its name there."""
+    sinks, record = waves()
+    if name in sinks:
+        return sinks[name], record, name
     if name == "policy map":
         sink = of(name, 3, 2, forces=((1, 0), (0, 1), (0, 0)))
         numbers = (0.0, 0.0, 1.0, 0.5, -1.0, 0.5, *np.log([0.2, 0.4, 0.3, 0.3, 0.1, 0.1]))
         parameters = of("constant", numbers, (12,))
-        return sink, seen(sink, {"parameters": parameters, "place": WAVES["a"]})
+        return sink, seen(sink, {"parameters": parameters, "place": WAVES["a"]}), "sink"
     sink = of(name, shape=(2,))
-    return sink, seen(sink, {"u": WAVES["b"]})
+    return sink, seen(sink, {"u": WAVES["b"]}), "sink"
 
 
 VIEWERS = [name for name, kind in BLOCKS.items() if issubclass(kind, Viewer)]
@@ -51,8 +72,8 @@ VIEWERS = [name for name, kind in BLOCKS.items() if issubclass(kind, Viewer)]
 @pytest.mark.representatives("histogram", "raster")
 @pytest.mark.parametrize("name", VIEWERS)
 def test_shows_what_it_saw_as_a_picture(name):
-    sink, record = example(name)
-    figure = sink.figure(record, "sink")
+    sink, record, path = example(name)
+    figure = sink.figure(record, path)
     picture = figure._repr_png_()
     assert picture[:8] == b"\x89PNG\r\n\x1a\n"
     assert figure.axes[0].get_xlabel()
@@ -63,17 +84,17 @@ def test_shows_what_it_saw_as_a_picture(name):
 
 
 def test_scope_of_many_seeds_is_median_and_quartiles():
-    sink, record = example("scope")
-    axes = sink.figure(record, "sink").axes[0]
+    sink, record, _ = example("scope")
+    axes = sink.figure(record, "scope").axes[0]
     lines = {line.get_label(): line for line in axes.lines}
     assert list(lines) == ["a[0]", "a[1]", "b[0]", "b[1]"]
-    np.testing.assert_allclose(lines["b[1]"].get_ydata(), np.median(record["sink.b"][..., 1], axis=0))
+    np.testing.assert_allclose(lines["b[1]"].get_ydata(), np.median(record["scope.b"][..., 1], axis=0))
     np.testing.assert_allclose(lines["b[1]"].get_xdata(), np.arange(200) * TICK)
     assert len(axes.collections) == 4
     assert axes.get_title(loc="left") == "median and quartiles of 3 seeds"
-    one = seen(sink, WAVES, seeds=1)
-    axes = sink.figure(one, "sink").axes[0]
-    np.testing.assert_array_equal(axes.lines[2].get_ydata(), one["sink.b"][0, :, 0])
+    one = dataclasses.replace(record, signals={address: signal[:1] for address, signal in record.signals.items()})
+    axes = sink.figure(one, "scope").axes[0]
+    np.testing.assert_array_equal(axes.lines[2].get_ydata(), one["scope.b"][0, :, 0])
     assert not axes.collections
 
 
@@ -86,19 +107,20 @@ def test_scope_with_a_sample_period_stands_at_its_own_times():
 
 
 def test_portrait_has_a_path_for_each_seed_and_element():
-    sink, record = example("XY portrait")
-    axes = sink.figure(record, "sink").axes[0]
+    sink, record, path = example("XY portrait")
+    axes = sink.figure(record, path).axes[0]
     paths = axes.lines[::2]
     assert len(paths) == 6
-    np.testing.assert_array_equal(paths[4].get_ydata(), record["sink.y"][1, :, 1])
+    np.testing.assert_array_equal(paths[4].get_ydata(), record["XY portrait.y"][1, :, 1])
     assert axes.get_xlim() == (-2, 2)
 
 
 def test_raster_has_a_dash_wherever_something_fired():
     sink = of("raster", (4,))
     fired = of("expression", "u > 0.8", shape=(4,))
+    wave = of("sine", frequency=(3.0, 4.0, 5.0, 7.0), phase=(0.1, 0.7, 1.3, 2.9), shape=(4,))
     diagram = Diagram(TICK)
-    for name, block in (("noise", of("uniform noise", 0.0, 1.0, shape=(4,))), ("fired", fired), ("sink", sink)):
+    for name, block in (("noise", wave), ("fired", fired), ("sink", sink)):
         diagram.add(name, block)
     diagram.connect("noise", "fired")
     diagram.connect("fired", "sink")
@@ -110,24 +132,23 @@ def test_raster_has_a_dash_wherever_something_fired():
 
 
 def test_histogram_counts():
-    sink = of("histogram", (2,), 5, (-0.5, 0.5))
-    record = seen(sink, {"u": WAVES["b"]})
-    parts, edges = sink.parts(record, "sink")
-    counts, _ = np.histogram(record["sink.u"], 5, (-0.5, 0.5))
-    np.testing.assert_allclose(parts, counts / record["sink.u"].size)
+    sink, record, path = example("histogram")
+    parts, edges = sink.parts(record, path)
+    counts, _ = np.histogram(record["histogram.u"], 5, (-0.5, 0.5))
+    np.testing.assert_allclose(parts, counts / record["histogram.u"].size)
     np.testing.assert_allclose(edges, np.linspace(-0.5, 0.5, 6))
 
 
 def test_recorder_writes_all_it_saw(tmp_path):
-    sink, record = example("recorder")
-    file = sink.write(record, "sink", tmp_path / "deep" / "signals.parquet", seeds=(4, 9, 2))
+    sink, record, path = example("recorder")
+    file = sink.write(record, path, tmp_path / "deep" / "signals.parquet", seeds=(4, 9, 2))
     table = parquet.read_table(file)
     assert table.column_names == ["seed", "tick", "time", "a[0]", "a[1]", "b[0]", "b[1]"]
     assert table.num_rows == 600
     np.testing.assert_array_equal(table["seed"].to_numpy()[::200], [4, 9, 2])
     np.testing.assert_array_equal(table["tick"].to_numpy()[:200], np.arange(200))
     np.testing.assert_allclose(table["time"].to_numpy()[:200], np.arange(200) * TICK)
-    np.testing.assert_array_equal(table["b[1]"].to_numpy(), record["sink.b"][..., 1].ravel())
+    np.testing.assert_array_equal(table["b[1]"].to_numpy(), record["recorder.b"][..., 1].ravel())
     data = of("data file", str(file), ("a[0]",))  # and may be read again
     assert list(data.outputs) == ["a[0]"]
 
@@ -135,29 +156,33 @@ def test_recorder_writes_all_it_saw(tmp_path):
 def test_recorder_writes_a_stream_piece_by_piece_or_nothing(tmp_path):
     sink = of("recorder", ("u",))
     diagram = Diagram(TICK)
-    for name, block in (("u", of("normal noise")), ("sink", sink)):
+    for name, block in (("u", of("sine")), ("sink", sink)):
         diagram.add(name, block)
     diagram.connect("u", "sink")
-    sink.write(Run(diagram, 2).stream(700), "sink", tmp_path / "signals.parquet")
+
+    def run():
+        return Run(diagram, 2, sweep={"u.amplitude": [1.0, 2.0]})
+
+    sink.write(run().stream(700), "sink", tmp_path / "signals.parquet")
     table = parquet.read_table(tmp_path / "signals.parquet")
     order = np.lexsort((table["tick"].to_numpy(), table["seed"].to_numpy()))
-    np.testing.assert_array_equal(table["u"].to_numpy()[order], Run(diagram, 2).advance(700)["sink.u"].ravel())
+    np.testing.assert_array_equal(table["u"].to_numpy()[order], run().advance(700)["sink.u"].ravel())
 
     def broken():
-        yield Run(diagram).advance(10)
+        yield run().advance(10)
         raise RuntimeError("no more")
 
     with pytest.raises(RuntimeError, match=r"no more"):
         sink.write(broken(), "sink", tmp_path / "broken.parquet")
     assert [path.name for path in tmp_path.iterdir()] == ["signals.parquet"]
     with pytest.raises(ValueError, match=r"file = .*: cannot be written: it is a folder"):
-        sink.write(Run(diagram).advance(10), "sink", tmp_path)
-    with pytest.raises(ValueError, match=r"seeds = .*: must be as many as the record has, 1"):
-        sink.write(Run(diagram).advance(10), "sink", tmp_path / "x.parquet", seeds=(1, 2))
+        sink.write(run().advance(10), "sink", tmp_path)
+    with pytest.raises(ValueError, match=r"seeds = .*: must be as many as the record has, 2"):
+        sink.write(run().advance(10), "sink", tmp_path / "x.parquet", seeds=(1, 2, 3))
 
 
 def test_policy_map_shows_the_units_that_are_there():
-    sink, record = example("policy map")
+    sink, record, _ = example("policy map")
     outlines = sink.figure(record, "sink").axes[0].collections[1]
     middles = [path.vertices[:-1].mean(0) for path in outlines.get_paths()]
     np.testing.assert_allclose(middles, [(0, 0), (1, 0.5), (-1, 0.5)], atol=0.03)

@@ -21,7 +21,7 @@ def chromium():
 @pytest.fixture
 def opened(chromium, tmp_path):
     """A page on a diagram: `opened(diagram)`."""
-    from editor_page import Editor, served
+    from editor_page import WAIT, Editor, served
 
     with contextlib.ExitStack() as stack:
         used = []
@@ -30,6 +30,7 @@ def opened(chromium, tmp_path):
             server = stack.enter_context(served(tmp_path, diagram))
             context = chromium.new_context(viewport={"width": 1360, "height": 860})
             stack.callback(context.close)
+            context.set_default_timeout(WAIT)
             page = context.new_page()
             before(page)
             editor = Editor(page, server).open(server.url)

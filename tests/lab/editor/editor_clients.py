@@ -4,7 +4,7 @@ import json
 import queue
 import time
 
-TIMEOUT = 120  # seconds; a machine may be busy
+TIMEOUT = 600  # seconds; a machine may be busy
 
 
 class Client:

@@ -15,10 +15,11 @@ from motorgrad.lab.editor import Server, Session
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
 
 STATIC = Path(__file__).parents[3] / "src" / "motorgrad" / "lab" / "editor" / "static" / "index.html"
-WAIT = 60_000  # milliseconds: the first tick is compiled meanwhile
+WAIT = 600_000  # milliseconds: the first tick is compiled meanwhile, and the machine may be busy
 AXE = STATIC.parents[1] / "frontend" / "node_modules" / "axe-core" / "axe.min.js"
 SIZES = {1440: 900, 390: 844}
 """Widths and heights, in pixels, in which every journey is looked at: a desk's and a telephone's."""
+sync_api.expect.set_options(timeout=WAIT)
 PICTURES = os.environ.get("TIMLAB_PICTURES")
 """A folder for pictures of what is looked at (`python -m tools.lab_screenshots --journeys`)."""
 

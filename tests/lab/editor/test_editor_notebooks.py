@@ -20,7 +20,7 @@ diagram.add("scope", lab.Scope())
 diagram.connect("sine", "scope")
 editor = lab.edit(diagram)
 editor"""
-START = 60_000  # milliseconds: a kernel starts and imports JAX
+START = 600_000  # milliseconds: a kernel starts and imports JAX
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("chromium")]
 
@@ -39,14 +39,14 @@ def started(command, folder):
         stderr=subprocess.STDOUT,
     )
     try:
-        for _ in range(300):
+        for _ in range(3000):
             with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
                 break
             time.sleep(0.2)
         yield f"http://127.0.0.1:{port}"
     finally:
         process.terminate()
-        process.wait(20)
+        process.wait(600)
 
 
 def driven(url, begin):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import defaultdict
 from typing import Annotated, ClassVar
 
 import jax
@@ -71,6 +72,7 @@ def _rows(event):
     return event["signals"].get("scope.u", {"rows": []})["rows"]
 
 
+@pytest.mark.slow
 def test_a_state_that_nobody_records_is_named_too(open_client):
     client = open_client(chain(lab.Constant(3e38), lab.Gain(3e38), lab.Integrator()))
     client.do("tick", n=3)
@@ -81,6 +83,7 @@ def test_a_state_that_nobody_records_is_named_too(open_client):
     assert fault["message"] == "its state is NaN or infinite at tick 3 (0.03 s)"
 
 
+@pytest.mark.slow
 def test_where_it_began_is_found_among_many_ticks_seeds_and_changes(open_client):
     diagram = chain(lab.UniformNoise(low=0.0), lab.Gain(1.0), lab.Function("log"), lab.Integrator(), lab.Scope())
     client = open_client(diagram)
@@ -157,7 +160,9 @@ def test_a_raster_does_not_draw_nan_as_an_event():
     np.testing.assert_allclose(events.get_positions(), [0.2])
 
 
-RELEASED, NUMBERS = threading.Event(), itertools.count()
+RELEASED: dict[int, threading.Event] = defaultdict(threading.Event)  # by the number of a block, until it is compiled
+ENDED: set[int] = set()  # numbers of blocks whose compilation waits no more
+NUMBERS = itertools.count()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -174,7 +179,8 @@ class Slow(lab.Block):
 
     def init(self, uniforms):
         if isinstance(uniforms, jax.core.Tracer) and threading.current_thread().name == "motorgrad-lab-compiler":
-            RELEASED.wait(60)
+            RELEASED[self.number].wait(600)
+            ENDED.add(self.number)
         return jnp.zeros(())
 
     def output(self, state, inputs, now):
@@ -182,10 +188,16 @@ class Slow(lab.Block):
 
 
 @pytest.fixture
-def slow(open_client):
-    RELEASED.clear()
-    yield open_client(chain(Slow(), lab.Scope()))
-    RELEASED.set()
+def block():
+    """A block whose compilation waits until the test releases it, or ends."""
+    block = Slow()
+    yield block
+    RELEASED[block.number].set()
+
+
+@pytest.fixture
+def slow(open_client, block):
+    return open_client(chain(block, lab.Scope()))
 
 
 def start(client, op="play", **fields):
@@ -195,15 +207,14 @@ def start(client, op="play", **fields):
     return client.sequence
 
 
-def test_a_compilation_can_be_stopped_and_the_session_goes_on(slow):
+def test_a_compilation_can_be_stopped_and_the_session_goes_on(slow, block):
     sequence = start(slow)
     slow.do("add", at=[], type="gain")  # the session answers meanwhile
-    began = time.monotonic()
     slow.do("pause")
-    assert time.monotonic() - began < 5
+    assert block.number not in ENDED
     refused = next(event for event in slow.seen if event["event"] == "refused")
     assert refused["sequence"] == sequence
-    assert refused["message"].startswith("compilation stopped after 0 s")
+    assert re.match(r"compilation stopped after \d+ s", refused["message"])
     assert slow.run()["state"] == "empty"
     slow.do("open", text=lab.dumps(chain(lab.Sine(), lab.Scope())))
     slow.do("tick", n=3)  # another diagram runs while the compiler still works on the first
@@ -217,29 +228,27 @@ def test_opening_another_diagram_does_not_wait_for_the_compiler(slow):
     slow.until(lambda event: event["event"] == "run" and event["state"] == "empty")
 
 
-def test_what_was_running_is_there_after_a_stop(open_client):
+def test_what_was_running_is_there_after_a_stop(open_client, block):
     client = open_client(chain(lab.Sine(), lab.Scope()))
     client.do("tick", n=7)
     before = client.log()
-    RELEASED.clear()
     client.do("add", at=[], type="gain")
-    client.session._runner._tree.diagram = chain(Slow(), lab.Scope())
+    client.session._runner._tree.diagram = chain(block, lab.Scope())
     client.session._runner._tree.stale = True
     start(client)
     client.do("pause")
     assert (client.run()["tick"], client.log()) == (7, before)
-    RELEASED.set()
 
 
-def test_stopped_compilations_do_not_pile_up(slow):
+def test_stopped_compilations_do_not_pile_up(slow, block):
     for _ in range(2):
         start(slow)
         slow.do("pause")
     refused = slow.ask("play")
     assert refused["event"] == "refused"
     assert refused["message"].startswith("compilations that were stopped and still go on = 2: must be at most 1")
-    RELEASED.set()
-    end = time.monotonic() + 60
+    RELEASED[block.number].set()
+    end = time.monotonic() + 600
     while slow.ask("play")["event"] == "refused" and time.monotonic() < end:
         time.sleep(0.05)
     slow.do("pause")
@@ -255,25 +264,23 @@ def test_a_long_compilation_is_said(slow, monkeypatch):
     slow.do("pause")
 
 
-def test_closing_a_session_does_not_wait_for_the_compiler(tmp_path):
-    RELEASED.clear()
-    session = Session(chain(Slow(), lab.Scope()), folder=tmp_path, states=tmp_path / "states")
+def test_closing_a_session_does_not_wait_for_the_compiler(tmp_path, block):
+    session = Session(chain(block, lab.Scope()), folder=tmp_path, states=tmp_path / "states")
     start(Client(session))
-    began = time.monotonic()
     session.close()
-    assert time.monotonic() - began < 5
-    RELEASED.set()
+    assert block.number not in ENDED
 
 
 STOPPED = """
 import sys, threading
 sys.path[:0] = {path!r}
 from test_lab_editor_faults import RELEASED, Client, Session, Slow, chain, lab, start
-client = Client(Session(chain(Slow(), lab.Scope())))
+block = Slow()
+client = Client(Session(chain(block, lab.Scope())))
 start(client)
 client.do("pause")
 print("stopped", flush=True)
-threading.Thread(target=lambda: sys.stdin.readline() and RELEASED.set(), daemon=True).start()
+threading.Thread(target=lambda: sys.stdin.readline() and RELEASED[block.number].set(), daemon=True).start()
 client.session.close()
 sys.exit(7)
 """
@@ -302,5 +309,5 @@ def test_a_process_waits_for_the_compiler_at_its_end_unless_interrupted(interrup
     else:
         process.stdin.write("release\n")
         process.stdin.flush()
-    assert process.wait(60) == (130 if interrupted else 7)
+    assert process.wait(600) == (130 if interrupted else 7)
     process.communicate()

@@ -19,7 +19,7 @@ from motorgrad.cli import main
 from motorgrad.lab.editor import Server, Session
 from motorgrad.lab.editor._server import _Outbox
 
-TIMEOUT = 60
+TIMEOUT = 600
 
 
 @pytest.fixture
@@ -239,6 +239,7 @@ def test_a_port_that_is_taken_is_refused_by_number(server):
         Server(server.session, -1)
 
 
+@pytest.mark.slow
 def test_the_command_serves_until_it_is_stopped(tmp_path, process_environment):
     command = [sys.executable, "-m", "motorgrad", "lab", "new.json", "--no-browser"]
     process = subprocess.Popen(
@@ -295,6 +296,7 @@ def test_the_widget_carries_the_same_messages(tmp_path, monkeypatch):
     widget.close()
 
 
+@pytest.mark.slow
 def test_the_lab_alone_loads_nothing_of_the_web(process_environment):
     code = "import motorgrad.lab, sys; print([n for n in ('starlette', 'uvicorn', 'anywidget') if n in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=process_environment)

@@ -167,7 +167,7 @@ time.sleep(600)
 """
 
 
-@pytest.mark.representatives("True")
+@pytest.mark.slow
 @pytest.mark.parametrize("named", [True, False])
 def test_unsaved_work_survives_a_killed_process(start, tmp_path, process_environment, named):
     file = tmp_path / "work.json" if named else None

@@ -66,6 +66,7 @@ def learned():
     return policy, run.advance(50)["world.observation"][0]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_learned_controller_acts_elsewhere_as_here(version, learned, tmp_path):
     policy, observations = learned

@@ -21,12 +21,12 @@ GAINS = {
     "leg-controller": (6_000, 0.1),
 }
 """For how many ticks, and by how much the reward is to rise from the first eighth of them to the last."""
-QUICK = ("motoneuron-pool", "leg-controller")
+SHARE = ("motoneuron-pool", "leg-controller")  # the others take minutes
 
 
-@pytest.mark.ci
-@pytest.mark.representatives("motoneuron-pool", "leg-controller")
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in GAINS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.ci if n in SHARE else pytest.mark.slow) for n in GAINS]
+)
 def test_it_learns(name):
     ticks, rise = GAINS[name]
     made = example(name)
@@ -53,6 +53,7 @@ def test_an_unknown_one_is_refused_with_the_nearest():
         example("hoper")
 
 
+@pytest.mark.ci
 def test_without_anti_windup_the_process_overshoots():
     seen = lab.Run(example("pid")).advance(4000)
     assert seen["response.tracked"].max() < 1.02
@@ -76,6 +77,7 @@ def test_the_lorenz_system_follows_its_equations_and_forgets_its_start():
     assert apart[1500:].max() > 10
 
 
+@pytest.mark.ci
 def test_the_ball_bounces_at_last_as_high_as_its_plate_throws_it():
     height = lab.Run(example("ball")).advance(1500)["flight.height"][0]
     assert height.min() > -1e-4  # hits are located between ticks

@@ -56,7 +56,9 @@ def test_a_hyperplane_policy_on_the_hopper_is_the_librarys():
     np.testing.assert_allclose(ours, flat(theirs.policies()), rtol=0, atol=2e-5)
 
 
-@pytest.mark.parametrize("fit", ["td", pytest.param("least-squares", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "fit", [pytest.param("td", marks=pytest.mark.ci), pytest.param("least-squares", marks=pytest.mark.slow)]
+)
 def test_a_critic_is_the_librarys(fit):
     task = mg.make("chain", time_limit=9)
     rate = {"td": {"learning_rate": 0.01}, "least-squares": {"rate": 0.01}}[fit]
@@ -178,7 +180,7 @@ LEARNERS = {
 
 
 @pytest.mark.parametrize(
-    "name", ["olgarb", *(pytest.param(n, marks=pytest.mark.slow) for n in LEARNERS if n != "olgarb")]
+    "name", [pytest.param(n, marks=pytest.mark.ci if n == "olgarb" else pytest.mark.slow) for n in LEARNERS]
 )
 def test_a_whole_learner_in_one_block_is_the_librarys(name):
     task = mg.make("three-state")
@@ -205,6 +207,7 @@ def test_the_interpreter_learns_the_same():
     assert np.abs(fast).max() > 1e-3
 
 
+@pytest.mark.ci
 def test_a_block_beside_changes_no_number():
     made = diagram_of(lab.Softmax(2, 2), lab.World("three-state"), 0.8, learning_rate=0.05)
     alone = learned(made, 50)

@@ -44,6 +44,7 @@ def test_a_network_acts_and_shows_its_hidden_units_as_the_policy(further):
     assert np.any(one != other)  # each seed has its own
 
 
+@pytest.mark.ci
 def test_a_network_with_a_memory_standardises_what_it_observes():
     made = lab.Diagram(tick=1.0)
     made.add("seen", lab.Constant((0.3, -0.8), (2,)))

@@ -30,17 +30,16 @@ gymnasium.register("LabUnsaved-v0", entry_point=Unsaved)
 def test_it_is_the_environment():
     diagram = lab.Diagram(tick=0.02)
     diagram.add("world", lab.Environment("CartPole-v1", "scaling = 'none'"))
-    diagram.add("policy", lab.Softmax(2, 5))
-    diagram.connect("world.observation", "policy.observation")
-    diagram.connect("policy.action", "world.action")
-    watch = ["world.observation", "world.next_observation", "world.reward", "world.ended", "policy.action"]
-    record = lab.Run(diagram, [8, 9], watch=watch).advance(60)
+    diagram.add("push", lab.Inlet(0, kind="int"))
+    diagram.connect("push", "world.action")
+    watch = ["world.observation", "world.next_observation", "world.reward", "world.ended", "push.y"]
+    record = lab.Run(diagram, [8, 9], watch=watch, sweep={"push.value": [0, 1]}).advance(60)
     for row, seed in enumerate((8, 9)):
         environment = gymnasium.make("CartPole-v1")
         seen, _ = environment.reset(seed=seed)
         for tick in range(59):
             np.testing.assert_allclose(record["world.observation"][row, tick, :4], seen, rtol=1e-6)
-            action = int(record["policy.action"][row, tick])
+            action = int(record["push.y"][row, tick])
             seen, reward, terminated, _, _ = environment.step(action)
             np.testing.assert_allclose(record["world.next_observation"][row, tick + 1, :4], seen, rtol=1e-6)
             assert record["world.reward"][row, tick + 1] == reward
@@ -53,9 +52,8 @@ def test_it_is_the_environment():
 def test_one_that_cannot_be_saved_says_so_before_it_runs():
     diagram = lab.Diagram()
     diagram.add("world", lab.Environment("LabUnsaved-v0"))
-    diagram.add("policy", lab.Softmax(2, 2))
-    diagram.connect("world.observation", "policy.observation")
-    diagram.connect("policy.action", "world.action")
+    diagram.add("push", lab.Inlet(0, kind="int"))
+    diagram.connect("push", "world.action")
     run = lab.Run(diagram, 2)
     assert "cannot be serialised" in run.no_restore["world"]
     with pytest.raises(ValueError, match="world: cannot be saved: LabUnsaved-v0"):

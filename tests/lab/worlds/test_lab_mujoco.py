@@ -112,8 +112,10 @@ def test_it_is_put_back_where_it_breaks_and_where_it_is_asked():
 
 
 KINDS = [("compliant", "de-groote"), ("rigid", "de-groote"), ("compliant", "millard")]
+QUICK = pytest.mark.representatives("compliant-de-groote", "rigid-de-groote")  # the bodies' own tests have all curves
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("tendon", "curves"), KINDS)
 def test_hill_muscles_move_as_in_the_library(tendon, curves):
     text = bodies.to_mjcf(bodies.Mjcf("arm6"))
@@ -140,6 +142,8 @@ def test_the_muscle_law_is_the_bodies():
     np.testing.assert_allclose(tension, bodies.tension(activation, length, velocity, 900.0, 0.21, 0.4, 8.0), rtol=1e-5)
 
 
+@pytest.mark.ci
+@QUICK
 @pytest.mark.parametrize(("tendon", "curves"), KINDS)
 def test_the_hill_muscle_is_the_bodies(tendon, curves):
     lengths = (0.29, 0.3, 0.31)

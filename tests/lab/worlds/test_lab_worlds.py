@@ -34,9 +34,9 @@ def acting(world, task):
     return made
 
 
-def watched(diagram, ticks, seeds=SEEDS):
+def watched(diagram, ticks, action="policy.action"):
     ports = [f"world.{name}" for name in diagram.nodes["world"].block.outputs]
-    record = lab.Run(diagram, seeds, watch=[*ports, "policy.action"]).advance(ticks)
+    record = lab.Run(diagram, SEEDS, watch=[*ports, action]).advance(ticks)
     return {address.removeprefix("world."): signal for address, signal in record.signals.items()}
 
 
@@ -47,23 +47,24 @@ def by_hand(task, seed, actions):
     again = [world.reset_uniforms, task.init_uniforms, task.uniforms]
     sizes += again if task.has_episodes else []
     step, pay, look_at = jax.jit(world.step), jax.jit(task.reward), jax.jit(task.observe)
-    reset, memory, look = jnp.split(draw_start(seed, name, sum(again)), np.cumsum(again)[:-1])
-    state = world.reset(reset)
-    memory, observation = task.observe(task.init(memory), state, look)
+    begin, init, renew = jax.jit(world.reset), jax.jit(task.init), jax.jit(task.renew)
+    reset, memory, look = np.split(np.asarray(draw_start(seed, name, sum(again))), np.cumsum(again)[:-1])
+    state = begin(reset)
+    memory, observation = look_at(init(memory), state, look)
     drawn = np.asarray(draw_span(seed, name, 0, sum(sizes)))
     assert len(actions) <= SPAN
     shown, elapsed = [(observation, 0.0, False, observation)], 0
     for tick, action in enumerate(actions[:-1]):
         chance, observe, *rest = np.split(drawn[tick], np.cumsum(sizes)[:-1])
-        state = step(state, jnp.asarray(action), chance)
-        memory, reward, terminated = pay(memory, state, jnp.asarray(action))
+        state = step(state, action, chance)
+        memory, reward, terminated = pay(memory, state, action)
         memory, reached = look_at(memory, state, observe)
         elapsed += 1
         ended = bool(terminated) or (task.episode_limit is not None and elapsed >= task.episode_limit)
         observation = reached
         if ended:
-            state, elapsed = world.reset(rest[0]), 0
-            memory, observation = task.observe(task.renew(memory, rest[1]), state, rest[2])
+            state, elapsed = begin(rest[0]), 0
+            memory, observation = look_at(renew(memory, rest[1]), state, rest[2])
         shown.append((observation, reward, ended, reached))
     return [np.asarray(part) for part in zip(*shown, strict=True)]
 
@@ -91,15 +92,19 @@ def test_a_world_shows_what_the_task_says(name):
 def test_a_body_shows_what_the_task_says_and_begins_anew_after_its_time():
     settings = {"time_limit": 0.2}
     task = mg.make("hopper", **settings)
-    seen = watched(acting(lab.Body("hopper", settings), task), 45)
+    made = lab.Diagram(tick=task.period)
+    made.add("world", lab.Body("hopper", settings))
+    made.add("policy", lab.Pulse(frequency=(11.0, 7.0), shape=(2,)))
+    made.connect("policy", "world.action")
+    seen = watched(made, 45, "policy.y")
     batch = task.batch(SEEDS)
     memory = jax.vmap(lambda seed: task.init(jnp.zeros(0)))(jnp.arange(2))
     rewards, observations = [np.zeros(2)], []
     look, pay = jax.jit(jax.vmap(lambda m, s: task.observe(m, s, jnp.zeros(0))[1])), jax.jit(jax.vmap(task.reward))
     for tick in range(44):
         observations.append(look(memory, batch.unpack(batch.packed.copy())))
-        batch.step(seen["policy.action"][:, tick])
-        memory, reward, _ = pay(memory, batch.unpack(batch.packed.copy()), seen["policy.action"][:, tick])
+        batch.step(seen["policy.y"][:, tick])
+        memory, reward, _ = pay(memory, batch.unpack(batch.packed.copy()), seen["policy.y"][:, tick])
         rewards.append(reward)
         if tick % 20 == 19:
             batch.reset()
@@ -115,8 +120,8 @@ def test_a_body_goes_back_to_where_it_was_saved(made):
     diagram = lab.Diagram(tick=0.01)
     diagram.add("body", made)
     name, port = next(iter(made.inputs.items()))
-    diagram.add("noise", lab.BLOCKS["uniform noise"](shape=port.shape))
-    diagram.connect("noise", f"body.{name}")
+    diagram.add("wave", lab.Sine(frequency=7.0, phase=0.5, shape=port.shape))
+    diagram.connect("wave", f"body.{name}")
     watch = [f"body.{name}" for name in made.outputs]
     run = lab.Run(diagram, 3, watch=watch)
     run.advance(30)

@@ -68,7 +68,8 @@ def _linearised(run: Run, inputs: Sequence[str], outputs: Sequence[str], discret
     widths = [np.size(run[address]) for address in inputs]
     step, values, carry = run.functions_at(seed)
     tick, number = jnp.uint32(run.tick), jnp.int32(run.seeds[seed])
-    numbers = {k: drawn[run.tick % SPAN] for k, drawn in step.numbers(number, jnp.uint32(run.tick // SPAN)).items()}
+    span = jax.jit(step.numbers)(number, jnp.uint32(run.tick // SPAN))
+    numbers = {k: drawn[run.tick % SPAN] for k, drawn in span.items()}
     states = _States(step, carry, discrete)
     places = [_parameter(step, address) for address in inputs]
     sources = [_output(step, address) for address in outputs]
@@ -90,9 +91,12 @@ def _linearised(run: Run, inputs: Sequence[str], outputs: Sequence[str], discret
             [environment[batch][port][row] * 1.0 for batch, row, port, _ in sources]
         )[0]
 
+    @jax.jit  # one program: each operation by itself would be compiled
+    def slopes(x: Array, u: Array) -> tuple[Any, Any, Array]:
+        return jax.jacfwd(system, 0)(x, u), jax.jacfwd(system, 1)(x, u), system(x, u)[1]
+
     x = states.packed(carry.states)
-    (a, c), (b, d) = jax.jacfwd(system, 0)(x, u), jax.jacfwd(system, 1)(x, u)
-    y = system(x, u)[1]
+    (a, c), (b, d), y = slopes(x, u)
     a, b, c, d, x, u, y = map(np.asarray, (a, b, c, d, x, u, y))
     names = states.names, _entry_names(inputs, widths), _entry_names(outputs, [size for *_, size in sources])
     return Linear(a, b, c, d, *names, x, u, y, run.plan.tick if discrete else 0.0)

@@ -131,7 +131,8 @@ def _reads_parameters(structure: _Structure) -> bool:
         state, policy = optimizer.init(Vector(jnp.zeros(1))), Vector(parameters)  # type: ignore[arg-type]
         return optimizer.update(Vector(gradient), state, policy, jnp.zeros((), jnp.int32), True)  # type: ignore[arg-type]
 
-    traced = jax.make_jaxpr(step)(jnp.zeros(1), jnp.zeros(1)).jaxpr
+    one = jax.ShapeDtypeStruct((1,), jnp.result_type(float))
+    traced = jax.make_jaxpr(step)(one, one).jaxpr
     parameters = traced.invars[0]
     read = [variable for equation in traced.eqns for variable in equation.invars]
     return any(variable is parameters for variable in [*read, *traced.outvars])

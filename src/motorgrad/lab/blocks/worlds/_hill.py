@@ -5,6 +5,7 @@ import math
 from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
@@ -45,7 +46,7 @@ class HillMuscle(Block):
         for name in (*_NUMBERS, *times):
             self.check_broadcasts(name, self.shape)
         angle = self.pennation_angle
-        check(jnp.all(jnp.less(jnp.asarray(angle), math.pi / 2)), "pennation_angle", angle, "less than π/2 (rad)")
+        check(np.all(np.less(np.asarray(angle), math.pi / 2)), "pennation_angle", angle, "less than π/2 (rad)")
 
     @property
     def inputs(self) -> Ports:
