@@ -25,7 +25,7 @@ def _one_thread_of_torch():
 
 
 IDS = sorted(_gymnasium_ids.TASK_OF)
-FEW = [f"motorgrad/{name}-v0" for name in ("Chain", "Hexapod", "Hopper", "LinearRecruitment", "Particle")]
+FEW = [f"motorgrad/{name}-v0" for name in ("Chain", "Hopper", "LinearRecruitment")]
 
 
 @pytest.mark.ci

@@ -18,7 +18,7 @@ HEAVY = "; print([name for name in ('jax', 'mujoco', 'matplotlib') if name in sy
 
 def run(code, environment):
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, env=environment, timeout=120
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, env=environment, timeout=600
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
@@ -58,8 +58,9 @@ def test_looking_for_gymnasium_without_loading_it_loses_no_ids(process_environme
     assert run(code + KNOWN + HEAVY, process_environment) == "[]"
 
 
+@pytest.mark.ci
 def test_gymnasium_imports_us_where_the_id_says_so(process_environment):
-    code = "import gymnasium; print(gymnasium.make('motorgrad:motorgrad/Chain-v0').reset(seed=0)[0].shape)"
+    code = "import gymnasium; print(gymnasium.make('motorgrad:motorgrad/Chain-v0').observation_space.shape)"
     assert run(code, process_environment) == "(6,)"
 
 

@@ -87,6 +87,7 @@ def test_every_row_has_its_picture():
     vector.close()
 
 
+@pytest.mark.ci
 def test_the_muscles_that_a_unit_drives_are_seen_to_fire():
     for task in (Hopper(units=5), HexapodSynergy()):
         environment = TaskEnv(task, render_mode="rgb_array", **SMALL)
@@ -138,7 +139,7 @@ def test_no_screen_is_an_error_with_a_reason(monkeypatch, reason):
 def test_a_toolkit_without_its_screen_is_an_error_with_a_reason(process_environment):
     code = "from motorgrad.environments import TaskEnv\nTaskEnv('hopper', render_mode='human')"
     environment = {**process_environment, "MPLBACKEND": "tkagg"} | {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=600)
     assert done.returncode == 1
     assert "RuntimeError: render_mode = 'human': no window can be opened" in done.stderr.splitlines()[-1]
 
@@ -148,7 +149,7 @@ def test_the_window_shows_the_pictures_at_the_pace_of_the_clock(process_environm
     """In a browser's window, the one of matplotlib that needs no display."""
     pytest.importorskip("tornado", reason="matplotlib's window in a browser needs tornado")
     environment = {**process_environment, "MPLBACKEND": "webagg"}
-    done = subprocess.run([sys.executable, "-c", WINDOW], capture_output=True, text=True, env=environment, timeout=300)
+    done = subprocess.run([sys.executable, "-c", WINDOW], capture_output=True, text=True, env=environment, timeout=600)
     assert done.returncode == 0, done.stderr
 
 

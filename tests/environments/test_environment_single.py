@@ -1,6 +1,7 @@
 """One environment: what it says, what it refuses, when it ends."""
 
 import threading
+import time
 
 import gymnasium
 import numpy as np
@@ -27,6 +28,11 @@ def story(environment, seeds, decisions=DECISIONS):
     return told
 
 
+FEW = [f"motorgrad/{name}-v0" for name in ("CallAdmission", "Composed", "Hopper", "LinearRecruitment", "Particle")]
+
+
+@pytest.mark.ci
+@pytest.mark.representatives(*FEW)
 @pytest.mark.parametrize("name", IDS)
 def test_a_seed_says_everything(name):
     one, other = gymnasium.make(name), gymnasium.make(name)
@@ -72,7 +78,8 @@ def test_an_apex_is_told_when_it_occurs_and_paid():
     assert all(reward == 0 for _, reward, _, _, info in told if "apex" not in info)
 
 
-@pytest.mark.representatives("limits0-1000", "limits3-30", "limits6-1050")
+@pytest.mark.ci
+@pytest.mark.representatives("limits1-50", "limits3-30", "limits6-1050")
 @pytest.mark.parametrize(
     ("limits", "length"),
     [
@@ -216,9 +223,14 @@ def test_closing_lets_the_threads_go():
     vector = live()
     assert threads() >= before + 4
     vector.close()
-    assert threads() == before
+    deadline = time.monotonic() + 300
+    while threads() > before and time.monotonic() < deadline:  # the system may take a while to forget one that ended
+        time.sleep(0.01)
+    assert threads() <= before
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("motorgrad/Chain-v0", "motorgrad/Hopper-v0")
 @pytest.mark.parametrize("name", IDS)
 def test_the_specification_makes_another_one(name):
     environment = gymnasium.make(name, time_limit=7 if "Hopper" not in name else 0.07)

@@ -4,8 +4,9 @@ An example is a function of a NumPy generator, so that a test can draw as many p
 kind of policy in `motorgrad.policies.INITIAL` gets an example by itself; list others only where they add something.
 """
 
+import contextlib
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
@@ -68,11 +69,18 @@ def _boxes(rng: Rng, units: int = 3, inputs: int = 2) -> SoftBoxes:
     return SoftBoxes(rng.normal(size=shape), rng.normal(size=shape, scale=0.5), rng.normal(1, size=units))
 
 
+@functools.cache
+def _layers(inputs: int, outputs: int) -> Any:
+    build = MultilayerPerceptron(hidden=(4, outputs)).build
+    layers = eqx.filter_eval_shape(build, inputs, jax.random.key(0))
+    return eqx.partition(layers, lambda leaf: isinstance(leaf, jax.ShapeDtypeStruct))
+
+
 def _network(rng: Rng, pool: Policy, inputs: int = 2) -> Network:
-    layers = MultilayerPerceptron(hidden=(4, pool.inputs)).build(inputs, jax.random.key(0))
-    # JAX's random numbers are others in double precision
-    drawn = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), eqx.filter(layers, eqx.is_array))
-    return Network(pool, eqx.combine(drawn, layers), inputs)
+    # of the layers the shapes alone are of use: JAX's random numbers are others in double precision
+    shapes, rest = _layers(inputs, pool.inputs)
+    drawn = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), shapes)
+    return Network(pool, eqx.combine(drawn, rest), inputs)
 
 
 def _mirrored_pool(rng: Rng) -> Featured:
@@ -129,10 +137,9 @@ EXAMPLES: dict[str, Callable[[Rng], Policy]] = {
     "admission-thresholds": lambda rng: AdmissionThresholds(rng.normal(size=3), rng.uniform(0.5, 2)),
 }
 
-REPRESENTATIVES = (
-    *("local-gaussians-p-max", "factored-nested", "mirrored-local", "gated", "network", "softmax-5", "layered"),
-)
-"""The examples that `make test` runs: an array as a setting, and each way of putting policies together."""
+REPRESENTATIVES = (*("local-gaussians-p-max", "factored-nested", "gated", "network", "softmax-5", "layered"),)
+"""The examples that `make test` runs: an array as a setting, and each way of putting policies together but the mirror,
+which has tests of its own."""
 
 
 def policy_of(name: str, seed: int = 0) -> Policy:
@@ -140,17 +147,18 @@ def policy_of(name: str, seed: int = 0) -> Policy:
     return EXAMPLES[name](np.random.default_rng(seed))
 
 
-def hides(name: str) -> bool:
-    """Whether the task gets only a part of what the example draws."""
-    return policy_of(name).hides
-
-
 def observation_of(policy: Policy, seed: int = 0, scale: float = 1.0) -> jax.Array:
     """A random observation for `policy`."""
     return jnp.asarray(np.random.default_rng([seed, 1]).normal(size=policy.inputs, scale=scale))
 
 
-@eqx.filter_jit
+compiled = functools.partial(eqx.filter_jit, compiler_options={"xla_backend_optimization_level": 0})
+"""Compile a function once for all policies of one structure, for tests that compare formulas: these programs run a few
+times, and the compiler takes half the time if it need not make them fast. What is told of machine arithmetic, in
+single precision, is compiled as users compile it."""
+
+
+@compiled
 def call(policy: Policy, method: str, *arguments: Any) -> Any:
     """`policy.method(*arguments)`, compiled once for all policies of one shape."""
     return getattr(policy, method)(*arguments)
@@ -181,59 +189,166 @@ class Compiled:
         return np.asarray(_scores(self._policy, observation, actions))
 
 
+def scores_of_draws(policy: Policy, observation: Any, uniforms: Any) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Actions that are drawn, and the score of each: analytic, and by automatic differentiation."""
+    actions = jax.vmap(policy.sample, (None, 0))(observation, uniforms)
+    return actions, _score(policy, observation, actions), _derivative(policy, observation, actions)
+
+
 @eqx.filter_jit
 def samples(policy: Policy, observation: Any, uniforms: Any) -> jax.Array:
     return jax.vmap(policy.sample, (None, 0))(observation, uniforms)
 
 
-@eqx.filter_jit
+@compiled
 def _over(policy: Policy, method: str, observation: Any, actions: Any) -> Any:
     return jax.vmap(getattr(policy, method), (None, 0))(observation, actions)
 
 
-@eqx.filter_jit
-def _scores(policy: Policy, observation: Any, actions: Any) -> jax.Array:
+def _score(policy: Policy, observation: Any, actions: Any) -> jax.Array:
     return jax.vmap(lambda action: ravel_pytree(policy.score(observation, action))[0])(actions)
 
 
-@eqx.filter_jit
-def _derivatives(policy: Policy, observation: Any, actions: Any) -> jax.Array:
+def _derivative(policy: Policy, observation: Any, actions: Any) -> jax.Array:
     parameters, rest = split(policy)
     derivative = jax.grad(lambda theta, action: eqx.combine(theta, rest).log_prob(observation, action))
     return jax.vmap(lambda action: ravel_pytree(derivative(parameters, action))[0])(actions)
 
 
-@eqx.filter_jit
+def _answer(policy: Policy, observation: Any, differentiated: bool) -> dict[str, Any]:
+    """What is asked about every action: its log-probability and its score; and what sums of these must be."""
+    parameters, rest = split(policy)
+    actions = policy.enumerate()
+
+    def log_prob(theta: Policy, action: jax.Array) -> jax.Array:
+        return eqx.combine(theta, rest).log_prob(observation, action)
+
+    def over(method: Callable[..., Any]) -> jax.Array:
+        return jax.vmap(lambda action: ravel_pytree(method(action))[0])(actions)
+
+    answer = {
+        "action": actions,
+        "emitted": jax.vmap(policy.emit)(actions),
+        "log_prob": over(lambda action: policy.log_prob(observation, action))[:, 0],
+        "score": over(lambda action: policy.score(observation, action)),
+        "prob": policy.prob(observation),
+        "entropy": policy.entropy(observation),
+        "log_prob at the mode": policy.log_prob(observation, policy.mode(observation)),
+    }
+    if differentiated:
+        answer["derivative"] = over(lambda action: jax.grad(log_prob)(parameters, action))
+    return answer
+
+
+_answer_once, _answer_fast = compiled(_answer), eqx.filter_jit(_answer)
+
+
+@compiled
+def _answer_each(policies: Policy, observations: Any) -> dict[str, Any]:
+    return jax.vmap(lambda policy, observation: _answer(policy, observation, True))(policies, observations)
+
+
+CASES = 40
+
+
+def observation_in(case: int, policy: Policy) -> jax.Array:
+    """The observation of a case: from small to large."""
+    return observation_of(policy, 1000 + case, 10.0 ** np.linspace(-2, 1, CASES)[case])
+
+
+@functools.cache
+def answers(name: str) -> list[dict[str, np.ndarray]]:
+    """What the example called `name` answers in double precision in each case: with the parameters of that seed."""
+    with jax.enable_x64(True):
+        policies = [policy_of(name, seed) for seed in range(CASES)]
+        seen = [observation_in(case, policy) for case, policy in enumerate(policies)]
+        stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *policies)
+        found = jax.tree.map(np.asarray, _answer_each(stacked, np.stack(seen)))
+    return [{question: answer[k] for question, answer in found.items()} for k in range(CASES)]
+
+
+@functools.cache
+def answers_at(place: str, double: bool) -> dict[str, np.ndarray]:
+    """What the policy of `EXTREMES` called `place` answers there, with derivatives in double precision."""
+    with jax.enable_x64(double):
+        policy, observation = EXTREMES[place]()
+        ask = _answer_once if double else _answer_fast
+        return jax.tree.map(np.asarray, ask(policy, jnp.asarray(observation), double))
+
+
+_scores, _derivatives, drawn_scores = compiled(_score), compiled(_derivative), compiled(scores_of_draws)
+
+
+@compiled
 def over_actions(policy: Policy, method: str, observation: Any) -> Any:
     """A method of (observation, action) for every action, along a leading axis."""
     return jax.vmap(lambda action: getattr(policy, method)(observation, action))(policy.enumerate())
 
 
+@functools.cache
+def _start(name: str, precision: Any) -> Policy | Callable[[jax.Array], Policy]:
+    del precision  # in which arrays are made
+    for inputs, units in ((2, 3), (1, 3), (3, 6)):
+        with contextlib.suppress(ValueError):  # some policies need a single input, or several
+            return INITIAL[name](inputs, units)
+    raise ValueError(f"{name}: no size will do")
+
+
 def from_initial(name: str, rng: Rng) -> Policy:
     """The initial policy called `name`, with random numbers added to its parameters."""
-    for inputs, units in ((2, 3), (1, 3), (3, 6)):
-        try:
-            start = INITIAL[name](inputs, units)
-            break
-        except ValueError:  # some policies need a single input, or several
-            continue
-    policy = start if isinstance(start, Policy) else start(jax.random.key(rng.integers(2**31)))
+    return moved(started(_start(name, jnp.result_type(float)), rng.integers(2**31)), rng)
+
+
+def started(start: Policy | Callable[[jax.Array], Policy], seed: int = 0) -> Policy:
+    """An initial policy, compiled as a whole if it is a function of a key."""
+    return start if isinstance(start, Policy) else compiled(start)(jax.random.key(seed))
+
+
+def moved(policy: Policy, rng: Rng, scale: float = 1.0) -> Policy:
+    """A policy with random numbers added to its parameters."""
     learned, rest = split(policy)
-    return eqx.combine(jax.tree.map(lambda x: x + jnp.asarray(rng.normal(size=x.shape), x.dtype), learned), rest)
+
+    def elsewhere(x: jax.Array) -> jax.Array:
+        drawn = np.asarray(rng.normal(size=x.shape), x.dtype)  # NumPy compiles nothing
+        return jnp.asarray(np.asarray(x) + scale * drawn, x.dtype)
+
+    return eqx.combine(jax.tree.map(elsewhere, learned), rest)
 
 
-def unlisted(examples: dict[str, Callable[[Rng], Policy]]) -> dict[str, Callable[[Rng], Policy]]:
-    """Examples of all kinds of policies in `INITIAL` that have none yet and whose actions can be enumerated."""
-    listed = {type(make(np.random.default_rng(0))) for make in examples.values()}
-    found = {}
-    for name in sorted(INITIAL.keys() - {"mirrored"}):  # this one needs a task with a mirror
+def unlisted(names: Iterable[str]) -> dict[str, Callable[[Rng], Policy]]:
+    """Examples of those policies in `INITIAL` whose kind has none above and whose actions can be enumerated."""
+    found, listed = {}, set()
+    for name in sorted(names):
+        listed = listed or {type(make(np.random.default_rng(0))) for make in EXAMPLES.values()}
         policy = from_initial(name, np.random.default_rng(0))
         if type(policy) not in listed and policy.actions in ("binary", "discrete"):
             found[name] = functools.partial(from_initial, name)
     return found
 
 
-EXAMPLES |= unlisted(EXAMPLES)
+def without_task() -> set[str]:
+    """The initial policies that can be made of sizes alone; the other needs a task with a mirror."""
+    return INITIAL.keys() - {"mirrored"}
+
+
+KNOWN = {
+    *("bounded-hyperplanes", "finite-state-controller", "gated", "gaussians", "graded-hyperplanes"),
+    *("graded-motoneurons", "graded-tiles", "growing", "hyperplanes", "layered", "mixed", "mixture", "motoneurons"),
+    *("primitives", "querying-motoneurons", "recurrent", "soft-boxes", "soft-spheres", "softmax", "tiles"),
+}
+"""Initial policies that need no further example, so that an import of this file makes no policy. A test asks whether
+this is so."""
+
+_FOUND = unlisted(without_task() - KNOWN)
+EXAMPLES |= _FOUND
+
+HIDING = {"layered", "layered-skip", "controller", "controller-softmax"}
+HIDING |= {name for name in _FOUND if policy_of(name).hides}
+"""The examples of which the task gets only a part of what they draw. A test asks whether this is so."""
+
+DEPENDENT = {"gated", "gated-nested", "factored-gated"}
+DEPENDENT |= {name for name in _FOUND if not getattr(policy_of(name), "independent", True)}
+"""The examples whose units fire or not by what others do. A test asks whether this is so."""
 
 
 def _motoneurons_at(potential: float) -> tuple[Policy, np.ndarray]:

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
+from policy_examples import Compiled, compiled
 
 import motorgrad as mg
 from motorgrad.policies import (
@@ -30,7 +31,7 @@ def _units(kind: type = GradedHyperplanes, **more: object) -> GradedHyperplanes:
 
 
 def _behind_layers() -> Network:
-    layers = MultilayerPerceptron(hidden=(4, 2)).build(3, jax.random.key(0))
+    layers = compiled(MultilayerPerceptron(hidden=(4, 2)).build)(3, jax.random.key(0))
     return Network(_units(BoundedHyperplanes), layers, 3)
 
 
@@ -50,7 +51,7 @@ def test_while_the_location_stays_the_process_has_its_mean_deviation_and_correla
         action = policy.sample(seen, uniforms)
         return policy.remember(seen, action), action
 
-    uniforms = jax.random.uniform(jax.random.key(1), (40_000, 2))
+    uniforms = np.random.default_rng(1).random((40_000, 2), np.float32)
     x = np.asarray(jax.lax.scan(step, policy.initial_memory(), uniforms)[1])[100:]
     np.testing.assert_allclose(x.mean(axis=0), policy.policy.mean(shown), atol=0.03)
     np.testing.assert_allclose(x.std(axis=0), policy.policy.deviation, rtol=0.05)
@@ -62,13 +63,13 @@ def test_while_the_location_stays_the_process_has_its_mean_deviation_and_correla
 def test_the_density_is_the_normal_one_around_the_mix_of_location_and_last_action():
     units, last, shown = _units(), np.array([0.7, -0.2]), np.array([0.3, 0.1])
     policy = Autoregressive(units, RHO)
-    action = policy.sample(jnp.concatenate([shown, last]), jnp.array([0.2, 0.9]))
-    mean = (1 - RHO) * np.asarray(units.mean(shown)) + RHO * last
+    seen, ask = np.concatenate([shown, last]).astype(np.float32), Compiled(policy)
+    action = ask.sample(seen, np.array([0.2, 0.9], np.float32))
+    mean = (1 - RHO) * Compiled(units).mean(shown) + RHO * last
     normal = scipy.stats.norm(mean, np.sqrt(1 - RHO**2) * np.asarray(units.deviation))
     np.testing.assert_allclose(action, normal.ppf([0.2, 0.9]), rtol=1e-5)
-    seen = jnp.concatenate([shown, last])
-    np.testing.assert_allclose(policy.log_prob(seen, action), normal.logpdf(action).sum(), rtol=1e-5)
-    np.testing.assert_allclose(policy.mode(seen), mean, rtol=1e-5)
+    np.testing.assert_allclose(ask.log_prob(seen, action), normal.logpdf(action).sum(), rtol=1e-5)
+    np.testing.assert_allclose(ask.mode(seen), mean, rtol=1e-5)
 
 
 @pytest.mark.ci
@@ -91,18 +92,26 @@ def test_score_and_fisher_matrix_are_the_derivatives(name):
         jax.tree.map(np.testing.assert_array_equal, policy.from_blocks(blocks), score)
 
 
+@compiled
+def in_the_end(policy, shown):
+    """The most probable action after many, and that of the units alone, which a low-pass filter reaches in the end."""
+
+    def step(memory, _):
+        seen = policy.perceive(memory, shown)
+        action = policy.mode(seen)
+        return policy.remember(seen, action), action
+
+    return jax.lax.scan(step, policy.initial_memory(), length=61)[1][-1], policy.policy.mode(shown)
+
+
 @pytest.mark.parametrize("name", MAKE)
 def test_the_memory_is_the_last_action_before_its_bounds(name):
     policy = Autoregressive(MAKE[name](), RHO)
     size = policy.observation_size
-    seen = policy.perceive(policy.initial_memory(), 0.1 * jnp.ones(size))
+    seen = policy.perceive(policy.initial_memory(), np.full(size, 0.1, np.float32))
     assert seen.shape == (policy.inputs,) == (size + 2,)
-    memory = policy.remember(seen, policy.mode(seen))
-    still = policy.policy.mode(0.1 * jnp.ones(size))  # reached in the end, as a low-pass filter does
-    for _ in range(60):
-        seen = policy.perceive(memory, 0.1 * jnp.ones(size))
-        memory = policy.remember(seen, policy.mode(seen))
-    np.testing.assert_allclose(policy.mode(seen), still, atol=1e-4)
+    reached, still = in_the_end(policy, np.full(size, 0.1, np.float32))
+    np.testing.assert_allclose(reached, still, atol=1e-4)
 
 
 def test_without_a_filter_the_mean_is_that_of_the_units_and_the_noise_lasts():
@@ -114,7 +123,7 @@ def test_without_a_filter_the_mean_is_that_of_the_units_and_the_noise_lasts():
         action = policy.sample(seen, uniforms)
         return policy.remember(seen, action), action - policy.policy.mean(shown)
 
-    shown, uniforms = (jax.random.uniform(jax.random.key(k), (40_000, 2)) for k in (1, 2))
+    shown, uniforms = np.random.default_rng(1).random((2, 40_000, 2), np.float32)
     noise = np.asarray(jax.lax.scan(step, policy.initial_memory(), (shown, uniforms))[1])[100:]
     np.testing.assert_allclose(noise.mean(axis=0), 0, atol=0.03)
     np.testing.assert_allclose(noise.std(axis=0), policy.policy.deviation, rtol=0.05)

@@ -8,9 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from policy_examples import Compiled
+from jax.flatten_util import ravel_pytree
+from policy_examples import Compiled, compiled
 from scipy import special, stats
 
 from motorgrad.policies import (
@@ -27,8 +26,6 @@ from motorgrad.policies import (
 )
 from motorgrad.policies._densities import DENSITIES
 
-seeds = st.integers(0, 2**31)
-few = settings(max_examples=25, deadline=None, derandomize=True)
 LOW, HIGH = np.array([0.0, -1.0, -3.0]), np.array([1.0, 1.0, 5.0])
 SQUASHED_AT = 4.0  # where the normal number is clipped
 
@@ -37,14 +34,6 @@ def pool_of(density, seed, scale=1.0):
     rng = np.random.default_rng(seed)
     levels, noise = rng.normal(size=3, scale=scale), rng.normal(size=3, scale=0.5) - 1
     return BoundedHyperplanes(rng.normal(size=(3, 2), scale=scale), levels, noise, 0.05, LOW, HIGH, density)
-
-
-def drawn(density, seed, count=6, scale=1.0):
-    """A pool, an observation and actions: samples, and both bounds."""
-    policy, rng = pool_of(density, seed, scale), np.random.default_rng([seed, 1])
-    observation = rng.normal(size=2)
-    actions = Compiled(policy).samples(observation, rng.random((count, 3)))
-    return policy, observation, np.concatenate([actions, [LOW, HIGH]])
 
 
 class Reference:
@@ -73,29 +62,41 @@ class Reference:
 SHAPES = [(0.0, 0.3), (0.5, 1.0), (1.5, 0.3), (-1.0, 0.05), (-3.0, 0.3), (2.2, 0.1), (0.2, 20.0)]
 
 
+@compiled
+def log_prob(density, m, s, u):
+    return DENSITIES[density].log_prob(m, s, u)
+
+
+@compiled
+def sample(density, m, s, p):
+    return jax.vmap(DENSITIES[density].sample, (None, None, 0))(m, s, p)
+
+
 @pytest.mark.parametrize("density", DENSITIES)
 def test_the_density_is_that_of_its_name(density):
+    family, u = DENSITIES[density], np.concatenate([np.linspace(-0.999, 0.999, 41), [-1.0, 1.0]])
     with jax.enable_x64(True):
-        for m, s in SHAPES:
-            known, family, u = Reference(density, m, s), DENSITIES[density], np.linspace(-0.999, 0.999, 41)
-            found = family.log_prob(jnp.full(41, m), jnp.full(41, s), jnp.asarray(u))
-            wanted = known.logpdf(u)
-            seen = wanted > -1e4
-            np.testing.assert_allclose(np.asarray(found)[seen], wanted[seen], rtol=1e-8, atol=1e-6)
-            ends = np.exp(family.log_prob(jnp.full(2, m), jnp.full(2, s), jnp.array([-1.0, 1.0])))
-            if family.at_end(jnp.ones(1)) is not False:
-                np.testing.assert_allclose(ends, known.ends, rtol=1e-9, atol=1e-12)
+        found = np.stack([log_prob(density, np.full(43, m), np.full(43, s), u) for m, s in SHAPES])
+        has_ends = family.at_end(jnp.ones(1)) is not False
+    for (m, s), log in zip(SHAPES, found, strict=True):
+        known = Reference(density, m, s)
+        wanted = known.logpdf(u[:-2])
+        seen = wanted > -1e4
+        np.testing.assert_allclose(log[:-2][seen], wanted[seen], rtol=1e-8, atol=1e-6)
+        if has_ends:
+            np.testing.assert_allclose(np.exp(log[-2:]), known.ends, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.representatives(*[f"{density}-False" for density in DENSITIES], "truncated-True")
 @pytest.mark.parametrize("double", [False, True])
 @pytest.mark.parametrize("density", DENSITIES)
 def test_samples_invert_the_distribution_function(density, double):
     with jax.enable_x64(double):
-        m, s = (jnp.array(column) for column in zip(*SHAPES, strict=True))
+        m, s = np.array(SHAPES).T
         p = (np.arange(500) + 0.5) / 500
-        sample = jax.jit(jax.vmap(DENSITIES[density].sample, (None, None, 0)))
-        u = np.asarray(sample(m, s, jnp.broadcast_to(jnp.asarray(p)[:, None], (500, len(SHAPES)))), float)
-        edges = np.asarray(sample(m, s, jnp.array([[0.0], [1 - 2.0**-24]]) * jnp.ones(len(SHAPES))))
+        numbers = np.concatenate([p, [0.0, 1 - 2.0**-24]])[:, None] * np.ones(len(SHAPES))
+        drawn = np.asarray(sample(density, m, s, numbers))
+        u, edges = drawn[:-2].astype(float), drawn[-2:]
     assert np.abs(u).max() <= 1
     assert np.isfinite(edges).all()
     for (location, spread), column in zip(SHAPES, u.T, strict=True):
@@ -110,38 +111,68 @@ def test_samples_invert_the_distribution_function(density, double):
         np.testing.assert_allclose(known.cdf(column[inside]), p[inside], atol=tolerance)
 
 
+@compiled
+def scores_of(policies, observations, uniforms):
+    """The score of actions that are drawn and of both bounds, analytic and automatic, of many pools."""
+
+    def of_one(policy, observation, uniforms):
+        drawn = jax.vmap(policy.sample, (None, 0))(observation, uniforms)
+        actions = jnp.concatenate([drawn, np.stack([LOW, HIGH])])
+        parameters, rest = split(policy)
+
+        def automatic(action):
+            derivative = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(observation, action))
+            return ravel_pytree(derivative(parameters))[0]
+
+        analytic = jax.vmap(lambda action: ravel_pytree(policy.score(observation, action))[0])(actions)
+        return analytic, jax.vmap(automatic)(actions)
+
+    return jax.vmap(of_one)(policies, observations, uniforms)
+
+
 @pytest.mark.parametrize("density", DENSITIES)
-@few
-@given(seed=seeds)
-def test_the_analytic_score_is_the_derivative_of_the_log_density(density, seed):
+def test_the_analytic_score_is_the_derivative_of_the_log_density(density):
+    rng = np.random.default_rng(0)
     with jax.enable_x64(True):
-        policy, observation, actions = drawn(density, seed)
-        ask = Compiled(policy)
-        analytic, automatic = ask.scores(observation, actions), ask.derivatives(observation, actions)
-        assert jax.tree.structure(ask.score(observation, actions[0])) == jax.tree.structure(trainable(policy))
+        policies = [pool_of(density, seed) for seed in range(25)]
+        stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *policies)
+        analytic, automatic = scores_of(stacked, rng.normal(size=(25, 2)), rng.random((25, 6, 3)))
+        score = jax.eval_shape(policies[0].score, jnp.zeros(2), jnp.zeros(3))
+        assert jax.tree.structure(score) == jax.tree.structure(trainable(policies[0]))
     assert np.isfinite(analytic).all()
     np.testing.assert_allclose(analytic, automatic, rtol=1e-8, atol=1e-8)
 
 
-@eqx.filter_jit
+@eqx.filter_jit  # with the compiler's optimisation: here time passes by searching for quantiles
+def quantiles(policy, observation, p):
+    return jax.vmap(lambda p: policy.sample(observation, jnp.full(policy.uniforms, p)))(p)
+
+
+@compiled
 def over_the_distribution(policy, observation, actions):
-    """Blocks of scores, entropies and log-probabilities of many actions."""
-    score = jax.vmap(lambda action: policy.blocks(policy.score(observation, action))[0])(actions)
-    return score, jax.vmap(lambda action: policy.log_probs(observation, action))(actions)
+    """Blocks of scores and log-probabilities of actions, and what these must be on average."""
+    score = policy.score(observation, actions[0])
+    return {
+        "rows": jax.vmap(lambda action: policy.blocks(policy.score(observation, action))[0])(actions),
+        "log_probs": jax.vmap(lambda action: policy.log_probs(observation, action))(actions),
+        "fisher": policy.fisher(observation, actions[0])[0],
+        "entropy": policy.entropy(observation),
+        "prob": policy.prob(observation),
+        "score": score,
+        "score from its blocks": policy.from_blocks(policy.blocks(score)),
+    }
 
 
+@pytest.mark.representatives(*[f"0-{density}" for density in DENSITIES if density != "beta"])  # whose take seconds
 @pytest.mark.parametrize("density", DENSITIES)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_scores_have_mean_zero_and_their_square_is_the_fisher_matrix(density, seed):
+    p = (np.arange(20_000) + 0.5) / 20_000
     with jax.enable_x64(True):
-        policy, observation, _ = drawn(density, seed)
-        ask, p = Compiled(policy), (np.arange(20_000) + 0.5) / 20_000
-        actions = ask.samples(observation, np.repeat(p[:, None], 3, axis=1))
-        rows, log = map(np.asarray, over_the_distribution(policy, observation, actions))
-        (fisher,) = ask.fisher(observation, actions[0])
-        entropy, mean = ask.entropy(observation), ask.prob(observation)
-        score = ask.score(observation, actions[0])
-        again = ask.from_blocks(ask.blocks(score))
+        policy, observation = pool_of(density, seed), np.random.default_rng([seed, 1]).normal(size=2)
+        actions = np.asarray(quantiles(policy, observation, p))
+        told = jax.tree.map(np.asarray, over_the_distribution(policy, observation, actions))
+    rows, fisher = told["rows"], told["fisher"]
     scale = np.sqrt(np.einsum("uii->ui", fisher)) + 1e-9
     # quantiles cut the extreme 1/40,000 at either end, where scores are largest
     np.testing.assert_allclose(np.mean(rows, axis=0) / scale, 0, atol=2e-3)
@@ -149,9 +180,10 @@ def test_scores_have_mean_zero_and_their_square_is_the_fisher_matrix(density, se
     np.testing.assert_allclose(
         square / (scale[:, :, None] * scale[:, None, :]), fisher / (scale[:, :, None] * scale[:, None, :]), atol=5e-3
     )
-    assert -np.mean(log, axis=0).sum() == pytest.approx(float(entropy), abs=5e-3)
-    np.testing.assert_allclose(actions.mean(0), mean, atol=1e-4)
-    for found, wanted in zip(jax.tree.leaves(again), jax.tree.leaves(score), strict=True):
+    assert -np.mean(told["log_probs"], axis=0).sum() == pytest.approx(float(told["entropy"]), abs=5e-3)
+    np.testing.assert_allclose(actions.mean(0), told["prob"], atol=1e-4)
+    score, again = (jax.tree.leaves(told[name]) for name in ("score", "score from its blocks"))
+    for found, wanted in zip(again, score, strict=True):
         np.testing.assert_array_equal(found, wanted)
 
 
@@ -194,17 +226,27 @@ def entropy_slope(policy, observation):
     return jax.grad(lambda theta: eqx.combine(theta, rest).entropy(observation))(parameters)
 
 
-def test_the_estimate_of_the_entropy_has_the_entropy_and_its_gradient_as_mean():
-    policy = BoundedHyperplanes(np.array([[0.5], [-2.0]]), [0.2, 0.0], [-1.0, -0.5], low=[0.0, -2.0], high=[1.0, 2.0])
-    policy = Network(policy, eqx.nn.Lambda(jnp.tanh), observed=1)  # it is asked through layers
-    seen, uniforms = jnp.array([0.7]), np.random.default_rng(0).random((40_000, 2))
+@compiled
+def entropies(policy, observation, uniforms):
+    """The entropy and the mean of its estimates, each with its gradient."""
     learned, settings = split(policy)
 
-    def estimate(learned):
-        return jnp.mean(jax.vmap(lambda u: eqx.combine(learned, settings).entropy_estimate(seen, u))(uniforms))
+    def exact(learned):
+        return eqx.combine(learned, settings).entropy(observation)
 
-    exact, slopes = jax.jit(jax.value_and_grad(lambda learned: eqx.combine(learned, settings).entropy(seen)))(learned)
-    found, means = jax.jit(jax.value_and_grad(estimate))(learned)
+    def estimate(learned):
+        policy = eqx.combine(learned, settings)
+        return jnp.mean(jax.vmap(lambda u: policy.entropy_estimate(observation, u))(uniforms))
+
+    return jax.value_and_grad(exact)(learned), jax.value_and_grad(estimate)(learned)
+
+
+def test_the_estimate_of_the_entropy_has_the_entropy_and_its_gradient_as_mean():
+    with jax.enable_x64(True):
+        policy = BoundedHyperplanes([[0.5], [-2.0]], [0.2, 0.0], [-1.0, -0.5], low=[0.0, -2.0], high=[1.0, 2.0])
+        policy = Network(policy, eqx.nn.Lambda(jnp.tanh), observed=1)  # it is asked through layers
+        uniforms = np.random.default_rng(0).random((40_000, 2))
+        (exact, slopes), (found, means) = entropies(policy, np.array([0.7]), uniforms)
     np.testing.assert_allclose(found, exact, atol=0.02)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=0.03), means, slopes)
 
@@ -232,7 +274,7 @@ def test_a_start_acts_around_its_level_within_the_range_of_the_task(density):
     policy = bounded_hyperplanes(task, density=density, level=0.5, deviation=0.3)
     assert isinstance(policy, GradedUnits)
     assert (policy.inputs, policy.outputs, policy.actions) == (4, 2, "graded")
-    np.testing.assert_allclose(policy.mode(jnp.ones(4)), [0.75, 0.2], rtol=1e-3)
+    np.testing.assert_allclose(Compiled(policy).mode(np.ones(4)), [0.75, 0.2], rtol=1e-3)
     np.testing.assert_allclose(policy.deviation, 0.3, rtol=1e-6)
     np.testing.assert_array_equal(bounded_hyperplanes(3, 2).low, [-1, -1])
 
@@ -246,17 +288,18 @@ def test_the_bounds_are_not_learned_and_survive_storing():
     assert jax.tree.structure(shapes) == jax.tree.structure(policy)
 
 
+@pytest.mark.ci
 def test_primitives_move_within_bounds():
     movement = BoundedHyperplanes(
         np.zeros((2, 1)), [0.3, -0.2], [-1.0, -1.0], 0.05, [0.0, -2.0], [1.0, 2.0], "squashed"
     )
     policy = Primitives(Hyperplanes([[1.0], [0.0]], [0.0, 0.0]), movement)
-    seen = jnp.array([1.0, 1.0, 0.5])
-    actions = Compiled(policy).samples(seen, np.random.default_rng(0).random((200, 4)))
-    assert actions[:, 2].min() >= 0
-    assert np.isfinite(Compiled(policy).entropy(seen))
+    seen = np.array([1.0, 1.0, 0.5])
     with jax.enable_x64(True):
-        ask = Compiled(jax.tree.map(lambda x: jnp.asarray(x, jnp.float64), policy))
+        ask = Compiled(jax.tree.map(lambda x: jnp.asarray(np.asarray(x, float)), policy))
+        actions = ask.samples(seen, np.random.default_rng(0).random((200, 4)))
+        assert actions[:, 2].min() >= 0
+        assert np.isfinite(ask.entropy(seen))
         np.testing.assert_allclose(ask.scores(seen, actions[:5]), ask.derivatives(seen, actions[:5]), atol=1e-5)
 
 

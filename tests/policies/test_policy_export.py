@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from compiled_c import CompiledC, needs_compiler
-from policy_examples import EXAMPLES, from_initial, policy_of
+from policy_examples import EXAMPLES, call, from_initial, policy_of, started
 
 import motorgrad as mg
 from motorgrad.cli import main
@@ -28,8 +28,6 @@ NAMES = [*sorted({*EXAMPLES, *INITIAL} - {"mirrored"}), "mirrored", *DENSITIES]
 FEW = pytest.mark.representatives(
     "controller",
     "density truncated",
-    "graded-hyperplanes",
-    "mirrored-network",
     "recurrent",
 )
 SITUATIONS = 12
@@ -109,7 +107,7 @@ def test_c_is_the_library_to_one_ulp(name, tmp_path):
 
 
 @needs_compiler
-@FEW
+@pytest.mark.representatives("density truncated", "recurrent")  # a translation that is right is so in either precision
 @pytest.mark.parametrize("name", NAMES)
 def test_c_and_numpy_are_the_library_in_single_precision(name, tmp_path):
     policy = example(name)
@@ -165,19 +163,19 @@ def test_deviations_are_exported_behind_features(tmp_path):
     np.testing.assert_allclose(reader["deviation"]()["deviation"], [0.55, 1.55], rtol=1e-6)
 
 
+@pytest.mark.representatives("fourier")
 @pytest.mark.parametrize("shape", ["tanh", "fourier", "radial"])
 def test_features_and_standardised_layers_belong_to_a_policy(shape, tmp_path):
     features = FeatureMap(squares=True, products=True, nonlinear=5, shape=shape)
-    policy = hyperplanes(3, 2, features=features, network=MultilayerPerceptron(hidden=(4,), standardise=True))(
-        jax.random.key(0)
-    )
+    policy = started(hyperplanes(3, 2, features=features, network=MultilayerPerceptron(hidden=(4,), standardise=True)))
     for k in range(5):
-        policy = policy.adapted(jnp.array([k, 3.0 * k, -1.0]))
+        policy = call(policy, "adapted", np.float32([k, 3.0 * k, -1.0]))
     reader = read(policy.export(tmp_path / "policy.npz"))
     y = np.array([0.3, 1.0, -0.5], np.float32)
-    np.testing.assert_allclose(reader["prob"](observation=y)["prob"], policy.prob(y), rtol=1e-5)
+    np.testing.assert_allclose(reader["prob"](observation=y)["prob"], call(policy, "prob", y), rtol=1e-5)
 
 
+@pytest.mark.ci
 def test_a_loaded_run_acts_without_its_task(tmp_path, monkeypatch):
     mg.train("chain", steps=40, seeds=2, out=tmp_path / "run", progress=False)
     monkeypatch.setattr(mg.tasks, "TASKS", {})

@@ -5,8 +5,9 @@ import json
 import jax
 import jax.numpy as jnp
 import numpy as np
+import policy_examples
 import pytest
-from policy_examples import Compiled
+from policy_examples import compiled, drawn_scores
 
 import motorgrad as mg
 from motorgrad.learning import Features
@@ -22,19 +23,23 @@ from motorgrad.policies import (
     mixed,
     rebuild,
     softmax,
-    split,
     trainable,
 )
 
-SEEN = jnp.array([0.5, -1.0, 2.0])
+SEEN = np.array([0.5, -1.0, 2.0], np.float32)
 RICH = FeatureMap(squares=True, products=True, nonlinear=7, shape="fourier", scale=0.7, seed=3)
 
 
+@compiled
+def expanded(features, observation):
+    return features.expanded(observation)
+
+
 def test_squares_and_products_of_all_pairs_stand_beside_the_inputs():
-    found = FeatureMap(squares=True, products=True).expanded(SEEN)
+    found = expanded(FeatureMap(squares=True, products=True), SEEN)
     np.testing.assert_allclose(found, [0.5, -1, 2, 0.25, 1, 4, -0.5, 1, -2])
-    assert RICH.size(3) == len(RICH.expanded(SEEN)) == 16
-    np.testing.assert_array_equal(FeatureMap().expanded(SEEN), SEEN)
+    assert RICH.size(3) == len(expanded(RICH, SEEN)) == 16
+    np.testing.assert_array_equal(expanded(FeatureMap(), SEEN), SEEN)
 
 
 @pytest.mark.parametrize("shape", ["tanh", "fourier", "radial", "grid"])
@@ -45,7 +50,7 @@ def test_nonlinear_features_are_those_of_their_formula_and_seed(shape):
     offsets = 2 * np.pi * drawn.random_sample(count) if shape == "fourier" else None
     y, root = np.asarray(SEEN, float), np.sqrt(3)
     features = FeatureMap(nonlinear=count, shape=shape, scale=scale, seed=5)
-    found = np.asarray(features.expanded(SEEN))[3:]
+    found = np.asarray(expanded(features, SEEN))[3:]
     if shape == "tanh":
         wanted = np.tanh(scale * (w @ y / root + drawn.standard_normal(count)))
     elif shape == "fourier":
@@ -55,13 +60,13 @@ def test_nonlinear_features_are_those_of_their_formula_and_seed(shape):
         assert np.abs(centres).max() < (1 if shape == "grid" else 4)
         wanted = np.exp(-(scale**2) * ((y - centres) ** 2).sum(1) / 6)
     np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=1e-6)
-    other = FeatureMap(nonlinear=count, shape=shape, scale=scale, seed=6).expanded(SEEN)[3:]
+    other = expanded(FeatureMap(nonlinear=count, shape=shape, scale=scale, seed=6), SEEN)[3:]
     assert np.array_equal(found, other) == (shape == "grid")
 
 
 def test_the_random_numbers_of_a_seed_never_change():
     """A stored policy of random features is worth nothing under others."""
-    np.testing.assert_allclose(FeatureMap(nonlinear=2, seed=1).expanded(SEEN)[3:], FROZEN, rtol=1e-5)
+    np.testing.assert_allclose(expanded(FeatureMap(nonlinear=2, seed=1), SEEN)[3:], FROZEN, rtol=1e-5)
 
 
 FROZEN = [0.96086312, -0.999575]
@@ -70,7 +75,7 @@ FROZEN = [0.96086312, -0.999575]
 def test_the_kernel_of_fourier_features_is_that_of_radial_ones():
     features, rng = FeatureMap(nonlinear=40_000, shape="fourier"), np.random.default_rng(0)
     one, other = rng.normal(size=(2, 3))
-    found = np.mean(features.expanded(jnp.asarray(one))[3:] * features.expanded(jnp.asarray(other))[3:])
+    found = np.mean(expanded(features, one)[3:] * expanded(features, other)[3:])
     assert found == pytest.approx(np.exp(-np.sum((one - other) ** 2) / 6), abs=0.02)
 
 
@@ -84,14 +89,23 @@ MAKE = {
 
 
 def moved(policy, seed=0):
-    """A policy with random numbers added to its parameters."""
-    learned, rest = split(policy)
-    rng = np.random.default_rng(seed)
-    moved = jax.tree.map(lambda x: x + 0.3 * jnp.asarray(rng.normal(size=x.shape), x.dtype), learned)
-    return jax.tree.map(lambda a, b: b if a is None else a, moved, rest, is_leaf=lambda x: x is None)
+    """A policy with small random numbers added to its parameters."""
+    return policy_examples.moved(policy, np.random.default_rng(seed), 0.3)
 
 
-@pytest.mark.representatives("bounded")
+@compiled
+def told(policy, observation, uniforms):
+    actions = jax.vmap(policy.sample, (None, 0))(observation, uniforms)
+    return {
+        "actions": actions,
+        "prob": policy.prob(observation),
+        "mode": policy.mode(observation),
+        "entropy": policy.entropy(observation),
+        "fisher": policy.fisher(observation, actions[0]),
+    }
+
+
+@pytest.mark.representatives("graded")
 @pytest.mark.parametrize("name", MAKE)
 def test_a_policy_of_features_is_the_pool_at_the_features(name):
     assert not isinstance(MAKE[name](), Featured)
@@ -99,16 +113,15 @@ def test_a_policy_of_features_is_the_pool_at_the_features(name):
         policy = moved(MAKE[name](features=RICH))
         assert isinstance(policy, Featured)
         assert (policy.inputs, policy.pool.inputs) == (3, 16)
-        seen, inner = SEEN.astype(float), RICH.expanded(SEEN.astype(float))
+        seen = np.asarray(SEEN, float)
+        inner = expanded(RICH, seen)
         uniforms = np.random.default_rng(1).random((5, policy.uniforms))
-        ask, pool = Compiled(policy), Compiled(policy.pool)
-        actions = ask.samples(seen, uniforms)
-        np.testing.assert_array_equal(actions, pool.samples(inner, uniforms))
-        np.testing.assert_allclose(ask.prob(seen), pool.prob(inner))
-        np.testing.assert_allclose(ask.mode(seen), pool.mode(inner))
-        assert ask.entropy(seen) == pytest.approx(float(pool.entropy(inner)))
-        np.testing.assert_allclose(ask.scores(seen, actions), ask.derivatives(seen, actions), rtol=1e-7, atol=1e-9)
-        for one, other in zip(ask.fisher(seen, actions[0]), pool.fisher(inner, actions[0]), strict=True):
+        actions, scores, derivatives = map(np.asarray, drawn_scores(policy, seen, uniforms))
+        np.testing.assert_allclose(scores, derivatives, rtol=1e-7, atol=1e-9)
+        own, pools = told(policy, seen, uniforms), told(policy.pool, inner, uniforms)
+        np.testing.assert_array_equal(own["actions"], actions)
+        np.testing.assert_array_equal(own.pop("actions"), pools.pop("actions"))
+        for one, other in zip(*map(jax.tree.leaves, (own, pools)), strict=True):
             np.testing.assert_allclose(one, other)
         assert policy.actions == policy.pool.actions
         assert policy.has_temperature == policy.pool.has_temperature

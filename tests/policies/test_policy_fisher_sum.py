@@ -1,10 +1,11 @@
 """The sum of Fisher matrices over many decisions, by any policy's own way of adding them."""
 
+from collections.abc import Callable
+
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from policy_examples import EXAMPLES, call, policy_of
+from policy_examples import EXAMPLES, compiled, policy_of
 
 from motorgrad.policies import (
     BoundedHyperplanes,
@@ -19,29 +20,43 @@ from motorgrad.policies import (
 )
 from motorgrad.policies._densities import DENSITIES
 
-PLANE = Hyperplanes([[1.0, -0.5], [0.2, 0.3]], [0.1, -0.4])
-GRADED = GradedHyperplanes([[1.0, -0.5], [0.2, 0.3]], [0.1, -0.4], [-1.0, 0.3])
-MORE: dict[str, Policy] = {
-    "graded": GRADED,
-    **{name: BoundedHyperplanes(GRADED.slope, GRADED.level, GRADED.log_deviation, density=name) for name in DENSITIES},
-    "pool": GradedPool(PLANE, [1.0, -0.5], [-1.0, -0.5]),
-    "primitives": Primitives(PLANE, GRADED),
-    "mixed": Mixed([PLANE, GRADED]),
-    "featured": bounded_hyperplanes(2, 3, features=FeatureMap(products=True, nonlinear=5)),
+UNITS = ([[1.0, -0.5], [0.2, 0.3]], [0.1, -0.4], [-1.0, 0.3])
+
+
+def plane():
+    return Hyperplanes(*UNITS[:2])
+
+
+def graded():
+    return GradedHyperplanes(*UNITS)
+
+
+MORE: dict[str, Callable[[], Policy]] = {
+    "graded": graded,
+    **{name: lambda name=name: BoundedHyperplanes(*UNITS, density=name) for name in DENSITIES},
+    "pool": lambda: GradedPool(plane(), [1.0, -0.5], [-1.0, -0.5]),
+    "primitives": lambda: Primitives(plane(), graded()),
+    "mixed": lambda: Mixed([plane(), graded()]),
+    "featured": lambda: bounded_hyperplanes(2, 3, features=FeatureMap(products=True, nonlinear=5)),
 }
-CASES = {**{name: lambda name=name: policy_of(name) for name in EXAMPLES}, **{n: lambda n=n: MORE[n] for n in MORE}}
+CASES = {**{name: lambda name=name: policy_of(name) for name in EXAMPLES}, **MORE}
+
+
+@compiled
+def sums(policy, observations, uniforms, weights):
+    """The sum in the policy's own way, and the matrix of each decision."""
+    actions = jax.vmap(policy.sample)(observations, uniforms)
+    return policy.fisher_sum(observations, actions, weights), jax.vmap(policy.fisher)(observations, actions)
 
 
 @pytest.mark.representatives("hyperplanes", "gated", "squashed", "featured")
 @pytest.mark.parametrize("name", CASES)
 def test_it_is_the_sum_of_the_matrices_of_all_decisions(name):
     policy, rng = CASES[name](), np.random.default_rng(0)
-    seen = jnp.asarray(rng.normal(size=(7, policy.inputs)), jnp.float32)
-    uniforms = jnp.asarray(rng.random((7, policy.uniforms)), jnp.float32)
-    weights = jnp.asarray([0.3, 0.0, 1.0, 0.2, 0.0, 2.0, 0.5])
-    actions = jnp.stack([call(policy, "sample", y, u) for y, u in zip(seen, uniforms, strict=True)])
-    found = call(policy, "fisher_sum", seen, actions, weights)
-    each = [call(policy, "fisher", y, a) for y, a in zip(seen, actions, strict=True)]
-    wanted = jax.tree.map(lambda *matrices: sum(w * m for w, m in zip(weights, matrices, strict=True)), *each)
-    for one, other in zip(found, wanted, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5 * (1 + np.abs(other).max()))
+    seen = np.asarray(rng.normal(size=(7, policy.inputs)), np.float32)
+    uniforms = np.asarray(rng.random((7, policy.uniforms)), np.float32)
+    weights = np.array([0.3, 0.0, 1.0, 0.2, 0.0, 2.0, 0.5], np.float32)
+    found, each = sums(policy, seen, uniforms, weights)
+    for one, matrices in zip(found, each, strict=True):
+        wanted = np.tensordot(weights, matrices, 1)
+        np.testing.assert_allclose(one, wanted, rtol=1e-4, atol=1e-5 * (1 + np.abs(wanted).max()))

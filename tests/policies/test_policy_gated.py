@@ -1,11 +1,10 @@
 """Sub-policies behind gates: what is possible, the scores of what is open, and exact Fisher matrices."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from policy_examples import Compiled, observation_of, policy_of
+from policy_examples import Compiled, compiled, observation_of, policy_of
 
 from motorgrad.policies import (
     Factored,
@@ -64,7 +63,7 @@ def test_nothing_below_a_closed_gate_fires_however_deep():
     np.testing.assert_array_equal(Compiled(never).sample(np.zeros(1), half), [0, 0, 0])
 
 
-@eqx.filter_jit
+@compiled
 def _exactly(policy, y):
     def one(action):
         blocks = policy.blocks(policy.score(y, action))

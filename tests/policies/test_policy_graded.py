@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from policy_examples import Compiled
+from policy_examples import Compiled, compiled
 from scipy import stats
 
 from motorgrad.learning import FisherMetric
@@ -133,7 +133,7 @@ def test_the_expected_score_is_zero_and_its_square_the_fisher_matrix(kind, seed)
             np.testing.assert_array_equal(found, wanted)
 
 
-@eqx.filter_jit
+@compiled
 def blocks_of_scores(policy, observation, actions):
     return jax.vmap(lambda action: policy.blocks(policy.score(observation, action)))(actions)
 
@@ -201,7 +201,7 @@ def test_however_sure_a_unit_is_its_score_is_bounded_by_the_floor(double):
         assert abs(float(score.log_deviation[0])) < 1e-80  # nothing more to gain from it
         (fisher,) = ask.fisher(seen, action)
         metric = FisherMetric(1e-3, 0.01)
-        direction = eqx.filter_jit(lambda p, s: metric.precondition(metric.init(p), p, s))(policy, score)
+        direction = compiled(lambda p, s: metric.precondition(metric.init(p), p, s))(policy, score)
     assert np.isfinite(fisher).all()
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(direction))
 
@@ -226,6 +226,7 @@ def everything(policy, observation, action, uniforms):
     }
 
 
+@pytest.mark.ci
 def test_mapping_over_seeds_gives_the_same_as_one_at_a_time():
     pools = [pool_of(seed) for seed in range(3)]
     rng = np.random.default_rng(0)

@@ -1,12 +1,14 @@
 """Hidden layers of stochastic units: what each pool sees, what the task gets, and means over hidden draws."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from policy_examples import observation_of, over_actions, policy_of
+from policy_examples import Compiled, compiled, observation_of, policy_of, started
 
 from motorgrad.policies import (
     Factored,
@@ -25,24 +27,53 @@ from motorgrad.policies import (
 )
 
 
-def flat(tree):
-    return np.asarray(ravel_pytree(tree)[0])
-
-
 def planes(units, inputs, seed=0):
     rng = np.random.default_rng(seed)
     return Hyperplanes(rng.normal(size=(units, inputs)), rng.normal(size=units))
 
 
-@pytest.mark.parametrize("name", ["layered", "layered-skip", "controller", "controller-softmax"])
+@compiled
+def _told(policy, look, uniforms):
+    """What a policy draws, and what each of its pools sees, does and learns."""
+    actions = jax.vmap(policy.sample, (None, 0))(look, uniforms)
+    drawn, likely = policy.drawn(actions[0]), policy.drawn(policy.mode(look))
+    own = [pool.score(policy.view(look, drawn[:k]), drawn[k]) for k, pool in enumerate(policy.pools)]
+    every = policy.enumerate()
+    return {
+        "action": actions,
+        "drawn": jax.vmap(policy.drawn)(actions),
+        "joined": jax.vmap(lambda action: policy.joined(policy.drawn(action)))(actions),
+        "emitted": jax.vmap(policy.emit)(actions),
+        "score": ravel_pytree(policy.score(look, actions[0]))[0],
+        "scores of the pools": jnp.concatenate([ravel_pytree(each)[0] for each in own]),
+        "activations": policy.hidden_activations(look),
+        "prob": [pool.prob(policy.view(look, likely[:k])) for k, pool in enumerate(policy.pools[:-1])],
+        "log_prob of every action": jax.vmap(lambda action: policy.log_prob(look, action))(every),
+        "fisher of every action": jax.vmap(lambda action: policy.fisher(look, action))(every),
+        "blocks of every action": jax.vmap(lambda action: policy.blocks(policy.score(look, action)))(every),
+    }
+
+
+@functools.cache
+def told(name):
+    with jax.enable_x64(True):
+        policy = policy_of(name)
+        uniforms = np.random.default_rng(1).random((20, policy.uniforms))
+        shapes = [() if pool.actions == "discrete" else (pool.outputs,) for pool in policy.pools]
+        return shapes, jax.tree.map(np.asarray, _told(policy, observation_of(policy), uniforms))
+
+
+LAYERED = ("layered", "layered-skip", "controller", "controller-softmax")
+few = pytest.mark.representatives("layered", "layered-skip", "controller")
+
+
+@few
+@pytest.mark.parametrize("name", LAYERED)
 def test_an_action_is_what_all_pools_draw_and_the_task_gets_that_of_the_last(name):
-    policy, uniforms = policy_of(name), np.random.default_rng(1).random((20, policy_of(name).uniforms), np.float32)
-    for numbers in uniforms:
-        action = policy.sample(observation_of(policy), numbers)
-        drawn = policy.drawn(action)
-        np.testing.assert_array_equal(policy.joined(drawn), action)
-        np.testing.assert_array_equal(policy.emit(action), drawn[-1])
-        assert [each.shape for each in drawn] == [() if p.actions == "discrete" else (p.outputs,) for p in policy.pools]
+    shapes, all_of = told(name)
+    np.testing.assert_array_equal(all_of["joined"], all_of["action"])
+    np.testing.assert_array_equal(all_of["emitted"], all_of["drawn"][-1])
+    assert [each.shape[1:] for each in all_of["drawn"]] == shapes
 
 
 def test_each_pool_sees_the_draws_below_it_and_a_constant_where_it_has_room():
@@ -56,50 +87,45 @@ def test_each_pool_sees_the_draws_below_it_and_a_constant_where_it_has_room():
     np.testing.assert_array_equal(skipping.view(look, [fired]), np.float32([0.1, 0.2, 0.3, 1, 0, 1]))
 
 
-@pytest.mark.parametrize("name", ["layered", "layered-skip", "controller"])
+@few
+@pytest.mark.parametrize("name", LAYERED)
 def test_hidden_activations_are_those_of_each_hidden_pool_after_the_most_probable_actions_below(name):
-    policy = policy_of(name)
-    look = observation_of(policy)
-    drawn = policy.drawn(policy.mode(look))
-    layers = policy.hidden_activations(look)
-    assert len(layers) == len(policy.pools) - 1
-    for k, layer in enumerate(layers):
-        np.testing.assert_array_equal(layer, policy.pools[k].prob(policy.view(look, drawn[:k])))
+    shapes, all_of = told(name)
+    assert len(all_of["activations"]) == len(shapes) - 1
+    for found, wanted in zip(all_of["activations"], all_of["prob"], strict=True):
+        np.testing.assert_array_equal(found, wanted)
 
 
 def test_hidden_activations_come_through_policies_around_and_within():
     inner = Layered([planes(3, 4)], planes(1, 3))
-    layers = MultilayerPerceptron(hidden=(5, 4)).build(2, jax.random.key(0))
+    layers = eqx.filter_eval_shape(MultilayerPerceptron(hidden=(5, 4)).build, 2, jax.random.key(0))
     behind = Network(inner, layers, 2)
-    assert [each.size for each in behind.hidden_activations([0.3, -0.1])] == [5, 4, 3]
-    assert [each.size for each in Featured(behind, FeatureMap(), 2).hidden_activations([0.3, -0.1])] == [5, 4, 3]
     within = Layered([planes(2, 3)], Network(planes(1, 4), layers, 2))
-    assert [each.size for each in within.hidden_activations([0.3, -0.1, 0.2])] == [2, 5, 4]
+
+    def sizes(policy, look):
+        hidden = eqx.filter_eval_shape(lambda policy: policy.hidden_activations(look), policy)
+        return [each.size for each in hidden]
+
+    assert sizes(behind, [0.3, -0.1]) == [5, 4, 3]
+    assert sizes(Featured(behind, FeatureMap(), 2), [0.3, -0.1]) == [5, 4, 3]
+    assert sizes(within, [0.3, -0.1, 0.2]) == [2, 5, 4]
     with pytest.raises(ValueError, match="must be 3 numbers, what the task shows"):
         within.hidden_activations([0.3])
 
 
-@pytest.mark.parametrize("name", ["layered", "layered-skip", "controller"])
+@few
+@pytest.mark.parametrize("name", LAYERED)
 def test_the_score_of_each_pool_is_its_own_given_what_it_saw(name):
-    with jax.enable_x64(True):
-        policy = policy_of(name)
-        look = observation_of(policy)
-        action = policy.sample(look, np.random.default_rng(2).random(policy.uniforms))
-        drawn = policy.drawn(action)
-        own = [flat(pool.score(policy.view(look, drawn[:k]), drawn[k])) for k, pool in enumerate(policy.pools)]
-        score = flat(policy.score(look, action))
-    np.testing.assert_array_equal(score, np.concatenate(own))
+    _, all_of = told(name)
+    np.testing.assert_array_equal(all_of["score"], all_of["scores of the pools"])
 
 
-@pytest.mark.parametrize("name", ["layered", "layered-skip", "controller", "controller-softmax"])
+@few
+@pytest.mark.parametrize("name", LAYERED)
 def test_fisher_matrices_are_on_average_those_of_the_score_and_pools_are_uncorrelated(name):
-    with jax.enable_x64(True):
-        policy = policy_of(name)
-        look = observation_of(policy)
-        chance = np.exp(np.asarray(over_actions(policy, "log_prob", look)))
-        matrices = over_actions(policy, "fisher", look)
-        scores = over_actions(policy, "score", look)
-        rows = jax.vmap(policy.blocks)(scores)
+    _, all_of = told(name)
+    chance, rows = np.exp(all_of["log_prob of every action"]), all_of["blocks of every action"]
+    matrices = all_of["fisher of every action"]
     for block, own in zip(rows, matrices, strict=True):
         exact = np.einsum("a,aui,auj->uij", chance, block, block)
         np.testing.assert_allclose(np.tensordot(chance, own, 1), exact, atol=1e-13)
@@ -110,8 +136,9 @@ def test_fisher_matrices_are_on_average_those_of_the_score_and_pools_are_uncorre
 def test_the_entropy_is_at_least_that_of_the_outputs():
     policy = policy_of("layered-skip")
     look = observation_of(policy)
-    prob = np.asarray(policy.prob(look))
-    assert policy.entropy(look) > -np.sum(prob * np.log(prob))
+    ask = Compiled(policy)
+    prob = ask.prob(look)
+    assert ask.entropy(look) > -np.sum(prob * np.log(prob))
 
 
 @pytest.mark.ci
@@ -150,21 +177,23 @@ def test_hidden_units_may_be_graded_and_outputs_mixed():
 
 
 def test_initial_layers_are_those_that_were_asked_for():
-    policy = initial("layered", 3, units=2, hidden=(5, 4), skip=True)(jax.random.key(0))
+    start = eqx.filter_jit(initial("layered", 3, units=2, hidden=(5, 4), skip=True))
+    policy = start(jax.random.key(0))
     assert [pool.inputs for pool in policy.pools] == [3, 8, 7]
     assert [pool.outputs for pool in policy.pools] == [5, 4, 2]
     np.testing.assert_array_equal(policy.output.weights, 0)
-    other = initial("layered", 3, units=2, hidden=(5, 4), skip=True)(jax.random.key(1))
+    other = start(jax.random.key(1))
     assert not np.array_equal(policy.hidden[0].weights, other.hidden[0].weights)
-    chosen = initial("layered", 3, units=4, hidden=(2,), output="softmax")(jax.random.key(0))
+    start = initial("layered", 3, units=4, hidden=(2,), output="softmax")
+    chosen = eqx.filter_eval_shape(start, jax.random.key(0))
     assert (chosen.actions, chosen.output.weights.shape) == ("discrete", (4, 3))
 
 
 def test_the_first_layer_may_see_features():
-    policy = initial("layered", 2, units=1, features=FeatureMap(products=True))(jax.random.key(0))
+    policy = started(initial("layered", 2, units=1, features=FeatureMap(products=True)))
     assert isinstance(policy, Featured)
     assert policy.hides
-    action = policy.sample(jnp.ones(2), jnp.full(policy.uniforms, 0.5))
+    action = Compiled(policy).sample(np.ones(2), np.full(policy.uniforms, 0.5))
     np.testing.assert_array_equal(policy.emit(action), policy.pool.emit(action))
 
 

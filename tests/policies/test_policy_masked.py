@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from policy_examples import EXAMPLES, Compiled, observation_of, policy_of
+from policy_examples import EXAMPLES, Compiled, compiled, observation_of, policy_of
 
 from motorgrad.learning import SGD, Adam, Agent, FisherMetric, olpomdp
 from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Softmax, prune, trainable
@@ -29,28 +29,36 @@ def pair(name, seed=0):
     return Masked(pool, ACTIVE), prune(pool, ACTIVE), observation_of(pool, seed)
 
 
+@compiled
+def told(policy, y, actions):
+    def over(method):
+        return jax.vmap(lambda action: method(y, action))(actions)
+
+    mode, fisher = policy.mode(y), policy.fisher(y, actions[0])
+    return policy.prob(y), policy.entropy(y), mode, fisher, over(policy.log_prob), over(policy.score)
+
+
 @pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
 @pytest.mark.parametrize("name", POOLS)
 def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
+    few = np.array([[a, b] for a in (0.0, 1.0) for b in (0.0, 1.0)])
+    actions, impossible = (np.insert(few, 1, off, axis=1) for off in (0.0, 1.0))
     with jax.enable_x64(True):
         masked, smaller, y = pair(name)
-        masked, smaller = Compiled(masked), Compiled(smaller)
-        np.testing.assert_allclose(masked.prob(y)[ACTIVE], smaller.prob(y), rtol=1e-12)
-        assert masked.prob(y)[1] == 0
-        assert masked.entropy(y) == pytest.approx(smaller.entropy(y), rel=1e-9)
-        few = np.array([[a, b] for a in (0.0, 1.0) for b in (0.0, 1.0)])
-        actions, impossible = (np.insert(few, 1, off, axis=1) for off in (0.0, 1.0))
-        found, wanted = masked.over("log_prob", y, actions), smaller.over("log_prob", y, few)
-        np.testing.assert_allclose(found, wanted, rtol=1e-12)
-        np.testing.assert_array_equal(masked.over("log_prob", y, impossible), -np.inf)
-        score, wanted = masked.over("score", y, actions), smaller.over("score", y, few)
-        for mine, theirs in zip(jax.tree.leaves(score), jax.tree.leaves(wanted), strict=True):
-            np.testing.assert_allclose(mine[:, ACTIVE], theirs, rtol=1e-12)
-            np.testing.assert_array_equal(mine[:, 1], 0)
-        action = masked.mode(y)
-        (fisher,), (own,) = masked.fisher(y, action), smaller.fisher(y, action[ACTIVE])
-        np.testing.assert_allclose(fisher[ACTIVE], own, rtol=1e-9)
-        np.testing.assert_array_equal(fisher[1], 0)
+        own = jax.tree.map(np.asarray, told(masked, y, np.concatenate([actions, impossible])))
+        wanted = jax.tree.map(np.asarray, told(smaller, y, few))
+    np.testing.assert_allclose(own[0][ACTIVE], wanted[0], rtol=1e-12)
+    assert own[0][1] == 0
+    assert own[1] == pytest.approx(wanted[1], rel=1e-9)
+    np.testing.assert_array_equal(own[2][ACTIVE], wanted[2])
+    (fisher,), (exact,) = own[3], wanted[3]
+    np.testing.assert_allclose(fisher[ACTIVE], exact, rtol=1e-9)
+    np.testing.assert_array_equal(fisher[1], 0)
+    np.testing.assert_allclose(own[4][:4], wanted[4], rtol=1e-12)
+    np.testing.assert_array_equal(own[4][4:], -np.inf)
+    for mine, theirs in zip(*map(jax.tree.leaves, (own[5], wanted[5])), strict=True):
+        np.testing.assert_allclose(mine[:4, ACTIVE], theirs, rtol=1e-12)
+        np.testing.assert_array_equal(mine[:4, 1], 0)
 
 
 @pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")

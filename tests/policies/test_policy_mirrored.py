@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from policy_examples import Compiled, observation_of, over_actions, policy_of
+from policy_examples import Compiled, compiled, observation_of, policy_of
 
 from motorgrad.learning import (
     SGD,
@@ -44,24 +44,37 @@ def swapped(policy, action):
     return action[..., image]
 
 
+@compiled
+def on_both_sides(policy, observation):
+    """The image of an observation, its image, and what the policy answers at both about every action and its image."""
+    there, actions = policy.mirrored(observation), policy.enumerate()
+
+    def told(seen, actions):
+        log_prob = jax.vmap(lambda action: policy.log_prob(seen, action))(actions)
+        scores = jax.vmap(lambda action: ravel_pytree(policy.score(seen, action))[0])(actions)
+        return policy.prob(seen), policy.mode(seen), log_prob, scores
+
+    images = swapped(policy, actions)
+    return there, policy.mirrored(there), told(observation, actions), told(there, images)
+
+
+@pytest.mark.representatives("mirrored", "mirrored-local")
 @pytest.mark.parametrize("name", NAMES)
 def test_in_the_mirror_a_policy_does_the_same_on_the_other_side(name):
     with jax.enable_x64(True):
         policy = policy_of(name)
-        y = observation_of(policy)
-        ask = Compiled(policy)
-        there = ask.mirrored(y)
-        np.testing.assert_array_equal(ask.mirrored(there), y)
-        assert not np.allclose(there, y)
-        prob = ask.prob(y)
-        np.testing.assert_array_equal(ask.prob(there), swapped(policy, prob))
-        np.testing.assert_array_equal(ask.mode(there), swapped(policy, ask.mode(y)))
-        assert np.ptp(prob) > 0.01
-        assert not np.allclose(prob, swapped(policy, prob))
-        actions = ask.enumerate()
-        images = swapped(policy, actions)
-        np.testing.assert_allclose(ask.over("log_prob", there, images), ask.over("log_prob", y, actions), rtol=1e-12)
-        np.testing.assert_allclose(ask.scores(there, images), ask.scores(y, actions), rtol=1e-12)
+        y = np.asarray(observation_of(policy))
+        there, back, here, beyond = jax.tree.map(np.asarray, on_both_sides(policy, y))
+    np.testing.assert_array_equal(back, y)
+    assert not np.allclose(there, y)
+    prob, mode, log_prob, scores = here
+    prob_there, mode_there, log_prob_there, scores_there = beyond
+    np.testing.assert_array_equal(prob_there, swapped(policy, prob))
+    np.testing.assert_array_equal(mode_there, swapped(policy, mode))
+    assert np.ptp(prob) > 0.01
+    assert not np.allclose(prob, swapped(policy, prob))
+    np.testing.assert_allclose(log_prob_there, log_prob, rtol=1e-12)
+    np.testing.assert_allclose(scores_there, scores, rtol=1e-12)
 
 
 def test_each_unit_sees_its_own_sides_view_and_drives_its_outputs():
@@ -86,16 +99,19 @@ def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exac
         y = observation_of(policy, 4)
         parameters, rest = split(policy)
 
-        @jax.jit
+        @compiled
         def of_every_action(y):
             def blocks(action):
-                theta = jax.grad(lambda theta: eqx.combine(theta, rest).log_prob(y, action))(parameters)
-                return policy.blocks(theta), policy.fisher(y, action)
+                log_prob = lambda theta: eqx.combine(theta, rest).log_prob(y, action)  # noqa: E731
+                value, theta = jax.value_and_grad(log_prob)(parameters)
+                return policy.blocks(theta), policy.fisher(y, action), value, policy.blocks(policy.score(y, action))
 
             return jax.vmap(blocks)(policy.enumerate())
 
-        rows, fisher = jax.tree.map(np.asarray, of_every_action(y))
-        weight = np.exp(over_actions(policy, "log_prob", y))
+        rows, fisher, log_prob, scores = jax.tree.map(np.asarray, of_every_action(y))
+    for derivative, analytic in zip(rows, scores, strict=True):
+        np.testing.assert_allclose(analytic, derivative, rtol=1e-9, atol=1e-12)
+    weight = np.exp(log_prob)
     wanted = [np.einsum("a,aui,auj->uij", weight, s, s) for s in rows]
     across = np.einsum("a,ai,aj->ij", weight, *(rows[0][:, i] for i in (0, -1)))
     for found, exact in zip(fisher, wanted, strict=True):
@@ -106,15 +122,22 @@ def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exac
         np.testing.assert_allclose(across, 0, atol=1e-12)  # between units there is nothing
 
 
+@compiled
+def through_blocks(policy, gradient):
+    blocks = policy.blocks(gradient)
+    return blocks, policy.from_blocks(blocks)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_blocks_and_gradients_are_each_others_inverse(name):
     policy = policy_of(name)
-    vector, build = ravel_pytree(trainable(policy))
-    gradient = build(jnp.arange(vector.size, dtype=vector.dtype) + 1)
-    blocks = Compiled(policy).blocks(gradient)
-    for found, wanted in zip(*map(jax.tree.leaves, (Compiled(policy).from_blocks(blocks), gradient)), strict=True):
+    leaves, structure = jax.tree.flatten(trainable(policy))
+    rng = np.random.default_rng(0)
+    gradient = jax.tree.unflatten(structure, [np.asarray(rng.normal(size=leaf.shape), leaf.dtype) for leaf in leaves])
+    blocks, again = through_blocks(policy, gradient)
+    for found, wanted in zip(*map(jax.tree.leaves, (again, gradient)), strict=True):
         np.testing.assert_array_equal(found, wanted)
-    assert sum(block.size for block in blocks) == vector.size
+    assert sum(block.size for block in blocks) == sum(leaf.size for leaf in leaves)
 
 
 def test_both_views_pass_through_the_same_features_or_hidden_layers():
@@ -122,9 +145,9 @@ def test_both_views_pass_through_the_same_features_or_hidden_layers():
     features, layers = FeatureMap(nonlinear=5), MultilayerPerceptron(hidden=(4,))
     seen = initial("mirrored", task, features=features)
     assert seen.pool.pool.weights.shape == (2, features.size(3))
-    deep = initial("mirrored", task, network=layers)(jax.random.key(0))
+    deep = eqx.filter_eval_shape(initial("mirrored", task, network=layers), jax.random.key(0))
     assert deep.pool.pool.weights.shape == (2, 4)
-    assert deep.prob(jnp.ones(3)).shape == (4,)
+    assert eqx.filter_eval_shape(lambda policy: policy.prob(jnp.ones(3)), deep).shape == (4,)
 
 
 def test_limits_and_masks_of_the_pool_hold():
@@ -132,9 +155,9 @@ def test_limits_and_masks_of_the_pool_hold():
     policy = Mirrored(Masked(wide, [True, False]), (0,), (-1,), (0, 1), (2, 3))
     np.testing.assert_array_equal(policy.limited().pool.pool.log_width, [[2.0], [0.0]])
     y = jnp.array([0.3])
-    np.testing.assert_array_equal(policy.prob(y)[jnp.array([1, 3])], 0)
-    ones = jax.tree.map(jnp.ones_like, trainable(policy))
-    np.testing.assert_array_equal(policy.allowed(ones).pool.pool.centre, [[1.0], [0.0]])
+    np.testing.assert_array_equal(Compiled(policy).prob(y)[[1, 3]], 0)
+    ones = jax.tree.map(np.ones_like, trainable(policy))
+    np.testing.assert_array_equal(Compiled(policy).allowed(ones).pool.pool.centre, [[1.0], [0.0]])
 
 
 def test_it_can_be_a_part_of_others_but_its_units_cannot_be_masked():
@@ -164,6 +187,7 @@ def learned(policy, metric, decisions=4000, batch=20):
     return agent, state, np.asarray(rewards)
 
 
+@pytest.mark.ci
 def test_it_learns_under_metric_limit_critic_average_and_bonus():
     policy = Mirrored(Hyperplanes(np.zeros((1, 1)), np.zeros(1)), (0,), (-1,), (0,), (1,))
     metric = FisherMetric(0.01, 0.01, kl=0.01)
@@ -196,7 +220,7 @@ def test_the_initial_policy_pairs_the_actions_of_a_tasks_mirror():
     assert (policy.order, policy.signs, policy.left, policy.right) == ((1, 0, 2), (1, 1, -1), (0, 1), (3, 2))
     assert isinstance(policy.pool, Hyperplanes)
     np.testing.assert_array_equal(policy.pool.weights, np.zeros((2, 3)))
-    np.testing.assert_array_equal(policy.prob(jnp.ones(3)), np.full(4, 0.5))
+    np.testing.assert_array_equal(Compiled(policy).prob(np.ones(3)), np.full(4, 0.5))
 
 
 @pytest.mark.parametrize(
@@ -220,8 +244,9 @@ def test_tasks_without_two_sides_are_refused(task, units, message):
 def test_hidden_layers_are_told_on_the_observation_and_then_on_its_mirror_image():
     policy = policy_of("mirrored-network")
     y = observation_of(policy)
-    layers, there = policy.hidden_activations(y), policy.hidden_activations(policy.mirrored(y))
-    assert len(layers) == len(policy.pool.hidden_activations(y)) > 0
+    ask = Compiled(policy)
+    layers, there = ask.hidden_activations(y), ask.hidden_activations(ask.mirrored(y))
+    assert len(layers) == len(jax.eval_shape(policy.pool.hidden_activations, y)) > 0
     for here, image in zip(layers, there, strict=True):
         one, other = np.split(np.asarray(here), 2)
         np.testing.assert_allclose(np.concatenate([other, one]), image, rtol=1e-6)

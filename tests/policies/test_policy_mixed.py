@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from policy_examples import Compiled
+from policy_examples import compiled, scores_of_draws
 
 import motorgrad as mg
 from motorgrad.policies import (
@@ -51,8 +51,10 @@ def policy_of(seed):
     return Mixed([Hyperplanes(rng.normal(size=(1, 2)), rng.normal(size=1)), strong, bounded])
 
 
-def drawn(policy, seen, count=8):
-    return Compiled(policy).samples(seen, np.random.default_rng(0).random((count, policy.uniforms)))
+@compiled
+def together_and_apart(policy, seen, uniforms):
+    shares = zip(policy.pools, jnp.split(uniforms, [1, 5]), strict=True)
+    return policy.sample(seen, uniforms), [pool.sample(seen, share) for pool, share in shares]
 
 
 def test_the_action_is_that_of_all_pools():
@@ -61,23 +63,30 @@ def test_the_action_is_that_of_all_pools():
     assert (policy.inputs, policy.outputs, policy.uniforms) == (2, 5, 7)
     rng = np.random.default_rng(1)
     uniforms = rng.random(7)
-    shares = zip(policy.pools, np.split(uniforms, [1, 5]), strict=True)
-    parts = [Compiled(pool).sample(seen, share) for pool, share in shares]
-    ask = Compiled(policy)
-    np.testing.assert_allclose(ask.sample(seen, uniforms), np.concatenate(parts), rtol=1e-6)
-    assert ask.prob(seen).shape == ask.mode(seen).shape == (5,)
+    whole, parts = together_and_apart(policy, seen, uniforms)
+    np.testing.assert_allclose(whole, np.concatenate(parts), rtol=1e-6)
+    for method in (policy.prob, policy.mode):
+        assert jax.eval_shape(method, seen).shape == (5,)
+
+
+@compiled
+def with_blocks(policy, seen, uniforms):
+    """Scores, the first of them through its blocks, the Fisher matrices, and those of each pool."""
+    scores = scores_of_draws(policy, seen, uniforms)
+    action = scores[0][0]
+    again = policy.from_blocks(policy.blocks(policy.score(seen, action)))
+    own = [matrix for pool in policy.pools for matrix in pool.fisher(seen, action[: pool.outputs])]
+    return scores, again, policy.fisher(seen, action), own
 
 
 def test_scores_are_derivatives_and_units_of_all_kinds_have_blocks():
     with jax.enable_x64(True):
         policy, seen = policy_of(1), jnp.array([0.3, -0.2])
-        ask, actions = Compiled(policy), drawn(policy, seen)
-        np.testing.assert_allclose(ask.scores(seen, actions), ask.derivatives(seen, actions), rtol=1e-8, atol=1e-8)
-        score = ask.score(seen, actions[0])
-        again = ask.from_blocks(ask.blocks(score))
+        uniforms = np.random.default_rng(0).random((8, policy.uniforms))
+        told = with_blocks(policy, seen, uniforms)
+        (_, scores, derivatives), again, matrices, own = jax.tree.map(np.asarray, told)
+        np.testing.assert_allclose(scores, derivatives, rtol=1e-8, atol=1e-8)
         assert jax.tree.structure(again) == jax.tree.structure(trainable(policy))
-        matrices = ask.fisher(seen, actions[0])
-        own = [np.asarray(m) for pool in policy.pools for m in Compiled(pool).fisher(seen, actions[0][: pool.outputs])]
     assert [matrix.shape for matrix in matrices] == [(1, 3, 3), (2, 6, 6), (2, 4, 4)]
     for one, other in zip(matrices, own, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9)

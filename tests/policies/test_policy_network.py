@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from policy_examples import Compiled, from_initial
+from policy_examples import Compiled, compiled, drawn_scores, from_initial, started
 from test_policy_features import MAKE, moved
 
 from motorgrad.learning import Agent, gpomdp
@@ -32,15 +32,29 @@ from motorgrad.worlds import oracle
 SEEN = np.array([0.5, -1.0, 2.0])
 SMALL = MultilayerPerceptron(hidden=(5, 4), sparsity=0.5)
 KEY = jax.random.key(0)
-FEW = ("hyperplanes", "softmax", "bounded-hyperplanes")
+START = compiled(softmax(3, 4, network=SMALL))
+FEW = ("hyperplanes", "graded-hyperplanes")
+
+
+def filled(build):
+    """A module with small random numbers of NumPy, which compiles nothing to draw them."""
+    rng = np.random.default_rng(3)
+
+    def drawn(leaf):
+        return jnp.asarray(rng.normal(size=leaf.shape, scale=0.5)) if isinstance(leaf, jax.ShapeDtypeStruct) else leaf
+
+    return jax.tree.map(drawn, eqx.filter_eval_shape(build))
+
+
+def linear(inputs, outputs):
+    return filled(lambda: eqx.nn.Linear(inputs, outputs, key=KEY))
 
 
 def check_scores(policy, count=4):
     """Scores equal the derivatives of the log-probability, all through the layers."""
-    ask, seen = Compiled(policy), SEEN[: policy.inputs]
-    actions = ask.samples(seen, np.random.default_rng(2).random((count, policy.uniforms)))
-    scores = ask.scores(seen, actions)
-    np.testing.assert_allclose(scores, ask.derivatives(seen, actions), rtol=1e-7, atol=1e-9)
+    uniforms = np.random.default_rng(2).random((count, policy.uniforms))
+    _, scores, derivatives = map(np.asarray, drawn_scores(policy, SEEN[: policy.inputs], uniforms))
+    np.testing.assert_allclose(scores, derivatives, rtol=1e-7, atol=1e-9)
     assert np.any(scores != 0)
     return scores
 
@@ -54,22 +68,24 @@ LEFT_OUT = {"growing", "mirrored", "finite-state-controller", "recurrent"}
 def test_scores_of_any_output_units_behind_layers_are_the_derivatives(name):
     with jax.enable_x64(True):
         pool = from_initial(name, np.random.default_rng(0))
-        layers = eqx.nn.MLP(3, pool.inputs, 5, 1, jnp.tanh, lambda h: h + 0.6, key=KEY)  # primitives start above 0.5
+        # primitives start above 0.5
+        layers = filled(lambda: eqx.nn.MLP(3, pool.inputs, 5, 1, jnp.tanh, lambda h: h + 0.6, key=KEY))
         policy = Network(pool, layers, 3)
         assert (policy.inputs, policy.outputs, policy.actions) == (3, pool.outputs, pool.actions)
         check_scores(policy)
 
 
-@pytest.mark.representatives("bounded")
+@pytest.mark.representatives("softmax")
 @pytest.mark.parametrize("name", MAKE)
 def test_hidden_layers_stand_between_the_features_and_the_units(name):
     with jax.enable_x64(True):
         start = MAKE[name](network=SMALL)
-        policy = moved(start(jax.random.key(0)))
+        policy = moved(started(start))
         assert isinstance(policy, Network)
         assert (policy.inputs, policy.pool.inputs) == (3, 4)
         check_scores(policy)
-        squares = MAKE[name](network=SMALL, features=FeatureMap(squares=True))(jax.random.key(0))
+        start = MAKE[name](network=SMALL, features=FeatureMap(squares=True))
+        squares = eqx.filter_eval_shape(start, jax.random.key(0))
         assert isinstance(squares, Featured)
         assert squares.pool.module.layers[0].weight.shape == (5, 6)
 
@@ -85,16 +101,20 @@ def by_hand(module, observation):
 
 
 def test_the_perceptron_normalises_its_potentials_before_the_nonlinearity():
-    policy = moved(softmax(3, 4, network=SMALL)(jax.random.key(0)))
-    np.testing.assert_allclose(policy.seen(jnp.asarray(SEEN)), by_hand(policy.module, SEEN), rtol=1e-4, atol=1e-5)
-    first, last = policy.hidden_activations(jnp.asarray(SEEN))
+    policy = moved(START(KEY))
+    ask, observation = Compiled(policy), SEEN.astype(np.float32)
+    seen = ask.seen(observation)
+    np.testing.assert_allclose(seen, by_hand(policy.module, SEEN), rtol=1e-4, atol=1e-5)
+    first, last = ask.hidden_activations(observation)
     assert (first.shape, last.shape) == ((5,), (4,))
-    np.testing.assert_array_equal(last, policy.seen(jnp.asarray(SEEN)))
+    np.testing.assert_array_equal(last, seen)
 
 
+@pytest.mark.representatives("20-0.9-2", "1-0.9-1", "5-0.0-5")
 @pytest.mark.parametrize(("inputs", "sparsity", "kept"), [(20, 0.9, 2), (4, 0.9, 1), (1, 0.9, 1), (5, 0.0, 5)])
 def test_each_unit_starts_with_few_weights_and_never_without_any(inputs, sparsity, kept):
-    module = MultilayerPerceptron(hidden=(50, 7), sparsity=sparsity).build(inputs, jax.random.key(0))
+    build = compiled(MultilayerPerceptron(hidden=(50,), sparsity=sparsity).build)
+    module = build(inputs, jax.random.key(0))
     weight = np.asarray(module.layers[0].weight)
     np.testing.assert_array_equal((weight != 0).sum(1), kept)
     assert 0.8 < np.abs(weight).max() * np.sqrt(inputs) <= 1
@@ -104,8 +124,7 @@ def test_each_unit_starts_with_few_weights_and_never_without_any(inputs, sparsit
 
 
 def test_every_seed_starts_from_its_own_network_of_one_structure():
-    start = hyperplanes(3, 2, network=SMALL)
-    one, same, other = (start(jax.random.key(seed)) for seed in (0, 0, 1))
+    one, same, other = (START(jax.random.key(seed)) for seed in (0, 0, 1))
     assert eqx.tree_equal(one, same)
     assert not eqx.tree_equal(one, other)
     assert jax.tree.structure(one) == jax.tree.structure(other)
@@ -137,8 +156,13 @@ class Own(eqx.Module):
         return self.final(self.named["gain"] * self.layers[1](hidden)) * len(self.name) / self.named["steps"]
 
 
+@compiled
+def _own(key, options):
+    return Own(key, **dict(options))
+
+
 def own(seed=0, **options):
-    return Network(softmax(4, 3), Own(jax.random.key(seed), **options), 3)
+    return Network(softmax(4, 3), _own(jax.random.key(seed), tuple(options.items())), 3)
 
 
 def test_a_module_of_ones_own_learns_with_its_arrays_alone():
@@ -149,7 +173,9 @@ def test_a_module_of_ones_own_learns_with_its_arrays_alone():
     assert learned.module.scale is None
     assert len(jax.tree.leaves(learned)) == 6  # the weights of softmax, of two layers with biases, and the gain
     with jax.enable_x64(True):
-        check_scores(jax.tree.map(lambda x: x.astype(float) if eqx.is_inexact_array(x) else x, policy))
+        check_scores(
+            jax.tree.map(lambda x: jnp.asarray(np.asarray(x, float)) if eqx.is_inexact_array(x) else x, policy)
+        )
 
 
 def test_leaves_that_are_no_arrays_are_compared_by_value():
@@ -162,13 +188,15 @@ def test_leaves_that_are_no_arrays_are_compared_by_value():
     assert structure() != structure(name="other")
 
 
-@pytest.mark.parametrize("make", [own, lambda: Network(softmax(4, 2), eqx.nn.MLP(3, 4, 5, 1, key=KEY), 3)])
+@pytest.mark.parametrize(
+    "make", [own, lambda: Network(softmax(4, 2), filled(lambda: eqx.nn.MLP(3, 4, 5, 1, key=KEY)), 3)]
+)
 def test_a_network_is_rebuilt_from_its_description(make):
     policy = make()
     shapes = rebuild(json.loads(json.dumps(describe(policy))))
     assert jax.tree.structure(shapes) == jax.tree.structure(policy)
-    filled = jax.tree.unflatten(jax.tree.structure(shapes), jax.tree.leaves(policy))
-    np.testing.assert_array_equal(filled.prob(jnp.asarray(SEEN)), policy.prob(jnp.asarray(SEEN)))
+    again = jax.tree.unflatten(jax.tree.structure(shapes), jax.tree.leaves(policy))
+    np.testing.assert_array_equal(Compiled(again).prob(SEEN), Compiled(policy).prob(SEEN))
 
 
 def test_a_function_of_ones_own_is_never_looked_up_for_a_stored_network():
@@ -184,12 +212,12 @@ def test_a_function_of_ones_own_is_never_looked_up_for_a_stored_network():
     ("build", "names"),
     [
         (lambda: Network(softmax(4, 2), jnp.tanh, 3), "module = '"),
-        (lambda: Network(softmax(4, 2), eqx.nn.Linear(3, 5, key=KEY), 3), "must return a vector of 4 numbers"),
+        (lambda: Network(softmax(4, 2), linear(3, 5), 3), "must return a vector of 4 numbers"),
         (
-            lambda: Network(softmax(4, 2), eqx.nn.Linear(2, 4, key=KEY), 3),
+            lambda: Network(softmax(4, 2), linear(2, 4), 3),
             "module = Linear: must be a module that can be called with a vector of 3 numbers",
         ),
-        (lambda: Network(eqx.nn.Linear(3, 4, key=KEY), eqx.nn.Linear(3, 4, key=KEY), 3), "pool = 'Linear'"),
+        (lambda: Network(linear(3, 4), linear(3, 4), 3), "pool = 'Linear'"),
         (lambda: MultilayerPerceptron(hidden=()), "hidden = (): must be one or more whole numbers"),
         (lambda: MultilayerPerceptron(hidden=(3, 0)), "hidden = (3, 0)"),
         (lambda: MultilayerPerceptron(sparsity=1.0), "sparsity = 1.0: must be in [0, 1)"),
@@ -206,10 +234,10 @@ def test_what_is_impossible_is_refused_by_name(build, names):
 
 def small_network(inputs, seed=0):
     """A softmax policy behind four hidden units, with parameters that are not near a symmetry."""
-    return moved(softmax(inputs, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0))(jax.random.key(seed)))
+    return moved(started(softmax(inputs, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0)), seed))
 
 
-@pytest.mark.representatives("three states")
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["three states", "chain"])
 def test_the_mean_estimate_of_a_network_over_seeds_is_the_exact_gradient(name):
     task = {"three states": ThreeState(), "chain": Chain(length=4)}[name]

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from policy_examples import Compiled, observation_of, policy_of
+from policy_examples import Compiled, compiled, observation_of, policy_of
 
 from motorgrad.policies import (
     FreeGaussians,
@@ -63,7 +63,7 @@ def test_reach_is_the_greatest_probability_on_a_fine_grid_of_the_box(name):
     side = [np.linspace(a, b, 201) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*side), axis=-1).reshape(-1, 2)
     greatest = np.asarray(jax.jit(jax.vmap(policy.prob))(grid)).max(0)
-    found = np.asarray(eqx.filter_jit(reach)(policy, low, high))
+    found = np.asarray(compiled(reach)(policy, low, high))
     assert (found >= greatest - 1e-6).all()
     np.testing.assert_allclose(found, greatest, rtol=0.02, atol=1e-6)  # the grid misses a centre by .005 at most
     assert found.min() < 0.5 * found.max()
@@ -72,9 +72,9 @@ def test_reach_is_the_greatest_probability_on_a_fine_grid_of_the_box(name):
 def test_a_masked_unit_that_is_off_has_neither_activity_nor_reach():
     masked = Masked(made("local", 3), KEPT)
     looks = np.random.default_rng(1).random((9, 2))
-    compiled = eqx.filter_jit(activity)
-    assert compiled(masked, looks)[1] == eqx.filter_jit(reach)(masked, 0.0, 1.0)[1] == 0
-    every, active = (np.asarray(compiled(policy, looks)) for policy in (masked.pool, masked))
+    active_share = compiled(activity)
+    assert active_share(masked, looks)[1] == compiled(reach)(masked, 0.0, 1.0)[1] == 0
+    every, active = (np.asarray(active_share(policy, looks)) for policy in (masked.pool, masked))
     np.testing.assert_array_equal(active[KEPT], every[KEPT])
 
 
@@ -101,7 +101,7 @@ def test_masked_pools_of_many_seeds_are_pruned_together_each_by_its_own_units():
     pools = jax.tree.map(lambda *leaves: np.stack(leaves), *(Masked(made("local", 5, seed)) for seed in range(3)))
     looks = np.random.default_rng(1).random((40, 2), np.float32)
     pruned = jax.jit(jax.vmap(lambda policy: prune(policy, activity(policy, looks) >= 0.05)))(pools)
-    wanted = [np.asarray(eqx.filter_jit(activity)(made("local", 5, seed), looks)) >= 0.05 for seed in range(3)]
+    wanted = [np.asarray(compiled(activity)(made("local", 5, seed), looks)) >= 0.05 for seed in range(3)]
     np.testing.assert_array_equal(pruned.active, wanted)
     assert not np.all(wanted)
     assert np.any(wanted)

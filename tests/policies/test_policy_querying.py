@@ -2,11 +2,10 @@
 
 import json
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from policy_examples import Compiled
+from policy_examples import Compiled, compiled
 
 from motorgrad.policies import (
     Hyperplanes,
@@ -26,7 +25,7 @@ def queries(policy, count=200_000):
     return np.asarray(_queries(policy, (np.arange(count) + 0.5) / count))
 
 
-@eqx.filter_jit
+@compiled
 def _queries(policy, uniforms):
     return jax.vmap(policy.query)(uniforms)
 

@@ -62,9 +62,14 @@ def composed():
     }
 
 
-@pytest.mark.parametrize("name", composed())
+COMPOSED = ("masked", "querying", "primitives", "graded-pool", "graded-gaussians", "factored", "gated", "mirrored")
+
+
+@pytest.mark.parametrize("name", COMPOSED)
 def test_composed_policies_pass_a_temperature_on_to_their_parts(name):
-    policy, parts = composed()[name]
+    examples = composed()
+    assert set(examples) == set(COMPOSED)
+    policy, parts = examples[name]
     hotter = policy.with_temperature(2.0)
     assert policy.has_temperature == any(part.has_temperature for part in parts(policy))
     for part, own in zip(parts(policy), parts(hotter), strict=True):

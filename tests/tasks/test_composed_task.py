@@ -151,16 +151,32 @@ def test_short_names_may_not_be_given_twice():
         mg.make("composed", body="arm6", reward=["alive"], rewards=["alive"], observe=["clock"])
 
 
-def test_other_bodies_compose_too():
-    made = mg.tasks.compose(
+def on_the_hopper(**settings):
+    return mg.tasks.compose(
         Hopper(),
         observe=[terms.SensorReadings(("knee_angle", "knee_velocity"))],
         reward=[terms.Height("foot"), terms.Effort(weight=-0.1)],
         action_period=0.01,
         actions="binary",
+        **settings,
     )
+
+
+def test_other_bodies_compose_too():
+    made = on_the_hopper(scaling="none")
     assert made.action_names == ("flexor", "extensor")
-    run = mg.train(made, steps=30, seeds=1, progress=False)
+    batch = made.batch([0], threads=1)
+    batch.step(np.asarray(made.control(np.array([[1.0, 0.0]], np.float32))))
+    state = batch.unpack(batch.packed[0])
+    memory, seen = made.observe(made.init(jnp.zeros(0)), state, jnp.zeros(0))
+    angle, velocity = (state.sensors[name] for name in ("knee_angle", "knee_velocity"))
+    np.testing.assert_allclose(seen, [angle, velocity], rtol=1e-6)
+    assert np.isfinite(float(made.reward(memory, state, jnp.zeros(2))[1]))
+
+
+@pytest.mark.ci
+def test_a_task_on_another_body_learns():
+    run = mg.train(on_the_hopper(), steps=30, seeds=1, progress=False)
     assert np.isfinite(run.curve()[1]).all()
 
 

@@ -47,7 +47,17 @@ def carried(made, control):
 
 def value(term, control, **settings):
     """A quantity at the last decision, as reward."""
-    return carried(task(reward=[term], **settings), control)[3][-1]
+    made = task(reward=[term], **settings)
+    batch = made.batch([0], threads=1)
+    start = np.random.default_rng(0).random(made.init_uniforms, np.float32)
+    if given := made.begin(start[None]):
+        batch.reset(None, **given)
+    memory = made.init(jnp.asarray(start))
+    for action in control:
+        before = batch.unpack(batch.packed[0].copy())
+        batch.step(np.asarray(made.control(jnp.asarray(action, jnp.float32), memory))[None])
+    memory, _ = made.observe(memory, before, jnp.zeros(0))
+    return float(made.reward(memory, batch.unpack(batch.packed[0]), jnp.asarray(action, jnp.float32))[1])
 
 
 def test_observations_are_what_mujoco_says(control):
@@ -265,9 +275,10 @@ def test_a_keyframe_gives_the_activations_too_and_needs_no_random_number():
     body = Mjcf(MODEL.replace(".3 .2", '.3 .2" act=".7'), start="high")
     made = task(body=body, reset=[terms.Keyframe(("low",))], observe=["joint-positions", "activations"])
     assert made.init_uniforms == 0
-    run = stepper_for(made, Agent(bounded_hyperplanes(made)), [0, 1], threads=1)
-    assert run.batch.packed[:, 7] == pytest.approx(0.3)
-    assert run.batch.unpack(run.batch.packed).activation == pytest.approx(0.7)
+    batch = made.batch([0, 1], threads=1)
+    batch.reset(None, **made.begin(np.zeros((2, 0), np.float32)))
+    assert batch.packed[:, 7] == pytest.approx(0.3)
+    assert batch.unpack(batch.packed).activation == pytest.approx(0.7)
 
 
 @pytest.mark.slow

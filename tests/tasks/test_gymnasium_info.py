@@ -6,6 +6,8 @@ from gymnasium_examples import Reporting
 
 import motorgrad as mg
 from motorgrad.cli import main
+from motorgrad.learning import Agent, gpomdp
+from motorgrad.policies import softmax
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import stepper_for
 
@@ -18,13 +20,18 @@ def reporting(register):
 
 def recorded(task, decisions, seeds=(0,)):
     """What is recorded of the first decisions of each seed."""
-    stepper = stepper_for(task, mg.agent_for(task), seeds)
+    stepper = stepper_for(task, Agent(softmax(task), gpomdp(0.0)), seeds)
     stepper.advance(decisions)
     return stepper.harvest()
 
 
+FORMS = {"bool": bool, "float": float, "numpy": np.bool_, "array": lambda flag: np.array([flag])}
+
+
+@pytest.mark.ci
+@pytest.mark.representatives("bool-solved", "array-success", "numpy-is_success")
 @pytest.mark.parametrize("key", ["solved", "success", "is_success"])
-@pytest.mark.parametrize("form", [bool, float, np.bool_, lambda flag: np.array([flag])])
+@pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_success_is_read_unasked_under_each_of_its_names(reporting, key, form):
     task = from_gymnasium(reporting(lambda time: {"other": "text", key: form(time > 3)}, cut=5))
     assert task.reports == ("return", "length", "success", "solved")

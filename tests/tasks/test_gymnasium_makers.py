@@ -6,6 +6,7 @@ import pytest
 from gymnasium.wrappers import TimeLimit
 
 import motorgrad as mg
+from motorgrad._settings import table
 from motorgrad.tasks import from_gymnasium
 
 
@@ -36,11 +37,20 @@ def short_walk():
     return TimeLimit(Walk(3), 20)
 
 
-@pytest.mark.representatives("short_walk-short_walk")
-@pytest.mark.parametrize(("maker", "name"), [(Walk, "Walk"), (short_walk, "short_walk")])
-def test_a_class_or_a_function_is_an_environment(maker, name, tmp_path):
+MAKERS = pytest.mark.parametrize(("maker", "name"), [(Walk, "Walk"), (short_walk, "short_walk")])
+
+
+@MAKERS
+def test_a_class_or_a_function_is_an_environment(maker, name):
     task = from_gymnasium(maker)
     assert task.env_id == f"{__name__}:{name}"
+    assert mg.make("gymnasium", **table(task)) == task
+
+
+@pytest.mark.ci
+@MAKERS
+def test_a_run_with_a_class_or_a_function_is_stored_and_continues(maker, name, tmp_path):
+    task = from_gymnasium(maker)
     run = mg.train(task, steps=200, seeds=2, out=tmp_path / "run", progress=False)
     assert mg.load(tmp_path / "run").task == task
     assert mg.resume(tmp_path / "run", 400, progress=False).decision == 400 > run.decision

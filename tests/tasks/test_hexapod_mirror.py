@@ -41,15 +41,20 @@ def two_walks(task, decisions, mirror):
     """What is observed and paid, and where the body is, of random actions and of the mirrored ones."""
     batch, random = BodyBatch(task.dynamics, 2, substeps=task.substeps, threads=1), np.random.default_rng(0)
     memories, observed, paid, places = [task.init(jnp.zeros(0))] * 2, [], [], []
+
+    @jax.jit
+    def decide(memory, state, action):
+        memory, reward, _ = task.reward(memory, state, action)
+        return *task.observe(memory, state, jnp.zeros(0)), reward
+
     for _ in range(decisions):
         action = random.integers(0, 2, task.action_size).astype(np.float32)
         batch.step(task.control(np.stack([action, action[list(mirror.outputs)]])))
         state, seen, rewards = batch.unpack(batch.packed.copy()), [], []
         for n in range(2):
-            sensors = {name: jnp.asarray(values[n]) for name, values in state.sensors.items()}
+            sensors = {name: values[n] for name, values in state.sensors.items()}
             mine = BodyState(state.position[n], state.velocity[n], sensors)
-            memory, reward, _ = task.reward(memories[n], mine, jnp.asarray(action))
-            memories[n], inputs = task.observe(memory, mine, jnp.zeros(0))
+            memories[n], inputs, reward = decide(memories[n], mine, action)
             seen.append(inputs)
             rewards.append(reward)
         observed.append(seen)
@@ -58,7 +63,8 @@ def two_walks(task, decisions, mirror):
     return np.array(observed), np.array(paid), np.array(places)
 
 
-@pytest.mark.representatives("muscles-plain", "tripods-plain", "legs-plain")
+@pytest.mark.ci
+@pytest.mark.representatives("muscles-plain", "tripods-plain")
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("name", TASKS_HERE)
 def test_mirrored_actions_move_the_body_as_in_the_mirror(name, body):
@@ -112,7 +118,8 @@ def test_a_policy_of_it_acts_in_the_mirror_as_in_the_mirror():
     pool = Hyperplanes(random.normal(size=(2, 46)), random.normal(size=2))
     policy = Mirrored(pool, policy.order, policy.signs, policy.left, policy.right)
     observed, *_ = two_walks(task, 20, mirror)
-    here, there = (np.asarray(jax.vmap(policy.prob)(seen)) for seen in observed.swapaxes(0, 1))
+    prob = jax.jit(jax.vmap(policy.prob))
+    here, there = (np.asarray(prob(seen)) for seen in observed.swapaxes(0, 1))
     np.testing.assert_allclose(there, here[:, list(mirror.outputs)], atol=1e-5)
     assert np.abs(there - here).max() > 0.1
 

@@ -1,6 +1,7 @@
 """The hexapod's task: what is observed, paid and reported, along real walks and by hand; its settings; learning it."""
 
 import dataclasses
+import functools
 import math
 
 import jax
@@ -34,11 +35,15 @@ def wander(decisions, seeds=2, seed=0):
     return batch.unpack(np.stack(packed))
 
 
-WALK = wander(130)
+@functools.cache
+def the_walk():
+    """The states of one walk, made once, when a test needs them."""
+    return wander(130)
 
 
-def at(decision, row=0, walk=WALK, **sensors):
+def at(decision, row=0, **sensors):
     """The state of one body at one decision of a walk, some of its sensors replaced."""
+    walk = the_walk()
     seen = {name: jnp.asarray(values[decision, row]) for name, values in walk.sensors.items()}
     changed = {name: jnp.asarray(value, jnp.float32) for name, value in sensors.items()}
     return walk._replace(
@@ -48,25 +53,30 @@ def at(decision, row=0, walk=WALK, **sensors):
     )
 
 
-def followed(task, row=0, walk=WALK):
+def followed(task, decisions=130):
     """What is observed at the start and after every decision, what each pays, whether it fell, and its readings."""
-    memory, first = task.observe(task.init(NONE), at(0, row, walk), NONE)
-    observed, rewards, falls, readings = [first], [], [], []
-    for decision in range(1, len(walk.position)):
-        state = at(decision, row, walk)
+
+    @jax.jit
+    def decide(memory, state):
         memory, reward, fallen = task.reward(memory, state, jnp.zeros(task.action_size))
         memory, seen = task.observe(memory, state, NONE)
+        return memory, seen, reward, fallen, task.readings(memory, state)
+
+    memory, first = task.observe(task.init(NONE), at(0), NONE)
+    observed, rewards, falls, readings = [first], [], [], []
+    for decision in range(1, decisions + 1):
+        memory, seen, reward, fallen, told = decide(memory, at(decision))
         observed.append(seen)
         rewards.append(float(reward))
         falls.append(bool(fallen))
-        readings.append({k: float(v) if o else None for k, (v, o) in task.readings(memory, state).items()})
+        readings.append({k: float(v) if o else None for k, (v, o) in told.items()})
     return np.stack(observed), np.array(rewards), falls, readings
 
 
 @pytest.mark.ci
 def test_the_six_lateral_angles_are_observed_in_parts_of_thirty_degrees():
     observed, *_ = followed(Hexapod(observes=("lateral",), lag=0))
-    np.testing.assert_allclose(observed, np.degrees(read_hexapod(WALK).lateral[:, 0]) / 30.0, atol=1e-6)
+    np.testing.assert_allclose(observed, np.degrees(read_hexapod(the_walk()).lateral[:, 0]) / 30.0, atol=1e-6)
     assert np.abs(observed).max() > 0.5
     half, *_ = followed(Hexapod(observes=("lateral",), lag=0, angle_scale=60.0))
     np.testing.assert_allclose(half, observed / 2, atol=1e-6)
@@ -75,8 +85,8 @@ def test_the_six_lateral_angles_are_observed_in_parts_of_thirty_degrees():
 @pytest.mark.representatives("2")
 @pytest.mark.parametrize("lag", [0, 1, 2, 5])
 def test_lag_shows_the_angles_of_so_many_decisions_ago_and_stood_still_before(lag):
-    fresh, *_ = followed(Hexapod(observes=("lateral",), lag=0))
-    late, *_ = followed(Hexapod(observes=("lateral",), lag=lag))
+    fresh, *_ = followed(Hexapod(observes=("lateral",), lag=0), decisions=20)
+    late, *_ = followed(Hexapod(observes=("lateral",), lag=lag), decisions=20)
     np.testing.assert_array_equal(late[lag:], fresh[: len(fresh) - lag])
     np.testing.assert_array_equal(late[:lag], np.tile(fresh[0], (lag, 1)))
 
@@ -87,7 +97,7 @@ def test_all_senses_in_their_order_whatever_the_order_asked_for():
     observed, *_ = followed(task)
     assert observed.shape == (131, 20)
     assert len(task.observation_range) == task.observation_size == 20
-    reading = read_hexapod(WALK)
+    reading = read_hexapod(the_walk())
     now = np.degrees(reading.lateral[:, 0]) / 30.0
     np.testing.assert_allclose(observed[1:, :6], now[:-1], atol=1e-6)
     np.testing.assert_allclose(observed[:, 6:12], now, atol=1e-6)
@@ -111,14 +121,14 @@ def test_joints_and_trunk_are_sensed_as_the_body_moves():
     observed, *_ = followed(task)
     assert observed.shape == (131, 26)
     assert len(task.observation_range) == len(task.observation_names) == task.observation_size == 26
-    reading, walk = read_hexapod(WALK), WALK.velocity[:, 0]
+    reading, walk = read_hexapod(the_walk()), the_walk().velocity[:, 0]
     np.testing.assert_allclose(observed[:, :6], np.degrees(reading.vertical[:, 0]) / 30.0, atol=1e-6)
     joints = np.concatenate([reading.lateral_velocity[:, 0], reading.vertical_velocity[:, 0]], axis=1)
     np.testing.assert_allclose(observed[:, 6:18], joints / 10, atol=1e-5)
-    turned = Rotation.from_quat(WALK.position[:, 0, 3:7], scalar_first=True)
+    turned = Rotation.from_quat(the_walk().position[:, 0, 3:7], scalar_first=True)
     tilt = turned.as_matrix()[:, 2, :2]
     np.testing.assert_allclose(observed[:, 18:20], 5 * tilt, atol=1e-5)
-    own = turned.inv().apply(WALK.sensors["velocity"][:, 0])
+    own = turned.inv().apply(the_walk().sensors["velocity"][:, 0])
     np.testing.assert_allclose(observed[:, 20:23], own / [2, 1, 0.5], atol=1e-5)
     np.testing.assert_allclose(observed[:, 23:], walk[:, 3:6] / 3, atol=1e-5)
     assert np.abs(observed).max(0).min() > 0.1
@@ -143,7 +153,7 @@ def test_a_course_goes_on_where_headings_jump_by_a_turn():
 
 @pytest.mark.ci
 def test_velocity_is_paid_along_the_heading_the_course_or_x():
-    reading, velocity = read_hexapod(WALK), WALK.sensors["velocity"][:, 0]
+    reading, velocity = read_hexapod(the_walk()), the_walk().sensors["velocity"][:, 0]
     heading = reading.heading[:, 0]
     kept = heading[(np.arange(1, 131) - 1) // 40 * 40]
     along = {
@@ -163,7 +173,7 @@ def test_velocity_is_paid_along_the_heading_the_course_or_x():
 @pytest.mark.ci
 def test_speed_is_reported_at_every_decision_and_stalls_once_a_second():
     *_, falls, readings = followed(Hexapod())
-    speed = read_hexapod(WALK).speed[1:, 0]
+    speed = read_hexapod(the_walk()).speed[1:, 0]
     np.testing.assert_allclose([r["speed"] for r in readings], speed, atol=1e-6)
     stalls = {n + 1: r["stalls"] for n, r in enumerate(readings) if r["stalls"] is not None}
     assert stalls == {50: float(speed[:50].mean() < 0.3), 100: float(speed[50:100].mean() < 0.3)}
@@ -286,6 +296,7 @@ def test_terrain_is_under_the_body_and_difficulty_0_is_a_plane():
     assert not run.curve("diverged")[1].any()
 
 
+@pytest.mark.ci
 def test_the_biomimetic_body_walks_too():
     task = HexapodSynergy(body=biomimetic_hexapod())
     run = train(task, steps=30, seeds=1, window=10, progress=False)

@@ -129,6 +129,8 @@ def reference(task, heights, contacts, actions):
     return rewards
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("landing")
 @pytest.mark.parametrize("variant", ["landing", "apex"])
 def test_the_engine_pays_along_recorded_hops_what_the_rule_says(variant):
     task = Hopper(reward_type=variant)
@@ -152,9 +154,10 @@ def test_an_action_lasts_whole_physics_steps(period, timestep, substeps):
     task = Hopper(action_period=period, body=HopperBody(timestep=timestep))
     assert task.substeps == substeps
     assert task.period == period
-    stepper = stepper_for(task, agent_for(task), [0])
-    stepper.advance(3)
-    assert stepper.state["physics"]["state"][0, 0] == pytest.approx(3 * period)  # the physics' own clock
+    batch = task.batch([0], 1)
+    for _ in range(3):
+        batch.step(np.zeros((1, 2)))
+    assert batch.snapshot()["state"][0, 0] == pytest.approx(3 * period)  # the physics' own clock
 
 
 @pytest.mark.parametrize(("limit", "decisions"), [(None, None), (0.01, 1), (0.5, 50), (0.29, 29)])
@@ -203,7 +206,7 @@ VARIANTS = {
 }
 
 
-@pytest.mark.representatives("native muscles")
+@pytest.mark.ci
 @pytest.mark.parametrize("settings", VARIANTS.values(), ids=VARIANTS)
 def test_every_variant_of_the_body_learns(settings):
     plain, run = (
@@ -216,6 +219,7 @@ def test_every_variant_of_the_body_learns(settings):
     assert not np.array_equal(run.policies.weights, plain.policies.weights)
 
 
+@pytest.mark.ci
 def test_an_estimate_at_fixed_parameters_is_finite_and_not_nothing():
     task = Hopper()
     stepper = stepper_for(task, Agent(hyperplanes(task), gpomdp(0.98)), range(3))

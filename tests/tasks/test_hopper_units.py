@@ -16,10 +16,12 @@ def test_units_of_the_hopper_are_dealt_out_and_any_of_them_makes_its_muscles_act
     )
     np.testing.assert_array_equal(task.control(actions), [[1, 0], [0, 1], [1, 0], [0, 0], [1, 1]])
     assert Hopper().control(actions) is actions
+    np.testing.assert_array_equal(Hopper(units=2).control(actions[:, :2]), actions[:, :2])
     with pytest.raises(ValueError, match="units = 1"):
         Hopper(units=1)
 
 
+@pytest.mark.ci
 def test_two_units_of_the_hopper_are_what_it_has_without_the_setting():
     ends = [mg.train(Hopper(units=units), None, 60, 2, progress=False) for units in (None, 2)]
     np.testing.assert_array_equal(ends[0].policies.weights, ends[1].policies.weights)

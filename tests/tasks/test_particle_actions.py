@@ -1,12 +1,15 @@
 """Graded actions on a particle: they multiply the forces, and units of learned strength learn."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad.policies import initial
 from motorgrad.tasks import FallingParticle, make
 from motorgrad.training import agent_for, train
+from motorgrad.training.engines import validate
 from motorgrad.worlds import ParticleState
 
 
@@ -15,22 +18,31 @@ def rest():
 
 
 def test_an_action_multiplies_its_force_and_turns_it_round():
-    world = FallingParticle(units=2).dynamics
+    step = jax.jit(FallingParticle(units=2).dynamics.step)
 
     def moved(*action):
-        return np.asarray(world.step(rest(), jnp.array(action, jnp.float32), jnp.zeros(0)).velocity)
+        return np.asarray(step(rest(), np.array(action, np.float32), np.zeros(0, np.float32)).velocity)
 
     np.testing.assert_allclose(moved(0, 0.5)[0], moved(0, 1)[0] / 2, rtol=1e-5)
     np.testing.assert_allclose(moved(0, -1), moved(1, 0), rtol=1e-5)
     assert moved(0, 1)[0] > 0
 
 
-@pytest.mark.ci
-@pytest.mark.representatives("particle")
-@pytest.mark.parametrize("name", ["particle", "particle-orbit", "particle-navigation"])
-def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
+NAMES = ("particle", "particle-orbit", "particle-navigation")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_policies_of_zeros_and_ones_and_of_real_numbers_are_let_act(name):
     task = make(name)
     assert task.accepted_actions == ("binary", "graded")
+    for kind in ("tiles", "graded-tiles"):
+        validate(task, initial(kind, task, copies=2))
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("name", NAMES)
+def test_every_particle_takes_zeros_and_ones_and_real_numbers(name):
+    task = make(name)
     rates = {"centre": 1e-4, "log_width": 1e-4, "strength": 1e-3, "log_deviation": 1e-3}
     agent = agent_for(task, policy={"kind": "graded-tiles", "copies": 2}, learning_rate=rates)
     run = train(task, agent, 300, 2, progress=False)

@@ -44,6 +44,7 @@ def test_graded_units_learn_on_both_tasks():
         assert np.isfinite(quiet.reward).all()
 
 
+@pytest.mark.ci
 def test_an_evaluation_by_the_mode_has_no_noise():
     task = LinearRecruitment(units=1)
     pool = GradedMotoneurons([0.5], [4.8], [np.log(0.5)])
@@ -98,6 +99,7 @@ def test_queries_beyond_the_range_are_cut():
         assert float(world.step(jnp.asarray(0.3), jnp.array([1.0, query]), NONE)) == load
 
 
+@pytest.mark.ci
 def test_the_task_with_queries_has_its_own_learner_and_can_be_stored(tmp_path):
     run = train(QUERIED, steps=60, seeds=2, window=20, out=tmp_path, progress=False)
     assert run.config["agent"]["policy"]["kind"] == "querying-motoneurons"
@@ -116,6 +118,7 @@ def test_uniform_loads_start_as_they_did_and_queries_cost_no_random_number():
     np.testing.assert_array_equal(starts[0].agent.policy.threshold, starts[1].agent.policy.policy.threshold)
 
 
+@pytest.mark.ci
 def test_the_natural_gradient_goes_through_the_query():
     agent = agent_for(QUERIED, metric="fisher", damping={"threshold": 0.05})
     run = train(QUERIED, agent, 400, 2, progress=False)
@@ -148,9 +151,10 @@ def test_actions_that_a_task_does_not_take_are_refused_by_name(task, policy, sai
 
 @pytest.mark.parametrize("policy", [GradedMotoneurons([0.1, 0.2], [1.0, 2.0], [-1.0, -2.0]), Querying(SHARP)])
 def test_such_a_learner_can_be_packed_in_one_array(policy):
-    state = Agent(policy, metric=FisherMetric()).init(jax.random.key(0))
+    agent = Agent(policy, metric=FisherMetric())
+    state = jax.jit(lambda key: agent.init(key))(jax.random.key(0))
     packing = Packing(state, seeds=1)
-    again = packing.unpack(packing.pack(state))
+    again = jax.jit(lambda state: packing.unpack(packing.pack(state)))(state)
     assert jax.tree.structure(again) == jax.tree.structure(state)
     jax.tree.map(np.testing.assert_array_equal, again, state)
 

@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -157,12 +158,30 @@ def test_a_learned_pool_meets_an_added_load_with_more_force():
     assert earns(ideal) > earns(added.ideal_thresholds())
 
 
-def test_drift_outlives_an_episode():
+@pytest.fixture(scope="module")
+def sweeps():
+    """What happens to one learner of the arm: load, whether a sweep ended, clock and gains, of each decision."""
     task = ArmRecruitment(drift=Drift(-0.2, 1000))
-    stepper = stepper_for(task, agent_for(task), range(2))
-    stepper.advance(123)
-    assert (stepper.harvest()["episodes"] == 1).all()
-    np.testing.assert_array_equal(stepper.state["cycle"].memory.clock, 123)
+    stepper = stepper_for(task, agent_for(task), [0])
+    told = []
+    for _ in range(200):
+        load = float(stepper.state["cycle"].observation[0, 0])
+        stepper.advance(1)
+        clock, gains = stepper.state["cycle"].memory.clock[0], stepper.policies().gain[0].copy()
+        told.append((load, int(stepper.harvest()["episodes"][0]), int(clock), gains))
+    return [np.array(each) for each in zip(*told, strict=True)]
+
+
+def test_drift_outlives_an_episode(sweeps):
+    _, ended, clock, _ = sweeps
+    assert ended[:123].sum() == 1
+    np.testing.assert_array_equal(clock, np.arange(200) + 1)
+
+
+def test_the_parameters_move_once_a_sweep(sweeps):
+    _, ended, _, gains = sweeps
+    moved = (np.diff(gains, axis=0) != 0).any(1)
+    np.testing.assert_array_equal(moved, ended[1:] > 0)
 
 
 def test_the_arm_is_paid_its_height_less_the_cost():
@@ -179,9 +198,10 @@ def test_the_arm_is_paid_its_height_less_the_cost():
 
 def test_where_only_complete_lifts_pay_less_is_nothing():
     task, graded = ArmRecruitment(units=4, reward_type="complete"), ArmRecruitment(units=4)
-    parts = jnp.linspace(0.0, 1.0, 201)
-    for load in (0.5, 6.0, 13.0):
-        height, whole = (np.asarray(each.effect(jnp.float32(load), parts)) for each in (task, graded))
+    parts = np.linspace(0.0, 1.0, 201, dtype=np.float32)
+    complete, partly = (jax.jit(each.effect) for each in (task, graded))
+    for load in np.float32([0.5, 6.0, 13.0]):
+        height, whole = np.asarray(complete(load, parts)), np.asarray(partly(load, parts))
         assert set(np.unique(height)) == {0.0, np.float32(10.0)}
         np.testing.assert_array_equal(height > 0, whole >= 9.99)
     unloaded = ArmRecruitment(reward_type="complete", unloaded=2.0)
@@ -217,6 +237,7 @@ def test_direct_simulation_pays_what_the_table_does():
     assert (direct["height"] > 0.5).any()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("change", [{}, {"batch": "mean"}])
 def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
     task = ArmRecruitment(least=2.0, most=2.0, low=-2.0, high=9.0)  # -2, 0 … 8: six decisions
@@ -237,14 +258,9 @@ def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
     assert np.isfinite(gradient).all()
 
 
-def test_a_sweep_ends_above_its_heaviest_load():
-    task = ArmRecruitment()
-    stepper = stepper_for(task, agent_for(task), [0])
-    loads = []
-    for _ in range(200):
-        loads.append(float(stepper.state["cycle"].observation[0, 0]))
-        stepper.advance(1)
-    starts = np.flatnonzero(np.array(loads) == -2.0)
+def test_a_sweep_ends_above_its_heaviest_load(sweeps):
+    loads, *_ = sweeps
+    starts = np.flatnonzero(loads == -2.0)
     assert max(loads) <= 14.0
     assert len(starts) >= 2
     assert all(70 <= length <= 90 for length in np.diff(starts))  # 16 kg by .2 each
@@ -252,6 +268,7 @@ def test_a_sweep_ends_above_its_heaviest_load():
     assert 0.0999 < rising.min() < 0.13 < 0.27 < rising.max() < 0.3001
 
 
+@pytest.mark.ci
 def test_a_time_limit_cuts_a_sweep():
     task = ArmRecruitment(time_limit=7)
     stepper = stepper_for(task, agent_for(task), [0])
