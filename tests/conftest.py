@@ -22,14 +22,15 @@ _FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_f
 _COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
 _FIXTURES_NEED = dict.fromkeys(_BROWSERS, "chromium") | {"silhouette": "OpenGL"}
-_MOST_RESIDENT = 900_000_000  # bytes of a process, above which the programs of the files before are dropped
+_MOST_RESIDENT = 1_300_000_000  # bytes of a process, above which the programs of the files before are dropped
 # Folders of which `make test-share` runs the slow tests, too: every unit and world, and all that is done to a page.
 _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
 )
 os.environ.update(_COMPILER)  # read by JAX when it is imported, so not in a fixture
-# Tracing makes millions of small objects that live on. Python would look through all of them again and again.
-gc.set_threshold(200_000, 20, 100)
+# Tracing makes millions of small objects that live on, and Python would look through all of them again and again. Young
+# ones are still looked through; the others when the programs are dropped that most of them belong to.
+gc.set_threshold(200_000, 20, 1_000_000)
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
@@ -87,6 +88,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         for name in mark.args:
             if why := needed.lacking(name):
                 pytest.skip(why)
+
+
+def pytest_collection_finish() -> None:
+    gc.collect()
+    gc.freeze()  # modules and tests live as long as the process
 
 
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
