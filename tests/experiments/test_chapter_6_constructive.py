@@ -43,20 +43,9 @@ def out(tmp_path_factory):
     return tmp_path_factory.mktemp("constructive")
 
 
-LONG = (
-    "sec-6.4-criteria",
-    "sec-6.4-placement",
-    "sec-6.5.4-hierarchy",
-    "sec-6.5.4-hopper",
-    "sec-6.5.4-navigation",
-    "fig-6.9",
-    "fig-6.8",
-)  # to compile
-
-
-@pytest.mark.representatives("fig-a.2")
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
+    "name", [pytest.param(name, marks=pytest.mark.ci if name == "fig-a.2" else ()) for name in CLAIMS]
 )
 def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, progress=False)

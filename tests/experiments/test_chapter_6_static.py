@@ -58,20 +58,9 @@ def work(out):
     return Workspace(out / "some", out / "trained", progress=False)
 
 
-LONG = (
-    "sec-6.5-mixtures",
-    "sec-6.1.1-forgetting",
-    "sec-6.3-noise",
-    "fig-6.5",
-    "fig-6.6",
-    "fig-6.4",
-    "beyond-6.2-natural",
-)  # to compile
-
-
-@pytest.mark.representatives("fig-6.1", "fig-6.2")
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in CLAIMS]
+    "name", [pytest.param(name, marks=pytest.mark.ci if name in ("fig-6.1", "fig-6.2") else ()) for name in CLAIMS]
 )
 def test_each_runs_from_end_to_end(name, out):
     found = reproduce(EXPERIMENTS[name].quick(), out, quick=True, progress=False)
@@ -202,6 +191,8 @@ def test_claims_of_the_partition():
     assert held(Partition(), line | {"constant": one, "linear": np.stack([one + k for k in some])}) == [False] * 3
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("2")
 @pytest.mark.parametrize("side", [1, 2, 4])
 def test_the_world_makes_few_motions_of_many_patterns(side):
     assert motions(side) == (4**side, 2 * side + 1)

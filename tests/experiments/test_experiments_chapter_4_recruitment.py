@@ -20,7 +20,6 @@ from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for, train
 from motorgrad.worlds import immediate_reward
 
-LONG = ("fig-4.3", "fig-4.8")  # to compile
 CLAIMED = {
     "fig-4.1": 2,
     "fig-4.2": 0,
@@ -33,8 +32,8 @@ CLAIMED = {
 }
 
 
-@pytest.mark.representatives("fig-4.1", "fig-4.5")
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])
+@pytest.mark.representatives("fig-4.1")
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.ci if n == "fig-4.5" else ()) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)

@@ -42,10 +42,8 @@ def done(out):
     return of
 
 
-LONG = ("sec-4.4.1-rate-modulation", "sec-4.4-growth", "sec-4.4.1-active-learning")  # to compile
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in NAMES])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.ci if n == "fig-4.10" else ()) for n in NAMES])
 def test_each_runs_from_end_to_end(name, done):
     found = done(name)
     assert len(found.claims) == CLAIMS[name]

@@ -35,10 +35,11 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo notes divergences in the working directory
 
 
-LONG = ("sec-5.3.3-terrain", "fig-5.9", "fig-5.8", "sec-5.3.4-gaits")
+LONG = dict.fromkeys(("sec-5.3.3-terrain", "fig-5.9", "fig-5.8", "sec-5.3.4-gaits"), pytest.mark.slow)
+LONG |= dict.fromkeys(("fig-5.6", "fig-5.7"), pytest.mark.ci)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in CLAIMED])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=LONG.get(n, ())) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)

@@ -49,14 +49,14 @@ def test_the_objective_is_the_mean_reward_by_quadrature(point):
         return reward * np.exp(-0.5 * ((x - mean) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
 
     with jax.enable_x64(True):
-        found = float(objective(jax.tree.map(jnp.asarray, BUMPS), jnp.asarray(point)))
+        found = float(jax.jit(objective)(jax.tree.map(jnp.asarray, BUMPS), jnp.asarray(point)))
     span = (mean - 9 * deviation, mean + 9 * deviation)
     assert found == pytest.approx(integrate.quad(integrand, *span, limit=200, epsabs=1e-12)[0], abs=1e-9)
 
 
 def test_climbing_ends_on_an_optimum_without_noise_and_never_goes_down():
     path = climb(BUMPS, np.array([[-1.2, 0.4], [0.0, 3.0]]), 2000, 100)
-    height = np.array([[float(objective(BUMPS, point)) for point in run] for run in path])
+    height = np.asarray(jax.jit(jax.vmap(jax.vmap(lambda point: objective(BUMPS, point))))(path))
     assert np.all(np.diff(height, axis=1) > -1e-6)
     assert np.abs(path[:, -1, 1]).max() < 1e-3
     assert path[:, -1, 0] == pytest.approx([-1.5, 1.0], abs=0.02)
@@ -68,7 +68,7 @@ def test_learning_from_rewards_follows_the_exact_gradient_on_average():
     start, decisions, rate = np.array([-0.2, 0.8]), 20, 0.001
     ends = learn(BUMPS, np.tile(start, (20_000, 1)), decisions, rate, 1, seed=0)[:, -1]
     moved = (ends - start) / (decisions * rate * start[1] ** 2)
-    exact = np.asarray(jax.grad(objective, argnums=1)(BUMPS, jnp.asarray(start)))
+    exact = np.asarray(jax.jit(jax.grad(objective, argnums=1))(BUMPS, start))
     error = moved.std(axis=0) / np.sqrt(len(moved))
     assert np.all(error < 0.01)
     np.testing.assert_array_less(np.abs(moved.mean(axis=0) - exact), 4 * error + 0.02 * np.abs(exact).max())
@@ -83,9 +83,8 @@ def test_scores_are_the_derivative_of_the_log_probability():
     chosen = oracle.action_probabilities(MDP, comparison_point())
     assert np.einsum("sa,sai->si", chosen, found) == pytest.approx(0, abs=1e-12)
     with jax.enable_x64(True):
-        slope = jax.grad(lambda w: Softmax(w).log_prob(jnp.asarray(MDP.observations[1]), 0))(
-            jnp.array([[1.0, 1.0], [-1.0, -1.0]])
-        )
+        log_prob = lambda weights: Softmax(weights).log_prob(jnp.asarray(MDP.observations[1]), 0)  # noqa: E731
+        slope = jax.jit(jax.grad(log_prob))(np.array([[1.0, 1.0], [-1.0, -1.0]]))
     assert found[1, 0] == pytest.approx(np.ravel(slope), abs=1e-12)
 
 
@@ -184,10 +183,10 @@ def test_one_seed_that_does_not_learn_refutes_that_every_seed_does():
 
 # --- from end to end ---
 
-QUICK = [HillClimbing, Learner, pytest.param(Baselines, marks=pytest.mark.slow)]
+QUICK = [pytest.param(HillClimbing, marks=pytest.mark.ci), Learner, Baselines]
 
 
-@pytest.mark.representatives("HillClimbing")
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", QUICK)
 def test_a_quick_run_goes_from_end_to_end_and_is_taken_up(kind, tmp_path):
     assert EXPERIMENTS[kind.name] is kind

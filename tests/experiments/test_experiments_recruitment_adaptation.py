@@ -99,7 +99,7 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
 
 @pytest.fixture(scope="module")
 def run():
-    return mg.train("linear-recruitment", steps=400, seeds=3, window=100, progress=False)
+    return mg.train("linear-recruitment", steps=400, seeds=2, window=100, progress=False)
 
 
 def test_firing_is_the_sigmoid_of_each_unit(run):
@@ -119,7 +119,7 @@ def test_entropy_is_that_of_coins():
 
 def test_parameters_are_those_of_the_records(run):
     threshold, gain = parameter_history(run)
-    assert threshold.shape == gain.shape == (3, 4, 4)
+    assert threshold.shape == gain.shape == (2, 4, 4)
     np.testing.assert_array_equal([threshold[:, -1], gain[:, -1]], thresholds_and_gains(run.policies))
     np.testing.assert_allclose(run.final("error", 0.5), run.curve("error")[1][:, 2:].mean(axis=1))
 

@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started, told
+from scipy.special import softmax
 
 from motorgrad import lab
 from motorgrad.learning import (
@@ -46,7 +48,8 @@ def check_mean(found, exact, precision, slack=0.01):
     np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * error + slack * scale)
 
 
-@pytest.mark.representatives("previous-None", "previous-0.7")
+@pytest.mark.ci
+@pytest.mark.representatives("previous-None")
 @pytest.mark.parametrize("discount", [None, 0.7])
 @pytest.mark.parametrize("relative_to", ["previous", "mean"])
 def test_with_learned_values_the_mean_estimate_is_the_exact_gradient(relative_to, discount):
@@ -85,23 +88,23 @@ def test_expected_sarsa_and_the_samples_are_those_written_out():
     with jax.enable_x64(True):
         policy = Softmax(jnp.asarray(rng.normal(size=(3, 2))))
         agent = Agent(policy, estimator(baseline, 1), SGD(1.0))
-        state, weights, trace, previous, stayed = agent.init(jax.random.key(0)), np.zeros((3, 3)), 0.0, None, 0
+        state, weights, trace, previous, stayed = started(agent), np.zeros((3, 3)), 0.0, None, 0
         for step in range(12):
             y, after, reward = rng.normal(size=2), rng.normal(size=2), rng.normal()
             before = state.policy
-            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(1)))
-            a, ended = int(action), step == 7
-            flags = {"terminated": jnp.asarray(ended)}
-            state = agent.improve(agent.reinforce(state, jnp.asarray(reward), jnp.asarray(after), **flags))
+            ended = step == 7
+            _, action, _, state = decided(agent, state, y, rng.random(1), reward, after, terminated=ended)
+            a = int(action)
             now, then = np.append(y, 1), np.append(after, 1)
             values = weights @ now
-            compared = before.prob(jnp.asarray(y)) @ values if previous is None else values[previous]
+            chance, chance_after = (softmax(np.asarray(before.weights) @ look) for look in (y, after))
+            compared = chance @ values if previous is None else values[previous]
             moved = np.asarray(state.policy.weights - before.weights)
-            score = np.asarray(before.score(jnp.asarray(y), action).weights)
+            score = np.outer((np.arange(3) == a) - chance, y)
             np.testing.assert_allclose(moved, (values[a] - compared) * score, atol=1e-12)
             stayed += previous == a and not moved.any()
             slope = np.outer(np.arange(3) == a, now)
-            later = 0 if ended else discount * np.asarray(before.prob(jnp.asarray(after))) @ (weights @ then)
+            later = 0 if ended else discount * chance_after @ (weights @ then)
             trace = discount * decay * trace + slope
             weights = weights + rate * (reward + later - values[a]) * trace
             previous, trace = (None, 0.0) if ended else (a, trace)
@@ -111,9 +114,7 @@ def test_expected_sarsa_and_the_samples_are_those_written_out():
 
 def test_a_diverged_reward_teaches_it_nothing():
     agent = Agent(POINT, estimator(ActionTransitions(fit=TemporalDifference(0.1))))
-    state = agent.init(jax.random.key(0))
-    state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3]))
-    lost = agent.reinforce(state, jnp.float32(jnp.nan), jnp.zeros(2), diverged=jnp.asarray(True))
+    state, _, lost = told(agent, started(agent), [0.5, 0.25], [0.3], np.nan, np.zeros(2), diverged=True)
     for name in ("weights", "reward"):
         one, other = getattr(lost.estimator.baseline, name), getattr(state.estimator.baseline, name)
         jax.tree.map(np.testing.assert_array_equal, one, other)

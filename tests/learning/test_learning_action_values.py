@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import started, told
 
 import motorgrad as mg
 from motorgrad.learning import (
@@ -31,6 +32,7 @@ from motorgrad.policies import (
 )
 
 CENTRE = 0.7
+TINY = MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0, unit_length=True)
 
 
 def unit() -> Any:
@@ -82,6 +84,8 @@ def test_of_normal_units_it_is_the_exact_gradient_of_a_quadratic_bandit():
         np.testing.assert_allclose(found.log_deviation[0], of_s, atol=1e-4)  # near 0
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("squashed")
 @pytest.mark.parametrize("density", ["squashed", "clipped", "truncated"])
 def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
     """Against finite differences of the mean over the random numbers."""
@@ -125,33 +129,43 @@ def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
 
 def test_a_decision_of_the_critic_is_that_of_the_formulas():
     policy: Any = unit()
-    values = ActionValues(0.9, 0.01, network=MultilayerPerceptron((4,), layer_norm=False, unit_length=True))
-    state = values.init(policy, jnp.float32, jax.random.key(0))
-    state = state._replace(weights=eqx.tree_at(lambda w: w.weights, state.weights, jnp.arange(4.0)))
-    squares: Any = 0.0
-    looks, worth, bonuses = [jnp.array([0.5]), jnp.array([-1.0]), jnp.array([0.3])], 0.1, []
-    entropy = float(policy.entropy(looks[0]))
-    for t, (reward, ends) in enumerate([(1.0, False), (-0.5, True)]):
-        action = jnp.array([0.3 - t])
-        key = jax.random.wrap_key_data(state.key)
-        following = policy.sample(looks[t + 1], jax.random.uniform(jax.random.fold_in(key, 0), (1,), jnp.float32))
+    values = ActionValues(0.9, 0.01, network=TINY)
+
+    @eqx.filter_jit
+    def first(key):
+        state = values.init(policy, jnp.float32, key)
+        return state._replace(weights=eqx.tree_at(lambda w: w.weights, state.weights, jnp.arange(4.0)))
+
+    @eqx.filter_jit
+    def taught(state, transition, key):
+        """The value and its slope, the value that follows, and the state after a decision."""
         learned, settings = split(state.weights)
 
-        def value(weights, t=t, action=action, settings=settings):
-            return values.value(eqx.combine(weights, settings), looks[t], action)
+        def value(weights):
+            return values.value(eqx.combine(weights, settings), transition.observation, transition.action)
 
-        later = float(values.value(state.weights, looks[t + 1], following)) + worth * entropy
+        following = policy.sample(transition.next_observation, jax.random.uniform(key, (1,), jnp.float32))
+        later = values.value(state.weights, transition.next_observation, following)
+        return *jax.value_and_grad(value)(learned), later, values.update(state, policy, transition, worth)
+
+    state = first(jax.random.key(0))
+    squares: Any = 0.0
+    looks, worth, bonuses = np.array([[0.5], [-1.0], [0.3]], np.float32), 0.1, []
+    entropy = float(policy.entropy(looks[0]))
+    for t, (reward, ends) in enumerate([(1.0, False), (-0.5, True)]):
+        action = np.array([0.3 - t], np.float32)
+        key = jax.random.fold_in(jax.random.wrap_key_data(state.key), 0)
+        transition = Transition(looks[t], action, np.float32(reward), looks[t + 1], np.bool_(ends))
+        value, slope, later, after = taught(state, transition, key)
+        later = float(later) + worth * entropy
         bonuses.append(reward + worth * entropy)
         gammas = [0.9, 0.0][: t + 1]
         variance = np.var(bonuses) + np.var(gammas) * (np.sum(bonuses) ** 2 if ends else 0)
         sigma = np.sqrt(variance) if variance > 0 else 1.0
-        error = (reward + 0.9 * (not ends) * later - float(value(learned))) / sigma
-        slope = flat(jax.grad(value)(learned))
-        transition = Transition(looks[t], action, jnp.float32(reward), looks[t + 1], jnp.asarray(ends))
-        after = values.update(state, policy, transition, worth)
+        error, slope = (reward + 0.9 * (not ends) * later - float(value)) / sigma, flat(slope)
         squares = 0.999 * squares + 0.001 * (error * slope) ** 2
         wanted = 0.01 * error * slope / (np.sqrt(squares / (1 - 0.999 ** (t + 1))) + 1e-8)
-        moved = flat(split(after.weights)[0]) - flat(learned)
+        moved = flat(split(after.weights)[0]) - flat(split(state.weights)[0])
         np.testing.assert_allclose(moved, wanted, rtol=2e-3, atol=1e-6)
         state = after
 
@@ -160,15 +174,18 @@ def flat(tree):
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(tree)])
 
 
+@pytest.mark.ci
 def test_the_last_layer_may_have_unit_length():
-    layers = MultilayerPerceptron((8, 5), unit_length=True).build(3, jax.random.key(0))
-    assert float(jnp.linalg.norm(layers(jnp.array([0.5, -2.0, 1.0])))) == pytest.approx(1, rel=1e-5)
-    np.testing.assert_array_equal(
-        MultilayerPerceptron((8,), "relu", layer_norm=False, unit_length=True).build(3, jax.random.key(0))(
-            jnp.zeros(3)
-        ),
-        0,
-    )
+    several = MultilayerPerceptron((8, 5), sparsity=0.0, unit_length=True)
+    flat = MultilayerPerceptron((8,), "relu", layer_norm=False, sparsity=0.0, unit_length=True)
+
+    @jax.jit
+    def both(key, look):
+        return jnp.linalg.norm(several.build(3, key)(look)), flat.build(3, key)(jnp.zeros(3))
+
+    length, nothing = both(jax.random.key(0), np.array([0.5, -2.0, 1.0], np.float32))
+    assert float(length) == pytest.approx(1, rel=1e-5)
+    np.testing.assert_array_equal(nothing, 0)
 
 
 def bandit(seeds, steps):
@@ -221,7 +238,7 @@ def test_what_has_no_place_in_it_is_refused_by_name(changes, said):
 def test_densities_that_have_no_slope_in_jax_are_refused():
     policy = BoundedHyperplanes(slope=jnp.zeros((1, 1)), level=jnp.zeros(1), log_deviation=jnp.zeros(1), density="beta")
     with pytest.raises(ValueError, match="must be one whose actions JAX can differentiate, such as of the densities"):
-        Agent(policy, ActionValueGradient()).init(jax.random.key(0))
+        eqx.filter_eval_shape(Agent(policy, ActionValueGradient()).init, jax.random.key(0))
 
 
 def test_policies_that_draw_no_real_numbers_are_refused():
@@ -230,16 +247,17 @@ def test_policies_that_draw_no_real_numbers_are_refused():
 
 
 def test_what_diverged_and_the_scale_of_rewards():
-    estimator = ActionValueGradient(
-        reward_scaling=RewardScaling(0.9), values=ActionValues(network=MultilayerPerceptron((4,)))
-    )
+    estimator = ActionValueGradient(reward_scaling=RewardScaling(0.9), values=ActionValues(network=TINY))
     agent = Agent(unit(), estimator, Adam(1e-3, b1=0.0))
-    state: Any = agent.act(agent.init(jax.random.key(0)), jnp.ones(1), jnp.array([0.3]))[0]
-    broken: Any = agent.reinforce(state, jnp.float32(np.nan), jnp.full(1, np.nan), diverged=jnp.array(True))
+    state: Any
+    broken: Any
+    paid: Any
+    begun = started(agent)
+    state, _, broken = told(agent, begun, np.ones(1), [0.3], np.nan, [np.nan], diverged=True)
     kept, was = broken.estimator.baseline, state.estimator.baseline
     jax.tree.map(np.testing.assert_array_equal, split(kept.weights)[0], split(was.weights)[0])
     assert float(broken.gradient.level[0]) == 0
-    paid: Any = agent.reinforce(state, jnp.float32(1.0), jnp.ones(1), terminated=jnp.array(True))
+    paid = told(agent, begun, np.ones(1), [0.3], 1.0, terminated=True)[2]
     assert float(paid.estimator.baseline.scale.earned) == 0
     assert int(paid.estimator.baseline.scale.squares.count) == 1
 

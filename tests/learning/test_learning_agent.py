@@ -182,7 +182,11 @@ def agent_with(trace, **settings):
 
 @pytest.mark.parametrize("traced", [False, True])
 @pytest.mark.parametrize("flag", ["terminated", "truncated", "diverged"])
-@pytest.mark.parametrize("trace", TRACES, ids=repr)
+@pytest.mark.parametrize(
+    "trace",
+    [pytest.param(each, marks=[pytest.mark.ci] * isinstance(each, Window | LaggedGaussian)) for each in TRACES],
+    ids=repr,
+)
 def test_every_end_of_an_episode_empties_the_trace(trace, flag, traced):
     agent = agent_with(trace, discount=0.9)
     state, observation = halfway(agent)

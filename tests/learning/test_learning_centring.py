@@ -86,6 +86,7 @@ def test_level_and_values_are_the_exact_ones(discount, centring):
     assert levels.mean() > 0.2 * average
 
 
+@pytest.mark.ci
 def test_centring_spares_a_critic_the_constant():
     """With a discount of 0.99 the values of 300 decisions are nearer to the exact ones, but for a constant."""
     exact = oracle.values(TASK.dynamics, CHAIN_POINT, 0.99)

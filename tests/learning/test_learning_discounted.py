@@ -43,7 +43,8 @@ CASES = {
 }
 
 
-@pytest.mark.representatives("from the start, no values", "all alike")
+@pytest.mark.ci
+@pytest.mark.representatives("from the start, no values")
 @pytest.mark.parametrize("name", CASES)
 def test_the_mean_estimate_is_the_exact_gradient(name):
     share, from_start, gradient = CASES[name]

@@ -2,10 +2,12 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import started, told
 
 from motorgrad.learning import SGD, Adam, Agent, Clock, FisherMetric, Growth, Plateau, Visited, gpomdp, olgarb, olpomdp
 from motorgrad.policies import FreeGaussians, Hyperplanes, LocalGaussians, Masked, SoftBoxes, SoftSpheres, growing
@@ -17,20 +19,28 @@ def learner(growth=QUICK, units=4, inputs=2, kind="gaussians", estimator=None, o
     return Agent(growing(inputs, units, kind), estimator or olgarb(0.5), optimizer or SGD(0.0), growth=growth, **parts)
 
 
-def live(agent, decisions, seed=0, reward=lambda t, key: jnp.float32(1.0), look=None, start=None):
+def always(t, key):
+    return jnp.float32(1.0)
+
+
+def live(agent, decisions, seed=0, reward=always, look=None, start=None):
     """Decisions of a learner that sees `look(key)` and is paid `reward(t, key)`: the last state, and all states."""
-    inputs = jax.eval_shape(agent.init, jax.random.key(0)).policy.inputs
-    look = look or (lambda key: jax.random.uniform(key, (inputs,)))
+    start = started(agent, seed) if start is None else start
+    return _live(agent, decisions, reward, look, jax.random.key(seed), start)
+
+
+@eqx.filter_jit
+def _live(agent, decisions, reward, look, key, start):
+    look = look or (lambda key: jax.random.uniform(key, (start.policy.inputs,)))
 
     def decide(state, t):
-        keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), t), 3)
+        keys = jax.random.split(jax.random.fold_in(key, t), 3)
         numbers = jax.random.uniform(keys[1], (state.policy.outputs,))
         state, _ = agent.act(state, look(keys[0]), numbers)
         state = agent.improve(agent.reinforce(state, reward(t, keys[2]), look(keys[0])))
         return state, state
 
-    start = agent.init(jax.random.key(seed)) if start is None else start
-    return jax.jit(lambda state: jax.lax.scan(decide, state, jnp.arange(decisions)))(start)
+    return jax.lax.scan(decide, start, jnp.arange(decisions))
 
 
 def widths(state, name="log_width"):
@@ -42,7 +52,7 @@ def test_the_thesiss_adding_phase_has_7588_decisions_at_whose_end_the_width_is_t
     assert growth.adding == 7_588
     state, history = live(learner(growth), 7_588)
     width = widths(history)[:, 0]
-    assert widths(learner(growth).init(jax.random.key(0)))[0] == pytest.approx([1.0, 1.0])
+    assert widths(started(learner(growth)))[0] == pytest.approx([1.0, 1.0])
     # λ is a sum of as many roundings as there are decisions, 1e-7 each
     np.testing.assert_allclose(width[[0, 999, 7586]], 0.99975 ** np.array([[1], [1000], [7587]]) * [1, 1], rtol=1e-3)
     np.testing.assert_allclose(width[-1], 0.15, rtol=1e-4)
@@ -73,13 +83,16 @@ def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_t
     """One decision of a grown learner beside the same learner without the schedule."""
     growing_agent = learner(QUICK, optimizer=optimizer, metric=metric)
     paid = noisy(lambda t: 0.0)
-    _, history = live(growing_agent, 30, reward=paid)
+    state, states = started(growing_agent), []
+    for t in range(22):
+        state = live(growing_agent, 1, t, paid, start=state)[0]
+        states.append(state)
     plain = dataclasses.replace(growing_agent, growth=None)
     for after, factors in (
         (13, [0.5, 8.0]),
         (21, [1.0, 1.0]),
     ):  # the second unit's adding and learning phase
-        state = jax.tree.map(lambda leaf, n=after: leaf[n], history)
+        state = states[after]
         before = np.asarray(state.policy.pool.centre)
         moved = [live(agent, 1, 9, paid, start=start)[0] for agent, start in
                  ((growing_agent, state), (plain, state._replace(growth=None)))]  # fmt: skip
@@ -89,6 +102,7 @@ def test_the_newest_units_steps_are_eight_times_and_the_others_half_as_long_in_t
         np.testing.assert_array_equal(steps[0][2:], 0)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("kind", "field"), [("soft-boxes", "log_width"), ("soft-spheres", "log_radius")])
 def test_boxes_and_spheres_grow_as_gaussians_do(kind, field):
     state, _ = live(learner(kind=kind), 30)
@@ -98,6 +112,7 @@ def test_boxes_and_spheres_grow_as_gaussians_do(kind, field):
     np.testing.assert_array_equal(np.exp(state.policy.pool.log_hardness), np.exp(np.log(np.float32(10))))
 
 
+@pytest.mark.ci
 def test_growth_is_complete_with_as_many_units_as_were_asked_for():
     state, _ = live(learner(dataclasses.replace(QUICK, units=2)), 60)
     np.testing.assert_array_equal(state.policy.active, [True, True, False, False])
@@ -106,7 +121,7 @@ def test_growth_is_complete_with_as_many_units_as_were_asked_for():
 def test_units_that_were_there_stay_as_they_are_and_the_next_is_added():
     pool = LocalGaussians([[0.1], [0.9], [0.4]], [[-2.0], [-2.5], [-3.0]], 0.5)
     agent = Agent(Masked(pool, [False, True, False]), olgarb(0.5), SGD(0.0), growth=QUICK)
-    state = agent.init(jax.random.key(0))
+    state = started(agent)
     np.testing.assert_array_equal(state.policy.active, [True, True, False])
     np.testing.assert_allclose(state.policy.pool.centre[:, 0], [0.5, 0.9, 0.4])
     np.testing.assert_allclose(state.policy.pool.log_width[:, 0], [0.0, -2.5, -3.0])
@@ -115,6 +130,7 @@ def test_units_that_were_there_stay_as_they_are_and_the_next_is_added():
     np.testing.assert_allclose(state.policy.pool.log_width[1], -2.5)
 
 
+@pytest.mark.ci
 def test_a_full_pool_does_not_grow_and_learns_at_the_plain_rates():
     pool = LocalGaussians([[0.1], [0.9]], [[-1.0], [-1.0]], 0.5)
     agent = Agent(Masked(pool), olgarb(0.5), SGD(0.01), growth=QUICK)
@@ -162,6 +178,7 @@ def test_no_unit_is_added_after_as_many_that_brought_nothing_as_patience_allows(
         assert state.growth.criterion.vain == patience
 
 
+@pytest.mark.ci
 def test_units_that_bring_something_keep_growth_going():
     """The reward rises by much with every unit but the last of the pool's six: growth stops by itself after these."""
     agent = learner(plateau(patience=2), units=12)
@@ -190,31 +207,30 @@ def test_a_plateaus_interval_is_that_of_the_difference_of_two_windows():
         state, _ = jax.lax.scan(lambda s, r: (judge.reinforce(s, r, settled), None), judge.init(jnp.float32), rewards)
         return ~state.due
 
-    for level in (0.0, 100.0):
-        share = jax.jit(jax.vmap(lambda key, level=level: rose(level, key)))(jax.random.split(jax.random.key(0), 4_000))
+    keys = jax.random.split(jax.random.key(0), 4_000)
+    shares = jax.jit(jax.vmap(jax.vmap(rose, (None, 0)), (0, None)))(np.array([0.0, 100.0], np.float32), keys)
+    for share in np.asarray(shares):
         assert float(share.mean()) == pytest.approx(0.1, abs=0.02)  # one side of 80 %, with 19 degrees of freedom
 
 
 def test_a_diverged_decisions_reward_is_not_seen():
     agent = learner(plateau())
-    state = agent.init(jax.random.key(0))._replace()
+    state = started(agent)
     state = state._replace(growth=state.growth._replace(age=jnp.int32(50)))
-    state, _ = agent.act(state, jnp.zeros(2), jnp.ones(4))
-    after = agent.reinforce(state, jnp.float32(jnp.nan), jnp.zeros(2), diverged=jnp.asarray(True))
-    assert after.growth.criterion.rewards == 0
-    assert agent.reinforce(state, jnp.float32(1), jnp.zeros(2)).growth.criterion.rewards == 1
+    for diverged, rewards in ((True, 0), (False, 1)):
+        after = told(agent, state, np.zeros(2), np.ones(4), np.nan if diverged else 1.0, diverged=diverged)[2]
+        assert after.growth.criterion.rewards == rewards
 
 
 def corner(key):
     return 3 + 0.2 * jax.random.uniform(key, (2,))
 
 
-@pytest.mark.slow
 def test_a_unit_is_placed_where_the_learner_has_been_of_late():
     growth = dataclasses.replace(QUICK, criterion=Clock(100), placement=Visited(slots=8, every=5))
-    starts = []
+    starts, agent = [], learner(growth, units=2)
     for seed in range(8):
-        state, _ = live(learner(growth, units=2), 101, seed, look=corner)
+        state, _ = live(agent, 101, seed, look=corner)
         np.testing.assert_allclose(state.policy.pool.centre[0], 0.5)  # the first knows nothing yet
         starts.append(np.asarray(state.policy.pool.centre[1]))
     assert (np.array(starts) >= 3).all()
@@ -244,9 +260,9 @@ def test_the_memory_is_an_even_sample_of_the_last_decisions():
 
 def test_an_observation_that_is_not_finite_is_never_kept():
     visited = Visited(slots=3, every=1)
-    state = visited.init(1, jnp.float32)
+    state, observe = visited.init(1, jnp.float32), jax.jit(visited.observe)
     for value in (1.0, np.nan, np.inf, 2.0):
-        state = visited.observe(state, jnp.array([value]), jnp.uint32(5))
+        state = observe(state, np.array([value], np.float32), np.uint32(5))
     assert state.kept == 2
     np.testing.assert_array_equal(state.looks[:, 0], [1, 2, 0])
 
@@ -259,6 +275,7 @@ def test_without_growth_nothing_of_a_learner_changes():
     assert "select" not in str(plain)  # no mask, no schedule
 
 
+@pytest.mark.ci
 def test_it_grows_with_a_batch_learner_too():
     state, _ = live(learner(estimator=dataclasses.replace(olpomdp(0.5), improve=5), optimizer=SGD(0.01)), 30)
     np.testing.assert_array_equal(state.policy.active, [True, True, True, False])
@@ -266,7 +283,6 @@ def test_it_grows_with_a_batch_learner_too():
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("centre-clock", "visited-plateau")
 @pytest.mark.parametrize("criterion", [Clock(2_000), Plateau(window=1_000, patience=5)], ids=["clock", "plateau"])
 @pytest.mark.parametrize("placement", [None, Visited()], ids=["centre", "visited"])
 def test_units_find_the_two_places_where_firing_pays(criterion, placement):

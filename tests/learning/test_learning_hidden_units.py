@@ -47,6 +47,8 @@ def earned(task, policies, count):
     return np.array([oracle.average_reward(exact_on(task, policy), policy) for policy in each])
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("two layers that see the observation", "internal states")
 @pytest.mark.parametrize("name", POINTS)
 def test_the_mean_estimate_over_seeds_is_the_exact_gradient(name):
     task, policy = POINTS[name]

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,23 +43,32 @@ EXAMPLES = {
 }
 
 
+BINS = (0.0, 2.0, 4)
+
+
+@jax.jit
+def binned(rate, state, look, reward):
+    """What a baseline expects at an observation and at all, and its state after the reward."""
+    baseline = BinnedBaseline(*BINS, rate=rate)
+    return baseline.value_at(state, look), baseline.level(state), baseline.learn(state, look, reward)
+
+
 @few
 @given(
     rewards=st.lists(st.tuples(st.floats(-1, 3), st.floats(-100, 100)), max_size=30),
     rate=st.sampled_from([0.0, 0.1, 1.0]),
 )
 def test_a_bin_is_the_mean_of_its_rewards(rewards, rate):
-    low, high, bins = 0.0, 2.0, 4
-    baseline = BinnedBaseline(low, high, bins, rate=rate)
+    low, high, bins = BINS
     means, counts = np.zeros(bins + 1), np.zeros(bins + 1)
     with jax.enable_x64(True):
-        state = baseline.init(SEES_ONE, jnp.float64)
+        state = BinnedBaseline(*BINS, rate=rate).init(SEES_ONE, jnp.float64)
         for y, reward in rewards:
             here = int(np.clip(np.floor((y - low) / (high - low) * bins), 0, bins - 1))
             expected = means[here] if counts[here] else means[-1]
-            assert float(baseline.value_at(state, jnp.array([y]))) == pytest.approx(expected, abs=1e-9)
-            assert float(baseline.level(state)) == pytest.approx(means[-1], abs=1e-9)
-            state = baseline.learn(state, jnp.array([y]), jnp.asarray(reward))
+            value, level, state = binned(rate, state, np.array([y]), np.float64(reward))
+            assert float(value) == pytest.approx(expected, abs=1e-9)
+            assert float(level) == pytest.approx(means[-1], abs=1e-9)
             for place in (here, -1):
                 counts[place] += 1
                 means[place] += max(1 / counts[place], 0 if place == -1 else rate) * (reward - means[place])
@@ -78,7 +88,7 @@ def test_the_linear_baseline_finds_a_linear_reward_in_inputs_of_any_size():
     def step(state, y):
         return baseline.learn(state, y, 2 * y[0] - 0.5 * y[1] + 7), None
 
-    state = jax.lax.scan(step, state, jnp.asarray(inputs))[0]
+    state = jax.jit(lambda state: jax.lax.scan(step, state, inputs)[0])(state)
     np.testing.assert_allclose(state.weights, [2, -0.5, 7], atol=1e-4)
     assert float(baseline.value_at(state, jnp.array([100.0, 0.0]))) == pytest.approx(207, abs=1e-2)
     # with a rate of 1 it fits the newest reward at once, however large the input
@@ -138,8 +148,10 @@ TRACES = {
 }
 
 
-@pytest.mark.representatives("linear-no memory", "binned, forgetting-no memory")
-@pytest.mark.parametrize("trace", TRACES)
+@pytest.mark.representatives("binned, forgetting-no memory")
+@pytest.mark.parametrize(
+    "trace", [pytest.param(name, marks=[pytest.mark.ci] * (name == "no memory")) for name in TRACES]
+)
 @pytest.mark.parametrize("baseline", [Told(3.0, 0.3), *EXAMPLES.values()], ids=["told", *EXAMPLES])
 def test_no_input_baseline_biases_the_estimate(baseline, trace):
     filter_, gradient = TRACES[trace]
@@ -152,6 +164,7 @@ def test_no_input_baseline_biases_the_estimate(baseline, trace):
     np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * error + 1e-2 * np.linalg.norm(exact))
 
 
+@pytest.mark.ci
 def test_told_the_level_for_all_it_is_the_plain_baseline():
     task = ThreeState()
     plain = estimates(task, POINT, gpomdp(0.8, mg.learning.Constant(0.3)), 200, 3)
@@ -196,7 +209,6 @@ _CACHE: dict[bool, FiniteMDP] = {}
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("baseline2-True-0.2")
 @pytest.mark.parametrize(
     ("baseline", "quadratic", "at_most"),
     [
@@ -218,12 +230,8 @@ def test_it_takes_away_most_noise_where_the_reward_depends_on_the_input(baseline
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_diverged_decision_teaches_it_nothing(name):
     agent = Agent(POINT, olgarb(0.8, EXAMPLES[name]), SGD(0.1))
-    state, y = agent.init(jax.random.key(0)), jnp.array([0.3, 0.5])
-    state, _ = agent.act(state, y, jnp.array([0.3]))
-    state = agent.improve(agent.reinforce(state, jnp.float32(2.0), y))
-    seen, _ = agent.act(state, y * jnp.nan, jnp.array([0.3]))
-    lost = jnp.array(True)
-    after = agent.improve(agent.reinforce(seen, jnp.float32(jnp.nan), y, diverged=lost), lost, lost)
+    state = decided(agent, started(agent), [0.3, 0.5], [0.3], 2.0).state
+    after = decided(agent, state, [np.nan, np.nan], [0.3], np.nan, [0.3, 0.5], diverged=True).state
     for a, b in zip(
         jax.tree.leaves((after.policy, after.estimator.baseline)),
         jax.tree.leaves((state.policy, state.estimator.baseline)),

@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import started, told
+from scipy.special import expit
 
 from motorgrad import lab
 from motorgrad.learning import (
@@ -32,8 +34,8 @@ def exact(task, policy):
     mdp = task.dynamics
     means = np.array([oracle.flat(oracle.lagged_gradient(mdp, policy, lag)) for lag in range(LENGTH)])
     chance, pi = oracle.action_probabilities(mdp, policy), oracle.stationary_distribution(mdp, policy)
-    one = jax.vmap(lambda y: jax.vmap(lambda a: policy.score(y, a).weights.ravel())(jnp.arange(2)))
-    lengths = np.square(np.asarray(one(jnp.asarray(mdp.observations)), float)).sum(2)
+    one = jax.jit(jax.vmap(lambda y: jax.vmap(lambda a: policy.score(y, a).weights.ravel())(jnp.arange(2))))
+    lengths = np.square(np.asarray(one(mdp.observations), float)).sum(2)
     weight, squares = np.einsum("s,sa,sa,ast->t", pi, chance, lengths, mdp.transitions), []
     for _ in range(LENGTH):
         squares.append(weight @ np.square(mdp.rewards - pi @ mdp.rewards))
@@ -53,7 +55,7 @@ def test_weights_go_towards_those_of_least_error(name):
     stepper = stepper_for(task, Agent(policy, Estimator(trace, baseline, improve="never")), range(SEEDS))
     stepper.advance(DECISIONS)
     state = stepper.state["cycle"].agent.estimator.trace
-    weights = np.asarray(jax.vmap(trace.weights)(state), float)
+    weights = np.asarray(jax.jit(jax.vmap(trace.weights))(state), float)
     # a single estimate is noisy where signal and noise are alike, and its mean above 0 where there is no signal
     np.testing.assert_allclose(weights.mean(0), best, atol=0.22)
     sure = best > 0.95
@@ -74,13 +76,13 @@ def test_the_rule_is_the_one_written_out():
     with jax.enable_x64(True):
         policy = Hyperplanes(jnp.array([[0.5, -0.2], [0.1, 0.3]], jnp.float64), jnp.zeros(2, jnp.float64))
         agent = Agent(policy, Estimator(LearnedTrace(length, rate), Constant(0.3), improve="never"))
-        state, rng = agent.init(jax.random.key(0)), np.random.default_rng(1)
+        state, rng = started(agent), np.random.default_rng(1)
         scores, samples, total = [], [], np.zeros(6)
         for step in range(1, 11):
-            y, reward = rng.normal(size=2), rng.normal()
-            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(2)))
-            score = policy.score(jnp.asarray(y), action)
-            scores = [np.append(np.ravel(score.weights), score.bias), *scores][:length]
+            y, reward, ended = rng.normal(size=2), rng.normal(), step == 6
+            _, action, state = told(agent, state, y, rng.random(2), reward, np.zeros(2), truncated=ended)
+            surprise = np.asarray(action) - expit(np.asarray(policy.weights) @ y)
+            scores = [np.append(np.outer(surprise, y), surprise), *scores][:length]
             rows = np.zeros((length, 6))
             rows[: len(scores)] = scores
             weights = np.zeros(length)
@@ -96,8 +98,6 @@ def test_the_rule_is_the_one_written_out():
                 weights = np.where(lengths > 0, np.maximum(1 - share * spread / np.maximum(lengths, 1e-300), 0), 0)
             total += (reward - 0.3) * weights @ rows
             samples.append((reward - 0.3) * rows)
-            ended = step == 6
-            state = agent.reinforce(state, jnp.asarray(reward), jnp.zeros(2), truncated=jnp.asarray(ended))
             scores = [] if ended else scores
             found = np.append(np.ravel(state.gradient.mean.weights), state.gradient.mean.bias)
             np.testing.assert_allclose(found, total / step, atol=1e-12)
@@ -106,11 +106,11 @@ def test_the_rule_is_the_one_written_out():
 
 def test_a_diverged_reward_teaches_it_nothing_and_an_episode_ends_without_forgetting():
     agent = Agent(POINT, Estimator(LearnedTrace(3, 0.1), OptimalBaseline(each="parameter")))
-    state = agent.init(jax.random.key(0))
+    state = started(agent)
     for diverged in (False, True):
-        state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3]))
-        before, reward = state.estimator.trace, jnp.float32(jnp.nan if diverged else 1.0)
-        state = agent.reinforce(state, reward, jnp.zeros(2), diverged=jnp.asarray(diverged))
+        reward = np.nan if diverged else 1.0
+        acted, _, state = told(agent, state, [0.5, 0.25], [0.3], reward, np.zeros(2), diverged=diverged)
+        before = acted.estimator.trace
     jax.tree.map(np.testing.assert_array_equal, state.estimator.trace[1:], before[1:])
     assert int(before.means.count) == 1
     assert not np.asarray(state.estimator.trace.scores.weights).any()

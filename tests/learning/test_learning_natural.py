@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
@@ -150,7 +151,8 @@ def random_mdp(actions, inputs, seed=0, states=4):
     return FiniteMDP(transitions, rng.normal(size=(actions, states)), rng.normal(size=(states, inputs)))
 
 
-@pytest.mark.representatives("motoneurons", "coupled")
+@pytest.mark.ci
+@pytest.mark.representatives("coupled")
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "coupled", "softmax"])
 def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     policy = rng_policies(2)[name]
@@ -167,19 +169,24 @@ def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     np.testing.assert_allclose(exact, exact.T, atol=1e-15)
 
 
+@eqx.filter_jit
+def preconditioned(metric, state, policy, gradient):
+    return metric.precondition(state, policy, gradient)
+
+
 def estimated(task, policy, rate, decisions, seeds=24, decay=0.95):
     """Exact and estimated Fisher matrices and directions at fixed parameters, of every seed."""
     metric = FisherMetric(rate, 1e-3)
     agent = Agent(policy, gpomdp(decay, MeanReward()), metric=metric)
     stepper = stepper_for(task, agent, range(seeds))
     stepper.advance(decisions)
-    state, precondition = stepper.state["cycle"].agent, eqx.filter_jit(metric.precondition)
+    state = jax.tree.map(np.asarray, stepper.state["cycle"].agent)
     matrices, directions, plain = [], [], []
     for seed in range(seeds):
-        mine = jax.tree.map(lambda leaf, seed=seed: np.asarray(leaf[seed]), state)
+        mine = jax.tree.map(lambda leaf, seed=seed: leaf[seed], state)
         matrices.append(whole(policy, mine.chain[0]))
         gradient = mine.gradient.mean
-        directions.append(oracle.flat(precondition(mine.chain[0], policy, gradient)))
+        directions.append(oracle.flat(preconditioned(metric, mine.chain[0], policy, gradient)))
         plain.append(oracle.flat(gradient))
     return np.array(matrices), np.array(directions), np.array(plain)
 
@@ -245,10 +252,8 @@ def test_the_oracles_direction_solves_and_a_singular_matrix_moves_only_what_can_
     np.testing.assert_allclose(direction[:2] + direction[2:], 0, atol=1e-10)
     metric = FisherMetric(1.0, 0.0)
     with jax.enable_x64(True):
-        policy = double(POINT)
-        fisher = (jnp.asarray(oracle.fisher(mdp, POINT))[None],)
-        g = oracle.gradient(mdp, POINT)
-        found = oracle.flat(metric.precondition(fisher, policy, jax.tree.map(jnp.asarray, g)))
+        fisher = (oracle.fisher(mdp, POINT)[None],)
+        found = oracle.flat(preconditioned(metric, fisher, double(POINT), oracle.gradient(mdp, POINT)))
     # it is the same step of the policy; rounding may add a little of what changes nothing
     np.testing.assert_allclose(found[:2] - found[2:], direction[:2] - direction[2:], rtol=1e-6)
     assert np.linalg.norm(found) < 1.1 * np.linalg.norm(direction)
@@ -267,18 +272,24 @@ def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
         state = agent.improve(agent.reinforce(state, reward, scale * y))
         return state, jax.vmap(state.policy.prob)(scale * jnp.array([[-1.0], [0.2], [1.0]]))
 
-    state = agent.init(jax.random.key(0))
-    if metric is not None:  # a first estimate that is not singular, in whatever parameters
-        matrices = [policy.fisher(jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
-        fisher = tuple(sum(each) / len(each) for each in zip(*matrices, strict=True))
-        state = state._replace(chain=(fisher, *state.chain[1:]))
-    return np.asarray(jax.jit(lambda state: jax.lax.scan(decide, state, (inputs, uniforms))[1])(state))
+    @jax.jit
+    def whole(key):
+        state = agent.init(key)
+        if metric is not None:  # a first estimate that is not singular, in whatever parameters
+            matrices = [policy.fisher(jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
+            fisher = tuple(sum(each) / len(each) for each in zip(*matrices, strict=True))
+            state = state._replace(chain=(fisher, *state.chain[1:]))
+        return jax.lax.scan(decide, state, (inputs, uniforms))[1]
+
+    return np.asarray(whole(jax.random.key(0)))
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("0.01")
 @pytest.mark.parametrize("scale", [0.01, 30.0])
 def test_without_damping_learning_is_the_same_in_any_units_of_the_input(scale):
     with jax.enable_x64(True):
-        w, b = jnp.array([[0.5], [-0.8]]), jnp.array([0.1, -0.3])
+        w, b = np.array([[0.5], [-0.8]]), np.array([0.1, -0.3])
         # no start in these units; the rounding's worth of damping is in units of the diagonal
         metric = FisherMetric(0.05, 0.0, 0.0)
         natural = [learn(Hyperplanes(w / s, b), s, metric) for s in (1.0, scale)]
@@ -288,6 +299,7 @@ def test_without_damping_learning_is_the_same_in_any_units_of_the_input(scale):
     assert np.abs(plain[0] - plain[1]).max() > 0.05
 
 
+@pytest.mark.ci
 def test_hyperplanes_and_motoneurons_that_are_one_policy_move_as_one():
     probes = jnp.array([[-1.0], [0.2], [1.0]])
     with jax.enable_x64(True):
@@ -336,9 +348,10 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
     moved = {}
     for name, damping in (("damped", {"threshold": 0.05}), ("not damped", {})):
         agent = Agent(policy, olgarb(0.9), SGD(1e-4), FisherMetric(3e-4, damping))
-        state = agent.init(jax.random.key(0))
+        state = started(agent)
         # as after a long time at gain 0: the start is forgotten, and nothing known of the thresholds
-        known = jnp.zeros((2, 2, 2)).at[:, 1, 1].set(0.02)
+        known = np.zeros((2, 2, 2), np.float32)
+        known[:, 1, 1] = 0.02
         state = state._replace(chain=((known,), *state.chain[1:]))
 
         @jax.jit
@@ -354,61 +367,66 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
     assert moved["not damped"] > 10 * moved["damped"]
 
 
-@pytest.mark.representatives("motoneurons", "gaussians")
+@pytest.mark.ci
+@pytest.mark.representatives("gaussians")
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "gaussians", "softmax"])
 def test_a_matrix_of_nothing_moves_nothing_and_a_singular_one_stays_finite(name):
     policy, metric = rng_policies(3)[name], FisherMetric(0.5, 0.0, 0.0)
     state = metric.init(policy)
-    ones = jax.tree.map(jnp.ones_like, trainable(policy))
-    for leaf in jax.tree.leaves(metric.precondition(state, policy, ones)):
+    ones = jax.tree.map(np.ones_like, trainable(policy))
+    for leaf in jax.tree.leaves(preconditioned(metric, state, policy, ones)):
         np.testing.assert_array_equal(leaf, 0)
-    action = policy.mode(jnp.array([0.3]))
-    state = metric.observe(state, policy, seen(jnp.array([0.3]), action))  # of rank one
-    score = policy.score(jnp.array([0.3]), action)
-    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(metric.precondition(state, policy, score)))
+
+    @eqx.filter_jit
+    def observed(state, y):
+        action = policy.mode(y)
+        return metric.observe(state, policy, seen(y, action)), policy.score(y, action)
+
+    state, score = observed(state, np.array([0.3], np.float32))  # of rank one
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(preconditioned(metric, state, policy, score)))
 
 
 def test_it_starts_as_the_plain_gradient_and_forgets_that():
     policy, metric = Hyperplanes([[0.5], [0.1]], [0.0, 0.2]), FisherMetric(0.1, 0.0, 1.0)
     state = metric.init(policy)
     gradient = trainable(policy)
-    found = metric.precondition(state, policy, gradient)
+    found = preconditioned(metric, state, policy, gradient)
     np.testing.assert_allclose(oracle.flat(found), oracle.flat(gradient), rtol=1e-5)
-    y, action = jnp.array([0.7]), jnp.array([1.0, 0.0])
+
+    @eqx.filter_jit
+    def observed(state, y, action):
+        return metric.observe(state, policy, seen(y, action)), policy.fisher(y, action)[0]
+
     for _ in range(30):
-        state = metric.observe(state, policy, seen(y, action))
+        state, fisher = observed(state, np.array([0.7], np.float32), np.array([1.0, 0.0], np.float32))
     kept = 0.9**30
-    expected = kept * np.eye(2) + (1 - kept) * np.asarray(policy.fisher(y, action)[0])
+    expected = kept * np.eye(2) + (1 - kept) * np.asarray(fisher)
     np.testing.assert_allclose(state[0], expected, rtol=1e-5, atol=1e-7)
 
 
 def test_a_batch_learner_solves_once_a_batch_and_steps_by_the_natural_gradient():
     policy, metric = Hyperplanes([[0.5], [0.1]], [0.0, 0.2]), FisherMetric(0.1, 0.02)
     agent = Agent(policy, Estimator(Exponential(0.5), improve=5), SGD(0.1), metric)
-    state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
+    state, rng = started(agent), np.random.default_rng(0)
     for number in range(10):
-        uniforms = jax.random.uniform(jax.random.key(number), (2,))
-        state, action = agent.act(state, y, uniforms)
-        state = agent.reinforce(state, jnp.sum(action), y)
-        direction = metric.precondition(state.chain[0], state.policy, state.gradient.mean)
-        after = agent.improve(state)
+        _, _, told, after = decided(agent, state, [0.7], rng.random(2), rng.normal())
+        direction = preconditioned(metric, told.chain[0], told.policy, told.gradient.mean)
         if number % 5 == 4:
             expected = oracle.flat(trainable(state.policy)) + 0.1 * oracle.flat(direction)
             np.testing.assert_allclose(oracle.flat(trainable(after.policy)), expected, rtol=1e-5)
         else:
-            assert eqx.tree_equal(after.policy, state.policy)
+            jax.tree.map(np.testing.assert_array_equal, after.policy, state.policy)
         state = after
 
 
 def test_it_goes_before_any_rule_and_keeps_fixed_fields():
     policy = LocalGaussians([[0.5]], [[0.0]], 0.6)
     agent = Agent(policy, olgarb(0.5), Adam(0.01), FisherMetric(0.1, {"centre": 0.1, "log_width": 0.01}))
-    state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
-    blocks, metric = jax.tree.map(jnp.zeros_like, state.chain[0]), agent.metric
-    found = metric.precondition(blocks, policy, trainable(policy))  # of no matrix but the damping
-    np.testing.assert_allclose(found.centre, policy.centre / 0.1, rtol=1e-4)
+    state, rng = started(agent), np.random.default_rng(0)
+    blocks = jax.tree.map(np.zeros_like, state.chain[0])
+    found = preconditioned(agent.metric, blocks, policy, trainable(policy))  # of no matrix but the damping
+    np.testing.assert_allclose(found.centre, np.asarray(policy.centre) / 0.1, rtol=1e-4)
     for number in range(5):
-        state, _ = agent.act(state, y, jax.random.uniform(jax.random.key(number), (1,)))
-        state = agent.improve(agent.reinforce(state, jnp.float32(1.0 + number), y))
+        state = decided(agent, state, [0.7], rng.random(1), 1.0 + number).state
     assert float(state.policy.p_max) == pytest.approx(0.6)
     assert not np.array_equal(state.policy.centre, policy.centre)

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started, told
 
 from motorgrad.learning import (
     SGD,
@@ -57,6 +58,8 @@ def network():
     return Network(Hyperplanes(jnp.full((2, 3), 0.4), jnp.array([0.1, -0.3])), layers, 2)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("pool")
 @pytest.mark.parametrize("make", [lambda: POOL, network], ids=["pool", "network"])
 def test_compatible_weights_are_bhatnagars(make):
     """The rule of the paper, written out, with a score over the parameters of all units and layers."""
@@ -64,15 +67,14 @@ def test_compatible_weights_are_bhatnagars(make):
     with jax.enable_x64(True):
         policy = in_double(make())
         agent = Agent(policy, Estimator(Exponential(0.0), Constant(0.3)), SGD(step), CompatibleWeights(rate))
-        state = agent.init(jax.random.key(0))
+        state, score_of = started(agent), eqx.filter_jit(lambda policy, y, action: policy.score(y, action))
         theta = flat(trainable(state.policy))
         weights = np.zeros(theta.size)
         seen, uniforms, rewards = decisions(10)
         for y, after, number, reward in zip(seen, seen[1:], uniforms, rewards, strict=False):
             before = state.policy
-            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(number))
-            score = flat(before.score(jnp.asarray(y), action))
-            state = agent.improve(agent.reinforce(state, jnp.asarray(reward), jnp.asarray(after)))
+            _, action, _, state = decided(agent, state, y, number, reward, after)
+            score = flat(score_of(before, y, action))
             weights = weights - rate * score * (score @ weights) + rate * (reward - 0.3) * score
             theta = theta + step * weights
             np.testing.assert_allclose(flat(trainable(state.policy)), theta, atol=1e-12)
@@ -84,10 +86,15 @@ def test_rank_one_updates_keep_the_inverse_of_the_damped_matrix():
         policy = in_double(POOL)
         state, matrices = metric.init(policy), np.stack([0.5 * np.eye(3)] * 2)
         seen, uniforms, _ = decisions(50)
+
+        @eqx.filter_jit
+        def observed(state, y, number):
+            action = policy.sample(y, number)
+            (rows,) = policy.blocks(policy.score(y, action))
+            return metric.observe(state, policy, Transition(y, action, 0.0, y)), rows
+
         for turn, (y, number) in enumerate(zip(seen, uniforms, strict=False)):
-            action = policy.sample(jnp.asarray(y), jnp.asarray(number))
-            state = metric.observe(state, policy, Transition(jnp.asarray(y), action, 0.0, jnp.asarray(y)))
-            (rows,) = policy.blocks(policy.score(jnp.asarray(y), action))
+            state, rows = jax.tree.map(np.asarray, observed(state, y, number))
             one = 0.02 * 3 * 0.05 * np.diag(np.arange(3) == turn % 3)
             matrices = 0.98 * matrices + 0.02 * np.einsum("ui,uj->uij", rows, rows) + one
         np.testing.assert_allclose(state.blocks[0], np.linalg.inv(matrices), rtol=1e-9)
@@ -141,7 +148,7 @@ def episodic_natural(mdp, policy, length, discount, damping):
     """The exact solution of the regression, by a sum over all episodes of so many decisions."""
     chance = oracle.action_probabilities(mdp, policy)
     scores = np.asarray(
-        jax.vmap(lambda y: jax.vmap(lambda a: policy.score(y, a).weights)(jnp.arange(2)))(jnp.asarray(mdp.observations))
+        jax.jit(jax.vmap(lambda y: jax.vmap(lambda a: policy.score(y, a).weights)(jnp.arange(2))))(mdp.observations)
     ).reshape(mdp.states, 2, -1)
     paths = [(1.0, mdp.start, np.zeros(scores.shape[-1]), 0.0)]
     for t in range(length):
@@ -173,12 +180,10 @@ def test_episodes_find_the_exact_natural_gradient():
 def test_a_broken_episode_is_left_out():
     metric = EpisodicNatural()
     agent = Agent(POINT, Estimator(Exponential(0.0), None, improve="episode"), SGD(1.0), metric)
-    state = agent.init(jax.random.key(0))
+    state = started(agent)
     for diverged in (False, True):
-        state, _ = agent.act(state, jnp.array([0.5, 0.25]), jnp.array([0.3]))
-        flags = {"truncated": jnp.asarray(not diverged), "diverged": jnp.asarray(diverged)}
-        reward = jnp.float32(jnp.nan if diverged else 1.0)
-        state = agent.reinforce(state, reward, jnp.zeros(2), **flags)
+        flags = {"truncated": not diverged, "diverged": diverged}
+        state = told(agent, state, [0.5, 0.25], [0.3], np.nan if diverged else 1.0, np.zeros(2), **flags)[2]
     means = state.chain[0].means
     assert int(means.count) == 1
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(means))
@@ -206,7 +211,6 @@ def start(task):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("compatible")
 @pytest.mark.parametrize("name", LEARNERS)
 def test_it_finds_the_best_policy(name):
     task = ThreeState(time_limit=20) if name == "episodes" else ThreeState()

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started
 
 import motorgrad as mg
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, FisherMetric
@@ -15,8 +16,8 @@ from motorgrad.worlds import oracle
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 
 
-@pytest.mark.representatives("1-call-admission")
-@pytest.mark.parametrize("task", ["call-admission", pytest.param("hopper", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("task", [pytest.param("call-admission", marks=pytest.mark.ci), "hopper"])
 @pytest.mark.parametrize("improve", [1, 7])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(task, improve, tmp_path):
     asked = {"task": task, "agent": agent_for(mg.make(task), metric="fisher", damping=0.1, improve=improve)}
@@ -68,23 +69,24 @@ def check_together(interval, improve, tolerance):
     """A learner whose matrix takes in decisions together goes as one whose matrix takes in each by itself."""
     policy = BoundedHyperplanes([[0.5], [0.1]], [0.0, 0.2], [-1.0, -0.5])
     rng = np.random.default_rng(0)
-    looks, chances = jnp.asarray(rng.normal(size=(14, 1))), jnp.asarray(rng.random((13, 2)))
+    looks, chances = rng.normal(size=(14, 1)), rng.random((13, 2))
     found = []
     for together in (1, interval):
         agent = Agent(
             policy, Estimator(Exponential(0.5), improve=improve), SGD(0.1), FisherMetric(0.1, interval=together)
         )
-        state, act, reinforce, improved = (
-            agent.init(jax.random.key(0)),
-            *map(eqx.filter_jit, (agent.act, agent.reinforce, agent.improve)),
-        )
+
+        @eqx.filter_jit
+        def decide(state, look, uniforms, following, agent=agent):
+            state, action = agent.act(state, look, uniforms)
+            after = agent.reinforce(state, jnp.sum(action), following)
+            return agent.rest(state), after, agent.improve(after)
+
+        state = started(agent)
         for number in range(13):
-            state, action = act(state, looks[number], chances[number])
-            rests = int(agent.rest(state))
-            after = reinforce(state, jnp.sum(action), looks[number + 1])
-            state = improved(after)
+            rests, after, state = decide(state, looks[number], chances[number], looks[number + 1])
             if together > 1 and rests > 0:
-                assert eqx.tree_equal(state.chain[0].blocks, after.chain[0].blocks)
+                jax.tree.map(np.testing.assert_array_equal, state.chain[0].blocks, after.chain[0].blocks)
         found.append(state)
     one, other = found
     assert int(other.chain[0].waiting) == 13 % improve % interval  # a step leaves none waiting
@@ -101,21 +103,21 @@ def test_decisions_taken_in_together_make_the_same_matrix():
     check_together(5, 1000, 0)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("4")
 @pytest.mark.parametrize("interval", [4, 50])
 def test_a_step_of_a_batch_learner_takes_in_the_decisions_that_wait(interval):
     check_together(interval, 6, 1e-4)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("4-3")
 @pytest.mark.parametrize("interval", [1, 3])
 @pytest.mark.parametrize("improve", [1, 4])
 def test_a_diverged_decision_leaves_the_matrix_and_the_parameters(improve, interval):
     metric = FisherMetric(0.1, interval=interval)
     agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(improve=improve), SGD(0.1), metric)
-    state, y = agent.init(jax.random.key(0)), jnp.array([0.7])
-    state, _ = agent.act(state, y, jnp.array([0.3]))
-    state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
-    for broken in (jnp.array([jnp.nan]), y):
-        acted, _ = agent.act(state, broken, jnp.array([0.3]))
-        lost = jnp.array(True)
-        after = agent.improve(agent.reinforce(acted, jnp.float32(jnp.nan), broken, diverged=lost), lost, lost)
-        assert eqx.tree_equal((after.policy, after.chain), (state.policy, state.chain))
+    state = decided(agent, started(agent), [0.7], [0.3], 1.0).state
+    for broken in (np.nan, 0.7):
+        after = decided(agent, state, [broken], [0.3], np.nan, diverged=True).state
+        jax.tree.map(np.testing.assert_array_equal, (after.policy, after.chain), (state.policy, state.chain))

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import started
 from test_learning_critics import CHAIN_POINT, POINT, Which
 
 from motorgrad.learning import (
@@ -42,7 +43,7 @@ def values_of(critic, states, seen):
     return np.asarray(jax.vmap(lambda s: jax.vmap(lambda y: critic.value_at(s, y, previous))(seen))(states))
 
 
-@pytest.mark.representatives("chain-0.8")
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "discount"), [("three states", 0.8), ("chain", 0.8), ("chain", None)])
 def test_a_network_critic_learns_the_exact_values(name, discount):
     task, policy, rate, decisions = WORLDS[name]
@@ -111,16 +112,17 @@ def test_the_returns_of_a_batch_end_with_its_episodes():
         return 0.5 * jnp.mean((jax.vmap(eqx.combine(w, rest))(looks[:5]) - returns) ** 2)
 
     slope = flat(jax.grad(loss)(learned))
-    moved = flat(split(state.weights)[0]) - flat(learned)
-    np.testing.assert_allclose(moved, -0.01 * slope / (np.abs(slope) + 1e-8), rtol=1e-3, atol=1e-6)
+    step = flat(split(state.weights)[0]) - flat(learned)
+    np.testing.assert_allclose(step, -0.01 * slope / (np.abs(slope) + 1e-8), rtol=1e-3, atol=1e-6)
     assert int(state.fit.waiting) == 0
 
 
+@pytest.mark.ci
 def test_network_policy_and_network_critic_estimate_the_exact_gradient():
     """With the trace of the discount, the errors of a critic that has settled do not matter (Schulman et al., 2016)."""
-    task, discount, seeds = ThreeState(), 0.8, 400
-    policy = softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0))(KEY)
-    policy = jax.tree.map(lambda x: x + 0.3 * jax.random.normal(jax.random.key(x.size), x.shape), policy)
+    task, discount, seeds = ThreeState(), 0.8, 200
+    policy = eqx.filter_jit(softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0)))(KEY)
+    policy = moved(policy, 0.3)
     critic = NetworkCritic(network=SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
     stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, improve="never")), range(seeds))
     stepper.advance(4_800)
@@ -136,12 +138,38 @@ def flat(tree):
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(tree)])
 
 
-def begun(critic, seed=0):
-    """A critic's state with every parameter away from 0, at an observation."""
-    state = critic.start(POINT, jnp.float32, jax.random.key(seed))
+def moved(tree, size):
+    """The tree with every number of it elsewhere, by normal noise."""
+    return jax.tree.map(lambda w: w + np.float32(size * np.random.default_rng(w.size).normal(size=w.shape)), tree)
+
+
+@eqx.filter_jit
+def _begun(critic):
+    state = critic.start(POINT, jnp.float32, KEY)
     learned, rest = split(state.weights)
-    moved = jax.tree.map(lambda w: w + 0.5 * jax.random.normal(jax.random.key(w.size), w.shape), learned)
-    return critic.observe(state._replace(weights=eqx.combine(moved, rest)), jnp.array([0.3, -1.2]))
+    return critic.observe(state._replace(weights=eqx.combine(moved(learned, 0.5), rest)), jnp.array([0.3, -1.2]))
+
+
+def begun(critic):
+    """A critic's state with every parameter away from 0, at an observation."""
+    return _begun(critic)
+
+
+@eqx.filter_jit
+def decided(critic, state, transition):
+    """The advantage of a decision, the state after it, the same at the next observation and after an episode's end;
+    the value before, its slope and the next value, by automatic differentiation."""
+    advantage, after = critic.update(state, POINT, transition)
+    following = critic.observe(after, transition.next_observation)
+    learned, rest = split(state.weights)
+    value, slope = jax.value_and_grad(lambda w: eqx.combine(w, rest)(transition.observation))(learned)
+    by_hand = value, slope, state.weights(transition.next_observation)
+    return advantage.value, after, following, critic.restart(following), by_hand
+
+
+def critic_with(fit):
+    network = MultilayerPerceptron((5, 4), sparsity=0.0)
+    return NetworkCritic(network=network, discount=0.9, decay=0.6, fit=FITS[fit])
 
 
 FITS = {"td": TemporalDifference(0.1), "bounded": BoundedTemporalDifference(1.0, scaling=2.0)}
@@ -150,43 +178,42 @@ FITS = {"td": TemporalDifference(0.1), "bounded": BoundedTemporalDifference(1.0,
 @pytest.mark.parametrize("terminated", [False, True])
 @pytest.mark.parametrize("fit", FITS)
 def test_two_decisions_are_those_of_the_formulas(fit, terminated):
-    critic = NetworkCritic(network=MultilayerPerceptron((5, 4), sparsity=0.5), discount=0.9, decay=0.6, fit=FITS[fit])
+    critic = critic_with(fit)
     state = begun(critic)
-    looks = [jnp.array([0.3, -1.2]), jnp.array([1.0, 0.4]), jnp.array([-0.5, 0.1])]
+    looks = np.array([[0.3, -1.2], [1.0, 0.4], [-0.5, 0.1]], np.float32)
     trace = np.zeros(flat(split(state.weights)[0]).shape)
     for t, reward in enumerate([0.7, -2.0]):
-        ends, weights = jnp.asarray(terminated and t == 1), state.weights
-        value, slope = jax.value_and_grad(lambda w, y=looks[t]: w(y), allow_int=True)(eqx.filter(weights, eqx.is_array))
-        error = reward + 0.9 * float(weights(looks[t + 1])) * (not ends) - float(value)
+        ends, weights = np.bool_(terminated and t == 1), state.weights
+        transition = Transition(looks[t], np.int32(1), np.float32(reward), looks[t + 1], ends, np.bool_(False))
+        advantage, after, state, fresh, (value, slope, later) = decided(critic, state, transition)
+        error = reward + 0.9 * float(later) * (not ends) - float(value)
         trace = 0.9 * 0.6 * trace + flat(slope)
         rate = 0.1 if fit == "td" else 1 / max(1, 2 * max(abs(error), 1) * np.abs(trace).sum())
-        transition = Transition(looks[t], jnp.int32(1), jnp.float32(reward), looks[t + 1], ends)
-        advantage, after = critic.update(state, POINT, transition)
-        assert float(advantage.value) == pytest.approx(error, rel=1e-5)
-        moved = flat(split(after.weights)[0]) - flat(split(weights)[0])
-        np.testing.assert_allclose(moved, rate * error * trace, rtol=2e-3, atol=1e-6)
+        assert float(advantage) == pytest.approx(error, rel=1e-5)
+        step = flat(split(after.weights)[0]) - flat(split(weights)[0])
+        np.testing.assert_allclose(step, rate * error * trace, rtol=2e-3, atol=1e-6)
         if fit == "bounded":
-            assert np.abs(moved).sum() < 0.5 + 1e-4  # 1/κ
-        state = critic.observe(after, looks[t + 1])
-    assert not flat(critic.restart(state).fit).any()
+            assert np.abs(step).sum() < 0.5 + 1e-4  # 1/κ
+    assert not flat(fresh.fit).any()
 
 
 def test_a_diverged_decision_teaches_nothing():
-    critic = NetworkCritic(network=SMALL, discount=0.9)
+    critic = critic_with("td")
     state = begun(critic)
+    lost = np.full(2, np.nan, np.float32)
     transition = Transition(
-        jnp.zeros(2), jnp.int32(0), jnp.float32(np.nan), jnp.full(2, np.nan), False, jnp.asarray(True)
+        np.zeros(2, np.float32), np.int32(0), np.float32(np.nan), lost, np.bool_(False), np.bool_(True)
     )
-    after = critic.update(state, POINT, transition)[1]
+    after = decided(critic, state, transition)[1]
     np.testing.assert_array_equal(flat(after.weights), flat(state.weights))
 
 
 def test_every_seed_has_a_critic_of_its_own_that_starts_at_0():
     agent = Agent(POINT, Estimator(Exponential(0.5), NetworkCritic(network=SMALL)))
-    one, same, other = (agent.init(jax.random.key(seed)).estimator.baseline for seed in (0, 0, 1))
-    assert eqx.tree_equal(one, same)
-    assert np.any(one.weights.layers.layers[0].weight != other.weights.layers.layers[0].weight)
-    assert float(agent.estimator.baseline.value_at(one, jnp.array([0.3, -1.0]), jnp.zeros(2))) == 0
+    one, same, other = (started(agent, seed).estimator.baseline for seed in (0, 0, 1))
+    jax.tree.map(np.testing.assert_array_equal, *(eqx.filter(each, eqx.is_array) for each in (one, same)))
+    assert not np.array_equal(*(each.weights.layers.layers[0].weight for each in (one, other)))
+    assert float(eqx.filter_jit(agent.estimator.baseline.value_at)(one, np.array([0.3, -1.0]), np.zeros(2))) == 0
 
 
 def test_a_fit_for_linear_critics_is_refused():
@@ -195,19 +222,26 @@ def test_a_fit_for_linear_critics_is_refused():
             NetworkCritic(network=SMALL, fit=fit)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("None-None")
 @pytest.mark.parametrize("normalization", [None, RootMeanSquare(0.5)])
 @pytest.mark.parametrize("entropy", [None, 0.5])
 def test_a_bounded_sample_is_the_sample_over_the_bound(normalization, entropy):
-    policy = softmax(2, 3, network=MultilayerPerceptron((6,)))(KEY)
+    policy = eqx.filter_jit(softmax(2, 3, network=MultilayerPerceptron((6,))))(KEY)
     plain = Estimator(Exponential(0.9), None, normalization=normalization, entropy=entropy)
     bounded = dataclasses.replace(plain, bound=OvershootingBound(3.0))
-    look, action, reward = jnp.array([0.2, -0.4]), jnp.int32(2), jnp.float32(-1.7)
+    look, action, reward = np.array([0.2, -0.4], np.float32), np.int32(2), np.float32(-1.7)
     transition = Transition(look, action, reward, look)
-    found = []
-    for estimator in (plain, bounded):
-        state = estimator.act(estimator.init(policy), look, policy.score(look, action))
-        found.append(flat(estimator.sample(state, policy, transition)[0]))
-        trace = flat(state.trace)
+
+    @eqx.filter_jit
+    def sampled(policy):
+        state = plain.act(plain.init(policy), look, policy.score(look, action))
+        both = [each.sample(each.act(each.init(policy), look, policy.score(look, action)), policy, transition)[0]
+                for each in (plain, bounded)]  # fmt: skip
+        return both, state.trace
+
+    both, trace = sampled(policy)
+    found, trace = [flat(each) for each in both], flat(trace)
     worth = 1.0 if normalization else 1.7
     wanted = max(1, 3 * worth * np.abs(trace).sum())
     assert wanted > 1

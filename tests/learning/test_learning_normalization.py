@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,7 +21,7 @@ from motorgrad.learning import (
 )
 from motorgrad.policies import Softmax
 from motorgrad.tasks import ThreeState
-from motorgrad.training import agent_for
+from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import oracle
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
@@ -37,7 +38,7 @@ def test_the_factor_is_one_over_the_weighted_root_mean_square(advantages, rate):
     with jax.enable_x64(True):
         state = scale.init(jnp.float64)
         for count, advantage in enumerate(advantages, 1):
-            state = scale.update(state, jnp.asarray(advantage))
+            state = scale.update(state, np.float64(advantage))
             weights = (1 - rate) ** np.arange(count)[::-1]
             square = np.average(np.square(advantages[:count]), weights=weights)
             expected = 1 / np.sqrt(square) if square else 0.0
@@ -48,11 +49,9 @@ def test_the_factor_is_one_over_the_weighted_root_mean_square(advantages, rate):
 def walk(estimator, scale, steps=40):
     """The parameters along a made-up stream of rewards, in units of `scale`."""
     agent = Agent(POINT, estimator, SGD(0.1))
-    state, rng = agent.init(jax.random.key(0)), np.random.default_rng(0)
+    state, rng = started(agent), np.random.default_rng(0)
     for _ in range(steps):
-        y = jnp.asarray(rng.random(2), jnp.float32)
-        state, _ = agent.act(state, y, jnp.asarray(rng.random(1), jnp.float32))
-        state = agent.improve(agent.reinforce(state, jnp.float32(scale * rng.normal()), y))
+        state = decided(agent, state, rng.random(2), rng.random(1), scale * rng.normal()).state
     return np.asarray(state.policy.weights)
 
 
@@ -72,8 +71,9 @@ def test_the_unit_of_the_reward_does_not_matter(name, discount):
 def test_the_mean_sample_is_the_gradient_by_the_usual_advantage():
     decay, task = 0.5, ThreeState()
     estimator = Estimator(Exponential(decay), improve="never", normalization=RootMeanSquare(1e-3))
-    run = mg.train(task, Agent(POINT, estimator, SGD(0.0)), 4_000, 200, progress=False)
-    found = np.asarray(run.gradient.weights).reshape(200, -1)
+    stepper = stepper_for(task, Agent(POINT, estimator, SGD(0.0)), range(200))
+    stepper.advance(4_000)
+    found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(200, -1)
     eta = oracle.average_reward(task.dynamics, POINT)  # rewards of 0 and 1: their deviation is √(η(1 − η))
     exact = oracle.flat(oracle.biased_gradient(task.dynamics, POINT, decay)) / np.sqrt(eta * (1 - eta))
     tolerance = 4 * found.std(0) / np.sqrt(len(found)) + 0.01 * np.abs(exact)
@@ -82,25 +82,21 @@ def test_the_mean_sample_is_the_gradient_by_the_usual_advantage():
 
 def test_without_any_advantage_nothing_moves():
     agent = Agent(POINT, Estimator(Exponential(0.8), None, normalization=RootMeanSquare()), SGD(0.1))
-    state, y = agent.init(jax.random.key(0)), jnp.array([0.3, 0.5])
+    state = started(agent)
     for _ in range(3):
-        state, _ = agent.act(state, y, jnp.array([0.3]))
-        state = agent.improve(agent.reinforce(state, jnp.float32(0.0), y))
+        state = decided(agent, state, [0.3, 0.5], [0.3], 0.0).state
     np.testing.assert_array_equal(state.policy.weights, POINT.weights)
 
 
 def test_a_diverged_decision_does_not_count():
     agent = Agent(POINT, Estimator(Exponential(0.8), normalization=RootMeanSquare()), SGD(0.1))
-    state, y = agent.init(jax.random.key(0)), jnp.array([0.3, 0.5])
-    state, _ = agent.act(state, y, jnp.array([0.3]))
-    state = agent.improve(agent.reinforce(state, jnp.float32(2.0), y))
-    seen, _ = agent.act(state, y, jnp.array([0.3]))
-    lost = jnp.array(True)
-    after = agent.improve(agent.reinforce(seen, jnp.float32(jnp.nan), y, diverged=lost), lost, lost)
+    state = decided(agent, started(agent), [0.3, 0.5], [0.3], 2.0).state
+    after = decided(agent, state, [0.3, 0.5], [0.3], np.nan, diverged=True).state
     assert after.estimator.normalization == state.estimator.normalization
     np.testing.assert_array_equal(after.policy.weights, state.policy.weights)
 
 
+@pytest.mark.ci
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(tmp_path):
     task = mg.make("call-admission")
     agent = agent_for(task, normalization={"rate": 0.01})

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import started
 
 from motorgrad._docstrings import descriptions
 from motorgrad._tree import KINDS, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
@@ -77,13 +78,23 @@ class Accumulating(Trace):
 EVERY = [*((base, name) for base, parts in KINDS.items() for name in parts), (Trace, "test-accumulating")]
 # composed tasks have tests of their own
 PARTS = [(base, name) for base, name in EVERY if base not in (Observation, Quantity, Reset, Target)]
-FEW = ("Trace-test-accumulating", "Baseline-critic", "Metric-fisher", "Growth-constructive", "Agent-sparse")
+FEW = ("Trace-test-accumulating", "Metric-fisher")
+SHARE = ("Baseline-critic", "Growth-constructive", "Agent-sparse")  # of those that compile
 every_part_and_term = pytest.mark.parametrize(
     ("base", "name"), EVERY, ids=[f"{base.__name__}-{name}" for base, name in EVERY]
 )
 every_part = pytest.mark.parametrize(("base", "name"), PARTS, ids=[f"{base.__name__}-{name}" for base, name in PARTS])
-# those that compile; the others are slow
-some_parts = pytest.mark.representatives(*FEW)
+
+
+def of_parts(*quick):
+    """A test that compiles, of so few parts; in the share of some more, and of the others where all tests are run."""
+
+    def marked(test):
+        named = [(f"{base.__name__}-{name}", base, name) for base, name in PARTS]
+        cases = [pytest.param(*part, id=id, marks=[pytest.mark.ci] * (id in SHARE)) for id, *part in named]
+        return pytest.mark.representatives(*quick)(pytest.mark.parametrize(("base", "name"), cases)(test))
+
+    return marked
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -220,8 +231,7 @@ def test_a_value_outside_its_range_is_refused(base, name):
                 dataclasses.replace(part, **{field: value})
 
 
-@some_parts
-@every_part
+@of_parts(*FEW)
 def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
     _, agent = agent_with(base, name)
     other, order, traces = nudged(agent), Numbers(agent.hyperparameters), 0
@@ -244,7 +254,7 @@ def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
         return learner.publish(state) if isinstance(learner, SparseAgent) else state
 
     def start(learner):
-        state = learner.init(jax.random.key(0))
+        state = started(learner)
         if state.index is None:
             return state
         lead = jax.tree.map(lambda leaf: jnp.array(leaf)[None], (state.index, state.policy))
@@ -263,8 +273,7 @@ def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found[0].policy))
 
 
-@pytest.mark.representatives("Baseline-critic", "Growth-constructive", "Metric-fisher")
-@every_part
+@of_parts("Metric-fisher")
 def test_a_learner_resumes_from_its_state_and_its_seeds_do_not_touch(base, name):
     task, agent = agent_with(base, name)
     whole, parts, again, more = (stepper_for(task, agent, seeds) for seeds in ([0, 1], [0, 1], [0, 1], [0, 1, 2]))

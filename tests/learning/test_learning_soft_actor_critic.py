@@ -63,18 +63,33 @@ class Bowls(Architecture):
 def filled(replay, episodes, dropped=()):
     """Experience of `episodes`, lists of lengths. Observation t of episode e is (e, t), and so are action and reward.
     The decisions in `dropped` diverge."""
-    kept = replay.init(jnp.zeros(2), jnp.zeros(1), jax.random.key(0))
-    add, restart = jax.jit(replay.add), jax.jit(replay.restart)
-    for episode, length in enumerate(episodes):
-        for t in range(length):
-            lost = (episode, t) in dropped
-            seen, following = jnp.array([episode, t], float), jnp.array([episode, jnp.nan if lost else t + 1])
-            reward = jnp.nan if lost else 100.0 * episode + t
-            kept = add(kept, seen, jnp.array([-1.0 * t]), reward, following, t == length - 1, lost)
-        kept = restart(restart(kept))  # the second time changes nothing
-    return kept
+    rows = [(episode, t, length) for episode, length in enumerate(episodes) for t in range(length)]
+    episode, t, length = np.array(rows, np.float32).T
+    lost = np.array([row[:2] in dropped for row in rows])
+    seen, following = np.stack([episode, t], axis=1), np.stack([episode, np.where(lost, np.nan, t + 1)], axis=1)
+    rewards = np.where(lost, np.nan, 100 * episode + t)
+    return kept_of(replay, seen, -t[:, None], rewards, following, t == length - 1, lost, t == length - 1)
 
 
+def kept_of(replay, seen, actions, *rest):
+    """Experience of some decisions; the last of `rest` says after which of them an episode ends."""
+
+    @jax.jit
+    def add_all(told):
+        def add(kept, now):
+            *decision, ended = now
+            kept = replay.add(kept, *decision)
+            fresh = replay.restart(replay.restart(kept))  # the second time changes nothing
+            return jax.tree.map(lambda new, old: jnp.where(ended, new, old), fresh, kept), None
+
+        start = replay.init(jnp.zeros(seen.shape[1]), jnp.zeros(actions.shape[1]), jax.random.key(0))
+        return jax.lax.scan(add, start, told)[0]
+
+    return add_all((seen, actions, *rest))
+
+
+@pytest.mark.ci
+@pytest.mark.representatives("oldest-lost", "diverged")
 @pytest.mark.parametrize(
     ("capacity", "episodes", "dropped", "expected"),
     [
@@ -88,7 +103,7 @@ def filled(replay, episodes, dropped=()):
 def test_each_decision_is_drawn_with_what_it_led_to(capacity, episodes, dropped, expected):
     replay = Replay(capacity, 2, batch=2_000)
     kept = filled(replay, episodes, dropped)
-    drawn = jax.tree.map(np.asarray, replay.draw(kept, jax.random.key(1)))
+    drawn = jax.tree.map(np.asarray, jax.jit(replay.draw)(kept, jax.random.key(1)))
     assert all(np.isfinite(each).all() for each in drawn)
     rows = drawn.weight > 0
     episode, t = drawn.observation[rows].astype(int).T
@@ -108,20 +123,21 @@ def test_the_mean_of_a_batch_leaves_out_rows_without_a_decision():
     assert float(drawn._replace(weight=jnp.zeros(3)).mean(jnp.ones(3))) == 0
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("1.0-3.0")
 @pytest.mark.parametrize(("share", "ahead"), [(0.0, 3.0), (1.0, 3.0), (0.5, 1.0)])
 def test_in_hindsight_a_later_place_is_the_target(share, ahead):
     """Places 2 t with the target at 50: all errors are those for another place of the same episode, or as they were."""
     goal = Goal((1,), lambda error: -jnp.abs(error[0]) + 7.0 * (error[0] == 0), (3,))
     replay = Replay(100, 2, batch=4_000, hindsight=Hindsight(share, ahead, 0.0))
-    kept = replay.init(jnp.zeros(4), jnp.zeros(1), jax.random.key(0))
-    add, length = jax.jit(replay.add), 20
-    for episode in range(2):
-        for t in range(length):
-            seen, following = (jnp.array([episode, 50.0 - 2 * each, each, 50.0]) for each in (t, t + 1))
-            kept = add(kept, seen, jnp.zeros(1), goal.reward(following[1:2]) + 0.25, following, False, False)
-        kept = replay.restart(kept)
-    drawn = jax.tree.map(np.asarray, jax.jit(lambda key: replay.draw(kept, key, goal))(jax.random.key(2)))
-    plain = jax.tree.map(np.asarray, replay.draw(kept, jax.random.key(2)))
+    length = 20
+    episode, t = np.divmod(np.arange(2 * length, dtype=np.float32), length)
+    seen, following = (np.stack([episode, 50 - 2 * each, each, 0 * t + 50], axis=1) for each in (t, t + 1))
+    never = np.zeros(2 * length, bool)
+    rewards = np.asarray(jax.jit(jax.vmap(goal.reward))(following[:, 1:2])) + 0.25
+    kept = kept_of(replay, seen, np.zeros((2 * length, 1)), rewards, following, never, never, t == length - 1)
+    both = jax.jit(lambda key: (replay.draw(kept, key, goal), replay.draw(kept, key)))(jax.random.key(2))
+    drawn, plain = jax.tree.map(np.asarray, both)
     rows = drawn.weight > 0
     error, t, target = drawn.observation[rows, 1:].T
     following, _, same = drawn.next_observation[rows, 1:].T
@@ -143,6 +159,8 @@ def test_in_hindsight_a_later_place_is_the_target(share, ahead):
         assert np.all(later == 1)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("target-shown")
 @pytest.mark.parametrize("shown", [True, False], ids=["target-shown", "place-shown"])
 def test_in_hindsight_the_target_of_another_episode_is_the_target(shown):
     """Places t − 5, and targets 50 + 10 e of episode e: each of the four targets for 0.6 of the decisions."""
@@ -150,14 +168,11 @@ def test_in_hindsight_the_target_of_another_episode_is_the_target(shown):
         Goal((0,), lambda error: -jnp.abs(error[0]), (2,)) if shown else Goal((0,), lambda e: -jnp.abs(e[0]), (), (1,))
     )
     replay = Replay(100, 2, batch=4_000, hindsight=Hindsight(0.6, others=1.0))
-    kept = replay.init(jnp.zeros(4), jnp.zeros(1), jax.random.key(0))
-    add = jax.jit(replay.add)
-    for episode in range(4):
-        target = 50.0 + 10 * episode
-        for t in range(20):
-            seen, following = (jnp.array([target - at, at, target, episode]) for at in (t - 5, t - 4))
-            kept = add(kept, seen, jnp.zeros(1), goal.reward(following[:1]) + 0.25, following, False, False)
-        kept = replay.restart(kept)
+    episode, t = np.divmod(np.arange(80, dtype=np.float32), 20)
+    target, never = 50 + 10 * episode, np.zeros(80, bool)
+    seen, following = (np.stack([target - at, at, target, episode], axis=1) for at in (t - 5, t - 4))
+    rewards = np.asarray(jax.jit(jax.vmap(goal.reward))(following[:, :1])) + 0.25
+    kept = kept_of(replay, seen, np.zeros((80, 1)), rewards, following, never, never, t == 19)
     drawn = jax.tree.map(np.asarray, jax.jit(lambda key: replay.draw(kept, key, goal))(jax.random.key(2)))
     rows = drawn.weight > 0
     error, place, target, episode = drawn.observation[rows].T
@@ -202,7 +217,7 @@ def test_the_goal_of_a_composed_task_gives_the_reward_for_another_target():
         assert float(task.hindsight.reward(3.0 * jnp.array(error))) == pytest.approx(wanted, rel=1e-5)
 
 
-@pytest.mark.parametrize(
+WITHOUT_A_GOAL = pytest.mark.parametrize(
     "changes",
     [
         {"scaling": "running"},
@@ -225,9 +240,18 @@ def test_the_goal_of_a_composed_task_gives_the_reward_for_another_target():
         "another term",
     ],
 )
+
+
+@WITHOUT_A_GOAL
+def test_some_tasks_have_no_goal(changes):
+    assert arm(**changes).hindsight is None
+
+
+@pytest.mark.ci
+@pytest.mark.representatives("two targets")
+@WITHOUT_A_GOAL
 def test_tasks_without_a_goal_take_no_hindsight(changes):
     task = arm(**changes)
-    assert task.hindsight is None
     agent = mg.agent_for(task, preset="sac", steps=1_000)
     assert agent.estimator.replay.hindsight is None
     agent = mg.agent_for(task, {"estimator.replay.hindsight": "hindsight"}, preset="sac", steps=1_000)
@@ -245,47 +269,44 @@ def batch(count=64):
     look, action = rng.normal(size=(count, 1)), rng.normal(size=(count, 1))
     reward, ends = rng.normal(size=count), np.arange(count) % 5 == 0
     weight = (np.arange(count) % 7 > 0).astype(float)
-    return Drawn(*(jnp.asarray(each) for each in (look, action, reward, look + 0.3, ends, weight)))
+    return Drawn(look, action, reward, look + 0.3, ends, weight)
 
 
 def test_a_step_of_the_values_is_that_of_the_formulas():
-    with jax.enable_x64(True):
-        policy, key = unit(), jax.random.key(3)
-        values = ActionValueEnsemble(0.9, 0.01, 0.25, 2, MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0))
-        state = values.init(2, jnp.float64, jax.random.key(0))
+    values = ActionValueEnsemble(0.9, 0.01, 0.25, 2, MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0))
+    worth = 0.2
+
+    @jax.jit
+    def both(drawn, key):
+        """The weights and the slow weights after a step of `values`, and by the formulas."""
+        policy, state = unit(), values.init(2, jnp.float64, jax.random.key(0))
         heads = [eqx.tree_at(lambda w: w.weights, each, jnp.arange(4.0) + k) for k, each in enumerate(state.weights)]
-        learned = split(tuple(heads))[0]
+        learned, settings = split(tuple(heads))
         slow = jax.tree.map(lambda leaf: 0.8 * leaf, learned)
-        state = state._replace(weights=tuple(heads), slow=slow)
-        drawn, worth = batch(), 0.2
-        after = jax.jit(lambda state: values.update(state, policy, drawn, worth, key))(state)
-        numbers = jax.random.uniform(key, (64, 1), jnp.float64)
-        action = jax.vmap(policy.sample)(drawn.next_observation, numbers)
-        settings = split(state.weights)[1]
+        after = values.update(state._replace(weights=tuple(heads), slow=slow), policy, drawn, worth, key)
+        action = jax.vmap(policy.sample)(drawn.next_observation, jax.random.uniform(key, (64, 1), jnp.float64))
 
-        def network(weights, look, action):
-            return np.stack([jax.vmap(m)(jnp.concatenate([look, action], axis=1)) for m in weights])
+        def network(learned, look, action):
+            heads = eqx.combine(learned, settings)
+            return jnp.stack([jax.vmap(m)(jnp.concatenate([look, action], axis=1)) for m in heads])
 
-        later = network(eqx.combine(slow, settings), drawn.next_observation, action).min(axis=0)
-        later += worth * np.asarray(jax.vmap(policy.entropy)(drawn.next_observation))
-        wanted = np.asarray(drawn.reward) + 0.9 * ~np.asarray(drawn.terminated) * later
+        later = network(slow, drawn.next_observation, action).min(axis=0)
+        later += worth * jax.vmap(policy.entropy)(drawn.next_observation)
+        wanted = drawn.reward + 0.9 * (1 - drawn.terminated) * later
 
         def loss(learned):
-            each = jnp.stack(
-                [
-                    jax.vmap(m)(jnp.concatenate([drawn.observation, drawn.action], axis=1))
-                    for m in eqx.combine(learned, settings)
-                ]
-            )
+            each = network(learned, drawn.observation, drawn.action)
             return 0.5 * jnp.sum(drawn.weight * jnp.sum((each - wanted) ** 2, axis=0)) / jnp.sum(drawn.weight)
 
         moves, _ = optax.adam(0.01).update(jax.grad(loss)(learned), optax.adam(0.01).init(learned))
         expected = eqx.apply_updates(learned, moves)
-        for found, each in zip(jax.tree.leaves(split(after.weights)[0]), jax.tree.leaves(expected), strict=True):
-            np.testing.assert_allclose(found, each, atol=1e-7)
         tracked = jax.tree.map(lambda old, new: old + 0.25 * (new - old), slow, expected)
-        for found, each in zip(jax.tree.leaves(after.slow), jax.tree.leaves(tracked), strict=True):
-            np.testing.assert_allclose(found, each, atol=1e-7)
+        return (split(after.weights)[0], after.slow), (expected, tracked)
+
+    with jax.enable_x64(True):
+        found, expected = both(batch(), jax.random.key(3))
+        for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-7)
 
 
 @pytest.mark.parametrize("autocorrelation", [0.0, 0.8])
@@ -299,7 +320,7 @@ def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
         state = estimator.values.init(2, jnp.float64, jax.random.key(0))
         (head,) = state.weights
         state = state._replace(weights=(eqx.tree_at(lambda w: w.weights, head, jnp.ones(1)),))
-        drawn = jax.tree.map(lambda each: jnp.repeat(each, 500, axis=0), batch())
+        drawn = jax.tree.map(lambda each: np.repeat(each, 500, axis=0), batch())
         found = jax.jit(lambda key: estimator._gradient(state, policy, drawn, 0.3, key))(jax.random.key(1))
         found = found.policy if autocorrelation else found
         look, weight = np.asarray(drawn.observation)[:, 0], np.asarray(drawn.weight)
@@ -326,6 +347,7 @@ def bandit(estimator, policy, decisions, key=0):
     return jax.jit(lambda state, keys: jax.lax.scan(one, state, keys)[0])(agent.init(jax.random.key(key)), keys)
 
 
+@pytest.mark.ci
 def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
     network = MultilayerPerceptron((32,), activation="tanh", sparsity=0.0, layer_norm=False)
     values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+from compiled_learner import decided, started
 from jax.flatten_util import ravel_pytree
 
 from motorgrad.learning import (
@@ -41,6 +42,7 @@ from motorgrad.policies import (
     Masked,
     Mirrored,
     Motoneurons,
+    MultilayerPerceptron,
     SoftBoxes,
     Softmax,
     split,
@@ -139,6 +141,7 @@ def test_steps_of_any_size_are_cut_without_overflow(size):
     assert np.abs(ravel_pytree(none)[0]).max() == 0
 
 
+@pytest.mark.ci
 def test_no_step_of_a_learner_is_longer_than_its_limit_and_the_limit_is_annealed():
     limit, batch = Annealed(1e-3, 1e-4, 4), 40
     metric = FisherMetric(rate=0.01, damping=0.01, initial=1.0, kl=limit)
@@ -200,6 +203,7 @@ def test_units_that_are_sure_have_no_slope():
     assert entropy == 0
 
 
+@pytest.mark.ci
 def test_the_bonus_adds_the_mean_slope_of_the_entropy():
     mdp, bonus = ThreeState().dynamics, 0.3
     estimator = dataclasses.replace(gpomdp(0.5), entropy=bonus)
@@ -208,7 +212,8 @@ def test_the_bonus_adds_the_mean_slope_of_the_entropy():
         stepper.advance(2_000)
     with_it, without = (np.asarray(s.state["cycle"].agent.gradient.mean.weights, float) for s in found)
     pi = oracle.stationary_distribution(mdp, POINT)
-    slopes = [np.asarray(entropy_gradient(POINT, jnp.asarray(y, jnp.float32)).weights) for y in mdp.observations]
+    slope_at = eqx.filter_jit(entropy_gradient)
+    slopes = [np.asarray(slope_at(POINT, np.float32(y)).weights) for y in mdp.observations]
     wanted = bonus * np.einsum("s,sij->ij", pi, np.stack(slopes))
     np.testing.assert_allclose((with_it - without).mean(0), wanted, atol=0.01 * np.abs(wanted).max())
 
@@ -216,20 +221,18 @@ def test_the_bonus_adds_the_mean_slope_of_the_entropy():
 def test_the_bonus_is_annealed_with_the_steps_and_leaves_diverged_samples_out():
     estimator = Estimator(Exponential(0.0), None, entropy=Annealed(1.0, 0.5, 2))
     agent = Agent(POINT, estimator, SGD(0.1))
-    state = agent.init(jax.random.key(0))
-    y = jnp.array([0.3, 0.6])
+    state, slope_at = started(agent), eqx.filter_jit(entropy_gradient)
+    y = np.array([0.3, 0.6], np.float32)
     for share in (1.0, 0.75, 0.5, 0.5):
-        state, _ = agent.act(state, y, jnp.array([0.3]))
-        slope = entropy_gradient(state.policy, y).weights
-        state = agent.reinforce(state, jnp.float32(0.0), y)
-        np.testing.assert_allclose(state.gradient.weights, share * slope, rtol=1e-6)
-        state = agent.improve(state)
-    state, _ = agent.act(state, y, jnp.array([0.3]))
-    broken = agent.reinforce(state, jnp.float32(0.0), y, diverged=jnp.asarray(True))
-    assert np.abs(broken.gradient.weights).max() == 0
-    assert int(agent.improve(broken, True, jnp.asarray(True)).steps) == 4
+        slope = np.asarray(slope_at(state.policy, y).weights)
+        _, _, told, state = decided(agent, state, y, [0.3], 0.0)
+        np.testing.assert_allclose(told.gradient.weights, share * slope, rtol=1e-6)
+    broken = decided(agent, state, y, [0.3], 0.0, diverged=True)
+    assert np.abs(broken.told.gradient.weights).max() == 0
+    assert int(broken.state.steps) == 4
 
 
+@pytest.mark.ci
 def test_a_bonus_beside_which_rewards_are_small_makes_units_undecided():
     estimator = dataclasses.replace(olgarb(0.0), entropy=20.0)
     agent = Agent(POINT, estimator, SGD(0.005))
@@ -244,7 +247,8 @@ def test_a_bonus_beside_which_rewards_are_small_makes_units_undecided():
 AVERAGES = {"all": PolyakAveraging(), "late": PolyakAveraging(start=7), "forgetting": PolyakAveraging(2, 0.5)}
 
 
-@pytest.mark.representatives("all-1", "late-5")
+@pytest.mark.ci
+@pytest.mark.representatives("late-5")
 @pytest.mark.parametrize("improve", [1, 5])
 @pytest.mark.parametrize("name", AVERAGES)
 def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
@@ -264,6 +268,7 @@ def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
     assert np.abs(mean - theta).max() > 1e-3
 
 
+@pytest.mark.ci
 def test_averages_of_many_seeds_lie_closer_together_than_their_last_parameters():
     """With a bonus the optimum is at finite weights, about which a constant step size makes a cloud."""
     estimator = Estimator(Exponential(0.0), MeanReward(), entropy=1.0)
@@ -285,14 +290,11 @@ def test_annealed_numbers_end_at_their_end():
 def test_learning_rates_are_annealed_with_the_steps():
     rates = [0.1, 0.075, 0.05, 0.05]
     agent = Agent(POINT, Estimator(Exponential(0.0), None), SGD(Annealed(0.1, 0.05, 2)))
-    state = agent.init(jax.random.key(0))
-    y = jnp.array([0.3, 0.6])
+    state = started(agent)
     for rate in rates:
-        state, _ = agent.act(state, y, jnp.array([0.3]))
-        before, state = state.policy.weights, agent.reinforce(state, jnp.float32(1.0), y)
-        slope = state.gradient.weights
-        state = agent.improve(state)
-        np.testing.assert_allclose(state.policy.weights - before, rate * slope, rtol=1e-4)
+        before = np.asarray(state.policy.weights)
+        _, _, told, state = decided(agent, state, [0.3, 0.6], [0.3], 1.0)
+        np.testing.assert_allclose(state.policy.weights - before, rate * np.asarray(told.gradient.weights), rtol=1e-4)
     rate = _annealed(0.1, end=0.05, steps=2)
     assert agent_for("three-state", learning_rate=rate).optimizer == agent.optimizer
     groups = {"centre": 0.1, "log_width": 0.2}
@@ -300,17 +302,28 @@ def test_learning_rates_are_annealed_with_the_steps():
     assert agent_for("particle", local).optimizer.learning_rate == groups
 
 
+@pytest.mark.ci
 def test_the_values_of_an_ensemble_follow_an_annealed_learning_rate():
     """Adam's steps are as long as its learning rate: with one that has ended at 0, nothing moves."""
     policy = GradedHyperplanes([[0.5]], [0.2], [-1.0])
-    column, row = jnp.ones((4, 1)), jnp.ones(4)
+    column, row = np.ones((4, 1), np.float32), np.ones(4, np.float32)
     drawn = Drawn(column, 0.1 * column, row, column, row < 0, row)
-    values = ActionValueEnsemble(learning_rate=Annealed(1e-3, 0.0, 2), members=1)
-    state, update = values.init(2, jnp.float32, jax.random.key(0)), eqx.filter_jit(values.update)
-    moved = []
+    network = MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0)
+    values = ActionValueEnsemble(learning_rate=Annealed(1e-3, 0.0, 2), members=1, network=network)
+
+    @eqx.filter_jit
+    def first(key):
+        return values.init(2, jnp.float32, key)
+
+    @eqx.filter_jit
+    def update(state, key, steps):
+        return values.update(state, policy, drawn, None, key, steps)
+
+    state, moved = first(jax.random.key(0)), []
     for steps in range(4):
-        after = update(state, policy, drawn, None, jax.random.key(1), jnp.int32(steps))
-        moved.append(float(np.abs(after.weights[0].weights - state.weights[0].weights).max()))
+        after = update(state, jax.random.key(1), np.int32(steps))
+        heads = (np.asarray(each.weights[0].weights) for each in (after, state))
+        moved.append(float(np.abs(np.subtract(*heads)).max()))
         state = after
     assert moved == pytest.approx([1e-3, 5e-4, 0, 0], rel=1e-2)
 

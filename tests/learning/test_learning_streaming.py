@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import started, told
 
 import motorgrad as mg
 from motorgrad.learning import (
@@ -89,7 +90,7 @@ def test_entropy_enters_the_trace_by_the_sign_of_the_advantage(trace):
 
 @pytest.fixture(scope="module")
 def standardised():
-    network = MultilayerPerceptron((3,), standardise=True)
+    network = MultilayerPerceptron((3,), sparsity=0.0, standardise=True)
     critic = NetworkCritic(discount=0.9, network=network)
     return Agent(hyperplanes(2, 1, network=network), Estimator(Exponential(0.5), critic), SGD(0.1))
 
@@ -107,11 +108,10 @@ def test_inputs_are_standardised_by_what_actions_led_to(standardised):
     assert all(leaf.shape != (2,) for leaf in jax.tree.leaves(trainable(state.policy)))  # no gradient moves them
 
 
+@pytest.mark.ci
 def test_what_diverged_is_not_among_the_statistics(standardised):
-    state = decided(standardised, [1.0], looks=np.ones((2, 2), np.float32))
-    told = (jnp.float32(1.0), jnp.full(2, jnp.nan))
-    state, _ = standardised.act(state, jnp.ones(2), jnp.array([0.3]))
-    after = standardised.reinforce(state, *told, diverged=jnp.array(True))
+    state = told(standardised, started(standardised), np.ones(2), [0.2], 1.0)[2]
+    state, _, after = told(standardised, state, np.ones(2), [0.3], 1.0, np.full(2, np.nan), diverged=True)
     for one, other in zip(jax.tree.leaves(after.policy), jax.tree.leaves(state.policy), strict=True):
         np.testing.assert_array_equal(one, other)
     kept = [each.estimator.baseline.weights.layers.layers[0] for each in (after, state)]
@@ -119,16 +119,16 @@ def test_what_diverged_is_not_among_the_statistics(standardised):
 
 
 def test_a_frozen_policy_and_one_of_another_kind_keep_what_they_are(standardised):
-    state = decided(standardised, [1.0], looks=np.ones((2, 2), np.float32))
+    state = started(standardised)
     after, _ = standardised.choose(state, LOOK, jnp.array([0.3]))
     assert after.policy is state.policy
     assert POLICY.adapted(LOOK) is POLICY
-    plain = hyperplanes(2, 1, network=MultilayerPerceptron((3,)))(jax.random.key(0))
+    plain = hyperplanes(2, 1, network=MultilayerPerceptron((3,), sparsity=0.0))(jax.random.key(0))
     assert plain.adapted(LOOK) is plain
 
 
 def test_policies_of_several_parts_adapt_those_that_see_the_same():
-    network = MultilayerPerceptron((3,), standardise=True)
+    network = MultilayerPerceptron((3,), sparsity=0.0, standardise=True)
     unit = hyperplanes(2, 1, network=network)(jax.random.key(0))
     seen = jnp.array([3.0, 1.0])
     squared = hyperplanes(4, 1, network=network)(jax.random.key(0))

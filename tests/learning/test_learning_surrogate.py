@@ -1,9 +1,11 @@
 """Batches that are used several times: the clipped surrogate, its advantages and its steps."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decided, started
 
 from motorgrad.learning import (
     SGD,
@@ -30,16 +32,15 @@ REWARDS = np.random.default_rng(1).normal(size=8).astype(np.float32)
 
 def stepped(agent, ends=(2,), diverged=()):
     """The policy after eight decisions."""
-    state = agent.init(jax.random.key(0))
-    improve = jax.jit(lambda state, ended, broken: agent.improve(state, ended, broken))
+    state = started(agent)
     for t in range(8):
-        state, _ = agent.act(state, jnp.asarray(LOOKS[t]), jnp.array([0.1 * t]))
-        flags = {"truncated": jnp.array(t in ends), "diverged": jnp.array(t in diverged)}
-        state = agent.reinforce(state, jnp.asarray(REWARDS[t]), jnp.asarray(LOOKS[t + 1]), **flags)
-        state = improve(state, flags["truncated"] | flags["diverged"], flags["diverged"])
+        flags = {"truncated": t in ends, "diverged": t in diverged}
+        state = decided(agent, state, LOOKS[t], [0.1 * t], REWARDS[t], LOOKS[t + 1], **flags).state
     return state
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("baseline1-trace1")
 @pytest.mark.parametrize("trace", [Exponential(0.8), Episodic()])
 @pytest.mark.parametrize("baseline", [MeanReward(), LinearBaseline(0.1)])
 def test_one_pass_over_a_batch_is_the_step_of_its_samples(trace, baseline):
@@ -54,6 +55,7 @@ def test_one_pass_over_a_batch_is_the_step_of_its_samples(trace, baseline):
     assert int(found.estimator.batch.waiting) == int(found.gradient.count) == 0
 
 
+@pytest.mark.ci
 def test_what_diverged_is_no_part_of_a_batch():
     policy = Softmax(WEIGHTS)
     parts = {"trace": Exponential(0.8), "baseline": MeanReward(), "improve": 7}
@@ -63,26 +65,33 @@ def test_what_diverged_is_no_part_of_a_batch():
     np.testing.assert_allclose(found.policy.weights, wanted.policy.weights, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("policy0")
 @pytest.mark.parametrize("policy", [Softmax(WEIGHTS), GradedHyperplanes([[0.5, -1.0]], [0.2], [-0.5])])
 def test_the_gradient_is_that_of_what_is_not_clipped(policy):
     """It is the mean of ratio × advantage × score over the decisions that may still gain."""
     surrogate, rng = ClippedSurrogate(clip=0.2), np.random.default_rng(2)
-    seen = jnp.asarray(rng.normal(size=(40, 2)).astype(np.float32))
-    uniforms = jnp.asarray(rng.uniform(size=(40, policy.uniforms)).astype(np.float32))
-    actions = jax.vmap(policy.sample)(seen, uniforms)
-    now = jax.vmap(policy.log_prob)(seen, actions)
-    old = now + jnp.asarray(rng.normal(0, 0.3, 40).astype(np.float32))
-    advantages = jnp.asarray(rng.normal(size=40).astype(np.float32))
+    seen = rng.normal(size=(40, 2)).astype(np.float32)
+    uniforms = rng.uniform(size=(40, policy.uniforms)).astype(np.float32)
+    difference = rng.normal(0, 0.3, 40).astype(np.float32)
+    advantages = rng.normal(size=40).astype(np.float32)
+
+    @eqx.filter_jit
+    def everything(policy):
+        actions = jax.vmap(policy.sample)(seen, uniforms)
+        now = jax.vmap(policy.log_prob)(seen, actions)
+        batch = (seen, actions, now + difference, advantages)
+        slope = jax.grad(lambda p: 0.5 * jnp.mean(jax.vmap(p.entropy)(seen)))(policy)
+        gradients = [surrogate.gradient(policy, batch, *bonus) for bonus in ((), (0.5,))]
+        return now, batch[2], jax.vmap(policy.score)(seen, actions), gradients, slope
+
+    now, old, scores, (found, bonus), slope = jax.tree.map(np.asarray, everything(policy))
     ratio = np.exp(now - old)
     gone = ((advantages > 0) & (ratio > 1.2)) | ((advantages < 0) & (ratio < 0.8))
     assert 5 < gone.sum() < 35
-    scores = jax.vmap(policy.score)(seen, actions)
     weight = np.where(gone, 0, ratio * advantages) / 40
     wanted = jax.tree.map(lambda s: np.tensordot(weight, s, 1), scores)
-    found = surrogate.gradient(policy, (seen, actions, old, advantages))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5), found, wanted)
-    bonus = surrogate.gradient(policy, (seen, actions, old, advantages), 0.5)
-    slope = jax.grad(lambda p: 0.5 * jnp.mean(jax.vmap(p.entropy)(seen)))(policy)
     wanted = jax.tree.map(lambda a, b: a + b, found, trainable(slope))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-5), bonus, wanted)
 
@@ -128,4 +137,4 @@ def test_steps_that_read_no_gradient_or_compare_whole_batches_take_no_reuse(sett
 def test_a_policy_whose_memory_depends_on_its_parameters_is_refused():
     agent = Agent(recurrent(2, 1), Estimator(improve=8, reuse=ClippedSurrogate()))
     with pytest.raises(ValueError, match=r"policy = .*: must be one whose memory does not depend on its parameters"):
-        agent.init(jax.random.key(0))
+        eqx.filter_eval_shape(agent.init, jax.random.key(0))

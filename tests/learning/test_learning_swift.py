@@ -11,14 +11,16 @@ from motorgrad.learning import CriticStep, NetworkCritic, SwiftTemporalDifferenc
 def follow(fit, features, targets, decay, discount=0.9):
     """The weights and the state after decisions whose temporal difference is a target less the value, in double
     precision; with `discount` of 1 less nothing bootstraps."""
+
+    def decide(carry, now):
+        weights, state = carry
+        phi, after, target = now
+        step = CriticStep(phi, after, target, jnp.zeros(()), target - weights @ phi, discount, decay)
+        return fit.update(weights, state, step), None
+
     weights = jnp.zeros(features.shape[1], jnp.float64)
-    state = fit.init(weights, weights.size)
-    for now, target in enumerate(targets):
-        phi, after = features[now], features[now + 1]
-        error = target - weights @ phi
-        step = CriticStep(phi, after, target, jnp.zeros(()), error, discount, decay)
-        weights, state = fit.update(weights, state, step)
-    return weights, state
+    start = weights, fit.init(weights, weights.size)
+    return jax.jit(lambda start: jax.lax.scan(decide, start, (features[:-1], features[1:], targets))[0])(start)
 
 
 def stream(size, steps=12, seed=0):
@@ -43,17 +45,21 @@ def test_the_slopes_are_the_derivatives_of_the_weight_by_the_step_size(decay):
     def weight(log_rate):
         fit = SwiftTemporalDifference(0.1, 0.0, bound=1.0)
         start = fit.init(jnp.zeros(1, jnp.float64), 1)
-        state, weights = start._replace(log_rates=log_rate * jnp.ones(1)), jnp.zeros(1)
-        for phi, after, target in zip(0.5 * features, 0.5 * features[1:], targets, strict=False):
-            error = target - weights @ phi
-            step = CriticStep(phi, after, target, jnp.zeros(()), error, 1.0, decay)
-            weights, state = fit.update(weights, state, step)
+
+        def decide(carry, now):
+            weights, state = carry
+            phi, after, target = now
+            step = CriticStep(phi, after, target, jnp.zeros(()), target - weights @ phi, 1.0, decay)
+            return fit.update(weights, state, step), None
+
+        carry = jnp.zeros(1), start._replace(log_rates=log_rate * jnp.ones(1))
+        (weights, state), _ = jax.lax.scan(decide, carry, (0.5 * features[:-1], 0.5 * features[1:], targets))
         return weights[0], (state.slopes[0], state.trace_slopes[0], state.trace[0])
 
     with jax.enable_x64(True):
         (exact, derivatives), (_, (slope, trace_slope, _)) = (
-            jax.jacfwd(weight)(jnp.log(0.1)),
-            weight(jnp.log(0.1)),
+            jax.jit(jax.jacfwd(weight))(np.log(0.1)),
+            jax.jit(weight)(np.log(0.1)),
         )
         assert slope == pytest.approx(float(exact), rel=1e-9)
         assert trace_slope == pytest.approx(float(derivatives[2]), rel=1e-9)

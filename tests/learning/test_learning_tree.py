@@ -155,8 +155,9 @@ def test_a_number_is_checked_again_as_it_is_rounded():
         agent_for("three-state", normalization={"rate": 1 - 1e-9})
 
 
+@pytest.mark.ci
 def test_hyperparameters_are_not_learned():
-    state = RICH.init(jax.random.key(0))
+    state = jax.eval_shape(RICH.init, jax.random.key(0))
     learned = jax.tree.structure(trainable(POINT))
     assert jax.tree.structure(state.gradient) in (learned, jax.tree.structure(None))
     stepper = stepper_for(ThreeState(time_limit=9), RICH, [0, 1])
@@ -199,6 +200,7 @@ def test_a_transformation_of_ones_own_limits_steps_and_its_number_is_swept():
         agent_from_table(ThreeState(), agent_table(agent_for("three-state", transformations=(Clip(),))))
 
 
+@pytest.mark.ci
 def test_the_numbers_that_optax_injects_are_swept():
     agent = Agent(POINT, olgarb(0.8), optax.inject_hyperparams(optax.adam)(learning_rate=0.01))
     path = "optimizer.hyperparameters.learning_rate"
@@ -209,6 +211,7 @@ def test_the_numbers_that_optax_injects_are_swept():
         np.testing.assert_allclose(weights[seed], learn(other, 20)[0][0], rtol=1e-5)
 
 
+@pytest.mark.ci
 def test_a_schedule_within_optax_stays_with_optax():
     schedule = optax.linear_schedule(0.1, 0.0, 10)
     agent = Agent(POINT, olgarb(0.8), optax.inject_hyperparams(optax.sgd)(learning_rate=schedule, momentum=0.0))

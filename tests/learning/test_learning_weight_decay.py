@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+from compiled_learner import decided, started
 
 import motorgrad as mg
 from motorgrad.learning import SGD, Adam, Agent, Estimator, FisherMetric, olgarb, olpomdp
@@ -95,13 +96,10 @@ def learner(estimator, metric=None, decay=0.25):
 
 
 def practice(agent, rewards, diverged=False):
-    state, observation = agent.init(jax.random.key(0)), jnp.asarray([1.0, 0.5])
+    state = started(agent)
     for reward in rewards:
-        state, _ = agent.act(state, observation, jnp.asarray([0.3, 0.6]))
-        state = agent.improve(
-            agent.reinforce(state, jnp.float32(reward), observation, diverged=diverged), diverged=diverged
-        )
-    return state.policy
+        state = decided(agent, state, [1.0, 0.5], [0.3, 0.6], reward, diverged=diverged).state
+    return jax.tree.map(np.asarray, state.policy)
 
 
 def test_an_online_learner_decays_at_every_decision_and_a_batch_learner_once_a_batch():
@@ -180,6 +178,7 @@ def test_a_run_that_was_stopped_goes_on_bit_for_bit(improve, tmp_path):
         run("parts", 900, weight_decay={"gain": 2e-3})
 
 
+@pytest.mark.ci
 def test_a_directory_tells_two_agents_by_their_decays(tmp_path):
     def run(decay):
         agent = Agent(mg.policies.softmax(mg.make("chain")), olgarb(0.9), Adam(0.1, decay))

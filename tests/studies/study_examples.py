@@ -60,7 +60,7 @@ def checkpoints(folder):
     return sorted(file.parent.parent.name + file.stem for file in folder.glob("jobs/*/checkpoint/0*.state"))
 
 
-def wait_for(condition, seconds=120):
+def wait_for(condition, seconds=600):
     """Wait until something has happened."""
     end = time.monotonic() + seconds
     while not condition():

@@ -129,7 +129,7 @@ def test_a_killed_comparison_continues_bit_for_bit(done, tmp_path, compiled_envi
     command = [sys.executable, "-m", "motorgrad", "compare", str(file), "--out", str(folder)]
     for stage in ("tuning", "judging"):
         driver = subprocess.Popen(command, env=compiled_environment, stderr=subprocess.DEVNULL)
-        wait_for(lambda stage=stage: checkpoints(folder / stage), 240)
+        wait_for(lambda stage=stage: checkpoints(folder / stage))
         os.kill(driver.pid, signal.SIGKILL)
         driver.wait()
         assert not (folder / "tables").exists()

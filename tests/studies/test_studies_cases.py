@@ -49,7 +49,9 @@ def test_the_measures_are_means_of_the_same_runs(done):
     assert (drawn != likely).any()
 
 
-def test_a_job_killed_before_its_evaluation_makes_it_again(done, tmp_path, monkeypatch):
+def test_a_job_killed_before_its_evaluation_makes_it_again(tmp_path, monkeypatch):
+    study = small(agent={"learning_rate": [0.01, 0.1]}, lanes=2, measures=("frozen",), evaluate=20)
+    done = study.run(tmp_path / "done", progress=False)
     shutil.copytree(done.path, tmp_path / "study")
     (frozen,) = (tmp_path / "study").glob("jobs/0001-*/frozen.npz")
     frozen.unlink()

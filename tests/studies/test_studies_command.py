@@ -63,7 +63,11 @@ def test_check_says_what_would_run_and_runs_nothing(file, tmp_path, capsys):
         (["FILE", "--on", "rey"], "did you mean 'ray'"),
         (["FILE", "--address", "auto"], "address = 'auto': must be left out, unless --on ray"),
         (["FILE", "--slurm", "partition=cpu"], "must be left out, unless --on slurm"),
-        (["FILE", "--on", "slurm", "--slurm", "partition"], "must be a name and a value"),
+        pytest.param(
+            ["FILE", "--on", "slurm", "--slurm", "partition"],
+            "must be a name and a value",
+            marks=pytest.mark.needs("motorgrad[slurm]"),
+        ),
         (["nowhere.toml"], "nowhere.toml: cannot be read"),
         (["FILE", "--attempts", "0"], "attempts = 0"),
     ],

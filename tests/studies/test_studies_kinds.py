@@ -34,7 +34,7 @@ def test_every_kind_of_task_is_the_same_anywhere_and_whatever_is_killed(tmp_path
     killer.start()
     how = {"on": "processes", "workers": 2, "threads": 1, "checkpoint_every": 0.0}
     results = study.run(folder, progress=False, trust=True, **how)
-    killer.join(10)
+    killer.join()
     assert killed
     assert {job.task["name"] for job in study.jobs} == {"three-state", "hopper", "gymnasium"}
     assert not results.failures

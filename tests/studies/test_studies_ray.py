@@ -8,9 +8,13 @@ from study_examples import assert_same_study, checkpoints, failing_study, small,
 from motorgrad.studies import run_study
 
 ray = pytest.importorskip("ray", reason="needs motorgrad[ray]")
-pytestmark = pytest.mark.needs("motorgrad[ray]")
 # JAX warns where Ray starts a node, which forks and executes a program at once
-pytestmark = [pytest.mark.slow, pytest.mark.ci, pytest.mark.filterwarnings("ignore:os.fork")]
+pytestmark = [
+    pytest.mark.needs("motorgrad[ray]"),
+    pytest.mark.slow,
+    pytest.mark.ci,
+    pytest.mark.filterwarnings("ignore:os.fork"),
+]
 
 
 @pytest.fixture(scope="module")

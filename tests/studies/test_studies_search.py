@@ -55,6 +55,8 @@ def test_optuna_knows_all_values(done):
     assert study.best_value == done.best()[0].chosen_by.value
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("1", "2")  # within a round, and between two
 @pytest.mark.parametrize("job", [0, 1, 2, 3])
 def test_a_search_that_was_stopped_asks_the_same(done, tmp_path, monkeypatch, job):
     train, calls = _partition.train, []

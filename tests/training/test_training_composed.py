@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import numpy as np
 import pytest
+from training_examples import assert_differ, assert_same
 
 import motorgrad as mg
 from motorgrad._random import draw_block, key_of
@@ -36,6 +37,20 @@ def test_every_episode_of_every_seed_begins_where_the_task_says():
     np.testing.assert_array_equal(view(), targets)
 
 
+def test_a_restored_engine_goes_on_with_the_same_starts_and_targets():
+    saved, fresh = (stepper_for(TASK, agent_for(TASK, LIGHT), [3, 7], threads=1) for _ in range(2))
+    saved.advance(12)
+    state = saved.state
+    assert_same(state["cycle"].elapsed, np.array([2, 2]))
+    fresh.advance(4)
+    fresh.restore(state)
+    for each in (saved, fresh):
+        each.advance(21)
+    assert_same(fresh.state, saved.state)
+    assert_differ(saved.state["cycle"].memory, state["cycle"].memory)
+
+
+@pytest.mark.ci
 def test_a_run_resumes_bit_for_bit_and_stands_alone(tmp_path):
     body = dataclasses.replace(TASK, body=mg.bodies.Mjcf(mg.bodies.BUNDLED["arm6"].read_text()))
     settings = {"seeds": 2, "progress": False, "window": 10}

@@ -2,25 +2,23 @@
 
 import shutil
 import signal
-import subprocess
-import sys
-import time
 import tomllib
 
 import optax
 import pytest
-from training_examples import TASK_NAMES, assert_same_run, checkpoints
+from training_examples import NEVER, TASK_NAMES, assert_same, assert_same_run, checkpoints
 
 import motorgrad as mg
+from motorgrad.cli import main
 from motorgrad.tasks import TASKS
-from motorgrad.training import RunDirectoryError, RunWarning, agent_for, agent_from_table, agent_table
+from motorgrad.training import RunDirectoryError, RunWarning, WorldStepper, agent_for, agent_from_table, agent_table
 from motorgrad.training.store import _directory
 
 FINITE = "three-state"
 
 
 def small(task=FINITE, agent=None, steps=60, out=None, **options):
-    options = {"seeds": [4, 1], "window": 20, "threads": 1, "progress": False} | options
+    options = {"seeds": [4, 1], "window": 20, "threads": 1, "checkpoint_every": NEVER, "progress": False} | options
     return mg.train(task, agent, steps, out=out, **options)
 
 
@@ -30,7 +28,7 @@ def finite(tmp_path_factory):
     return small(out=tmp_path_factory.mktemp(FINITE)).path
 
 
-@pytest.mark.representatives("hopper", "linear-recruitment")
+@pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_made_from_settings_keeps_them_and_nothing_twice(name, tmp_path):
     task = TASKS[name]()
@@ -125,7 +123,8 @@ RULES = {
 }
 
 
-@pytest.mark.representatives("rate", "weight decay")
+@pytest.mark.ci
+@pytest.mark.representatives("rate")
 @pytest.mark.parametrize("kind", RULES)
 def test_the_constants_of_an_optax_rule_are_compared(kind, tmp_path):
     start = mg.policies.softmax(mg.make(FINITE))
@@ -176,34 +175,27 @@ def test_a_finished_run_is_given_back_without_a_word(pretend, tmp_path):
 # ---- being asked to stop
 
 
-@pytest.mark.representatives("15")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_polite_end_saves_everything(number, process_environment, tmp_path):
-    command = ["train", "hopper", "--steps", "4000000000", "--out", str(tmp_path / "x"), "--checkpoint-every", "1e9"]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "motorgrad", *command, "--window", "1000000000", "--threads", "1"],
-        env=process_environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        deadline = time.monotonic() + 120
-        while not (tmp_path / "x" / "provenance.json").exists():
-            assert time.monotonic() < deadline
-            assert child.poll() is None
-            time.sleep(0.05)
-        time.sleep(1.0)
-        child.send_signal(number)
-        said, complaints = child.communicate(timeout=120)
-    finally:
-        child.kill()
-        child.wait()
-    assert child.returncode == 130, complaints
-    assert "Traceback" not in complaints
-    assert "the same command continues this run" in said
-    stopped = mg.load(tmp_path / "x")
-    assert 0 < stopped.decision == int(checkpoints(tmp_path / "x")[-1].stem)
+def test_a_polite_end_saves_everything_and_the_same_command_goes_on(number, tmp_path, monkeypatch, capsys):
+    command = ["train", FINITE, "--steps", "40000", "--seeds", "2", "--window", "1000", "--checkpoint-every", "1e9"]
+    advance, out = WorldStepper.advance, tmp_path / "x"
+
+    def interrupted(stepper, decisions):
+        advance(stepper, decisions)
+        if 0 < stepper.decision < 1000:
+            signal.raise_signal(number)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(WorldStepper, "advance", interrupted)
+        assert main([*command, "--out", str(out)]) == 130
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err
+    assert "the same command continues this run" in said.out
+    stopped = mg.load(out)
+    assert not stopped.complete
+    assert 0 < stopped.decision == int(checkpoints(out)[-1].stem) < 1000
+    assert main([*command, "--out", str(out)]) == 0
+    assert_same(mg.load(out).policies, mg.train(FINITE, None, 40_000, 2, window=1000, progress=False).policies)
 
 
 def test_a_second_request_interrupts_at_once():

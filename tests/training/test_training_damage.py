@@ -10,14 +10,14 @@ import warnings
 import numpy as np
 import pyarrow as pa
 import pytest
-from training_examples import assert_same_run, checkpoints, columns
+from training_examples import NEVER, assert_same_run, checkpoints, columns
 
 import motorgrad as mg
 from motorgrad.cli import main
 from motorgrad.training import RunDirectoryError, RunWarning
 from motorgrad.training.store import CorruptCheckpoint, RunDirectory, _directory
 
-OPTIONS = {"seeds": 2, "window": 40, "threads": 1, "progress": False}
+OPTIONS = {"seeds": 2, "window": 40, "threads": 1, "checkpoint_every": NEVER, "progress": False}
 LEGS = (120, 200, 260)  # the last record is of an unfinished window
 OLD, NEW, SHORT = (f"metrics/{a:012d}-{b:012d}.parquet" for a, b in ((160, 200), (240, 240), (260, 260)))
 FILES = [

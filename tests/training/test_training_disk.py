@@ -5,13 +5,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 import warnings
 
 import numpy as np
 import pytest
-from training_examples import assert_same, assert_same_run, checkpoints, columns
+from training_examples import NEVER, assert_same, assert_same_run, columns
 
 import motorgrad as mg
 from motorgrad._files import write_atomically
@@ -20,7 +19,7 @@ from motorgrad.training import NotSaved, RunWarning
 from motorgrad.training.store import RunDirectory
 
 RUN = {"task": "three-state", "steps": 100_000, "seeds": 2, "window": 9_999, "checkpoint_every": 0.0}
-PATIENCE = 60.0
+PATIENCE = 600.0  # seconds
 
 
 def train(out, **changes):
@@ -55,37 +54,26 @@ def fill(disk):
             file.write(bytes(512))
 
 
-def wait_for(ready):
-    deadline = time.monotonic() + PATIENCE
-    while not ready():
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+def in_turn(*acts):
+    """A callback that does these one after the other, each at a record of its own, before the record is saved."""
+    left = iter(acts)
+    return lambda report: next(left, nothing)()
+
+
+def nothing():
+    pass
 
 
 def disturbed(path, spoil, mend, told="could not be saved", **changes):
-    """Train, spoil the disk after the first checkpoint, mend it once that is said; the run and what was said last."""
-    errors = []
+    """Train, spoil the disk after some checkpoints, mend it some records later; the run and what was said last."""
 
-    def disturb():
-        try:
-            wait_for(lambda: checkpoints(path))
-            spoil()
-            wait_for(lambda: any(told in str(each.message) for each in said))
-            time.sleep(0.05)
-            mend()
-        except BaseException as error:
-            errors.append(error)
-            signal.raise_signal(signal.SIGINT)  # or it would wait for space for an hour
+    def mend_what_was_said():
+        assert any(told in str(each.message) for each in said)
+        mend()
 
-    thread = threading.Thread(target=disturb)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        thread.start()
-        try:
-            run = train(path, **changes)
-        finally:
-            thread.join()
-    assert not errors
+        run = train(path, **changes, callbacks=in_turn(nothing, spoil, nothing, nothing, mend_what_was_said))
     assert {each.category for each in said} == {RunWarning}
     texts = [str(each.message) for each in said]
     *failed, again = texts
@@ -151,17 +139,13 @@ def test_a_lost_mount_loses_nothing(tmp_path, undisturbed):
 
 
 LIMITED = """
-import resource, sys, threading, time, motorgrad as mg
-from pathlib import Path
-path, steps = Path(sys.argv[1]), int(sys.argv[2])
-def limit():
-    while not list(path.glob("checkpoint/*.state")):
-        time.sleep(0.001)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (600, resource.RLIM_INFINITY))
-    time.sleep(0.5)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-threading.Thread(target=limit).start()
-mg.train("three-state", steps=steps, seeds=2, window=9_999, checkpoint_every=0.0, out=path, progress=False)
+import resource, sys, motorgrad as mg
+path, steps = sys.argv[1], int(sys.argv[2])
+limits = iter([600] * 3)  # bytes of a file, at the first records
+def limit(report):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (next(limits, resource.RLIM_INFINITY), resource.RLIM_INFINITY))
+how = {"window": 9_999, "checkpoint_every": 0.0, "callbacks": limit, "progress": False}
+mg.train("three-state", steps=steps, seeds=2, out=path, **how)
 """
 
 
@@ -175,14 +159,12 @@ def test_writes_that_the_system_refuses_lose_nothing(compiled_environment, tmp_p
     assert_same_run(mg.load(tmp_path / "run"), mg.load(undisturbed.path))
 
 
-def moved_away_for_good(path, **changes):
-    """Train, and move the folder away after the first checkpoint; the error with which it ends."""
-    moved = threading.Thread(target=lambda: (wait_for(lambda: checkpoints(path)), path.rename(path.with_name("away"))))
-    moved.start()
+def moved_away_for_good(path, *then, **changes):
+    """Train, and move the folder away after some checkpoints; the error with which it ends."""
+    acts = [nothing, lambda: path.rename(path.with_name("away")), *then]
     told = "decisions and could not be saved: No such file or directory"
     with pytest.warns(RunWarning, match="could not be saved"), pytest.raises(NotSaved, match=told) as error:
-        train(path, **changes)
-    moved.join()
+        train(path, **changes, callbacks=in_turn(*acts))
     return error.value
 
 
@@ -199,30 +181,26 @@ def test_it_ends_when_nothing_could_be_saved_for_so_long_and_has_all_in_memory(t
 
 
 def test_it_ends_when_asked_although_it_cannot_be_saved(tmp_path):
+    asked = [nothing, lambda: signal.raise_signal(signal.SIGINT)]
+    error = moved_away_for_good(tmp_path / "run", *asked, steps=2_000_000_000)
+    assert (tmp_path / "away").exists()
+    assert error.run.decision == 4 * RUN["window"]  # at once
+
+
+def test_the_command_says_in_one_line_that_it_could_not_save(tmp_path, capsys, monkeypatch):
     path = tmp_path / "run"
+    save = RunDirectory.save
 
-    def ask():
-        wait_for(lambda: not path.exists() and (tmp_path / "away").exists())
-        time.sleep(0.2)
-        signal.raise_signal(signal.SIGINT)
+    def save_and_move(*all_of):
+        save(*all_of)
+        if path.exists():
+            path.rename(tmp_path / "away")
 
-    asking = threading.Thread(target=ask)
-    asking.start()
-    began = time.monotonic()
-    error = moved_away_for_good(path, steps=2_000_000_000)
-    asking.join()
-    assert time.monotonic() - began < PATIENCE
-    assert 0 < error.run.decision < 2_000_000_000
-
-
-def test_the_command_says_in_one_line_that_it_could_not_save(tmp_path, capsys):
-    path = tmp_path / "run"
-    moved = threading.Thread(target=lambda: (wait_for(lambda: checkpoints(path)), path.rename(tmp_path / "away")))
-    moved.start()
-    command = ["train", "three-state", "--steps", "100000", "--checkpoint-every", "0", "--give-up-after", "0.1"]
+    monkeypatch.setattr(RunDirectory, "save", save_and_move)
+    command = ["train", "three-state", "--steps", "1000", "--seeds", "2"]
+    command += ["--checkpoint-every", "0", "--give-up-after", "0.1"]
     with pytest.warns(RunWarning, match="could not be saved"):
         assert main([*command, "--out", str(path)]) == 2
-    moved.join()
     assert "could not be saved" in capsys.readouterr().err.splitlines()[-1]
 
 
@@ -232,7 +210,7 @@ def test_a_clock_that_jumps_changes_nothing(tmp_path, monkeypatch, undisturbed):
     monkeypatch.setattr(time, "time_ns", lambda: int(random.uniform(0, 4e18)))
     saved = []
     monkeypatch.setattr(RunDirectory, "save", lambda *all_of, save=RunDirectory.save: (saved.append(1), save(*all_of)))
-    assert_same_run(train(tmp_path / "rarely", checkpoint_every=3600), undisturbed)
+    assert_same_run(train(tmp_path / "rarely", checkpoint_every=NEVER), undisturbed)
     assert len(saved) == 1
     assert_same_run(train(tmp_path / "often", checkpoint_every=0), undisturbed)
     assert len(saved) > 5

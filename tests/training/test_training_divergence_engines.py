@@ -8,7 +8,7 @@ import jax
 import numpy as np
 import pytest
 from gymnasium import spaces
-from training_examples import assert_same
+from training_examples import PLAIN, assert_same
 
 import motorgrad as mg
 from motorgrad.tasks import from_gymnasium
@@ -71,12 +71,11 @@ CASES = {  # engine, task, learner, seeds, those that are hurt
     "sparse": (SparseStepper, lambda: mg.make("particle", units=64), SPARSE, SEEDS, HURT),
     "body": (BodyStepper, lambda: mg.make("hopper"), {}, FEW, HURT_OF_FEW),
     "side by side": (SideBySide, lambda: mg.make("hopper"), {}, SEEDS, HURT),
-    "environments": (HostStepper, lambda: environment("well"), {}, SEEDS, HURT),
+    "environments": (HostStepper, lambda: environment("well"), PLAIN, SEEDS, HURT),
+    "preset of environments": (HostStepper, lambda: environment("well"), {}, SEEDS, HURT),
 }
 SLOW = [pytest.mark.slow, pytest.mark.ci]
-PARAMETERS = [
-    pytest.param(name, marks=[] if name in ("world", "side by side", "environments") else SLOW) for name in CASES
-]
+PARAMETERS = [pytest.param(name, marks=[] if name in ("world", "body", "environments") else SLOW) for name in CASES]
 
 
 @pytest.fixture(scope="module", params=PARAMETERS)
@@ -93,9 +92,9 @@ def case(request):
 
 
 def later(stepper):
-    """What is after 30 more decisions, and after 120."""
+    """What is after 20 more decisions, and after 60."""
     found = []
-    for decisions in (30, 90):
+    for decisions in (20, 40):
         stepper.advance(decisions)
         found.append((stepper.policies(), stepper.state, stepper.harvest()))
     return found
@@ -180,13 +179,15 @@ def test_a_body_that_breaks_again_and_again_is_counted_and_begins_anew(case):
     assert all(np.isfinite(leaf).all() for leaf in learners)
 
 
-@pytest.mark.representatives("observation")
+@pytest.mark.ci
+@pytest.mark.representatives("plain-observation")
 @pytest.mark.parametrize("kind", KINDS)
-def test_environments_that_break_change_no_bit_of_the_others(kind):
+@pytest.mark.parametrize("changes", [PLAIN, {}], ids=["plain", "preset"])
+def test_environments_that_break_change_no_bit_of_the_others(changes, kind):
     found = []
     for each in ("well", kind):
         task = environment(each)
-        stepper = engine_for(task, agent_for(task), SEEDS)
+        stepper = engine_for(task, agent_for(task, changes), SEEDS)
         stepper.advance(200)
         found.append((stepper.policies(), stepper.state["cycle"], stepper.batch.packed.copy(), stepper.harvest()))
     well, broken = (jax.tree.map(lambda leaf: np.delete(leaf, HURT, 0), each) for each in found)

@@ -203,6 +203,7 @@ def test_bodies_are_stepped_in_one_batch():
     assert len({tuple(row) for row in state.observation[0].tolist()}) == 3  # each environment acts for itself
 
 
+@pytest.mark.ci
 def test_a_run_is_saved_resumed_and_evaluated(drift, task, agent, tmp_path):
     words = f"train gymnasium --task.env-id {drift} --agent.improve 20 --envs 4 --steps 400 --seeds 2".split()
     assert main([*words, "--out", str(tmp_path / "whole")]) == 0
@@ -256,8 +257,8 @@ def test_workers_end_with_a_process_that_is_killed():
         "print(*(worker.process.pid for worker in batch._workers), flush=True)\n"
         "import os, signal; os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    end = time.monotonic() + 20
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
+    end = time.monotonic() + 300
     while any(alive(int(pid)) for pid in done.stdout.split()):
         assert time.monotonic() < end
         time.sleep(0.1)

@@ -6,7 +6,6 @@ import jax
 import numpy as np
 import pytest
 
-import motorgrad as mg
 from motorgrad.learning import SGD, Agent, Annealed, Features, FisherMetric, LinearCritic, PolyakAveraging, gae
 from motorgrad.policies import Softmax
 from motorgrad.tasks import Chain, ThreeState
@@ -35,7 +34,7 @@ def equal(a, b):
     jax.tree.map(np.testing.assert_array_equal, a, b)
 
 
-@pytest.mark.representatives("body-least-squares")
+@pytest.mark.ci
 @pytest.mark.parametrize("critic", ["least-squares", "td"])
 @pytest.mark.parametrize("name", TASKS)
 def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):
@@ -79,31 +78,31 @@ def made(critic=None, metric=None, entropy=None, averaging=None):
     return Agent(Softmax(np.zeros((2, 2))), estimator, SGD(0.1), metric or FisherMetric(), averaging=averaging)
 
 
+@pytest.fixture(scope="module")
+def run_of_critic(tmp_path_factory):
+    """A run with a critic and the natural gradient, in two legs."""
+    path = tmp_path_factory.mktemp("critic")
+    train(ThreeState(), made(), steps=2_000, seeds=2, out=path, progress=False)
+    return train(ThreeState(), made(), steps=3_000, seeds=2, out=path, progress=False)
+
+
 @pytest.mark.representatives("limit", "averaging")
 @pytest.mark.parametrize("part", PARTS)
-def test_a_run_is_not_resumed_by_another_learner(part, tmp_path):
-    train(ThreeState(), made(), steps=50, seeds=1, out=tmp_path)
-    train(ThreeState(), made(), steps=60, seeds=1, out=tmp_path)
+def test_a_run_is_not_resumed_by_another_learner(part, run_of_critic):
+    assert run_of_critic.decision == 3_000
     with pytest.raises(RunDirectoryError):
-        train(ThreeState(), made(**PARTS[part]), steps=100, seeds=1, out=tmp_path)
+        train(ThreeState(), made(**PARTS[part]), steps=4_000, seeds=2, out=run_of_critic.path)
 
 
-def test_the_records_have_the_mean_reward_in_place_of_the_baseline():
-    run = mg.train(
-        "three-state",
-        {"baseline": {"kind": "critic", "features": {}, "fit": "td"}, "improve": 10},
-        steps=3_000,
-        seeds=2,
-    )
-    last = run.metrics["baseline"].to_numpy()[-2:]
+def test_the_records_have_the_mean_reward_in_place_of_the_baseline(run_of_critic):
+    last = run_of_critic.metrics["baseline"].to_numpy()[-2:]
     assert ((last > 0) & (last < 1)).all()
 
 
-def test_parts_that_a_learner_lacks_are_described_as_none(tmp_path):
+def test_parts_that_a_learner_lacks_are_described_as_none(run_of_critic):
     from motorgrad.training.store._directory import RunDirectory
 
-    train("three-state", {"metric": "fisher"}, steps=50, seeds=1, out=tmp_path)
-    learner = RunDirectory(tmp_path).learner()
+    learner = RunDirectory(run_of_critic.path).learner()
     assert {learner[part] for part in ("growth", "averaging")} == {"none"}
     assert {learner["estimator"][part] for part in ("discount", "normalization", "entropy")} == {"none"}
     assert learner["metric"]["kl"] == "none"

@@ -8,7 +8,7 @@ from training_examples import assert_differ, assert_same, assert_same_run, colum
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.learning import SGD, Agent, Clock, Growth, Plateau, Visited, olgarb
+from motorgrad.learning import Agent, Clock, Growth, Plateau, Visited
 from motorgrad.policies import growing
 from motorgrad.training import agent_for
 
@@ -80,6 +80,7 @@ def test_one_chunk_or_many_are_the_same():
     assert_same(steppers[0].state, steppers[1].state)
 
 
+@pytest.mark.ci
 def test_it_grows_on_a_body():
     task = mg.make("hopper")
     run = mg.train(task, RULES["clock"], 45, 2, window=15, progress=False)
@@ -101,12 +102,10 @@ def test_settings_make_the_schedule():
 
 
 def test_a_schedule_belongs_to_what_identifies_a_run(tmp_path):
-    def agent(interval):
-        return Agent(growing(TASK), olgarb(0.5), SGD(1e-2), growth=Growth(Clock(interval), shrink=0.9))
-
-    mg.train(TASK, agent(40), 20, 1, tmp_path, progress=False)
+    go("clock", tmp_path, steps=20)
+    other = {**RULES["clock"], "growth.criterion.interval": 50}
     with pytest.raises(mg.training.RunDirectoryError, match=r"growth\.criterion\.interval was 40 and is now 50"):
-        mg.train(TASK, agent(50), 20, 1, tmp_path, progress=False)
+        mg.train(TASK, other, 20, [3, 0, 8], tmp_path, window=20, progress=False)
 
 
 def test_a_grown_run_is_taken_up_with_the_units_it_has():

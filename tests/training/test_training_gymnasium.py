@@ -13,7 +13,7 @@ import jax
 import numpy as np
 import pytest
 from gymnasium import spaces
-from training_examples import assert_differ, assert_same, assert_same_run, checkpoints, final_state, learner
+from training_examples import PLAIN, assert_differ, assert_same, assert_same_run, checkpoints, final_state, learner
 
 import motorgrad as mg
 from motorgrad.cli import main
@@ -21,7 +21,7 @@ from motorgrad.learning import SGD, Agent, Estimator, Exponential, olgarb
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import HostStepper, RunDirectoryError, RunWarning, clear_programs, stepper_for
 
-SEEDS = [3, 0, 11]
+SEEDS = [3, 11]
 
 
 class Counted(gymnasium.Env):
@@ -92,11 +92,23 @@ def flags_seen(stepper, decisions, monkeypatch):
     return seen
 
 
-@pytest.mark.parametrize(("ends", "flags"), [({"end": 3}, (True, False)), ({"cut": 3}, (False, True))])
-def test_the_learner_sees_the_end_before_any_reset_and_what_kind_it_is(register, ends, flags, monkeypatch):
-    task = from_gymnasium(register(lambda: Counted(**ends)), scaling="none")
-    seen = flags_seen(lambda: learner(task, [0]), 6, monkeypatch)
-    assert seen == [[1, False, False, False], [2, False, False, False], [3, *flags, False]] * 2
+class Either(Counted):
+    """Ends if its seed is 0, and is cut, with times from 10 on, if it is 1."""
+
+    def reset(self, *, seed=None, options=None):
+        if seed is not None:
+            self.end, self.cut = (3, None) if seed == 0 else (None, 13)
+        super().reset(seed=seed)
+        self.time = 0 if self.cut is None else 10
+        return np.float32([self.time]), {}
+
+
+def test_the_learner_sees_the_end_before_any_reset_and_what_kind_it_is(register, monkeypatch):
+    task = from_gymnasium(register(Either), scaling="none")
+    seen = flags_seen(lambda: learner(task, [0, 1], **PLAIN), 6, monkeypatch)
+    ended, cut = ([each for each in seen if (each[0] < 10) == first] for first in (True, False))
+    assert ended == [[1, False, False, False], [2, False, False, False], [3, True, False, False]] * 2
+    assert cut == [[11, False, False, False], [12, False, False, False], [13, False, True, False]] * 2
 
 
 @pytest.mark.ci
@@ -167,7 +179,7 @@ def test_the_engine_is_the_hosts_and_another_seed_changes_nothing_of_an_environm
 
 
 def test_a_restored_engine_goes_on_exactly():
-    saved, fresh = learner("gymnasium", SEEDS), learner("gymnasium", SEEDS)
+    saved, fresh = (learner("gymnasium", SEEDS, **PLAIN) for _ in range(2))
     saved.advance(130)
     state = saved.state
     saved.advance(90)
@@ -185,7 +197,7 @@ def test_a_restored_engine_goes_on_exactly():
 
 RUN = {"task": "gymnasium", "steps": 3_000, "seeds": SEEDS, "window": 700}
 CHILD = "import json, sys, motorgrad as mg; mg.train(**json.loads(sys.argv[1]), progress=False)"
-PATIENCE = 120.0
+PATIENCE = 600.0
 
 
 @pytest.mark.slow
@@ -283,7 +295,7 @@ def test_from_the_command_line(tmp_path, capsys):
     assert "Traceback" not in complaint
 
 
-@pytest.mark.representatives("action3-choice-softmax")
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("action", "code", "policy"),
     [

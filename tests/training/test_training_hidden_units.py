@@ -4,6 +4,7 @@ import gymnasium
 import jax
 import numpy as np
 import pytest
+from training_examples import PLAIN
 
 import motorgrad as mg
 from motorgrad.cli import main
@@ -44,8 +45,21 @@ def signal():
     del gymnasium.registry["Signal-v0"]
 
 
-def task_of(name, signal):
-    return {"world": mg.make("three-state", time_limit=7), "host": signal, "body": mg.make("hopper")}[name]
+WORLD = mg.make("load-unload", time_limit=20)
+PARTS = {  # of learners: with a critic and the natural gradient in the world, as light as can be elsewhere
+    "world": {
+        "estimator": gae(LinearCritic(fit=LeastSquares(interval=50)), improve=50),
+        "metric": FisherMetric(interval=10, kl=0.01),
+    },
+    "host": PLAIN,
+    "body": {"learning_rate": 0.01, "decay": 0.9},
+}
+
+
+def agent_of(engine, kind, signal):
+    """A task and a learner."""
+    task = {"world": WORLD, "host": signal, "body": mg.make("hopper")}[engine]
+    return task, agent_for(task, {**PARTS[engine], "policy": KINDS[kind]})
 
 
 def same(one, other):
@@ -53,14 +67,14 @@ def same(one, other):
         np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.representatives("world-recurrent", "host-finite-state-controller")
+@pytest.mark.ci
+@pytest.mark.representatives("world-finite-state-controller")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("engine", ["world", "host", "body"])
 def test_a_restored_learner_continues_bit_for_bit(engine, kind, signal):
-    task = task_of(engine, signal)
-    agent = agent_for(task, policy=KINDS[kind], learning_rate=0.01, decay=0.9)
+    task, agent = agent_of(engine, kind, signal)
     stepper = stepper_for(task, agent, [3, 8])
-    stepper.advance(20)
+    stepper.advance(45)
     state = stepper.state
     memory = state["cycle"].agent.memory
     assert (memory is not None) == (kind in MEMORY)
@@ -73,19 +87,21 @@ def test_a_restored_learner_continues_bit_for_bit(engine, kind, signal):
         assert not np.array_equal(memory[0], memory[1])  # each seed has its own
 
 
-@pytest.mark.representatives("sample")
+@pytest.mark.ci
 @pytest.mark.parametrize("mode", ["learn", "sample", "mode"])
 def test_memory_starts_anew_with_every_episode_on_the_host(mode, signal):
     """After an episode's end, the units' view is that of a first decision."""
-    agent = agent_for(signal, policy=KINDS["recurrent"], learning_rate=0.0, decay=0.9)
-    stepper = stepper_for(signal, agent, [0], mode)
+    agent = agent_for(signal, {**PLAIN, "policy": KINDS["recurrent"], "learning_rate": 0.0})
+    stepper = stepper_for(signal, agent, [3, 8], mode)
+    first_view = jax.jit(lambda policy, seen: policy.perceive(policy.initial_memory(), seen))
     for decision in range(1, 8):
         stepper.advance(1)
         cycle = stepper.state["cycle"]
-        policy = jax.tree.map(lambda leaf: leaf[0], cycle.agent.policy)
-        fresh = policy.perceive(policy.initial_memory(), cycle.observation[0])
-        is_first = np.allclose(cycle.agent.decision.observation[0], fresh, atol=1e-6)
-        assert is_first == (decision % 3 == 0)
+        for seed in range(2):
+            policy = jax.tree.map(lambda leaf, seed=seed: leaf[seed], cycle.agent.policy)
+            fresh = first_view(policy, cycle.observation[seed])
+            is_first = np.allclose(cycle.agent.decision.observation[seed], fresh, atol=1e-6)
+            assert is_first == (decision % 3 == 0)
 
 
 @pytest.mark.ci
@@ -98,14 +114,10 @@ def test_environments_of_one_learner_have_memories_of_their_own(signal):
     assert not np.array_equal(memory[0, 0], memory[0, 1])
 
 
-@pytest.mark.representatives("recurrent")
+@pytest.mark.representatives("finite-state-controller")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_critic_and_the_natural_gradient_work_with_what_units_see(kind):
-    task = mg.make("load-unload", time_limit=20)
-    critic = LinearCritic(fit=LeastSquares(interval=50))
-    metric = FisherMetric(interval=10, kl=0.01)
-    agent = agent_for(task, policy=KINDS[kind], estimator=gae(critic, improve=50), metric=metric)
-    stepper = stepper_for(task, agent, [0, 1])
+    stepper = stepper_for(*agent_of("world", kind, None), [0, 1])
     stepper.advance(400)
     before, after = stepper._initial, stepper.policies()
     assert before is None
@@ -114,15 +126,21 @@ def test_a_critic_and_the_natural_gradient_work_with_what_units_see(kind):
     assert stepper.state["cycle"].agent.estimator.baseline.weights.shape == (2, seen + 1)
 
 
-@pytest.mark.representatives("finite-state-controller")
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("engine", ["world", "host", "body"])
+def test_a_table_keeps_hidden_units(engine, kind, signal):
+    task, agent = agent_of(engine, kind, signal)
+    assert agent_from_table(task, agent_table(agent)).policy.settings == agent.policy.settings
+
+
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stored_run_has_the_learner_and_its_policies(kind, tmp_path):
-    task = mg.make("load-unload")
-    agent = agent_for(task, policy=KINDS[kind])
+    task, agent = agent_of("world", kind, None)
     run = mg.train(task, agent, 300, 2, tmp_path / "run", progress=False)
     loaded = mg.load(tmp_path / "run")
     same(run.policies, loaded.policies)
-    assert agent_from_table(task, agent_table(agent)).policy.settings == agent.policy.settings
+    assert agent_from_table(task, loaded.config["agent"]).policy.settings == agent.policy.settings
     found = evaluate(loaded, steps=50)
     assert found.reward.shape[-1] >= 1
 

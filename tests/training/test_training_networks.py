@@ -42,6 +42,7 @@ def test_tables_name_the_hidden_layers_of_policy_and_critic():
         mg.agent_for(task, {"policy.network": "preceptron"})
 
 
+@pytest.mark.ci
 def test_a_module_of_equinox_trains_as_it_is():
     task = mg.make("chain", length=3)
 

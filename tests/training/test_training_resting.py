@@ -148,8 +148,8 @@ def test_frozen_policies_always_rest():
 def test_the_rest_is_up_to_the_nearest_that_is_due():
     y, policy = jnp.array([0.5, -0.2]), Hyperplanes(np.zeros((3, 2)), np.zeros(3))
     learner = Agent(policy, gae(CRITIC, 0.9, IMPROVE), SGD(1.0), FisherMetric())
-    state = learner.init(jax.random.key(0))
-    rests, improve = [], jax.jit(lambda state: learner.improve(state))
+    state = jax.jit(lambda key: learner.init(key))(jax.random.key(0))
+    rests, improve, rest = [], jax.jit(lambda state: learner.improve(state)), jax.jit(lambda state: learner.rest(state))
 
     @jax.jit
     def live(state):
@@ -157,13 +157,13 @@ def test_the_rest_is_up_to_the_nearest_that_is_due():
         return learner.reinforce(state, jnp.sum(action), y)
 
     for t in range(1, 61):
-        rested = int(learner.rest(state)) > 0
+        rested = int(rest(state)) > 0
         state = live(state)
         after = improve(state)
         same = jax.tree.map(lambda a, b: bool(np.array_equal(a, b)), after, state)
         assert jax.tree.all(same) == rested == (t % IMPROVE != 0 and t % INTERVAL != 0)
         state = after
-        rests.append(int(learner.rest(state)))
+        rests.append(int(rest(state)))
     assert rests[:16] == [*range(13, -1, -1), 4, 3]
 
 
@@ -203,8 +203,8 @@ def test_a_packed_tree_comes_back_bit_for_bit_and_what_is_still_stands_apart(sti
         "e": jnp.array([True]),
     }
     packing = Packing(tree, 1, still)
-    packed = packing.pack(tree)
-    jax.tree.map(np.testing.assert_array_equal, packing.unpack(packed), tree)
+    packed = jax.jit(packing.pack)(tree)
+    jax.tree.map(np.testing.assert_array_equal, jax.jit(packing.unpack)(packed), tree)
     assert set(packed) == {"uint32", "bool", "leaf 3"} | ({"still uint32"} if still else set())
     assert packing.still == ({"still uint32", "leaf 3"} if still else set())
     assert packed["uint32"].size == (1 if still else 9)

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from training_examples import sign
+from training_examples import NEVER, sign
 
 import motorgrad as mg
 
 ROOT = Path(__file__).parents[2]
-SETTINGS = {"steps": 40, "seeds": 2, "window": 20, "progress": False}
+SETTINGS = {"steps": 40, "seeds": 2, "window": 20, "checkpoint_every": NEVER, "progress": False}
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_an_attack_passes_and_is_counted(test, compiled_environment, tmp_path):
     record = tmp_path / "record.json"
     command = [sys.executable, "-m", "tools.torture", test, "--count", "3", "--record", str(record)]
     for session in (1, 2):
-        done = subprocess.run(command, env=compiled_environment, cwd=ROOT, capture_output=True, text=True, timeout=900)
+        done = subprocess.run(command, env=compiled_environment, cwd=ROOT, capture_output=True, text=True, timeout=3600)
         assert done.returncode == 0, done.stdout + done.stderr
         found = json.loads(record.read_text())["tests"][test]
         assert found["failed"] == 0

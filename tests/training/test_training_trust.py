@@ -11,9 +11,10 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
-from training_examples import assert_same, change_facts, checkpoints
+from training_examples import NEVER, PLAIN, assert_same, change_facts, checkpoints
 
 import motorgrad as mg
+from motorgrad._commands import IMPORTED
 from motorgrad.cli import main
 from motorgrad.tasks import from_gymnasium
 from motorgrad.tasks.gymnasium._batch import called_by
@@ -25,7 +26,7 @@ import gymnasium, pathlib
 pathlib.Path(__file__).with_suffix(".imported").touch()
 gymnasium.register("Rolling-v0", "gymnasium.envs.classic_control.cartpole:CartPoleEnv", max_episode_steps=50)
 """
-RUN = {"steps": 60, "seeds": 2, "window": 20, "progress": False}
+RUN = {"agent": PLAIN, "steps": 60, "seeds": 2, "window": 20, "checkpoint_every": NEVER, "progress": False}
 
 
 class Held(gymnasium.Env):
@@ -60,6 +61,8 @@ def strange(tmp_path, monkeypatch):
     change_facts(checkpoint, lambda facts: facts["config"]["task"].update(env_id=f"{name}:Rolling-v0"))
     yield name
     sys.modules.pop(name, None)
+    if name in IMPORTED:  # by --import, for the processes that later commands start
+        IMPORTED.remove(name)
     gymnasium.registry.pop("Rolling-v0", None)
 
 
@@ -165,7 +168,7 @@ def test_at_a_terminal_it_asks(answer, status, strange, tmp_path, compiled_envir
         said += os.read(ours, 1000)
     assert not imported(tmp_path)
     os.write(ours, answer.encode() + b"\n")
-    assert child.wait(60) == status
+    assert child.wait(600) == status
     os.close(ours)
     assert f"imports {strange}".encode() in said
     assert bool(imported(tmp_path)) == (status == 0)

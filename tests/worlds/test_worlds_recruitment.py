@@ -94,6 +94,8 @@ def settled(task, threshold, end):
     return times, pools, times[away[-1] + 1]
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("threshold0")
 @pytest.mark.parametrize("threshold", [[0.1, 0.4, 0.6, 0.8], [0.6, 0.05, 0.95, 0.3]])
 def test_four_thresholds_collapse_to_one_and_then_split(threshold):
     times, pools, when = settled(LinearRecruitment(), threshold, 5e6)
@@ -116,6 +118,7 @@ def test_two_thresholds_settle_after_a_million_decisions():
     assert min(times) > 0.3e6
 
 
+@pytest.mark.ci
 def test_the_ratio_is_the_count_slowed_down_by_the_units_squared():
     start = [0.3, 0.6]
     count, ratio = (
