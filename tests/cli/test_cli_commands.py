@@ -270,6 +270,7 @@ def test_evaluate_changes_settings_of_the_task_on_the_line_or_in_a_file(runs, ca
     assert "--task.penalty: needs the run as the first word" in capsys.readouterr().err
 
 
+@pytest.mark.ci
 def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
     options = ["--steps", 60, "--seconds", 0.5, "--seed", 4, "--video", "deep/in/hop.mp4", "--json", "e.json"]
     assert status("evaluate", runs["hopper"], *options) == 0
@@ -379,6 +380,7 @@ def test_a_file_in_the_place_of_a_run_is_refused(tmp_path, capsys):
 # ---- processes
 
 
+@pytest.mark.ci
 def test_a_users_session_in_processes(compiled_environment, tmp_path, capsys):
     trained = process(compiled_environment, "train", "three-state", "--steps", 50, "--out", "x", "--json", "-")
     assert trained.returncode == 0, trained.stderr

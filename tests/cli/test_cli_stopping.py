@@ -26,7 +26,8 @@ def start(environment, *arguments):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
-@pytest.mark.representatives("0.7-2", "1.5-15")
+@pytest.mark.ci
+@pytest.mark.representatives("0.7-2")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("after", [0.7, 1.5])
 def test_a_signal_during_the_start_up_stops_the_command(number, after, process_environment):
@@ -68,7 +69,7 @@ def test_an_interrupt_while_garbage_is_collected_is_not_lost(number, capfd, monk
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("arguments2", "arguments3")
+@pytest.mark.representatives("arguments3")
 @pytest.mark.parametrize(
     "arguments", [["train", "hopper", "--help"], ["train", "chain", "--check"], ["list"], ["--help"]]
 )

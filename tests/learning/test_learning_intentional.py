@@ -72,7 +72,7 @@ def decisions(count, scale=1.0):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("linear-1.0")
+@pytest.mark.representatives("linear-1.0", "linear-100.0")
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 @pytest.mark.parametrize("kind", ["linear", "network"])
 def test_a_critic_takes_back_the_intended_fraction_of_each_error(kind, scale):

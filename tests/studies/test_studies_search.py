@@ -78,6 +78,7 @@ def test_a_search_that_was_stopped_asks_the_same(done, tmp_path, monkeypatch, jo
     assert [best.settings for best in found.best()] == [best.settings for best in done.best()]
 
 
+@pytest.mark.ci
 def test_successive_halving_spends_more_on_the_better(tmp_path):
     found = searching(rungs=2, reduction=3, batch=6).run(tmp_path / "search", progress=False)
     first, second = found.rounds

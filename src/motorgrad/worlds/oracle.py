@@ -41,7 +41,9 @@ P = TypeVar("P", bound=Policy)
 
 def to_float64(policy: P) -> P:
     """The policy with its real numbers in double precision. Call it within `jax.enable_x64`."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float64) if eqx.is_inexact_array(leaf) else leaf, policy)
+    return jax.tree.map(
+        lambda leaf: jnp.asarray(np.asarray(leaf, np.float64)) if eqx.is_inexact_array(leaf) else leaf, policy
+    )
 
 
 def action_probabilities(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions"]:
@@ -316,28 +318,58 @@ def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
 
 
 def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:
-    seen, actions = mdp.observations.shape[1], policy.enumerate()
+    parameters, settings = split(policy)
+    return _chances(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions)
+
+
+def _index(mdp: FiniteMDP, policy: Policy) -> Int[np.ndarray, " drawn"]:
+    """The MDP's action to which each of all that the policy may draw leads."""
+    seen = mdp.observations.shape[1]
     if policy.has_memory:
         check(
             policy.inputs == seen, "policy", type(policy).__name__, "a policy without a memory, or as `joint` takes it"
         )
-    index = jax.vmap(lambda action: action_index(policy.emit(action)))(actions)
-    if policy.hides and len(actions) == mdp.actions:  # the MDP is that of `joint`
-        index = jnp.arange(len(actions))
+    index = np.asarray(_emitted(policy))
+    if policy.hides and len(index) == mdp.actions:  # the MDP is that of `joint`
+        index = np.arange(len(index))
     count = len(np.unique(index))
     check(count == mdp.actions, "policy", f"{count} actions", f"over the MDP's {mdp.actions} actions")
+    return index
+
+
+@eqx.filter_jit
+def _emitted(policy: Policy) -> Int[Array, " drawn"]:
+    return jax.vmap(lambda action: action_index(policy.emit(action)))(policy.enumerate())
+
+
+# Compiled whole: one by one, the operations of a policy take longer to compile than all together.
+@eqx.filter_jit
+def _chances(
+    parameters: Any, settings: Any, looks: Float[Array, "states inputs"], index: Int[Array, " drawn"], actions: int
+) -> Float[Array, "states actions"]:
+    policy = eqx.combine(parameters, settings)
     log_prob = jax.vmap(jax.vmap(policy.log_prob, (None, 0)), (0, None))
-    each = jnp.exp(log_prob(jnp.asarray(mdp.observations), actions))
+    each = jnp.exp(log_prob(jnp.asarray(looks), policy.enumerate()))
     # Of a policy with hidden units, several actions look alike to the world.
-    return jax.ops.segment_sum(each.T, index, mdp.actions).T
+    return jax.ops.segment_sum(each.T, index, actions).T
+
+
+@eqx.filter_jit
+def _log_slopes(parameters: Any, *rest: Any) -> Float[Array, "states actions parameters"]:
+    vector, build = ravel_pytree(parameters)
+    return jax.jacfwd(lambda v: jnp.log(_chances(build(v), *rest)))(vector)
+
+
+@eqx.filter_jit
+def _slope_of_worth(parameters: Any, worth: Float[Array, "states actions"], *rest: Any) -> Any:
+    return jax.grad(lambda theta: jnp.sum(worth * _chances(theta, *rest)))(parameters)
 
 
 def _scores(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions parameters"]:
     r"""$\nabla\log\pi$ of every action in every state, 0 for those that are impossible."""
     with jax.enable_x64(True):
         parameters, settings = split(to_float64(policy))
-        vector, build = ravel_pytree(parameters)
-        score = jax.jacfwd(lambda v: jnp.log(_probabilities(mdp, eqx.combine(build(v), settings))))(vector)
+        score = _log_slopes(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions)
         return np.where(action_probabilities(mdp, policy)[..., None] > 0, score, 0)
 
 
@@ -361,11 +393,6 @@ def _contract(
     r"""$\sum_s w_s \sum_a \nabla\pi(a \mid s)\,Q(s, a)$, with the policy's derivative by automatic differentiation."""
     with jax.enable_x64(True):
         parameters, settings = split(to_float64(policy))
-        worth = jnp.asarray(weight[:, None] * quality.T)
-
-        def total(theta: Any) -> Array:
-            return jnp.sum(worth * _probabilities(mdp, eqx.combine(theta, settings)))
-
-        vector, build = ravel_pytree(parameters)
-        slope = jax.grad(lambda v: total(build(v)))(vector)
-        return jax.tree.map(np.asarray, build(slope))
+        worth = weight[:, None] * quality.T
+        slope = _slope_of_worth(parameters, worth, settings, mdp.observations, _index(mdp, policy), mdp.actions)
+        return jax.tree.map(np.asarray, slope)

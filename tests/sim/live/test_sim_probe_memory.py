@@ -48,6 +48,7 @@ def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_mem
     assert len(set(memories)) > 1
 
 
+@pytest.mark.ci
 def test_episodes_of_a_particle_can_be_walked_with_a_memory():
     task = mg.make("particle")
     policy = jax.jit(initial("recurrent", task, hidden=2))(jax.random.key(0))

@@ -108,6 +108,7 @@ def test_it_chooses_its_own_camera_and_no_elses(page):
         assert other.recv()
 
 
+@pytest.mark.ci
 def test_a_class_leaves_room_for_who_drives(page, quiet, monkeypatch):
     monkeypatch.setattr("motorgrad.sim.page._server.MOST", 4)
     assert until(lambda: not page.server._websock_server._live_connections)

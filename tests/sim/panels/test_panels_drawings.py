@@ -157,6 +157,7 @@ def test_the_background_of_a_portrait_is_the_policys_probability():
         np.testing.assert_allclose(field[row, column], expected, atol=1e-5)
 
 
+@pytest.mark.ci
 def test_the_background_keeps_the_memory_and_leaves_out_noise_that_lasts():
     recurrent = jax.jit(initial("recurrent", 2, units=1, hidden=3))(jax.random.key(0))
     weights = np.array([[0.4, -0.6, 1.0, -1.0, 0.5]])

@@ -63,6 +63,7 @@ def seen_from(camera, surface, noise, count=400):
     return way[(above >= surface.heights(foot)).all(axis=0)]
 
 
+@pytest.mark.ci
 @settings(deadline=None, max_examples=15)
 @given(seed=SEEDS, which=st.integers(0, 2))
 def test_culling_never_removes_what_is_seen(seed, which):
