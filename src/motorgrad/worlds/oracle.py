@@ -345,7 +345,11 @@ def _emitted(policy: Policy) -> Int[Array, " drawn"]:
 # Compiled whole: one by one, the operations of a policy take longer to compile than all together.
 @eqx.filter_jit
 def _chances(
-    parameters: Any, settings: Any, looks: Float[Array, "states inputs"], index: Int[Array, " drawn"], actions: int
+    parameters: Any,
+    settings: Any,
+    looks: Float[np.ndarray, "states inputs"],
+    index: Int[np.ndarray, " drawn"],
+    actions: int,
 ) -> Float[Array, "states actions"]:
     policy = eqx.combine(parameters, settings)
     log_prob = jax.vmap(jax.vmap(policy.log_prob, (None, 0)), (0, None))
@@ -361,7 +365,7 @@ def _log_slopes(parameters: Any, *rest: Any) -> Float[Array, "states actions par
 
 
 @eqx.filter_jit
-def _slope_of_worth(parameters: Any, worth: Float[Array, "states actions"], *rest: Any) -> Any:
+def _slope_of_worth(parameters: Any, worth: Float[np.ndarray, "states actions"], *rest: Any) -> Any:
     return jax.grad(lambda theta: jnp.sum(worth * _chances(theta, *rest)))(parameters)
 
 
