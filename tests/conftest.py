@@ -22,7 +22,7 @@ _FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_f
 _COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
 _FIXTURES_NEED = dict.fromkeys(_BROWSERS, "chromium") | {"silhouette": "OpenGL"}
-_MOST_RESIDENT = 1_500_000_000  # bytes of a process, above which the programs of the files before are dropped
+_MOST_RESIDENT = 1_300_000_000  # bytes of a process, above which the programs of the files before are dropped
 # Folders of which `make test-share` runs the slow tests, too: every unit and world, and all that is done to a page.
 _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
