@@ -125,7 +125,7 @@ def drop_programs(most_bytes: int) -> bool:
     """Drops all compiled programs of this process, and returns their memory, if it uses more than `most_bytes`.
 
     A program takes about 1.3 MB, and the tests compile thousands. Linux also limits a process to 65,530 mapped regions
-    of memory, of which every program takes some: with 2 GB of programs it has a third of them.
+    of memory, of which every program takes some.
     """
     if resident() <= most_bytes:
         return False

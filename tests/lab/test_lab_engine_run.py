@@ -93,7 +93,8 @@ def test_a_thousand_seeds_are_a_thousand_rows_and_the_same_again():
     np.testing.assert_allclose(few, rows[[999, 3]], 1e-6)
 
 
-def test_a_block_keeps_its_stream_of_numbers_under_another_name_and_beside_others():
+def among_others():
+    """The mixed diagram with its dice under another name, among further ones."""
     diagram = mixed()
     more = Diagram()
     more.add("more dice", Dice())
@@ -101,6 +102,11 @@ def test_a_block_keeps_its_stream_of_numbers_under_another_name_and_beside_other
         diagram.add(name, block)
     diagram.nodes = dict(reversed(diagram.nodes.items()))
     diagram.rename("dice", "renamed")
+    return diagram
+
+
+def test_a_block_keeps_its_stream_of_numbers_under_another_name_and_beside_others():
+    diagram = among_others()
     before, after = ({placed.path: placed.stream for placed in plan(each).blocks} for each in (mixed(), diagram))
     assert after["renamed"] == before.pop("dice")
     assert before.items() <= after.items()
@@ -110,13 +116,7 @@ def test_a_block_keeps_its_stream_of_numbers_under_another_name_and_beside_other
 @pytest.mark.ci
 def test_another_block_changes_no_others_numbers():
     before = Run(mixed(), watch=["dice.y", "dice.start"]).advance(300)
-    diagram = mixed()
-    more = Diagram()
-    more.add("more dice", Dice())
-    for name, block in [("a die", Dice()), ("inner", more), ("three", Dice(3))]:
-        diagram.add(name, block)
-    diagram.nodes = dict(reversed(diagram.nodes.items()))
-    diagram.rename("dice", "renamed")
+    diagram = among_others()
     after = Run(diagram, watch=["renamed.y", "renamed.start", "a die.y", "inner/more dice.y"]).advance(300)
     np.testing.assert_array_equal(before["dice.y"], after["renamed.y"])
     np.testing.assert_allclose(before["dice.start"], after["renamed.start"], 1e-6)
