@@ -1,6 +1,7 @@
 """Help for settings, from the docstrings of their classes, so that each text is written once."""
 
 import ast
+import functools
 import inspect
 import re
 import textwrap
@@ -42,6 +43,7 @@ def field_texts(cls: Any) -> dict[str, tuple[str, str]]:
     return found
 
 
+@functools.cache
 def descriptions(cls: Any) -> dict[str, str]:
     """The texts of `field_texts` as sentences in plain characters, each with its unit."""
     found: dict[str, str] = {}
@@ -54,6 +56,7 @@ def descriptions(cls: Any) -> dict[str, str]:
     return found
 
 
+@functools.cache  # which parses source code
 def attribute_texts(cls: type) -> dict[str, str]:
     """The docstrings below the fields of a class and of its bases, each on one line."""
     found: dict[str, str] = {}

@@ -161,7 +161,7 @@ class Agent(Part):
     @property
     def precision(self) -> Any:
         """The floating-point type of the parameters, to which the numbers are rounded."""
-        parameters = jax.eval_shape(lambda key: trainable(self.init(key).policy), jax.random.key(0))
+        parameters = jax.eval_shape(lambda: trainable(self._first_policy(jax.random.key(0))))
         return jax.tree.leaves(parameters)[0].dtype
 
     @property
@@ -193,11 +193,17 @@ class Agent(Part):
         own = [f"{path}.{setting}" for path, setting in found.items() if setting]
         return [*(f"estimator.{setting}" for setting in self.estimator.needs_episodes()), *own]
 
+    def _first_policy(self, key: jax.Array) -> Policy:
+        """The policy that the agent was given, or the one that its function draws."""
+        policy = self.policy if isinstance(self.policy, Policy) else _ready(self.policy(key))
+        trains = len(jax.tree.leaves(trainable(policy))) > 0
+        check(trains, "policy", type(policy).__name__, "a policy with trainable parameters")
+        return policy
+
     def init(self, key: jax.Array) -> AgentState:
         """The state before the first decision; `key` matters where the initial policy is random."""
-        policy = self.policy if isinstance(self.policy, Policy) else _ready(self.policy(key))
+        policy = self._first_policy(key)
         leaves = jax.tree.leaves(trainable(policy))
-        check(len(leaves) > 0, "policy", type(policy).__name__, "a policy with trainable parameters")
         growth = None
         if self.growth is not None:
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))

@@ -7,6 +7,7 @@ from typing import Any, Self
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
@@ -110,8 +111,8 @@ class BinaryUnits(Policy):
 
     def enumerate(self) -> Float[Array, "actions units"]:
         """All $2^N$ firing patterns; the bit of the last unit changes fastest."""
-        codes = jnp.arange(2**self.outputs)[:, None] >> jnp.arange(self.outputs - 1, -1, -1)
-        return (codes & 1).astype(jnp.result_type(float))
+        codes = np.arange(2**self.outputs)[:, None] >> np.arange(self.outputs - 1, -1, -1)
+        return jnp.asarray(codes & 1, jnp.result_type(float))
 
 
 class SigmoidUnits(BinaryUnits):
@@ -242,7 +243,7 @@ def hyperplanes(
 
 def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
     """Hyperplanes with zero weights."""
-    return Hyperplanes(jnp.zeros((outputs, inputs)), jnp.zeros(outputs))
+    return Hyperplanes(np.zeros((outputs, inputs)), np.zeros(outputs))
 
 
 def motoneurons(
@@ -288,8 +289,5 @@ def entropy_of(p: Float[Array, " units"]) -> Float[Array, ""]:
 
 def product(lists: Sequence[Float[Array, "actions units"]]) -> Float[Array, "actions units"]:
     """The Cartesian product of lists of actions, concatenated; the last list changes fastest."""
-    joint = lists[0]
-    for more in lists[1:]:
-        left = jnp.repeat(joint, more.shape[0], axis=0)
-        joint = jnp.concatenate([left, jnp.tile(more, (joint.shape[0], 1))], axis=1)
-    return joint
+    places = np.indices([len(each) for each in lists]).reshape(len(lists), -1)
+    return jnp.concatenate([each[place] for each, place in zip(lists, places, strict=True)], axis=1)

@@ -255,10 +255,12 @@ class Gated(Composed, BinaryUnits):
     def enumerate(self) -> Float[Array, "actions units"]:
         """All possible actions: units below a silent gate are silent."""
         with jax.ensure_compile_time_eval():  # the number of actions depends on the values of the gates' bits
-            lists, silent = [], [jnp.zeros((1, branch.outputs)) for branch in self.branches]
-            for opened in self.gate.enumerate():
-                parts = zip(self.branches, np.asarray(opened) > 0, silent, strict=True)
-                below = [branch.enumerate() if is_open else off for branch, is_open, off in parts]
+            gates = np.asarray(self.gate.enumerate())
+            active = [np.asarray(branch.enumerate()) for branch in self.branches]
+            silent = [np.zeros((1, branch.outputs), gates.dtype) for branch in self.branches]
+            lists = []
+            for opened in gates:
+                below = [on if is_open else off for is_open, on, off in zip(opened > 0, active, silent, strict=True)]
                 lists.append(product([opened[None], *below]))
             return jnp.concatenate(lists)
 

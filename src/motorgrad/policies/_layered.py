@@ -333,5 +333,5 @@ def layered(
 
         return featured(features, inputs, pools)
 
-    made(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
+    jax.eval_shape(lambda: made(jax.random.key(0)))  # refuses impossible settings at once, not only when a key arrives
     return made

@@ -186,6 +186,7 @@ def _built(task: Task, own: dict[str, Any], given: Mapping[str, Any]) -> Agent:
     for name, value in policies.IMPLIED.get(getattr(agent.policy, "kind", ""), {}).items():
         needed = f"set, such as {value!r}, for the policy {agent.policy.kind!r}"
         check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
+    jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
     check_rounded(agent, agent.precision)
     return agent
 
