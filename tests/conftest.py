@@ -22,7 +22,7 @@ _FLAGS = os.environ.get("XLA_FLAGS", "") + ("" if _WORKER else " --xla_cpu_use_f
 _COMPILER = compilations.environment(_RUN) | {"XLA_FLAGS": _FLAGS}
 _BROWSERS = {"browser", "chromium"}  # fixtures
 _FIXTURES_NEED = dict.fromkeys(_BROWSERS, "chromium") | {"silhouette": "OpenGL"}
-_MOST_RESIDENT = 1_300_000_000  # bytes of a process, above which the programs of the files before are dropped
+_MOST_RESIDENT = 1_500_000_000  # bytes of a process, above which the programs of the files before are dropped
 # Folders of which `make test-share` runs the slow tests, too: every unit and world, and all that is done to a page.
 _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
@@ -30,7 +30,12 @@ _SHARE = tuple(
 os.environ.update(_COMPILER)  # read by JAX when it is imported, so not in a fixture
 # Tracing makes millions of small objects that live on, and Python would look through all of them again and again. Young
 # ones are still looked through; the others when the programs are dropped that most of them belong to.
-gc.set_threshold(200_000, 20, 1_000_000)
+gc.set_threshold(400_000, 1_000_000, 1_000_000)
+
+
+def pytest_collection(session: pytest.Session) -> None:
+    if _WORKER or not session.config.getoption("numprocesses", None):  # who gives tests to workers compiles nothing
+        compilations.share_context()
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks
