@@ -25,8 +25,14 @@ def flags(code, environment, **changes):
 def test_small_loops_are_one_function(process_environment):
     bare = {name: value for name, value in process_environment.items() if name != "XLA_FLAGS"}
     said = flags("import motorgrad", bare)
-    # where this fails for a new jaxlib, see that the last assertion holds and add the version to `TRIED`
+    # where this fails for a new jaxlib, see that the next test passes and add the version to `TRIED`
     assert "xla_cpu_small_while_loop_byte_threshold=" in said
+
+
+@pytest.mark.ci  # all other tests compile with these flags, too
+def test_xla_knows_what_it_is_told(process_environment):
+    bare = {name: value for name, value in process_environment.items() if name != "XLA_FLAGS"}
+    said = flags("import motorgrad", bare)
     # XLA ends the process for a flag that it does not know, once it compiles
     loop = "import motorgrad, jax; print(jax.jit(lambda n: jax.lax.fori_loop(0, n, lambda i, x: x + i, 0))(5))"
     assert flags(loop, bare) == said

@@ -52,7 +52,7 @@ def anchors_of(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def _left_as_found(tmp_path, monkeypatch):
     (tmp_path / "tests").symlink_to(ROOT / "tests")  # a page may use a model from there
     monkeypatch.chdir(tmp_path)
@@ -101,6 +101,7 @@ def paced(page):
     return pytest.param(page, marks=pytest.mark.slow if name_of(page) in LONG else pytest.mark.ci)
 
 
+@pytest.mark.usefixtures("_left_as_found")
 @pytest.mark.parametrize("page", [page for page in PAGES if python_of(page)], ids=name_of)
 def test_the_code_compiles_and_motorgrad_has_what_it_uses(page):
     code = PageCode()
@@ -110,6 +111,7 @@ def test_the_code_compiles_and_motorgrad_has_what_it_uses(page):
     assert code.checked > 0
 
 
+@pytest.mark.usefixtures("_left_as_found")
 @pytest.mark.parametrize(
     ("block", "said"),
     [
@@ -134,6 +136,7 @@ def test_what_is_wrong_in_code_is_found_without_running_it(block, said):
         code.read("import motorgrad as", "page")
 
 
+@pytest.mark.usefixtures("_left_as_found")
 def test_the_first_lines_of_the_front_page_run():
     """Up to where its learners are made."""
     names: dict = {}
@@ -147,6 +150,7 @@ def test_the_first_lines_of_the_front_page_run():
     assert isinstance(names["diagram"], mg.lab.Diagram)
 
 
+@pytest.mark.usefixtures("_left_as_found")
 @pytest.mark.parametrize("page", [paced(page) for page in PAGES if python_of(page)], ids=name_of)
 def test_the_code_runs_and_prints_what_the_page_says(page, capsys):
     names: dict = {"__name__": "page"}

@@ -45,10 +45,19 @@ def room_of(file):
     return file.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
+def statements(block):
+    """Every statement within a block, wherever: an import is one, and to look into expressions takes long."""
+    for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for node in getattr(block, part, ()):
+            yield node
+            if not isinstance(node, ast.Expr):
+                yield from statements(node)
+
+
 def imported(file):
     """Every module of this library that a file imports, wherever in the file, as (line, dotted name)."""
     package = ["motorgrad", *file.relative_to(ROOT).parts[:-1]]
-    for node in ast.walk(ast.parse(file.read_text(), str(file))):
+    for node in statements(ast.parse(file.read_text(), str(file))):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names if alias.name.split(".")[0] == "motorgrad")
         elif isinstance(node, ast.ImportFrom):
@@ -99,6 +108,11 @@ def test_the_walk_over_imports_sees_every_kind(tmp_path, monkeypatch):
     file.write_text(
         "import motorgrad.training\nfrom motorgrad import tasks\nfrom motorgrad.bodies._batch import BodyBatch\n"
         "def f():\n    from ..learning import Agent\n    from . import y\n    import numpy\n"
+        "class C:\n    async def f():\n        for x in y:\n            with z:\n"
+        "                import motorgrad.worlds\n"
+        "try:\n    pass\nexcept E:\n    import motorgrad.search\nelse:\n    import motorgrad.export\n"
+        "finally:\n    import motorgrad.lab\n"
+        "match a:\n    case 1:\n        if b:\n            pass\n        else:\n            import motorgrad.cli\n"
     )
     found = {(room, tuple(beyond)) for _, room, beyond in crossings(file)}
     assert found == {
@@ -106,6 +120,7 @@ def test_the_walk_over_imports_sees_every_kind(tmp_path, monkeypatch):
         ("tasks", ()),
         ("bodies", ("_batch", "BodyBatch")),
         ("learning", ("Agent",)),
+        *((room, ()) for room in ("worlds", "search", "export", "lab", "cli")),
     }
 
 

@@ -21,6 +21,7 @@ def test_the_peers_oscillators_move_as_ours():
     assert np.ptp(record[places[0]]) > 0.5
 
 
+@pytest.mark.ci
 def test_a_network_is_alive_and_of_few_types():
     diagram = lab.network(100)
     record = Run(diagram, watch=[f"block {n}.y" for n in range(100)]).advance(50)
@@ -29,6 +30,7 @@ def test_a_network_is_alive_and_of_few_types():
     assert len({type(node.block) for node in diagram.nodes.values()}) == 3
 
 
+@pytest.mark.ci
 def test_stacking_keeps_the_program_small():
     run = Run(lab.oscillators(100))
     assert len(run.plan.blocks) == 500

@@ -42,7 +42,6 @@ def test_ratios_are_of_pairs_measured_in_turn():
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("task", [Hopper(), HexapodSynergy()], ids=lambda task: task.name)
 def test_the_rows_of_bodies_compare_learning_with_replayed_physics(task):
     row = body_row("a body", task, 2, 20, pairs=2)
@@ -63,6 +62,7 @@ def test_the_rows_of_tendons_compare_muscles_of_one_body():
     assert rows[6].name == "hopper, muscles with Millard's curves on compliant tendons ÷ on rigid ones, 1 seed"
 
 
+@pytest.mark.ci
 def test_the_hand_written_loop_learns_the_best_policy():
     world = ThreeState().dynamics
     inputs = (world.observations.astype(np.float32), world._cumulative.astype(np.float32), world._successors)

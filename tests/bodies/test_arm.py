@@ -84,6 +84,7 @@ def test_full_activation_just_takes_14_kg_to_the_top():
     assert greatest_flexion(Arm(load=14.2), [1.0])[0] < most
 
 
+@pytest.mark.ci
 def test_half_the_time_step_lifts_as_high():
     activation = np.linspace(0.1, 0.9, 5)
     coarse, fine = (greatest_flexion(Arm(load=14.0, timestep=step), activation) for step in (0.001, 0.0005))
@@ -179,8 +180,8 @@ ERRORS = [
 @pytest.mark.parametrize(("low", "high", "error"), ERRORS)
 def test_the_stored_table_is_as_high_as_a_simulation_at_random_points(low, high, error):
     generator, table = np.random.default_rng(3), lift_table(Arm())
-    load = generator.uniform(math.sqrt(low), math.sqrt(high), 10)[:, None] ** 2
-    share = np.hstack([generator.uniform(0.0, 0.97, (10, 4)), generator.uniform(0.97, 1.02, (10, 4))])
+    load = generator.uniform(math.sqrt(low), math.sqrt(high), 4)[:, None] ** 2
+    share = np.hstack([generator.uniform(0.0, 0.97, (4, 4)), generator.uniform(0.97, 1.02, (4, 4))])
     force = share * np.vectorize(table.top_force)(load)
     found, wanted = np.asarray(jax.jit(table.lift)(load, force)), lift(Arm(), load, force)
     np.testing.assert_allclose(found, wanted, atol=error)

@@ -119,6 +119,8 @@ def test_packed_is_one_contiguous_array():
     assert before.flags.owndata
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("0-native", "25-thesis")
 @pytest.mark.parametrize("muscle_model", ["thesis", "native"])
 @pytest.mark.parametrize("at", [0, 1, 25])
 def test_continuing_after_restore_changes_no_bit(at, muscle_model):
@@ -146,6 +148,8 @@ def test_restore_refuses_another_shape():
         BodyBatch(Hopper(), 3).restore({"state": saved["state"]})
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("column_value0", "column_value3")
 @pytest.mark.parametrize("column_value", [("qpos", np.nan), ("qvel", np.inf), ("qvel", 1e12), ("ctrl", np.nan)])
 def test_divergence_is_flagged_counted_and_harms_no_other_seed(column_value):
     column, value = column_value

@@ -183,6 +183,8 @@ def test_depressors_run_as_the_closed_formula_says(body):
             assert data.tendon(f"depressor_{leg}").length[0] == pytest.approx(length, abs=1e-12)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("plain-thesis", "biomimetic-native")
 @pytest.mark.parametrize("muscle_model", ["thesis", "native"])
 def test_lies_still_without_muscles_and_stands_with_them(body, muscle_model):
     body = dataclasses.replace(body, muscle_model=muscle_model)
@@ -240,6 +242,8 @@ def test_mirrored_actions_give_mirrored_motion(body):
     assert abs(reading.lateral[0] - reading.lateral[0][mirrored]).max() > 0.1
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("biomimetic")
 def test_stiff_stops_hold_under_random_muscles(body):
     batch, rng = BodyBatch(body, 4, substeps=8), np.random.default_rng(1)
     for _ in range(150):
@@ -254,6 +258,7 @@ def test_stiff_stops_hold_under_random_muscles(body):
     assert not batch.diverged.any()
 
 
+@pytest.mark.ci
 def test_threads_and_the_number_of_seeds_change_nothing():
     sequence = np.random.default_rng(1).random((40, 5, 24)).round()
     runs = []

@@ -17,6 +17,7 @@ from motorgrad.bodies.muscles._hill_dynamics import activation_rate, next_activa
 SOLEUS = Hill(1000.0, optimal_fiber_length=0.1, tendon_slack_length=0.2, pennation_angle=0.3)
 MUSCLES = {name: dataclasses.replace(SOLEUS, curves=name) for name in bodies.CURVES}
 HELD = 0.2 * 1.01 + 0.1 * np.cos(0.3)  # m
+SHARED = lambda *values: [pytest.param(value, marks=pytest.mark.ci) for value in values]  # noqa: E731
 RELEASE = {"activation": 1.0, "release": 0.02, "load": 500.0, "mass": 20.0}
 
 
@@ -117,6 +118,8 @@ def test_activation_follows_its_equation():
     assert next_activation(0.5, 3.0, 1e9, 0.015, 0.06) == 1.0  # clamped, and it never passes the excitation
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("de-groote")
 def test_isometric_contraction_is_the_reference_integration(muscle, reference):
     errors = {}
     # Millard's toe is so soft that the first milliseconds are stiff, which hides the order on fine steps
@@ -134,6 +137,8 @@ def test_isometric_contraction_is_the_reference_integration(muscle, reference):
     assert run.fiber_length[-1] < run.fiber_length[0] - 0.005
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("de-groote")
 def test_quick_release_is_the_reference_integration(muscle, reference):
     errors = []
     for timestep in (0.002, 0.001, 0.0005):
@@ -166,9 +171,9 @@ def test_a_stiff_tendon_is_nearly_rigid(muscle):
     np.testing.assert_allclose(one.force, other.force, atol=25)
 
 
-@pytest.mark.parametrize("activation", [0.0, 0.02, 0.5, 1.0])
-@pytest.mark.parametrize("timestep", [1e-4, 0.002, 0.02])
-@pytest.mark.parametrize("length", [0.05, 0.25, 0.3, 0.36])
+@pytest.mark.parametrize("activation", [0.0, *SHARED(0.02, 0.5), 1.0])
+@pytest.mark.parametrize("timestep", [*SHARED(1e-4), 0.002, 0.02])
+@pytest.mark.parametrize("length", [0.05, *SHARED(0.25), 0.3, *SHARED(0.36)])
 def test_a_muscle_at_rest_stays_at_rest(muscle, activation, timestep, length):
     run = contract(muscle, length, 50 * timestep, activation, activation, timestep=timestep)
     np.testing.assert_allclose(run.force, run.force[0], rtol=1e-6, atol=1e-6)
@@ -182,6 +187,8 @@ def test_a_slack_tendon_pulls_on_nothing(muscle):
     assert (run.fiber_length >= 0.1 * 0.2).all()
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("de-groote")
 @pytest.mark.parametrize("curves", bodies.CURVES)
 def test_any_numbers_stay_finite(curves):
     numbers = np.random.default_rng(0)
@@ -214,6 +221,8 @@ def test_states_are_those_of_fiber_and_activation():
     assert BodyBatch(arm(tendon="rigid"), 1).model.na == 6
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("de-groote")
 @pytest.mark.parametrize("curves", bodies.CURVES)
 def test_a_reset_puts_fibers_in_balance(curves):
     batch = BodyBatch(arm(curves=curves), seeds=3)
@@ -252,6 +261,8 @@ def test_plain_mujoco_begins_in_balance():
     assert read_hill(body.model, data, 0).fiber_length > 0
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("compliant-de-groote")
 @pytest.mark.parametrize(
     ("tendon", "curves"), [("compliant", "de-groote"), ("rigid", "de-groote"), ("compliant", "millard")]
 )
@@ -305,6 +316,8 @@ def test_export_simulates_identically():
     np.testing.assert_array_equal(one.packed, other.packed)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("Euler", "RK4")
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
 def test_every_integrator_is_stable(integrator):
     spec = arm().spec()

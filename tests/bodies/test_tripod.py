@@ -163,6 +163,7 @@ def test_walks_over_bumps_of_16_cm_and_deadlocks_there_as_the_source_words_it():
     assert ((last == STANCE).sum(-1) <= 1).all()
 
 
+@pytest.mark.ci
 def test_the_biomimetic_body_walks_too():
     gait = walk(biomimetic_hexapod("servos"), seconds=8.0).gait()
     assert gait.kind[0] == "tripod"
@@ -171,10 +172,10 @@ def test_the_biomimetic_body_walks_too():
 
 def test_one_by_one_and_in_a_batch_they_walk_alike():
     grounds = [OnTerrain(SERVOS, Terrain(kind, height=0.1, seed=1)) for kind in ("bumps", "waves")]
-    together, again = walk(grounds, seconds=3.0), walk(grounds, seconds=3.0, threads=1)
+    together, again = walk(grounds, seconds=1.0), walk(grounds, seconds=1.0, threads=1)
     np.testing.assert_array_equal(together.posture, again.posture)
     for row, ground in enumerate(grounds):
-        alone = walk(ground, seconds=3.0)
+        alone = walk(ground, seconds=1.0)
         np.testing.assert_array_equal(alone.posture[:, 0], together.posture[:, row])
         np.testing.assert_array_equal(alone.states[:, 0], together.states[:, row])
 

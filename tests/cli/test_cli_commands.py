@@ -20,7 +20,7 @@ from motorgrad.tasks import TASKS
 
 SHARED = [
     pytest.param(name, marks=pytest.mark.ci)
-    if name in ("chain", "hexapod-synergy", "linear-recruitment", "particle")
+    if name in ("chain", "hexapod-synergy", "linear-recruitment", "particle", "three-state")
     else name
     for name in TASKS
 ]
@@ -105,7 +105,8 @@ def test_the_usual_help_fits_a_screen_and_names_the_rest(capsys):
     assert "--give-up-after" not in said
 
 
-@pytest.mark.representatives("particle", "hopper")
+@pytest.mark.ci
+@pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("name", TASKS)
 def test_train_explains_the_settings_of_every_task(name, capsys):
     assert status("train", name, "--help-all") == 0
@@ -135,7 +136,9 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
             assert f"  {name} " in said
 
 
-def test_a_module_is_imported_first_and_what_it_registers_is_known(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def my_tasks(tmp_path, monkeypatch):
+    """A module, `my_tasks`, that registers the task `short-chain`; what it registers is taken back."""
     code = """
         import motorgrad as mg
 
@@ -145,19 +148,29 @@ def test_a_module_is_imported_first_and_what_it_registers_is_known(tmp_path, mon
         mg.tasks.TASKS["short-chain"] = Short
     """
     (tmp_path / "my_tasks.py").write_text(textwrap.dedent(code))
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.delitem(sys.modules, "my_tasks", raising=False)
     known = dict(TASKS)
-    try:
-        assert main(["--import", "my_tasks", "list"]) == 0
-        assert "short-chain" in capsys.readouterr().out
-        assert main(["--import", "my_tasks", "train", "short-chain", "--steps", "10", "--out", "run"]) == 0
-        assert main(["evaluate", "run", "--steps", "10"]) == 0
-    finally:
-        TASKS.clear()
-        TASKS.update(known)
-    capsys.readouterr()
+    yield
+    TASKS.clear()
+    TASKS.update(known)
+
+
+@pytest.mark.usefixtures("my_tasks")
+def test_a_module_is_imported_first_and_what_it_registers_is_known(capsys):
+    assert main(["--import", "my_tasks", "list"]) == 0
+    assert "short-chain" in capsys.readouterr().out
+    assert status("--import", "my_tasks", "train", "short-chain", "--check") == 0
+
+
+@pytest.mark.ci
+@pytest.mark.usefixtures("my_tasks")
+def test_a_task_of_a_module_is_trained_and_evaluated():
+    assert main(["--import", "my_tasks", "train", "short-chain", "--steps", "10", "--out", "run"]) == 0
+    assert main(["evaluate", "run", "--steps", "10"]) == 0
+
+
+def test_what_a_module_would_register_is_refused_without_it(tmp_path, capsys):
     (tmp_path / "agent.toml").write_text('[agent]\nestimator = "mine"\n', encoding="utf-8")
     (tmp_path / "study.toml").write_text('steps = 10\n[task]\nname = "short-chain"\n', encoding="utf-8")
     for arguments in (
@@ -176,7 +189,7 @@ def test_a_module_is_imported_first_and_what_it_registers_is_known(tmp_path, mon
 # ---- train
 
 
-@pytest.mark.representatives("hopper", "three-state")
+@pytest.mark.representatives("hopper")  # and the chain is, where it is evaluated
 @pytest.mark.parametrize("name", SHARED)
 def test_train_learns_every_task(name, runs):
     out = runs[name]
@@ -189,6 +202,7 @@ def test_train_learns_every_task(name, runs):
     assert found["reward"]["median"] == pytest.approx(np.median(found["reward"]["per_seed"]))
 
 
+@pytest.mark.ci
 def test_train_takes_the_tasks_and_the_learners_settings(capsys):
     changed = ["--task.length", 4, "--task.variant", "reset", "--agent.decay", 0.3, "--agent.estimator", "olpomdp"]
     assert status("train", "chain", "--steps", 10, "--out", "x", *changed) == 0
@@ -201,6 +215,7 @@ def test_train_takes_the_tasks_and_the_learners_settings(capsys):
     assert run.config["agent"]["estimator"]["baseline"] == "none"
 
 
+@pytest.mark.ci
 def test_a_run_goes_to_runs_by_default_and_goes_on_there(tmp_path):
     for steps, made in ((20, 20), (40, 40), (30, 40)):
         assert status("train", "three-state", "--steps", steps, "--window", 10) == 0
@@ -216,11 +231,13 @@ def test_results_for_machines_alone_on_the_standard_output(capsys):
 
 # ---- evaluate
 
+LATER = {"chain": (), "hopper": pytest.mark.ci}  # the hopper is evaluated with other settings below
+
 
 @pytest.mark.parametrize(
     ("name", "mode"),
     [
-        *(pytest.param(n, "sample", marks=() if n in ("hopper", "chain") else pytest.mark.slow) for n in TASKS),
+        *(pytest.param(n, "sample", marks=LATER.get(n, pytest.mark.slow)) for n in TASKS),
         pytest.param("hopper", "mode", marks=pytest.mark.ci),
         pytest.param("chain", "mode", marks=pytest.mark.ci),
     ],
@@ -247,11 +264,11 @@ def test_evaluate_says_what_the_task_measures_of_the_motion(runs, capsys):
 
 
 def test_evaluate_judges_both_modes_in_turn(runs, capsys):
-    assert status("evaluate", runs["hopper"], "--steps", 60, "--mode", "both", "--no-film", "--json", "e.json") == 0
+    assert status("evaluate", runs["chain"], "--steps", 60, "--mode", "both", "--no-film", "--json", "e.json") == 0
     found, said = read("e.json"), capsys.readouterr().out
     assert said.index("sample:\n") < said.index("mode:\n")
     for mode in ("sample", "mode"):
-        outcome = mg.evaluate(mg.load(runs["hopper"]), 60, mode=mode)
+        outcome = mg.evaluate(mg.load(runs["chain"]), 60, mode=mode)
         assert found["modes"][mode]["reward"]["per_seed"] == outcome.reward.tolist()
     assert found["modes"]["sample"] != found["modes"]["mode"]
 
@@ -283,6 +300,7 @@ def test_evaluate_films_the_seed_that_is_asked_for(runs, capsys):
     assert found["renderer"] in ("gl", "drawn")
 
 
+@pytest.mark.ci
 def test_evaluate_films_into_the_run_by_default(runs):
     assert status("evaluate", runs["hopper"], "--steps", 20, "--seconds", 0.2, "--json", "-") == 0
     assert len(frames_of(runs["hopper"] / "figures" / "evaluation.mp4"))
@@ -291,7 +309,7 @@ def test_evaluate_films_into_the_run_by_default(runs):
 # ---- plot
 
 
-@pytest.mark.representatives("hopper", "three-state")
+@pytest.mark.representatives("hopper")
 @pytest.mark.parametrize("name", SHARED)
 def test_plot_draws_a_curve_into_the_run(name, runs, capsys):
     assert status("plot", runs[name]) == 0
@@ -301,12 +319,13 @@ def test_plot_draws_a_curve_into_the_run(name, runs, capsys):
 
 def test_plot_draws_several_runs_and_any_quantity(runs):
     options = ["--quantity", "baseline", "--out", "both.svg", "--json", "p.json"]
-    assert status("plot", runs["chain"], runs["three-state"], *options) == 0
+    assert status("plot", runs["chain"], runs["hopper"], *options) == 0
     drawn = Path("both.svg").read_text()
     assert "<svg" in drawn
     assert read("p.json")["figure"] == "both.svg"
 
 
+@pytest.mark.ci
 def test_plot_draws_a_reading_that_never_occurred(runs):
     run = mg.train("hopper", steps=4, out="short", window=2, progress=False)
     assert np.isnan(run.curve("apex")[1]).all()

@@ -86,6 +86,7 @@ def test_hill_muscles_of_a_file_are_those_of_its_model(folder, capsys):
     assert (len(body.hill), body.model.na) == (1, 8)  # the elbow's two have compliant tendons
 
 
+@pytest.mark.ci
 def test_hill_muscles_are_options_of_bodies(capsys):
     options = {"muscle-model": "hill", "tendon": "rigid", "curves": "millard"}
     flags = [word for name, value in options.items() for word in (f"--task.body.{name}", value)]

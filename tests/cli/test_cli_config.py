@@ -74,6 +74,7 @@ def test_an_option_puts_a_setting_back_to_none(capsys):
     assert found["task"]["time_limit"] == 9
 
 
+@pytest.mark.ci  # what is evaluated is named in a file in test_cli_commands, too
 @pytest.mark.parametrize("command", ["evaluate", "plot"])
 def test_what_must_be_named_may_stand_in_the_file(command, capsys):
     assert status("train", "chain", "--steps", 20, "--out", "x") == 0
@@ -104,7 +105,7 @@ def test_a_check_does_nothing(tmp_path, capsys):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("chain", "composed", "gymnasium", "hopper", "particle-navigation")
+@pytest.mark.representatives("chain", "composed", "gymnasium")
 @pytest.mark.parametrize("name", TASKS)
 def test_what_a_check_prints_is_a_file_that_says_the_same(name, capsys):
     found = checked(capsys, "train", name, "--seeds", 3, "--agent.decay", 0.25)
@@ -134,6 +135,7 @@ def test_a_run_goes_on_from_its_directory_alone(capsys):
     assert "agent.estimator.trace.decay was 0.3 and is now 0.4" in capsys.readouterr().err
 
 
+@pytest.mark.ci
 def test_a_default_learner_is_that_of_the_task_as_asked_for(capsys):
     for name, policy in (("Pendulum-v1", "bounded-hyperplanes"), ("Acrobot-v1", "softmax")):
         found = checked(capsys, "train", "gymnasium", "--task.env-id", name)

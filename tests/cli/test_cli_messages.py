@@ -107,14 +107,19 @@ def test_names_and_values_are_read_as_what_they_are(capsys):
     words = ("g", "1e1", "render_mode", "rgb_array", "max_episode_steps", "30")
     with pytest.raises(SystemExit, match="0"):
         main([*checked, "Pendulum-v1", "--task.kwargs", *words])
-    found = tomllib.loads(capsys.readouterr().out)["task"]["kwargs"]
+    table = tomllib.loads(capsys.readouterr().out)
+    assert table["agent"]["policy"]["kind"] == "bounded-hyperplanes"  # the learner is that of the task as asked for
+    found = table["task"]["kwargs"]
     assert found == {"g": 10.0, "render_mode": "rgb_array", "max_episode_steps": 30}
     assert [type(value) for value in found.values()] == [float, str, int]
     with pytest.raises(SystemExit, match="0"):
         main([*checked, "CartPole-v1", "--task.kwargs", "sutton_barto_reward", "True"])
-    assert tomllib.loads(capsys.readouterr().out)["task"]["kwargs"]["sutton_barto_reward"] is True
+    table = tomllib.loads(capsys.readouterr().out)
+    assert table["task"]["kwargs"]["sutton_barto_reward"] is True
+    assert table["agent"]["policy"]["kind"] == "softmax"
 
 
+@pytest.mark.ci
 def test_none_takes_the_names_and_values_of_a_file_back(capsys, tmp_path):
     file = tmp_path / "a.toml"
     file.write_text("[agent]\nweight_decay = {weights = 0.1, bias = 0.2}\n", encoding="utf-8")

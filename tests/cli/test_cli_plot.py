@@ -62,6 +62,7 @@ def test_runs_are_told_apart_by_what_differs(runs):
     assert {"penalty 0.1", "penalty 0.3", "simulated time (s)"} <= set(texts("c.svg"))
 
 
+@pytest.mark.ci
 def test_the_figure_goes_into_the_first_run_by_default(runs, capsys):
     assert status(runs / "b" / "demo", runs / "chain", "--quantity", "baseline", "--format", "pdf") == 0
     file = runs / "b" / "demo" / "figures" / "baseline.pdf"
@@ -84,7 +85,7 @@ def test_the_numbers_drawn_for_machines(runs, capsys):
     assert [first[k] for k in ("lower_quartile", "median", "upper_quartile")] == [list(low), list(median), list(high)]
 
 
-@pytest.mark.parametrize("folder", [None, "events"])
+@pytest.mark.parametrize("folder", [pytest.param(None, marks=pytest.mark.ci), "events"])
 def test_event_files_are_written_into_each_run_or_together(folder, runs, capsys):
     pytest.importorskip("tensorboard", reason="needs the extra motorgrad[tensorboard]")
     both = [runs / "a" / "demo", runs / "b" / "demo"]

@@ -37,6 +37,7 @@ def test_gymnasium_finds_nothing(name):
     environment.close()
 
 
+@pytest.mark.ci
 def test_gymnasium_finds_nothing_in_a_picture():
     environment = gymnasium.make(HOPPER, render_mode="rgb_array", width=64, height=64)
     check_env(environment.unwrapped)
@@ -80,6 +81,7 @@ def test_ppo_of_stable_baselines_learns_a_little():
     environment.close()
 
 
+@pytest.mark.ci
 @needs_peers
 def test_ppo_of_stable_baselines_moves_muscles():
     import stable_baselines3 as sb3

@@ -38,6 +38,8 @@ def test_every_task_has_an_id():
         assert gymnasium.spec(name).max_episode_steps == _gymnasium_ids.MAX_EPISODE_STEPS
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("import gymnasium, motorgrad", "import motorgrad")
 @pytest.mark.parametrize("code", ["import gymnasium, motorgrad", "import motorgrad, gymnasium", "import motorgrad"])
 def test_an_import_makes_them_known_without_loading_anything_heavy(code, process_environment):
     assert run(code + KNOWN + HEAVY, process_environment) == "[]"

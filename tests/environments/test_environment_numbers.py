@@ -37,6 +37,7 @@ def test_the_hopper_of_training_is_the_environments(reward_type):
     assert paid_sometimes > 3
 
 
+@pytest.mark.ci
 def test_the_chain_of_training_is_the_environments():
     task = Chain(length=3)
     stepper = stepper_for(task, agent_for(task), [4])

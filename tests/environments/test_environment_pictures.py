@@ -65,7 +65,7 @@ def test_pictures_are_made_by_one_renderer_that_stays_open():
     environment.reset(seed=0)
     environment.render()
     backend = environment.unwrapped._picture._painter._backend
-    for decision in range(10):
+    for decision in range(4):
         environment.step(hopping(decision))
         environment.render()
     assert environment.unwrapped._picture._painter._backend is backend
@@ -104,6 +104,7 @@ def test_the_muscles_that_a_unit_drives_are_seen_to_fire():
         environment.close()
 
 
+@pytest.mark.ci
 def test_a_list_of_pictures_is_gymnasiums_own():
     environment = gymnasium.make(HOPPER, render_mode="rgb_array_list", **SMALL)
     environment.reset(seed=0)
@@ -165,6 +166,7 @@ def test_a_film_is_recorded(tmp_path):
     assert film.stat().st_size > 0
 
 
+@pytest.mark.ci
 @pytest.mark.needs("OpenGL")
 def test_a_picture_costs_no_new_renderer(monkeypatch):
     made, make = [], mujoco.MjrContext

@@ -28,7 +28,7 @@ def story(environment, seeds, decisions=DECISIONS):
     return told
 
 
-FEW = [f"motorgrad/{name}-v0" for name in ("CallAdmission", "Composed", "Hopper", "LinearRecruitment", "Particle")]
+FEW = [f"motorgrad/{name}-v0" for name in ("CallAdmission", "Composed", "Hopper", "LinearRecruitment")]
 
 
 @pytest.mark.ci
@@ -79,7 +79,7 @@ def test_an_apex_is_told_when_it_occurs_and_paid():
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("limits1-50", "limits3-30", "limits6-1050")
+@pytest.mark.representatives("limits1-50", "limits3-30")
 @pytest.mark.parametrize(
     ("limits", "length"),
     [

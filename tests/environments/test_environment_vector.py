@@ -29,7 +29,7 @@ def actions_of(vector, decisions):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("Hopper-settings1-3", "CallAdmission-settings4-16")
+@pytest.mark.representatives("Hopper-settings1-3", "CallAdmission-settings4-3")
 @pytest.mark.parametrize("rows", [1, 3, 16])
 @pytest.mark.parametrize(("name", "settings"), CASES)
 def test_rows_are_single_environments_bit_for_bit(name, settings, rows):

@@ -260,6 +260,7 @@ def status(monkeypatch, tmp_path):
     return left
 
 
+@pytest.mark.ci
 def test_plot_films_a_run(status, falling, capsys):
     options = ("--seed", 1, "--seconds", 0.2, "--out", "c.svg", "--json", "-")
     assert status("plot", falling.path, "--animate", "mine.gif", *options) == 0
@@ -267,6 +268,10 @@ def test_plot_films_a_run(status, falling, capsys):
     assert found["film"] == {"path": "mine.gif", "frames": 30, "seconds": 1.2}
     with Image.open("mine.gif") as gif:
         assert gif.size == (800, 450)
+
+
+@pytest.mark.ci
+def test_plot_films_into_the_run_by_default(status, falling, capsys):
     assert status("plot", falling.path, "--animate", "--seconds", 0.2) == 0
     assert f"filmed to {falling.path / 'figures' / 'learning.mp4'}" in capsys.readouterr().out
 

@@ -141,6 +141,7 @@ def test_the_typical_seed_is_at_the_median():
     assert median_row(np.array([4.0, 1.0, 3.0, 2.0])) == 2
 
 
+@pytest.mark.ci
 def test_outside_and_visited():
     np.testing.assert_array_equal(outside(np.array([[0.5, 0.5], [1.1, 0.5], [0.2, -0.1]])), [False, True, True])
     task = FallingParticle()

@@ -66,6 +66,7 @@ def test_an_evaluation_is_frozen_fresh_and_repeatable(run, outcome):
     assert np.abs(outcome.sensors["knee_angle"][:, 0]).max() < 0.5
 
 
+@pytest.mark.ci
 def test_an_evaluation_in_mode_takes_the_most_probable_action(run):
     outcome = evaluate(run, 50, mode="mode")
     contact = outcome.sensors["foot_contact"][:, :-1, None] > 0
@@ -88,6 +89,7 @@ def test_an_impossible_evaluation_is_refused_by_name(options, named, run):
         evaluate(run, **options)
 
 
+@pytest.mark.ci
 def test_the_behaviour_figure_shows_both_columns(run, outcome, tmp_path):
     figure = behaviour_figure(
         run, evaluate(run, 120, untrained=True), outcome, 1, tmp_path / "new" / "b.png", seconds=1

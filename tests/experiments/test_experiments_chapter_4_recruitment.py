@@ -32,8 +32,11 @@ CLAIMED = {
 }
 
 
-@pytest.mark.representatives("fig-4.1")
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.ci if n == "fig-4.5" else ()) for n in CLAIMED])
+QUICKEST = ("fig-4.1", "fig-4.5")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.ci if n in QUICKEST else ()) for n in CLAIMED])
 def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     found = done(name)
     check_complete(name, found)
@@ -41,8 +44,8 @@ def test_each_leaves_a_figure_and_its_claims(name, done, check_complete):
     assert 0 <= len(found.claims) - CLAIMED[name] <= 2 * (name == "fig-4.8")
 
 
-@pytest.mark.representatives("fig-4.1")
-@pytest.mark.parametrize("name", ["fig-4.1", "fig-4.6", "fig-4.7"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [pytest.param("fig-4.1", marks=pytest.mark.ci), "fig-4.6", "fig-4.7"])
 def test_what_is_not_random_holds_at_any_size(name, done):
     assert [claim.statement for claim in done(name).claims if not claim.holds] == []
 
@@ -184,6 +187,7 @@ def test_linear_policies_are_judged_by_spacing_and_gain(off, soon, gain, verdict
     assert [claim.holds for claim in claims] == verdicts
 
 
+@pytest.mark.ci
 def test_a_smaller_step_takes_longer_in_the_mean_field():
     starts = np.array([[0.2, 0.7], [0.1, 0.3]])
     quick, slow = (mean_field_times(LinearRecruitment(units=2), starts, rate) for rate in (2e-4, 1e-4))
@@ -307,6 +311,7 @@ class EmptyWork:
         return make()
 
 
+@pytest.mark.ci
 def test_reward_claims_see_each_way_to_be_wrong():
     experiment = EXPERIMENTS["fig-4.7"](loads=33, activations=101)
     found = experiment.run(None)

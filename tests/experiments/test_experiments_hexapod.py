@@ -301,6 +301,7 @@ def test_variants_differ_in_what_they_say_only():
         assert (greatest == pytest.approx(0.0)) == leg.endswith("front")
 
 
+@pytest.mark.ci
 def test_slippery_feet_slip_more():
     body = biomimetic_hexapod("servos")
     slides = []

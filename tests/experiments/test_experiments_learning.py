@@ -136,6 +136,7 @@ def test_the_mixing_time_and_the_bias_of_a_trace():
     assert biases(walk, idle, [1.0, 1e6]) == pytest.approx([1.0, 0.0], abs=0.03)
 
 
+@pytest.mark.ci
 def test_surprise_is_the_mean_distance_of_rewards_from_the_baseline():
     task = ThreeState()
     run = train_run(task, {"estimator": "olpomdp"}, 400, 2, window=100, progress=False)

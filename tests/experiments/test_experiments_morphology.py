@@ -107,6 +107,7 @@ def test_variants_differ_in_one_respect():
     assert {each for pair in PAIRS.values() for each in pair} == set(VARIANTS)
 
 
+@pytest.mark.ci
 def test_bodies_are_observed_in_all_variants():
     bodies = random_bodies(1, np.random.default_rng(0))
     assert all(body_of(each) is not None for each in bodies)
@@ -176,14 +177,14 @@ def test_without_evosax_the_search_is_refused_or_left_out_aloud(monkeypatch, tmp
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *more: None if name == "evosax" else found(name, *more)
     )
-    others = {name: kind for name, kind in EXPERIMENTS.items() if name in ("sec-5.3.3-morphology", "fig-5.2")}
+    others = {name: kind for name, kind in EXPERIMENTS.items() if name in ("sec-5.3.3-morphology", "fig-2.1")}
     monkeypatch.setattr(command, "EXPERIMENTS", others)
     needs = "sec-5.3.3-morphology needs the package evosax: pip install '.[search]'"
     assert main(["reproduce", "sec-5.3.3-morphology", "--quick", "--out", str(tmp_path)]) != 0
     assert capsys.readouterr().err.strip().endswith(needs)
     assert main(["reproduce", "all", "--quick", "--out", str(tmp_path)]) == 0
     assert f"skipped: {needs}" in capsys.readouterr().err
-    assert (tmp_path / "fig-5.2" / "figure.svg").exists()
+    assert (tmp_path / "fig-2.1" / "figure.svg").exists()
 
 
 @pytest.mark.parametrize(

@@ -69,13 +69,15 @@ def test_nothing_is_given_to_the_learner_and_one_thing_is_changed_in_each_other(
     study = MUSCLES()
     task = study.task()
     assert (task.drives, task.action_size) == (None, 24)
-    weights = study.learner().policy(jax.random.key(0)).weights
+    full = study.learner(FULL)
+    assert full == study.learner()
+    weights = full.policy(jax.random.key(0)).weights
     assert weights.shape == (24, 20)
     assert not np.any(weights)
-    assert study.updates * study.learner().estimator.improve * task.period <= 4000
+    assert study.updates * full.estimator.improve * task.period <= 4000
+    own = agent_table(full)
     for variant in VARIANTS:
-        changes = VARIANTS[variant][1]
-        table, own = (agent_table(study.learner(name)) for name in (variant, FULL))
+        changes, table = VARIANTS[variant][1], agent_table(study.learner(variant))
         paths = {"damping": "metric", "learning_rate": "optimizer", "baseline": "estimator"}
         assert {name for name in table if table[name] != own[name]} == {paths.get(name, name) for name in changes}
         assert (study.task(variant) != task) == bool(VARIANTS[variant][0])
@@ -104,6 +106,7 @@ def test_with_all_senses_training_has_episodes_and_the_judged_walks_have_none(mo
     assert study.run(None)["judged in"] == dataclasses.replace(study.task(), time_limit=None)
 
 
+@pytest.mark.ci
 def test_schedules_end_with_the_updates():
     short, full = MUSCLES(updates=600).learner(), MUSCLES().learner()
     assert (short.estimator.entropy.steps, short.metric.kl.steps) == (600, 600)

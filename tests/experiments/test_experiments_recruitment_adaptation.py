@@ -102,6 +102,7 @@ def run():
     return mg.train("linear-recruitment", steps=400, seeds=2, window=100, progress=False)
 
 
+@pytest.mark.ci
 def test_firing_is_the_sigmoid_of_each_unit(run):
     threshold, gain = thresholds_and_gains(run.policies)
     loads = np.array([0.0, 0.3, 1.0])
@@ -117,6 +118,7 @@ def test_entropy_is_that_of_coins():
     np.testing.assert_allclose(found, [bits, 0.5], atol=1e-5)
 
 
+@pytest.mark.ci
 def test_parameters_are_those_of_the_records(run):
     threshold, gain = parameter_history(run)
     assert threshold.shape == gain.shape == (2, 4, 4)
@@ -184,13 +186,14 @@ def test_claims_about_negative_inputs_see_a_trap_and_its_absence():
 @pytest.mark.parametrize("reward_type", REWARD_TYPES)
 def test_the_reward_of_a_common_probability_is_that_of_the_oracle(reward_type):
     task, loads = ArmRecruitment(units=3, reward_type=reward_type), np.array([3.0, 12.5])
+    pay = common_pay(task, loads)
     for row in (20, 50, 90):
         p = PROBABILITY[row]
         pool = Motoneurons(np.full(3, -1e3 * math.log(p / (1 - p))), np.full(3, 1e-3))  # the same at every load
         exact = immediate_reward(
             pool, loads[:, None] * 1e-6, np.array([0.5, 0.5]), lambda y, a: task.immediate(y * 1e6, a)
         )
-        assert common_pay(task, loads)[row] == pytest.approx(exact, rel=1e-4)
+        assert pay[row] == pytest.approx(exact, rel=1e-4)
 
 
 @pytest.mark.ci

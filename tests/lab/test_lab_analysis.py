@@ -62,6 +62,7 @@ def test_the_step_response_rings_as_the_closed_form(spring):
     assert len(found.figure().axes) == 1
 
 
+@pytest.mark.ci
 def test_the_response_of_a_tick_agrees_with_the_run(spring):
     found = lab.step_response(
         lab.linearise(lab.Run(oscillator()), ["force.value"], ["place.y"], discrete=True), end=1.0

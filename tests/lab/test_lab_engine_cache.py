@@ -130,6 +130,7 @@ def test_the_editor_compiles_again_for_a_sample_period_of_one_tick():
     assert signature(step_into_integrator()) == signature(step_into_integrator())
 
 
+@pytest.mark.ci
 def test_a_timed_file_with_a_sample_period_of_one_tick_is_not_taken_for_one_without(tmp_path):
     path = tmp_path / "steps.csv"
     path.write_text("t,y\n0,0\n0.105,1\n")
@@ -144,7 +145,6 @@ def test_a_timed_file_with_a_sample_period_of_one_tick_is_not_taken_for_one_with
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("5")
 @pytest.mark.parametrize("seed", range(6))
 def test_random_pairs_give_together_what_they_give_alone(seed):
     rng = random.Random(seed)

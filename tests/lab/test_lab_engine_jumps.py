@@ -43,10 +43,8 @@ def assert_exact(engine, diagram, ticks, exact, jump):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives(
-    *(f"{place}-0.01-Run" for place in (0, 1, 7, 7.37, 9.999)),
-    *("7-0.01-Interpreter", "7.37-0.01-Interpreter", "9.999-0.0125-Run"),
-)
+# a run with a step on every tick is below
+@pytest.mark.representatives("7.37-0.01-Run", "7.37-0.01-Interpreter", "9.999-0.0125-Run")
 @ENGINES
 @pytest.mark.parametrize("tick", [0.001, 0.01, 0.0125, 0.1])
 @pytest.mark.parametrize("place", [0, 1, 7, 7.37, 9.999])
@@ -83,7 +81,7 @@ def test_a_pulse_train_faster_than_the_ticks_ends():
 
 
 @COMPILED
-@pytest.mark.parametrize("between", ["hold", "linear"])
+@pytest.mark.parametrize("between", ["hold", pytest.param("linear", marks=pytest.mark.ci)])
 def test_the_integral_of_a_table_is_exact(engine, between, tmp_path):
     times, rows = np.array([0.0, 0.1, 0.1234, 0.3, 0.4]), np.array([1.0, -2.0, 5.0, 0.5, 3.0])
     np.savez(tmp_path / "table.npz", t=times, y=rows)
@@ -103,9 +101,13 @@ def test_the_integral_of_a_table_is_exact(engine, between, tmp_path):
     ("formula", "exact"),
     [
         ("if(t >= 0.3, 2, -1)", lambda t: 2 * np.maximum(t - 0.3, 0) - np.minimum(t, 0.3)),
-        ("sign(late - t)", lambda t: np.minimum(t, 0.2) - np.maximum(t - 0.2, 0)),
+        pytest.param("sign(late - t)", lambda t: np.minimum(t, 0.2) - np.maximum(t - 0.2, 0), marks=pytest.mark.ci),
         ("mod(t, 0.2) < 0.1", lambda t: (t + 1e-9) // 0.2 * 0.1 + np.minimum((t + 1e-9) % 0.2, 0.1)),
-        ("floor(t * 10)", lambda t: 0.05 * (n := (t + 1e-9) // 0.1) * (n - 1) + n * (t - 0.1 * n)),
+        pytest.param(
+            "floor(t * 10)",
+            lambda t: 0.05 * (n := (t + 1e-9) // 0.1) * (n - 1) + n * (t - 0.1 * n),
+            marks=pytest.mark.ci,
+        ),
     ],
 )
 def test_a_formula_that_jumps_at_a_tick_is_integrated_exactly(engine, formula, exact):
@@ -155,7 +157,6 @@ def motor_by_scipy(times: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("0.01")
 @pytest.mark.parametrize("tick", [0.001, 0.005, 0.01])
 def test_a_motor_in_a_loop_moves_as_scipy_says(tick):
     record = Run(motor(tick)).advance(round(2.0 / tick))
@@ -169,7 +170,7 @@ def test_the_interpreter_moves_the_motor_too():
     np.testing.assert_allclose(record["out.u"][0], motor_by_scipy(record.times("out.u")), atol=2e-4)
 
 
-@pytest.mark.parametrize("at", [0.3, 0.3037])
+@pytest.mark.parametrize("at", [pytest.param(0.3, marks=pytest.mark.ci), 0.3037])
 def test_going_back_over_a_jump_repeats_it_bit_for_bit(at):
     timeline = Timeline(Run(integral(Step(at), 0.01), seeds=3), every=7)
     whole = timeline.advance(60)["out.u"]

@@ -13,19 +13,31 @@ from motorgrad.lab import Run, UnitDelay
 from motorgrad.lab.compiler import _program
 
 
+def edited():
+    """The mixed diagram with another parameter, under another name."""
+    diagram = mixed()
+    diagram.replace("gain", type(diagram.nodes["gain"].block)(0.1))
+    diagram.rename("gain", "factor")
+    return diagram
+
+
 def test_a_diagram_with_other_parameters_and_names_is_not_compiled_again():
     one = Run(mixed(), seeds=2)
     first = one.advance(5)["level.u"]
-    edited = mixed()
-    edited.replace("gain", type(edited.nodes["gain"].block)(0.1))
-    edited.rename("gain", "factor")
-    other = Run(edited, seeds=[7, 8])
+    other = Run(edited(), seeds=[7, 8])
     assert other._loop is one._loop
     second = other.advance(5)["level.u"]
     assert other.compilations == 1
     assert not np.array_equal(first, second)
+
+
+@pytest.mark.ci  # test_lab_engine_cache compares programs that are shared with those of each diagram alone
+def test_a_diagram_gives_with_the_program_of_another_what_it_gives_with_its_own():
+    one, other = Run(mixed(), seeds=2), Run(edited(), seeds=[7, 8])
+    assert other._loop is one._loop
+    second = other.advance(5)["level.u"]
     _program._kept.clear()
-    alone = Run(edited, seeds=[7, 8])
+    alone = Run(edited(), seeds=[7, 8])
     assert alone._loop is not one._loop
     np.testing.assert_array_equal(second, alone.advance(5)["level.u"])
 

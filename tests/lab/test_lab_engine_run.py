@@ -200,6 +200,7 @@ def test_the_interpreter_goes_on_from_a_compiled_state_and_back(make):
     np.testing.assert_allclose(slow.advance(3)["level.u"], run.advance(3)["level.u"], 1e-5)
 
 
+@pytest.mark.ci
 def test_an_edited_diagram_goes_on_where_its_blocks_are_the_same():
     diagram = mixed()
     run = Run(diagram, seeds=2)

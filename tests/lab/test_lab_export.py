@@ -29,6 +29,7 @@ def cart() -> Diagram:
     return diagram
 
 
+@pytest.mark.ci
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m")  # a diagram says nothing of bounds
 def test_it_passes_the_checker():
     check_env(DiagramEnv(cart(), limit=50), skip_render_check=True)
@@ -122,12 +123,19 @@ def test_grouped_blocks_compute_what_they_did_with_the_same_random_numbers():
     np.testing.assert_allclose(after["observation.u"], before["observation.u"], rtol=1e-6)
 
 
+PLANT = ["noise", "push", "place", "pay", "observation", "reward"]
+
+
+def test_what_is_cut_out_has_its_open_wires_as_inlets():
+    assert list(extract(cart(), PLANT).inputs) == ["action"]
+    with pytest.raises(ValueError, match="unknown block 'plase': did you mean 'place'"):
+        extract(cart(), ["plase"])
+
+
+@pytest.mark.ci
 def test_what_is_cut_out_runs_by_itself_as_an_environment():
-    plant = extract(cart(), ["noise", "push", "place", "pay", "observation", "reward"])
-    assert list(plant.inputs) == ["action"]
+    plant = extract(cart(), PLANT)
     environment, whole = DiagramEnv(plant), DiagramEnv(cart())
     for each in (environment, whole):
         each.reset(seed=4)
     np.testing.assert_allclose(environment.step([0.5])[0], whole.step([0.5])[0], rtol=1e-6)
-    with pytest.raises(ValueError, match="unknown block 'plase': did you mean 'place'"):
-        extract(cart(), ["plase"])

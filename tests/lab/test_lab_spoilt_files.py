@@ -93,7 +93,9 @@ def small() -> list[str]:
     return [*files, json.dumps({**whole, "blocks": blocks})]
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=[pytest.mark.slow])])
+@pytest.mark.parametrize(
+    "count", [150, pytest.param(300, marks=pytest.mark.ci), pytest.param(10_000, marks=pytest.mark.slow)]
+)
 def test_a_spoilt_file_is_loaded_or_refused_on_one_line_and_runs_no_code(count, small):
     for text in small:
         problems(loads(text))  # what is imported when first used is so now

@@ -49,7 +49,6 @@ def check_mean(found, exact, precision, slack=0.01):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("previous-None")
 @pytest.mark.parametrize("discount", [None, 0.7])
 @pytest.mark.parametrize("relative_to", ["previous", "mean"])
 def test_with_learned_values_the_mean_estimate_is_the_exact_gradient(relative_to, discount):

@@ -113,7 +113,8 @@ def learn(estimator):
     return np.asarray(path), jax.tree.map(np.asarray, state)
 
 
-@pytest.mark.representatives("OLGARB", "no memory", "every seventh, mean", "episode, sum")
+@pytest.mark.ci
+@pytest.mark.representatives("OLGARB", "no memory", "episode, sum")
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_the_learner_is_the_hand_written_loop(name):
     estimator, table = ESTIMATORS[name]
@@ -180,7 +181,7 @@ def agent_with(trace, **settings):
     return Agent(Hyperplanes([[0.1, 0.2]], [0.0]), Estimator(trace, **settings), SGD(0.1))
 
 
-@pytest.mark.parametrize("traced", [False, True])
+@pytest.mark.parametrize("traced", [pytest.param(False, marks=pytest.mark.ci), True])
 @pytest.mark.parametrize("flag", ["terminated", "truncated", "diverged"])
 @pytest.mark.parametrize(
     "trace",
@@ -301,6 +302,7 @@ class Holding(Softmax):
     net: eqx.nn.MLP
 
 
+@pytest.mark.ci
 def test_a_policy_may_hold_any_equinox_module():
     net = eqx.nn.MLP(2, 2, 4, 1, key=jax.random.key(0))
     agent = Agent(Holding(jnp.zeros((2, 2)), net), olgarb(decay=0.5), SGD(0.1))

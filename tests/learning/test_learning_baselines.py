@@ -39,6 +39,8 @@ BASELINES = {
 }
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("mean", "fixed step")
 @pytest.mark.parametrize("name", BASELINES)
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(rewards=st.lists(st.floats(-1e3, 1e3), max_size=40))

@@ -64,7 +64,7 @@ def learned(critic, decisions, seeds=100):
     return np.asarray(state.weights, float) @ TASK.dynamics.observations.T, np.asarray(state.reward.mean, float)
 
 
-@pytest.mark.representatives("None-ValueBasedCentring(rate=0.003)")
+@pytest.mark.ci
 @pytest.mark.parametrize("centring", [ValueBasedCentring(0.003), SimpleCentring()], ids=repr)
 @pytest.mark.parametrize("discount", [None, 0.9])
 def test_level_and_values_are_the_exact_ones(discount, centring):

@@ -113,6 +113,7 @@ def test_a_network_has_the_direction_of_its_whole_matrix(network):
     np.testing.assert_allclose(divergence, 0.5 * vector @ whole @ vector, rtol=1e-4)
 
 
+@pytest.mark.ci
 def test_the_last_decisions_count_and_those_that_diverged_do_not():
     seen, actions = decisions(UNITS, 45)
     diverged = np.arange(45) % 5 == 1

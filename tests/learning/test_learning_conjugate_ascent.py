@@ -61,6 +61,8 @@ def written_out(first, batches):
     return np.array(visited[:batches])
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("3.0")
 @pytest.mark.parametrize("first", [0.01, 3.0])
 def test_directions_and_lines_are_the_published_ones(first):
     found, _ = climb(ConjugateAscent(first), 20)
@@ -86,6 +88,7 @@ def test_an_estimate_grows_until_its_sign_is_known():
     assert stayed[2.0] > stayed[0.0] + 0.1
 
 
+@pytest.mark.ci
 def test_an_estimate_does_not_grow_beyond_the_most_batches():
     _, state = climb(ConjugateAscent(0.05, certainty=100.0, most=3), 8, 5.0)
     assert int(state.estimate.count) == 2  # of the third estimate

@@ -77,10 +77,10 @@ def check_exact(weights, exact, centred, tolerance):
     np.testing.assert_array_less(np.abs(weights.mean(0) - exact), 4 * spread + tolerance * scale)
 
 
-@pytest.mark.representatives("three states-least squares-0.7-None")
+@pytest.mark.slow
 @pytest.mark.parametrize("discount", [None, pytest.param(0.8, marks=pytest.mark.ci)])
 @pytest.mark.parametrize("decay", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
-@pytest.mark.parametrize("fit", FITS)
+@pytest.mark.parametrize("fit", [pytest.param(fit, marks=[pytest.mark.ci] * (fit == "least squares")) for fit in FITS])
 @pytest.mark.parametrize("name", TASKS)
 def test_a_critic_that_tells_states_apart_learns_the_exact_values(name, fit, decay, discount):
     task, policy = TASKS[name]
@@ -221,7 +221,8 @@ def random_steps(count, inputs=2):
     return [(seen[t], t % 2, rewards[t], seen[t + 1], False) for t in range(count)]
 
 
-@pytest.mark.parametrize("many", [100, 1])  # features from which decisions are gathered as rows
+# features from which decisions are gathered as rows
+@pytest.mark.parametrize("many", [100, pytest.param(1, marks=pytest.mark.ci)])
 def test_least_squares_are_those_of_the_recursion_by_rank_one_updates(many, monkeypatch):
     monkeypatch.setattr("motorgrad.learning._critic_fits.MANY_FEATURES", many)
     discount, decay, initial = 0.9, 0.6, 2.0
@@ -240,6 +241,7 @@ def test_least_squares_are_those_of_the_recursion_by_rank_one_updates(many, monk
     np.testing.assert_allclose(state.weights, weights, atol=1e-9)
 
 
+@pytest.mark.ci
 def test_least_squares_forget_by_their_rate():
     critic = LinearCritic(Features(bias=False), 0.5, 0.0, LeastSquares(0.5, 1.0, 0.0, interval=1))
     state, _ = follow(critic, POINT, steps := random_steps(6))

@@ -118,6 +118,7 @@ def test_growth_is_complete_with_as_many_units_as_were_asked_for():
     np.testing.assert_array_equal(state.policy.active, [True, True, False, False])
 
 
+@pytest.mark.ci
 def test_units_that_were_there_stay_as_they_are_and_the_next_is_added():
     pool = LocalGaussians([[0.1], [0.9], [0.4]], [[-2.0], [-2.5], [-3.0]], 0.5)
     agent = Agent(Masked(pool, [False, True, False]), olgarb(0.5), SGD(0.0), growth=QUICK)
@@ -139,6 +140,7 @@ def test_a_full_pool_does_not_grow_and_learns_at_the_plain_rates():
     assert state.growth.unit == -1
 
 
+@pytest.mark.ci
 def test_the_fisher_matrix_of_a_new_unit_begins_anew():
     agent = learner(metric=FisherMetric(rate=0.5, initial=2.0))
     _, history = live(agent, 12)
@@ -213,6 +215,7 @@ def test_a_plateaus_interval_is_that_of_the_difference_of_two_windows():
         assert float(share.mean()) == pytest.approx(0.1, abs=0.02)  # one side of 80 %, with 19 degrees of freedom
 
 
+@pytest.mark.ci
 def test_a_diverged_decisions_reward_is_not_seen():
     agent = learner(plateau())
     state = started(agent)
@@ -226,6 +229,7 @@ def corner(key):
     return 3 + 0.2 * jax.random.uniform(key, (2,))
 
 
+@pytest.mark.ci
 def test_a_unit_is_placed_where_the_learner_has_been_of_late():
     growth = dataclasses.replace(QUICK, criterion=Clock(100), placement=Visited(slots=8, every=5))
     starts, agent = [], learner(growth, units=2)

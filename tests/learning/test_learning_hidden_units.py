@@ -48,7 +48,7 @@ def earned(task, policies, count):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("two layers that see the observation", "internal states")
+@pytest.mark.representatives("internal states")
 @pytest.mark.parametrize("name", POINTS)
 def test_the_mean_estimate_over_seeds_is_the_exact_gradient(name):
     task, policy = POINTS[name]

@@ -177,6 +177,7 @@ def test_told_the_level_for_all_it_is_the_plain_baseline():
     np.testing.assert_allclose(estimates(task, POINT, gpomdp(0.8, Same(0.0, 0.3)), 200, 3), plain, atol=1e-7)
 
 
+@pytest.mark.ci
 def test_the_weight_of_a_discounted_episode_is_on_both_parts():
     task = ThreeState(time_limit=40)  # 40 decisions leave out .8⁴⁰ = 1e-4 of the return
     estimator = Estimator(Episodic(), Told(3.0, 0.3), discount=0.8, improve="never")
@@ -227,6 +228,8 @@ def test_it_takes_away_most_noise_where_the_reward_depends_on_the_input(baseline
         np.testing.assert_array_less(np.abs(found.mean(0) - exact), 4 * found.std(0) / 10 + 2e-3)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("linear", "binned")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_a_diverged_decision_teaches_it_nothing(name):
     agent = Agent(POINT, olgarb(0.8, EXAMPLES[name]), SGD(0.1))

@@ -104,6 +104,7 @@ def test_the_rule_is_the_one_written_out():
         assert np.abs(total).max() > 0.1
 
 
+@pytest.mark.ci
 def test_a_diverged_reward_teaches_it_nothing_and_an_episode_ends_without_forgetting():
     agent = Agent(POINT, Estimator(LearnedTrace(3, 0.1), OptimalBaseline(each="parameter")))
     state = started(agent)

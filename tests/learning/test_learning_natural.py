@@ -118,7 +118,8 @@ def whole(policy, blocks):
     return matrix
 
 
-@pytest.mark.representatives("motoneurons", "mirrored", "coupled")
+@pytest.mark.ci
+@pytest.mark.representatives("motoneurons")
 @pytest.mark.parametrize("name", rng_policies(0))
 @few
 @given(seed=st.integers(0, 2**31))
@@ -135,6 +136,8 @@ def test_the_blocks_are_the_mean_square_of_the_autodifferentiated_score(name, se
         np.testing.assert_allclose(each, exact, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("motoneurons", "factored", "coupled")
 @pytest.mark.parametrize("name", rng_policies(0))
 def test_blocks_and_gradients_are_each_others_inverse(name):
     policy = rng_policies(1)[name]
@@ -207,6 +210,7 @@ CONVERGING = {
 
 
 @pytest.mark.representatives("softmax")
+@pytest.mark.ci
 @pytest.mark.parametrize("name", CONVERGING)
 def test_the_running_matrix_and_direction_are_the_oracles(name):
     task, policy = CONVERGING[name]
@@ -232,6 +236,7 @@ def test_the_running_matrix_and_direction_are_the_oracles(name):
         assert angle(plain.mean(0), truth) > 4 * spread + 0.02
 
 
+@pytest.mark.ci
 def test_the_matrix_of_a_pool_is_the_oracles_without_what_is_between_units():
     policy = Factored([Motoneurons([0.2], [1.5]), Hyperplanes([[0.4]], [0.1])])
     mdp = random_mdp(4, 1)
@@ -285,7 +290,6 @@ def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("0.01")
 @pytest.mark.parametrize("scale", [0.01, 30.0])
 def test_without_damping_learning_is_the_same_in_any_units_of_the_input(scale):
     with jax.enable_x64(True):
@@ -342,6 +346,7 @@ def test_the_direction_is_numpys_solution(size, x64):
     assert error.max() < tolerance * np.abs(expected * np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))).max()
 
 
+@pytest.mark.ci
 def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
     policy = Motoneurons([0.2, 0.6], [0.0, 0.0])
     y = jnp.array([0.9])

@@ -141,7 +141,7 @@ def test_least_squares_find_the_exact_natural_gradient(decay):
     exact = flat(oracle.natural_gradient(ThreeState().dynamics, POINT))
     fit = LeastSquares(0.0, 1.0, damping=1e-7, interval=100)
     metric = LeastSquaresNatural(Features(bias=False), None, decay, fit)
-    check_direction(regressed(ThreeState(), POINT, metric, 20_000), exact, 0.1)
+    check_direction(regressed(ThreeState(), POINT, metric, 10_000), exact, 0.1)
 
 
 def episodic_natural(mdp, policy, length, discount, damping):
@@ -174,7 +174,7 @@ def test_episodes_find_the_exact_natural_gradient():
     task = ThreeState(time_limit=4)
     exact = episodic_natural(task.dynamics, POINT, 4, 0.9, 0.01)
     metric = EpisodicNatural(0.9, 0.0, 0.01)
-    check_direction(regressed(task, POINT, metric, 20_000), exact, 0.05)
+    check_direction(regressed(task, POINT, metric, 5_000), exact, 0.05)
 
 
 def test_a_broken_episode_is_left_out():

@@ -175,6 +175,8 @@ def critic_with(fit):
 FITS = {"td": TemporalDifference(0.1), "bounded": BoundedTemporalDifference(1.0, scaling=2.0)}
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("bounded-False", "bounded-True")
 @pytest.mark.parametrize("terminated", [False, True])
 @pytest.mark.parametrize("fit", FITS)
 def test_two_decisions_are_those_of_the_formulas(fit, terminated):
@@ -198,7 +200,7 @@ def test_two_decisions_are_those_of_the_formulas(fit, terminated):
 
 
 def test_a_diverged_decision_teaches_nothing():
-    critic = critic_with("td")
+    critic = critic_with("bounded")
     state = begun(critic)
     lost = np.full(2, np.nan, np.float32)
     transition = Transition(

@@ -55,7 +55,7 @@ def walk(estimator, scale, steps=40):
     return np.asarray(state.policy.weights)
 
 
-@pytest.mark.representatives("mean-None", "binned-0.9")
+@pytest.mark.ci
 @pytest.mark.parametrize("discount", [None, 0.9])
 @pytest.mark.parametrize("name", BASELINES)
 def test_the_unit_of_the_reward_does_not_matter(name, discount):

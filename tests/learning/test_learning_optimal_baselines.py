@@ -108,6 +108,7 @@ def test_a_diverged_reward_teaches_it_nothing():
     assert not np.isnan(lost.gradient.weights).any()
 
 
+@pytest.mark.ci
 def test_without_one_the_trace_is_not_told():
     seen = []
 

@@ -30,6 +30,8 @@ def learner(optimizer, policy=None, **more):
     return Agent(policy or Hyperplanes([[0.2, -0.3]], [0.1]), olpomdp(0.0), optimizer, **more)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("sgd", "adam", "adam, by group", "optax.adam", "sgd after optax")
 @pytest.mark.parametrize("name", [*OPTIMIZERS, "sgd after optax"])
 def test_every_optimizer_ascends(name):
     # The unit is paid 1 for firing and −1 for silence: the probability of firing has to rise towards 1.

@@ -44,6 +44,7 @@ CHOICES = {
     "averaging": [{"averaging": {"kind": "polyak", "start": 1}}],
 }
 PAIRS = list(itertools.combinations(CHOICES, 2))
+SHARE = {("metric", "reuse"), ("optimizer", "averaging")}
 
 
 def decide(agent):
@@ -59,8 +60,11 @@ def decide(agent):
     return [jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), state) for state in jax.eval_shape(run)]
 
 
-@pytest.mark.representatives("metric-reuse", "optimizer-averaging")
-@pytest.mark.parametrize(("one", "other"), PAIRS, ids=["-".join(pair) for pair in PAIRS])
+@pytest.mark.representatives("optimizer-averaging")
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [pytest.param(*pair, id="-".join(pair), marks=[pytest.mark.ci] * (pair in SHARE)) for pair in PAIRS],
+)
 def test_two_parts_decide_together_or_are_refused_by_name(one, other):
     fitting, refused = 0, []
     for first, second in itertools.product(CHOICES[one], CHOICES[other]):

@@ -89,7 +89,7 @@ def kept_of(replay, seen, actions, *rest):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("oldest-lost", "diverged")
+@pytest.mark.representatives("oldest-lost")
 @pytest.mark.parametrize(
     ("capacity", "episodes", "dropped", "expected"),
     [
@@ -160,7 +160,6 @@ def test_in_hindsight_a_later_place_is_the_target(share, ahead):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("target-shown")
 @pytest.mark.parametrize("shown", [True, False], ids=["target-shown", "place-shown"])
 def test_in_hindsight_the_target_of_another_episode_is_the_target(shown):
     """Places t − 5, and targets 50 + 10 e of episode e: each of the four targets for 0.6 of the decisions."""
@@ -248,7 +247,6 @@ def test_some_tasks_have_no_goal(changes):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("two targets")
 @WITHOUT_A_GOAL
 def test_tasks_without_a_goal_take_no_hindsight(changes):
     task = arm(**changes)
@@ -309,7 +307,7 @@ def test_a_step_of_the_values_is_that_of_the_formulas():
             np.testing.assert_allclose(one, other, atol=1e-7)
 
 
-@pytest.mark.parametrize("autocorrelation", [0.0, 0.8])
+@pytest.mark.parametrize("autocorrelation", [0.0, pytest.param(0.8, marks=pytest.mark.ci)])
 def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
     """E Q = −((m − c)² + s²) at each observation, and a nat of entropy log s is worth 0.3. Lasting noise counts as
     independent."""

@@ -103,7 +103,8 @@ def _fisher(policy, seen):
     return jax.vmap(lambda y: policy.fisher(y, policy.mode(y)))(seen)
 
 
-@pytest.mark.representatives("hyperplanes", "softmax")
+@pytest.mark.ci
+@pytest.mark.representatives("softmax")
 @pytest.mark.parametrize("name", pools())
 def test_a_long_step_is_cut_to_the_divergence_that_policies_then_have(name):
     policy, limit = pools()[name], 1e-4
@@ -119,6 +120,7 @@ def test_a_long_step_is_cut_to_the_divergence_that_policies_then_have(name):
     np.testing.assert_allclose(part / np.linalg.norm(part), whole / np.linalg.norm(whole), atol=1e-6)
 
 
+@pytest.mark.ci
 def test_a_step_within_the_limit_is_left_as_it_is():
     policy = pools()["factored"]
     seen = np.random.default_rng(0).normal(size=(20, policy.inputs))
@@ -158,7 +160,8 @@ def test_no_step_of_a_learner_is_longer_than_its_limit_and_the_limit_is_annealed
     assert state.steps.tolist() == [6] * 3
 
 
-@pytest.mark.representatives("hyperplanes", "softmax", "masked")
+@pytest.mark.ci
+@pytest.mark.representatives("hyperplanes", "softmax")
 @pytest.mark.parametrize("name", [*pools(), "gated", "masked", "boxes"])
 def test_the_entropys_gradient_is_that_of_finite_differences(name):
     rng = np.random.default_rng(5)

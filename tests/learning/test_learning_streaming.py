@@ -72,7 +72,7 @@ def test_a_learner_sees_scaled_rewards_alone():
     np.testing.assert_allclose(scaled.gradient.weights, factor * unscaled.gradient.weights, rtol=1e-5)
 
 
-@pytest.mark.parametrize("trace", [Exponential(0.5), Window(2)])
+@pytest.mark.parametrize("trace", [Exponential(0.5), pytest.param(Window(2), marks=pytest.mark.ci)])
 def test_entropy_enters_the_trace_by_the_sign_of_the_advantage(trace):
     """The sample is δ times a trace whose scores each have κ sign(δ) ∇H of their own decision added."""
     rewards, bonus = [1.0, -2.0, 0.5], 0.3
@@ -118,6 +118,7 @@ def test_what_diverged_is_not_among_the_statistics(standardised):
     jax.tree.map(np.testing.assert_array_equal, *kept)
 
 
+@pytest.mark.ci
 def test_a_frozen_policy_and_one_of_another_kind_keep_what_they_are(standardised):
     state = started(standardised)
     after, _ = standardised.choose(state, LOOK, jnp.array([0.3]))

@@ -38,7 +38,7 @@ def test_with_fixed_step_sizes_it_is_true_online_td():
         np.testing.assert_allclose(jnp.exp(state.log_rates), 0.05, atol=1e-12)
 
 
-@pytest.mark.parametrize("decay", [0.0, 0.8])
+@pytest.mark.parametrize("decay", [pytest.param(0.0, marks=pytest.mark.ci), 0.8])
 def test_the_slopes_are_the_derivatives_of_the_weight_by_the_step_size(decay):
     features, targets = stream(1)
 
@@ -75,6 +75,7 @@ def test_a_step_takes_away_no_more_than_the_bound_of_an_error():
     assert np.abs(state.slopes).max() == np.abs(state.trace_slopes).max() == 0
 
 
+@pytest.mark.ci
 def test_it_learns_which_features_predict():
     """Of ten features of ±1 one tells the reward, by a weight that changes its sign now and then (Sutton, 1992)."""
     fit, rng = SwiftTemporalDifference(0.01, 1e-3), np.random.default_rng(3)
@@ -94,6 +95,7 @@ def test_it_learns_which_features_predict():
     assert rates[1:].max() < 0.2 * rates[0]
 
 
+@pytest.mark.ci
 def test_a_dropped_decision_changes_nothing_and_an_episode_cuts_the_trace():
     features, targets = stream(2)
     with jax.enable_x64(True):

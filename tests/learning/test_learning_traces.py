@@ -42,7 +42,8 @@ def run(trace, scores):
     return jax.lax.scan(step, trace.init(like), scores)[1]
 
 
-@pytest.mark.representatives("exponential", "episodic", "window longer than life", "lag of nothing")
+@pytest.mark.ci
+@pytest.mark.representatives("exponential", "episodic", "window longer than life")
 @pytest.mark.parametrize("name", TRACES)
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**31))
@@ -63,7 +64,8 @@ def test_eligibility_is_the_weighted_sum_of_past_scores_at_every_length(name, se
         np.testing.assert_allclose(got[key], explicit, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.representatives("exponential", "episodic", "window longer than life", "lag of nothing")
+@pytest.mark.ci
+@pytest.mark.representatives("exponential", "episodic", "window longer than life")
 @pytest.mark.parametrize("name", TRACES)
 def test_eligibility_has_the_parameters_structure_shape_and_type(name):
     trace, _ = TRACES[name]

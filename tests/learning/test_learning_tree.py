@@ -190,6 +190,7 @@ def learn(agent, decisions, numbers=None):
     return stepper.policies().weights, np.abs(stepper.policies().weights - before).max((1, 2))
 
 
+@pytest.mark.ci
 def test_a_transformation_of_ones_own_limits_steps_and_its_number_is_swept():
     agent = Agent(POINT, olgarb(0.8), SGD(1e4), transformations=(Clip(0.001),))
     assert "transformations.0.limit" in numbers_of(agent.hyperparameters)

@@ -109,6 +109,7 @@ def test_an_online_learner_decays_at_every_decision_and_a_batch_learner_once_a_b
     np.testing.assert_array_equal(batch.weights, 0.75**2 * PLANES.weights)
 
 
+@pytest.mark.ci
 def test_a_metric_does_not_change_the_decay():
     metric = FisherMetric(0.1, damping=0.5)
     moved, plain = practice(learner(olpomdp(0.0), metric), [1.0]), practice(learner(olpomdp(0.0), metric, 0.0), [1.0])

@@ -104,6 +104,7 @@ def in_the_end(policy, shown):
     return jax.lax.scan(step, policy.initial_memory(), length=61)[1][-1], policy.policy.mode(shown)
 
 
+@pytest.mark.representatives("graded", "squashed", "clipped")
 @pytest.mark.parametrize("name", MAKE)
 def test_the_memory_is_the_last_action_before_its_bounds(name):
     policy = Autoregressive(MAKE[name](), RHO)
@@ -132,6 +133,7 @@ def test_without_a_filter_the_mean_is_that_of_the_units_and_the_noise_lasts():
         np.testing.assert_allclose(found, RHO**lag, atol=0.04)
 
 
+@pytest.mark.representatives("graded", "squashed")
 @pytest.mark.parametrize("name", MAKE)
 def test_without_a_filter_the_most_probable_action_is_that_of_the_units(name):
     policy = Autoregressive(MAKE[name](), RHO, filtered=False)

@@ -116,7 +116,7 @@ def test_as_many_uniforms_as_declared_decide_the_action_alone(name):
         assert not np.array_equal(low, high)
 
 
-@pytest.mark.representatives("local-gaussians-p-max", "factored-nested", "softmax-5")
+@pytest.mark.representatives("local-gaussians-p-max", "softmax-5")
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name not in HIDING | DEPENDENT])
 def test_the_share_of_uniforms_that_choose_an_action_is_its_probability(name):
     policy = policy_of(name, MIDDLE)
@@ -176,7 +176,7 @@ def everything(policy, observation, action, uniforms):
     }
 
 
-@pytest.mark.representatives("softmax-5")
+@pytest.mark.ci
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_mapping_over_seeds_gives_the_same_as_one_at_a_time(name):
     policies = [policy_of(name, seed) for seed in range(3)]

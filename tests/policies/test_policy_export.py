@@ -94,7 +94,7 @@ def assert_near(found, wanted, places=1e-5):
 
 
 @needs_compiler
-@FEW
+@pytest.mark.representatives("density truncated")  # special functions; single precision takes the others
 @pytest.mark.parametrize("name", NAMES)
 def test_c_is_the_library_to_one_ulp(name, tmp_path):
     # in double precision, where neither's rounding hides an error of the translation
@@ -107,7 +107,8 @@ def test_c_is_the_library_to_one_ulp(name, tmp_path):
 
 
 @needs_compiler
-@pytest.mark.representatives("density truncated", "recurrent")  # a translation that is right is so in either precision
+# a translation that is right is so in either precision
+@pytest.mark.representatives("recurrent", "softmax-2")
 @pytest.mark.parametrize("name", NAMES)
 def test_c_and_numpy_are_the_library_in_single_precision(name, tmp_path):
     policy = example(name)
@@ -163,7 +164,7 @@ def test_deviations_are_exported_behind_features(tmp_path):
     np.testing.assert_allclose(reader["deviation"]()["deviation"], [0.55, 1.55], rtol=1e-6)
 
 
-@pytest.mark.representatives("fourier")
+@pytest.mark.ci
 @pytest.mark.parametrize("shape", ["tanh", "fourier", "radial"])
 def test_features_and_standardised_layers_belong_to_a_policy(shape, tmp_path):
     features = FeatureMap(squares=True, products=True, nonlinear=5, shape=shape)

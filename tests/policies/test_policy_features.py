@@ -105,7 +105,7 @@ def told(policy, observation, uniforms):
     }
 
 
-@pytest.mark.representatives("graded")
+@pytest.mark.representatives("hyperplanes")
 @pytest.mark.parametrize("name", MAKE)
 def test_a_policy_of_features_is_the_pool_at_the_features(name):
     assert not isinstance(MAKE[name](), Featured)

@@ -98,6 +98,7 @@ def test_the_fisher_matrices_are_the_blocks_of_the_exact_one_which_has_no_others
     np.testing.assert_allclose(rest, 0, atol=1e-12 * (1 + np.abs(exact).max()))
 
 
+@pytest.mark.ci
 def test_where_units_share_parameters_the_fisher_matrix_is_the_sample_and_right_in_the_mean():
     with jax.enable_x64(True):
         shared = policy_of("admission-thresholds")

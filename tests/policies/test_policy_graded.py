@@ -107,7 +107,7 @@ def test_the_log_density_is_that_of_independent_normals(seed):
     np.testing.assert_allclose(mean, 1 / (1 + np.exp(-gain * (observation[0] - threshold))), rtol=1e-9)
 
 
-@pytest.mark.representatives("motoneurons")
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", KINDS)
 @few
 @given(seed=seeds)

@@ -64,7 +64,7 @@ def told(name):
 
 
 LAYERED = ("layered", "layered-skip", "controller", "controller-softmax")
-few = pytest.mark.representatives("layered", "layered-skip", "controller")
+few = pytest.mark.representatives("layered-skip", "controller")
 
 
 @few
@@ -133,6 +133,7 @@ def test_fisher_matrices_are_on_average_those_of_the_score_and_pools_are_uncorre
     np.testing.assert_allclose(np.einsum("a,ai,aj->ij", chance, one, other), 0, atol=1e-13)
 
 
+@pytest.mark.ci
 def test_the_entropy_is_at_least_that_of_the_outputs():
     policy = policy_of("layered-skip")
     look = observation_of(policy)
@@ -177,7 +178,7 @@ def test_hidden_units_may_be_graded_and_outputs_mixed():
 
 
 def test_initial_layers_are_those_that_were_asked_for():
-    start = eqx.filter_jit(initial("layered", 3, units=2, hidden=(5, 4), skip=True))
+    start = compiled(initial("layered", 3, units=2, hidden=(5, 4), skip=True))
     policy = start(jax.random.key(0))
     assert [pool.inputs for pool in policy.pools] == [3, 8, 7]
     assert [pool.outputs for pool in policy.pools] == [5, 4, 2]
@@ -189,6 +190,7 @@ def test_initial_layers_are_those_that_were_asked_for():
     assert (chosen.actions, chosen.output.weights.shape) == ("discrete", (4, 3))
 
 
+@pytest.mark.ci
 def test_the_first_layer_may_see_features():
     policy = started(initial("layered", 2, units=1, features=FeatureMap(products=True)))
     assert isinstance(policy, Featured)

@@ -38,7 +38,7 @@ def told(policy, y, actions):
     return policy.prob(y), policy.entropy(y), mode, fisher, over(policy.log_prob), over(policy.score)
 
 
-@pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
+@pytest.mark.representatives("local-gaussians-p-max")
 @pytest.mark.parametrize("name", POOLS)
 def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
     few = np.array([[a, b] for a in (0.0, 1.0) for b in (0.0, 1.0)])
@@ -61,7 +61,7 @@ def test_a_masked_pool_is_the_pool_without_the_units_that_are_off(name):
         np.testing.assert_array_equal(mine[:4, 1], 0)
 
 
-@pytest.mark.representatives("motoneurons", "local-gaussians-p-max", "soft-boxes")
+@pytest.mark.representatives("local-gaussians-p-max")
 @pytest.mark.parametrize("name", POOLS)
 def test_units_that_are_off_never_fire(name):
     masked, smaller, y = pair(name)
@@ -81,7 +81,7 @@ RULES = {
 }
 
 
-@pytest.mark.representatives("False-sgd", "False-optax", "True-adam")
+@pytest.mark.representatives("False-optax", "True-adam")
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped):

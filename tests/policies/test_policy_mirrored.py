@@ -58,7 +58,7 @@ def on_both_sides(policy, observation):
     return there, policy.mirrored(there), told(observation, actions), told(there, images)
 
 
-@pytest.mark.representatives("mirrored", "mirrored-local")
+@pytest.mark.representatives("mirrored")
 @pytest.mark.parametrize("name", NAMES)
 def test_in_the_mirror_a_policy_does_the_same_on_the_other_side(name):
     with jax.enable_x64(True):

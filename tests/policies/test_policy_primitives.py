@@ -34,6 +34,7 @@ def drawn(policy, y, count, seed=0):
     return Compiled(policy).samples(y, np.random.default_rng(seed).random((count, policy.uniforms)))
 
 
+@pytest.mark.ci
 def test_it_begins_as_its_preconditions_say_and_moves_as_its_movement_does():
     policy = policy_of(1)
     actions, p = drawn(policy, READY, 40_000), Compiled(policy).prob(READY)

@@ -40,6 +40,7 @@ def test_activity_is_the_mean_probability_of_firing_over_what_was_visited():
     np.testing.assert_allclose(activity(policy, looks), wanted, rtol=1e-5)
 
 
+@pytest.mark.ci
 def test_without_a_unit_actions_differ_by_exactly_its_activity():
     """The stated bound: the total variation distance, by enumeration of all joint actions."""
     with jax.enable_x64(True):
@@ -78,6 +79,7 @@ def test_a_masked_unit_that_is_off_has_neither_activity_nor_reach():
     np.testing.assert_array_equal(active[KEPT], every[KEPT])
 
 
+@pytest.mark.representatives("motoneurons", "local-gaussians-p-max")
 @pytest.mark.parametrize("name", ["motoneurons", "hyperplanes", "local-gaussians-p-max", "soft-spheres", "soft-boxes"])
 def test_pruning_a_pool_removes_rows_and_undoes_growing(name):
     pool, more = policy_of(name, 0), policy_of(name, 1)

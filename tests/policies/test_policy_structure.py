@@ -52,6 +52,10 @@ def test_every_argument_of_a_public_function_is_explained():
         assert not [each for each in inspect.signature(function).parameters if f"`{each}`" not in explained], name
 
 
+@pytest.mark.representatives(
+    *("local-gaussians-p-max", "factored-nested", "masked", "mirrored", "gated", "network", "controller"),
+    "admission-thresholds",
+)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_trainable_and_fixed_parts_join_to_the_policy(name):
     policy = policy_of(name)
@@ -354,6 +358,7 @@ def test_impossible_initial_settings_are_refused_by_name(make, names):
     assert names in str(error.value)
 
 
+@pytest.mark.representatives("gaussians", "hyperplanes", "primitives")
 @pytest.mark.parametrize("name", sorted(without_task()))
 def test_every_initial_policy_gives_examples_with_random_parameters(name):
     one, other = (split(from_initial(name, np.random.default_rng(seed))) for seed in (0, 1))

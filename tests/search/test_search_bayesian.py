@@ -60,7 +60,7 @@ def closed_form(kernel, known):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("some-matern", "some-squared-exponential")
+@pytest.mark.representatives("some-matern")
 @pytest.mark.parametrize("kernel", DENSE)
 @pytest.mark.parametrize("gradients", ["none", "some"])
 def test_the_posterior_is_that_of_a_dense_solve(kernel, gradients):

@@ -20,7 +20,8 @@ def test_the_same_seed_finds_the_same_and_another_seed_another(kind):
     assert not np.array_equal(one.candidates[-1], other.candidates[-1])
 
 
-@pytest.mark.representatives("boltzmann", "cma-es", "evolution-strategy")
+@pytest.mark.ci
+@pytest.mark.representatives("boltzmann", "cma-es")
 @pytest.mark.parametrize("kind", METHODS)
 def test_a_stopped_search_goes_on_bit_for_bit(kind, tmp_path):
     calls = []

@@ -26,7 +26,7 @@ def found(method, score=sphere, evaluations=640, seed=0):
 
 
 @needs_evosax
-@pytest.mark.parametrize("score", [sphere, ellipsoid])
+@pytest.mark.parametrize("score", [pytest.param(sphere, marks=pytest.mark.ci), ellipsoid])
 def test_cma_es_finds_the_optimum_to_many_digits(score):
     best = found(CmaEs(), score, evaluations=1600)
     assert best.best == pytest.approx(ONES, abs=1e-2)
@@ -69,6 +69,7 @@ def test_of_scores_only_their_order_counts_for_cma_es():
     np.testing.assert_array_equal(plain.candidates, bent.candidates)
 
 
+@pytest.mark.ci
 @needs_evosax
 def test_cma_es_takes_equal_scores_as_they_come():
     flat = found(CmaEs(), lambda batch, random: np.zeros(len(batch)), evaluations=800)
@@ -76,6 +77,7 @@ def test_cma_es_takes_equal_scores_as_they_come():
     assert 0.02 < places.std() < 0.4  # it neither collapses nor runs away to the bounds
 
 
+@pytest.mark.ci
 def test_boltzmann_search_climbs_beyond_random_sampling():
     gains = [found(Boltzmann(), seed=seed).curve[-1] - found(Uniform(), seed=seed).curve[-1] for seed in range(5)]
     assert np.median(gains) > 0
@@ -142,6 +144,7 @@ def test_walkers_are_moved_by_noise_and_sometimes_pulled_towards_the_best():
     assert method.tell(after, moved, np.full(len(moved), np.nan))["score"] == 3.0
 
 
+@pytest.mark.ci
 def test_a_pull_climbs_beyond_random_sampling():
     gains = [found(Pulled(), seed=seed).curve[-1] - found(Uniform(), seed=seed).curve[-1] for seed in range(5)]
     assert np.median(gains) > 0

@@ -25,6 +25,8 @@ def decode(path) -> tuple[str, np.ndarray]:
     return about, np.frombuffer(run.stdout, np.uint8).reshape(-1, height, width, 3)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_a_film_decodes_to_its_frames(hop, renderer, tmp_path):
     done = []
     made = write_film(
@@ -59,6 +61,8 @@ def test_before_and_after_side_by_side(hop, tmp_path):
     assert np.abs(left[-1] - left[12]).mean() < 1  # the shorter one stands still at its end
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_marks_are_seen_and_framed(hop, renderer):
     marks = np.zeros((26, 1, 4))
     marks[:, 0] = (2.0, 0.0, 0.5, 0.15)  # beside the leg
@@ -89,6 +93,8 @@ def test_a_firing_muscle_is_seen(leg, renderer):
     assert (np.abs(firing - silent).max(-1) > 8).mean() < 0.05
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_nothing_leaves_the_frame(hop, renderer):
     """A body's pixels never touch the sides, wherever it goes; a long path is followed."""
     travel = hop.position.copy()

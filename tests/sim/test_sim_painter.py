@@ -6,6 +6,8 @@ import pytest
 from motorgrad.sim import Painter, still
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_the_body_stays_in_the_picture(hop, renderer):
     """Wherever it goes, and however far: its pixels never touch the sides."""
     leg = hop.model
@@ -27,6 +29,8 @@ def test_the_body_stays_in_the_picture(hop, renderer):
     painter.close()
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_a_small_motion_keeps_its_view(hop, renderer):
     """What stands still in the world stands still in the pictures; the body moves."""
     painter = Painter(hop.model, width=160, height=120, renderer=renderer)

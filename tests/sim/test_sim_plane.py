@@ -135,6 +135,7 @@ def test_directions_have_different_colours_and_no_force_is_grey(axes):
     assert len(arrows.get_paths()) == 8  # none for the unit without a force
 
 
+@pytest.mark.ci
 def test_spheres_boxes_and_mixed_pools(axes):
     spheres = SoftSpheres([[0.2, 0.2]], np.log([0.15]), np.log([20.0]))
     boxes = SoftBoxes([[0.7, 0.7]], np.log([[0.1, 0.3]]), np.log([20.0]))
@@ -283,6 +284,7 @@ def test_occupancy_is_that_of_many_transitions():
     assert found.shape == (20, 20)
 
 
+@pytest.mark.ci
 def test_a_particle_that_falls_straight_is_where_it_falls(axes):
     """Of a column the width is that of the blur: a variance of one cell."""
     task = FallingParticle(units=1, forces=((0.0, 0.0),), start=ParticleStart(x=(0.305, 0.305)))

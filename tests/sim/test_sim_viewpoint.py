@@ -62,6 +62,8 @@ def test_the_body_is_where_the_camera_sees_it(hop, renderer):
     assert abs((far[2] - aside[2]) - moved) <= 2
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_a_plain_ground_leaves_nothing_but_body_and_shadow(hop, renderer):
     camera = Viewpoint((0.0, -3.0, 0.8), (0.0, 0.0, 0.5))
     plain = still(hop, 0, camera=camera, renderer=renderer, ground="plain", **SMALL)
@@ -72,6 +74,8 @@ def test_a_plain_ground_leaves_nothing_but_body_and_shadow(hop, renderer):
         still(hop, 0, ground="lawn")
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("drawn")
 def test_a_camera_that_moves_plots_beside_and_slow_motion_as_gif(hop, tmp_path, renderer):
     def camera(time):
         return Viewpoint((3 * np.sin(3 * time), -3 * np.cos(3 * time), 0.6), (0.0, 0.0, 0.5))

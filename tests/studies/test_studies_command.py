@@ -29,6 +29,7 @@ def file(tmp_path):
     return path
 
 
+@pytest.mark.ci
 def test_a_study_runs_and_its_best_settings_are_printed(file, tmp_path, capsys):
     assert main(["sweep", str(file)]) == 0
     folder = tmp_path / "runs" / "rates"

@@ -62,7 +62,6 @@ def test_the_mean_reward_in_the_engine_is_the_oracles(name):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("walk")
 @pytest.mark.parametrize("variant", ["walk", "reset"])
 def test_a_chain_cut_after_one_decision_less_than_its_length_pays_once_in_thirty_two_episodes(variant):
     task, runs, episodes = Chain(length=6, variant=variant, time_limit=5), 200, 300

@@ -64,7 +64,7 @@ def two_walks(task, decisions, mirror):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("muscles-plain", "tripods-plain")
+@pytest.mark.representatives("muscles-plain")
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("name", TASKS_HERE)
 def test_mirrored_actions_move_the_body_as_in_the_mirror(name, body):

@@ -75,6 +75,7 @@ def test_lengths_have_limits():
     np.testing.assert_allclose(lasting, [[0.1, 0.2], [0.05, 0.5]], rtol=1e-6)
 
 
+@pytest.mark.ci
 def test_the_lateral_angles_are_observed_and_speed_is_paid():
     task = HexapodPrimitive(angle_scale=15.0, reward_scale=2.0)
     told, state = walked(task, np.random.default_rng(0).integers(0, 2, (30, 6)))

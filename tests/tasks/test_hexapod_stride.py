@@ -94,6 +94,7 @@ def test_the_pitch_is_smoothed():
     np.testing.assert_allclose(seen, 0.8 * (1 - 0.75 ** np.arange(1, 4)), atol=1e-4)
 
 
+@pytest.mark.ci
 def test_it_is_paid_for_its_speed_and_falls_where_it_overturns():
     task = HexapodStride(slopes=(0.0,), reward_scale=3.0)
     for _memory, state, reward, fallen, readings, _ in walked(task, [0.9], 30):
@@ -136,6 +137,7 @@ def test_a_saved_learner_goes_on_to_the_last_bit():
     jax.tree.map(np.testing.assert_array_equal, again.state, whole.state)
 
 
+@pytest.mark.ci
 def test_as_an_environment_it_takes_real_numbers():
     environment = TaskEnv("hexapod-stride")
     assert environment.action_space.shape == (1,)

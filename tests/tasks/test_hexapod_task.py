@@ -225,6 +225,7 @@ def test_a_fall_ends_the_twenty_seconds_and_wins_nothing():
     assert walked(task, [1.0] * 20, upward=-1.0) == [(20, pytest.approx(1.0))]  # once, not twice
 
 
+@pytest.mark.ci
 def test_a_shorter_episode_has_a_net_displacement_of_its_own_length():
     assert walked(Hexapod(action_period=1.0, time_limit=4.0), [1.0, 1.0, 1.0, -1.0]) == [(4, pytest.approx(0.5))]
     assert walked(Hexapod(action_period=1.0, time_limit=40.0), [1.0] * 21) == [(20, pytest.approx(1.0))]

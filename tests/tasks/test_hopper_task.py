@@ -130,7 +130,6 @@ def reference(task, heights, contacts, actions):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("landing")
 @pytest.mark.parametrize("variant", ["landing", "apex"])
 def test_the_engine_pays_along_recorded_hops_what_the_rule_says(variant):
     task = Hopper(reward_type=variant)

@@ -57,6 +57,11 @@ def test_regions_of_ones_own_take_the_layouts_place():
 def test_the_floor_ends_an_episode_and_nothing_else_does():
     task = FallingParticle()
     assert [pays(task, at(0.5, 0.5, reached=[side]))[1] for side in range(4)] == [False, True, False, False]
+
+
+@pytest.mark.ci
+def test_an_episode_that_the_floor_ended_is_followed_by_another():
+    task = FallingParticle()
     stepper = stepper_for(task, agent_for(task), range(3))
     heights, ended = [], 0
     for _ in range(80):

@@ -50,7 +50,7 @@ def test_with_fixed_streams_a_score_is_a_function_of_the_parameters():
 
 
 def test_candidates_of_a_round_meet_the_same_random_numbers():
-    same = candidates(1) * 3
+    same = candidates(1) * 4
     for score in (SCORE, dataclasses.replace(SCORE, fixed=False)):
         assert len(set(score(same, RNG(5)))) == 1
 

@@ -172,8 +172,15 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
 
 
 EPISODES = {"time_limit": 50}
+FITTED = (  # each preset once
+    *("graded-avg", "binary-avg", "graded-sac", "discrete-sac", "graded-natural-network", "graded-stream-ac"),
+    *("binary-intentional-ac", "binary-ppo-short-horizon", "binary-trpo"),
+    *("discrete-a2c", "discrete-natural", "discrete-ppo", "discrete-reinforce"),
+)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives(*FITTED)
 @pytest.mark.parametrize("preset", sorted(PRESETS))
 @pytest.mark.parametrize(
     ("make", "policy"),

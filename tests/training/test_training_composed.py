@@ -37,6 +37,7 @@ def test_every_episode_of_every_seed_begins_where_the_task_says():
     np.testing.assert_array_equal(view(), targets)
 
 
+@pytest.mark.ci
 def test_a_restored_engine_goes_on_with_the_same_starts_and_targets():
     saved, fresh = (stepper_for(TASK, agent_for(TASK, LIGHT), [3, 7], threads=1) for _ in range(2))
     saved.advance(12)

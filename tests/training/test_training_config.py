@@ -28,7 +28,8 @@ def finite(tmp_path_factory):
     return small(out=tmp_path_factory.mktemp(FINITE)).path
 
 
-@pytest.mark.representatives("hopper")
+@pytest.mark.ci
+@pytest.mark.representatives("three-state")
 @pytest.mark.parametrize("name", TASK_NAMES)
 def test_a_run_made_from_settings_keeps_them_and_nothing_twice(name, tmp_path):
     task = TASKS[name]()
@@ -123,8 +124,7 @@ RULES = {
 }
 
 
-@pytest.mark.ci
-@pytest.mark.representatives("rate")
+@pytest.mark.ci  # of a rule in parts: test_training_runs.py
 @pytest.mark.parametrize("kind", RULES)
 def test_the_constants_of_an_optax_rule_are_compared(kind, tmp_path):
     start = mg.policies.softmax(mg.make(FINITE))
@@ -175,7 +175,7 @@ def test_a_finished_run_is_given_back_without_a_word(pretend, tmp_path):
 # ---- being asked to stop
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.ci)])
 def test_a_polite_end_saves_everything_and_the_same_command_goes_on(number, tmp_path, monkeypatch, capsys):
     command = ["train", FINITE, "--steps", "40000", "--seeds", "2", "--window", "1000", "--checkpoint-every", "1e9"]
     advance, out = WorldStepper.advance, tmp_path / "x"

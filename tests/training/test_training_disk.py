@@ -120,6 +120,7 @@ def test_nothing_is_written_to_another_folder_in_its_place(tmp_path, undisturbed
     assert_same_run(run, undisturbed)
 
 
+@pytest.mark.ci
 def test_a_lost_mount_loses_nothing(tmp_path, undisturbed):
     disk, place = tmp_path / "disk", tmp_path / "place"
     disk.mkdir()
@@ -169,7 +170,7 @@ def moved_away_for_good(path, *then, **changes):
 
 
 def test_it_ends_when_nothing_could_be_saved_for_so_long_and_has_all_in_memory(tmp_path, undisturbed):
-    run = moved_away_for_good(tmp_path / "run", give_up_after=0.5).run
+    run = moved_away_for_good(tmp_path / "run", give_up_after=0.1).run
     wanted, found = columns(undisturbed.metrics), columns(run.metrics)
     rows = np.isin(wanted["decision"], found["decision"])
     for name in wanted:

@@ -101,6 +101,7 @@ LEARNERS = [
 ]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("changes", LEARNERS)
 def test_no_kind_of_learner_takes_anything_from_a_broken_decision(changes):
     stepper = learner("hopper", SEEDS, **changes)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from gymnasium import spaces
+from training_examples import PLAIN
 
 import motorgrad as mg
 from motorgrad._random import draw_block
@@ -179,8 +180,10 @@ def test_the_number_of_workers_changes_no_number(task, agent):
     same(steppers[0].state, steppers[2].state)
 
 
-def test_a_restored_state_goes_on_bit_for_bit(task, agent):
-    first, again = (engine(task, agent, envs=2) for _ in range(2))
+@pytest.mark.parametrize("kind", ["plain", pytest.param("natural", marks=pytest.mark.ci)])
+def test_a_restored_state_goes_on_bit_for_bit(kind, task, agent):
+    learner = agent if kind == "natural" else mg.agent_for(task, PLAIN)
+    first, again = (engine(task, learner, envs=2) for _ in range(2))
     first.advance(70)
     kept = first.state
     first.advance(100)

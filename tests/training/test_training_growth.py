@@ -108,6 +108,7 @@ def test_a_schedule_belongs_to_what_identifies_a_run(tmp_path):
         mg.train(TASK, other, 20, [3, 0, 8], tmp_path, window=20, progress=False)
 
 
+@pytest.mark.ci
 def test_a_grown_run_is_taken_up_with_the_units_it_has():
     first = go("clock", steps=60)
     again = go("clock", steps=20, initial=first.policies)

@@ -178,6 +178,7 @@ def test_the_engine_is_the_hosts_and_another_seed_changes_nothing_of_an_environm
     np.testing.assert_array_equal(few.state["physics"]["packed"][0], many.state["physics"]["packed"][1])
 
 
+@pytest.mark.ci
 def test_a_restored_engine_goes_on_exactly():
     saved, fresh = (learner("gymnasium", SEEDS, **PLAIN) for _ in range(2))
     saved.advance(130)

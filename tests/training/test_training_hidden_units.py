@@ -126,6 +126,8 @@ def test_a_critic_and_the_natural_gradient_work_with_what_units_see(kind):
     assert stepper.state["cycle"].agent.estimator.baseline.weights.shape == (2, seen + 1)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives(*(f"world-{kind}" for kind in KINDS))
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("engine", ["world", "host", "body"])
 def test_a_table_keeps_hidden_units(engine, kind, signal):

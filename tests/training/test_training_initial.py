@@ -69,6 +69,7 @@ def test_the_agents_own_beginnings_given_back_to_it_change_nothing(tmp_path):
         assert again.config["run"] != first.config["run"]
 
 
+@pytest.mark.ci
 def test_bodies_begin_from_what_they_are_given_too():
     task = mg.make("hopper")
     first = go(None, task=task, agent=None)
@@ -128,12 +129,16 @@ def test_a_run_goes_on_from_its_directory_alone_as_if_made_in_one_go(tmp_path):
     assert_same(mg.load(tmp_path / "parts").initial, GIVEN)
 
 
-def test_the_command_line_goes_on_with_such_a_run(tmp_path, capsys):
+@pytest.mark.ci
+def test_the_command_line_goes_on_with_such_a_run(tmp_path):
     go(out=tmp_path / "run", steps=40)
     whole = go(out=tmp_path / "whole", steps=100)
     assert main(["train", "--resume", str(tmp_path / "run"), "--steps", "100"]) == 0
     assert_same_run(mg.load(tmp_path / "run"), mg.load(whole.path))
-    capsys.readouterr()
+
+
+def test_the_command_line_makes_no_such_run_of_settings_alone(tmp_path, capsys):
+    go(out=tmp_path / "run", steps=40)
     assert main(["train", "--config", str(tmp_path / "run" / "config.toml"), "--out", str(tmp_path / "other")]) == 2
     said = capsys.readouterr().err
     assert "run.initial: this run started from given policies" in said

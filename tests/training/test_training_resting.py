@@ -138,6 +138,7 @@ def rounded(learn):
     return call
 
 
+@pytest.mark.ci
 def test_frozen_policies_always_rest():
     found = stepper(mode="sample")
     seen = watched(found)

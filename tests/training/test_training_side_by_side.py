@@ -49,7 +49,7 @@ def test_shares_are_a_power_of_two_and_depend_on_nothing_but_the_number_of_seeds
         assert made == shares
 
 
-@pytest.mark.representatives("1")
+@pytest.mark.ci  # two and one: test_a_restored_engine_...
 @pytest.mark.parametrize("threads", [1, 5])
 def test_the_number_of_threads_changes_no_bit(begun, threads):
     other = SideBySide(TASK, AGENT, SEEDS, threads=threads)

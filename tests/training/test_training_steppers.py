@@ -7,7 +7,7 @@ from training_examples import assert_differ, assert_same, learner, one_of_each_k
 
 from motorgrad._random import BLOCK, draw_block
 from motorgrad.tasks import TASKS
-from motorgrad.training import stepper_for
+from motorgrad.training import agent_for, stepper_for
 
 SEEDS = [3, 0, 11]
 MORE, AMONG = [5, 3, 11, 8, 0], [1, 4, 2]  # others with them, and where they are then
@@ -107,7 +107,8 @@ def test_random_numbers_differ_between_seeds_purposes_and_blocks():
     assert len({np.asarray(numbers).tobytes() for numbers in drawn}) == 8
 
 
-@pytest.mark.representatives("chain", "hopper")
+@pytest.mark.ci
+@pytest.mark.representatives("hopper")  # of worlds, and of what is learned there: below
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_another_seed_changes_no_bit_of_an_untrained_agents_life(name):
     # Nothing is learned, so the actions are the random numbers': world, physics and what is seen are equal in every
@@ -120,7 +121,8 @@ def test_another_seed_changes_no_bit_of_an_untrained_agents_life(name):
     assert_differ(row_of(numbers(many), [0]), row_of(numbers(many), [1]))
 
 
-@pytest.mark.representatives("chain", "hopper")
+@pytest.mark.ci
+@pytest.mark.representatives("chain")  # of bodies: test_training_side_by_side.py
 @pytest.mark.parametrize("name", one_of_each_kind())
 def test_another_seed_changes_a_learner_by_no_more_than_rounding(name):
     few, many = (reborn(name, seeds) for seeds in (SEEDS, MORE))
@@ -136,7 +138,7 @@ def test_another_seed_changes_a_learner_by_no_more_than_rounding(name):
 
 def test_the_number_of_threads_changes_no_bit():
     task = TASKS["hopper"]()
-    agent = learner(task, [0]).cycle.agent
+    agent = agent_for(task)
     one, three = (stepper_for(task, agent, SEEDS, threads=threads) for threads in (1, 3))
     one.advance(40)
     three.advance(40)

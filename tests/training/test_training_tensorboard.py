@@ -55,6 +55,7 @@ def test_tensorboard_reads_the_runs_records(run, tmp_path):
     assert_holds(tmp_path / "deep" / "in", run)
 
 
+@pytest.mark.ci
 @needs_tensorboard
 def test_a_run_in_memory_is_written_too(tmp_path):
     run = mg.train("chain", steps=30, seeds=1, window=10, progress=False)
@@ -103,6 +104,7 @@ def test_whatever_a_killed_process_left_no_point_is_lost_or_double(left, run, tm
         assert file.stat().st_ino == inode  # an open TensorBoard follows it
 
 
+@pytest.mark.ci
 @needs_tensorboard
 def test_a_continued_run_is_brought_up_to_date(tmp_path):
     short = mg.train(**SETTINGS, steps=200, out=tmp_path / "run")

@@ -211,7 +211,8 @@ class Evil:
         return os.mkdir, ("evil_was_run",)
 
 
-def test_an_evil_pickle_is_not_run_and_its_function_is_named(tmp_path, capsys):
+@pytest.mark.parametrize("evaluated", [False, pytest.param(True, marks=pytest.mark.ci)])
+def test_an_evil_pickle_is_not_run_and_its_function_is_named(evaluated, tmp_path, capsys):
     task, run, more = from_gymnasium("CartPole-v1"), tmp_path / "run", {**RUN, "steps": 90}
     mg.train(task, **RUN, out=run)
     (checkpoint,) = checkpoints(run)
@@ -225,7 +226,8 @@ def test_an_evil_pickle_is_not_run_and_its_function_is_named(tmp_path, capsys):
     assert main(["train", "--resume", str(run), "--steps", "90"]) == 2
     assert "which calls posix.mkdir" in capsys.readouterr().err
     mg.load(run)
-    mg.evaluate(run, 5)
+    if evaluated:  # which reads the policies alone, as `load` does
+        mg.evaluate(run, 5)
     mg.resume(run, progress=False)  # it is finished
     assert not os.path.exists("evil_was_run")
 

@@ -1,5 +1,7 @@
 """Finite MDPs: what is refused, and whether sampling follows the matrices."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,28 +21,33 @@ WORLDS = {
 }
 
 
+POINTS = 4096
+ENDS = (0.0, np.nextafter(np.float32(1), np.float32(0)))
+
+
+@functools.cache
+def led_to(name):
+    """A world, each of its actions in each of its states, and where an even grid of numbers and both ends lead then."""
+    world = WORLDS[name]()
+    uniforms = np.append((np.arange(POINTS) + 0.5) / POINTS, ENDS).astype(np.float32)[:, None]
+    actions, states = np.indices((world.actions, world.states), np.int32).reshape(2, -1)
+    step = jax.jit(jax.vmap(jax.vmap(world.step, (None, None, 0)), (0, 0, None)))
+    return world, actions, states, np.asarray(step(states, actions, uniforms))
+
+
 @pytest.mark.parametrize("name", WORLDS)
 def test_the_share_of_uniforms_that_lead_to_a_state_is_its_probability(name):
-    world, points = WORLDS[name](), 4096
-    grid = (jnp.arange(points, dtype=jnp.float32) + 0.5)[:, None] / points
-    where = np.indices((world.actions, world.states)).reshape(2, -1)
-    step = jax.jit(jax.vmap(jax.vmap(world.step, (None, None, 0)), (0, 0, None)))
-    after = np.asarray(step(jnp.asarray(where[1], jnp.int32), jnp.asarray(where[0], jnp.int32), grid))
-    share = np.stack([np.bincount(row, minlength=world.states) for row in after]) / points
+    world, _, _, after = led_to(name)
+    share = np.stack([np.bincount(row, minlength=world.states) for row in after[:, :POINTS]]) / POINTS
     # An interval holds its length's share of an even grid to within one point.
-    np.testing.assert_allclose(share, world.transitions.reshape(share.shape), atol=1.01 / points)
+    np.testing.assert_allclose(share, world.transitions.reshape(share.shape), atol=1.01 / POINTS)
 
 
-@pytest.mark.parametrize("uniform", [0.0, np.nextafter(np.float32(1), np.float32(0))])
+@pytest.mark.parametrize("end", range(2))
 @pytest.mark.parametrize("name", WORLDS)
-def test_the_ends_of_the_unit_interval_lead_to_possible_states(name, uniform):
-    world = WORLDS[name]()
-    where = np.indices((world.actions, world.states)).reshape(2, -1)
-    step = jax.jit(jax.vmap(world.step, (0, 0, None)))
-    after = step(
-        jnp.asarray(where[1], jnp.int32), jnp.asarray(where[0], jnp.int32), jnp.asarray([uniform], jnp.float32)
-    )
-    assert (world.transitions[where[0], where[1], np.asarray(after)] > 0).all()
+def test_the_ends_of_the_unit_interval_lead_to_possible_states(name, end):
+    world, actions, states, after = led_to(name)
+    assert (world.transitions[actions, states, after[:, POINTS + end]] > 0).all()
 
 
 @pytest.mark.parametrize("name", WORLDS)

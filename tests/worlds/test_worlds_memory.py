@@ -8,6 +8,7 @@ from motorgrad.policies import FiniteStateController, Hyperplanes, Layered, Soft
 from motorgrad.worlds import load_unload, oracle, parity, t_maze, three_state
 
 
+@pytest.mark.representatives("5")
 @pytest.mark.parametrize("length", [3, 5, 8])
 def test_on_the_line_memory_earns_once_a_round_trip_and_without_it_a_random_walk_is_best(length):
     world = load_unload(length)
@@ -18,6 +19,7 @@ def test_on_the_line_memory_earns_once_a_round_trip_and_without_it_a_random_walk
     np.testing.assert_allclose(table, [[0.5, 0.5], [1, 0], [0, 1]], atol=0.01)
 
 
+@pytest.mark.representatives("1")
 @pytest.mark.parametrize("length", [1, 5])
 def test_in_the_maze_memory_earns_every_trial_and_without_it_half_of_them(length):
     world = t_maze(length)

@@ -289,6 +289,7 @@ def admission():
     return call_admission()
 
 
+@pytest.mark.representatives("1000.0-0.78")
 @pytest.mark.parametrize(("threshold", "published"), [(8.0, 0.69), (1e3, 0.78)])
 def test_admission_earns_what_was_published(admission, threshold, published):
     # untrained, and accepting always

@@ -95,7 +95,6 @@ def settled(task, threshold, end):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("threshold0")
 @pytest.mark.parametrize("threshold", [[0.1, 0.4, 0.6, 0.8], [0.6, 0.05, 0.95, 0.3]])
 def test_four_thresholds_collapse_to_one_and_then_split(threshold):
     times, pools, when = settled(LinearRecruitment(), threshold, 5e6)
@@ -132,7 +131,6 @@ def test_the_ratio_is_the_count_slowed_down_by_the_units_squared():
     np.testing.assert_allclose(ratio.gain, count.gain, atol=1e-4)
 
 
-@pytest.mark.ci
 def test_a_rate_may_be_given_for_each_field():
     task, policy = LinearRecruitment(units=2), Motoneurons([0.3, 0.6], [2.0, 3.0])
     still = mean_field(policy, NODES, WEIGHTS, task.immediate, {"threshold": 0.0, "gain": 1e-3}, [0.0, 1000.0])
@@ -173,6 +171,7 @@ def test_rates_that_are_none_are_refused(rate, words):
         mean_field(Motoneurons([0.3, 0.6], [2.0, 3.0]), NODES, WEIGHTS, LinearRecruitment(units=2).immediate, rate, [1])
 
 
+@pytest.mark.ci
 def test_a_rate_may_differ_between_units():
     rates, task = {"threshold": 0.0, "gain": [0.0, 1e-3]}, LinearRecruitment(units=2)
     found = mean_field(Motoneurons([0.3, 0.6], [2.0, 3.0]), NODES, WEIGHTS, task.immediate, rates, [1000.0])

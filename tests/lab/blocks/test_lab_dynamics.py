@@ -17,8 +17,8 @@ ONE = of("constant", 1.0)
 @pytest.mark.parametrize(
     ("numerator", "denominator"),
     [
-        ((2.0,), (0.5, 1.0)),
-        ((1.0, 3.0), (1.0, 2.0, 5.0)),
+        pytest.param((2.0,), (0.5, 1.0), marks=pytest.mark.ci),
+        pytest.param((1.0, 3.0), (1.0, 2.0, 5.0), marks=pytest.mark.ci),
         ((3.0, 0.0, 1.0), (2.0, 2.0, 8.0)),  # passes its input on at once
         ((4.0,), (1.0, 2.0, 5.0, 3.0, 1.0)),
     ],
@@ -156,6 +156,7 @@ def pid_of_scipy(block):
     return np.array([p * tau + d, p + i * tau, i]), np.array([tau, 1.0, 0.0])
 
 
+@pytest.mark.ci
 def test_pid_answers_a_step_as_its_transfer_function():
     block = of("PID controller", 2.0, 1.5, 0.4, 0.2)
     times = np.arange(300) * 0.01
@@ -191,7 +192,7 @@ def test_pid_closes_a_loop_as_scipy_says():
     np.testing.assert_allclose(level, expected, atol=2e-4)
 
 
-@pytest.mark.parametrize("name", ["PID controller", "discrete PID controller"])
+@pytest.mark.parametrize("name", ["PID controller", pytest.param("discrete PID controller", marks=pytest.mark.ci)])
 def test_pid_with_limits_does_not_wind_up(name):
     gains = {"proportional_gain": 4.0, "integral_gain": 2.0}
     limits = {"low": 0.0, "high": 0.6, "limited": True}
@@ -212,6 +213,7 @@ def test_discrete_pid_is_a_linear_filter():
     np.testing.assert_allclose(drive(block, 200, h, u=U)["y"], part + integral + slope, atol=1e-4)
 
 
+@pytest.mark.ci
 def test_discrete_pid_comes_near_to_the_continuous_one():
     block = {"proportional_gain": 2.0, "integral_gain": 0.6, "derivative_gain": 0.5, "filter": 0.2}
     near, _ = closed(of("discrete PID controller", **block), 1000)

@@ -102,9 +102,10 @@ def test_refuses_with_the_column(text, message):
     assert "\n" not in str(error.value)
 
 
-@given(st.text(st.sampled_from("ab1.0+-*/^<>=!(), notrdsiex_·\n\\'\"[]{}é"), max_size=60))
-@settings(max_examples=1500, deadline=None)
-def test_any_text_is_a_formula_or_refused_in_one_line(text):
+TEXTS = st.text(st.sampled_from("ab1.0+-*/^<>=!(), notrdsiex_·\n\\'\"[]{}é"), max_size=60)
+
+
+def see_that_it_is_a_formula_or_refused(text):
     message, tree = "", parsed("0")
     try:
         tree = formula("expression", text, VALUES)
@@ -112,6 +113,19 @@ def test_any_text_is_a_formula_or_refused_in_one_line(text):
         message = str(error)
     assert "\n" not in message
     assert evaluate(tree, VALUES).shape == ()
+
+
+@given(TEXTS)
+@settings(max_examples=500, deadline=None)
+def test_any_text_is_a_formula_or_refused_in_one_line(text):
+    see_that_it_is_a_formula_or_refused(text)
+
+
+@pytest.mark.ci
+@given(TEXTS)
+@settings(max_examples=1500, deadline=None)
+def test_any_of_many_texts_is_a_formula_or_refused_in_one_line(text):
+    see_that_it_is_a_formula_or_refused(text)
 
 
 NUMBERS = st.floats(0.1, 3).map(lambda x: f"{x:.3f}") | st.sampled_from(["a", "b"])

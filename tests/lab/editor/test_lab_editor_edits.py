@@ -122,6 +122,7 @@ def test_undo_all_is_the_document_before_and_clients_see_every_step(data):
 
 @settings(max_examples=8, deadline=None)
 @given(st.sampled_from(["chain", "motoneuron-pool"]), st.data())
+@pytest.mark.ci
 def test_a_group_and_its_undoing_change_no_number(name, data):
     diagram = gallery.example(name)
     chosen = data.draw(st.lists(st.sampled_from(list(diagram.nodes)), min_size=1, unique=True))

@@ -100,6 +100,7 @@ def test_where_it_began_is_found_among_many_ticks_seeds_and_changes(open_client)
     assert [each["path"] for each in others] == ["scope", "integrator"]
 
 
+@pytest.mark.ci
 @pytest.mark.filterwarnings("ignore:lag.* RK4 steps of")
 def test_a_state_that_grows_without_bound_is_where_it_began(open_client):
     client = open_client(chain(lab.Constant(1.0), lab.Lag(0.001), lab.Gain(2.0), lab.Scope()))
@@ -131,6 +132,7 @@ def test_what_is_faster_than_the_tick_is_warned_of():
     assert {path for path, *_ in warnings(diagram)} == {"discrete"}
 
 
+@pytest.mark.ci
 def test_of_many_seeds_it_is_said_how_many(open_client):
     client = open_client(chain(lab.UniformNoise(), lab.Function("log"), lab.Scope()))
     client.do("seeds", n=20)

@@ -266,6 +266,7 @@ def test_a_scope_shows_true_shapes_however_fast_the_run_is():
     assert len(line["ticks"]) <= 2 * FRAME + 100
 
 
+@pytest.mark.ci
 def test_ensembles_have_a_median_and_a_band(client):
     client.do("seeds", n=9)
     client.do("tick", n=40)

@@ -191,7 +191,9 @@ ROOMS = ("motorgrad.lab.blocks.learning.", "motorgrad.lab.blocks.worlds.")
 def kinds():
     """The types of these rooms; a critic with a network has the fields of the critic and of the network."""
     found = [kind for kind in lab.BLOCKS.values() if kind.__module__.startswith(ROOMS) and kind is not lab.Fmu]
-    later = {"network-critic baseline": pytest.mark.ci}
+    # these make a policy or a critic of each value, and are refused by the same functions as the others
+    slow_to_make = ("critic", "growing gaussians", "network", "network-critic baseline")
+    later = dict.fromkeys(slow_to_make, pytest.mark.ci)
     return [pytest.param(kind, id=kind.name, marks=later.get(kind.name, ())) for kind in found]  # an FMU has its tests
 
 

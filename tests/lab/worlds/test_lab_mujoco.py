@@ -112,7 +112,7 @@ def test_it_is_put_back_where_it_breaks_and_where_it_is_asked():
 
 
 KINDS = [("compliant", "de-groote"), ("rigid", "de-groote"), ("compliant", "millard")]
-QUICK = pytest.mark.representatives("compliant-de-groote", "rigid-de-groote")  # the bodies' own tests have all curves
+QUICK = pytest.mark.representatives("compliant-de-groote")  # the bodies' own tests have all curves
 
 
 @pytest.mark.ci

@@ -56,6 +56,7 @@ def test_policies_of_all_kinds_stand_beside_and_go_back_bit_for_bit(run, driven)
     np.testing.assert_array_equal(watched.seen()["position"], seen["position"])
 
 
+@pytest.mark.ci
 def test_the_actions_of_a_function_are_those_that_are_taken(driven):
     flow = driven(live.setup_of("chain", beside={"always": lambda observation: 1}))
     flow(live.Step(5))
@@ -97,12 +98,13 @@ def test_what_cannot_stand_beside_is_refused_by_name(beside, says):
     assert says in str(refused.value)
 
 
+@pytest.mark.ci
 def test_a_run_of_another_task_is_refused(run):
     with pytest.raises(ValueError, match="beside 'a': task of the run = 'hopper': must be 'chain'"):
         live.setup_of("chain", beside={"a": run})
 
 
-def test_seeds_and_runs_are_gathered_from_the_command_line(run):
+def test_seeds_and_runs_are_gathered_from_the_command_line():
     from motorgrad._commands._side_by_side import gathered
     from motorgrad._commands.sim import prepared
 
@@ -110,18 +112,25 @@ def test_seeds_and_runs_are_gathered_from_the_command_line(run):
     assert gathered(["--run", "a", "--run", "b", "--seeds", "0,3", "--paused"]) == (
         ["--paused", "--seeds", "0", "3", "--run", "a", "--runs-beside", "b"]
     )
-    setup, options = prepared(["--run", str(run.path), "--seed", "7", "--seed", "2"])
-    assert (setup.seed, setup.label, setup.frozen) == (7, "seed 7", True)
-    assert [each.label for each in setup.beside] == ["seed 2"]
-    assert options.seeds == (7, 2)
-    setup, _ = prepared(["hopper", "--beside", "before=untrained", f"other={run.path}"])
-    assert ([each.label for each in setup.beside], setup.frozen) == (["before", "other"], False)
     with pytest.raises(ValueError, match="given with --trust"):
         prepared(["hopper", "--beside", "ppo.zip"])
     with pytest.raises(ValueError, match="several are shown side by side of a run"):
         prepared(["hopper", "--seeds", "1", "2"])
 
 
+@pytest.mark.ci
+def test_what_was_gathered_is_prepared(run):
+    from motorgrad._commands.sim import prepared
+
+    setup, options = prepared(["--run", str(run.path), "--seed", "7", "--seed", "2"])
+    assert (setup.seed, setup.label, setup.frozen) == (7, "seed 7", True)
+    assert [each.label for each in setup.beside] == ["seed 2"]
+    assert options.seeds == (7, 2)
+    setup, _ = prepared(["hopper", "--beside", "before=untrained", f"other={run.path}"])
+    assert ([each.label for each in setup.beside], setup.frozen) == (["before", "other"], False)
+
+
+@pytest.mark.ci
 def test_two_runs_stand_beside_each_other(run, tmp_path):
     from motorgrad._commands.sim import prepared
 

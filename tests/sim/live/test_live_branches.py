@@ -71,6 +71,7 @@ def test_a_change_in_the_past_keeps_what_followed_as_a_branch(forked):
     assert same(watched.seen(), second)
 
 
+@pytest.mark.ci
 def test_going_on_from_the_past_follows_what_is_known_until_something_was_changed(forked):
     watched, first, second, _ = forked
     watched(live.Scrub(100), live.Step(40))  # nothing was changed after the push: the same moments come again
@@ -152,11 +153,12 @@ def test_branches_are_forked_named_and_deleted_by_order(forked):
     assert watched(live.Switch("idea"))[0][0] == "error"
 
 
+@pytest.mark.ci
 def test_their_number_and_their_memory_are_bounded(forked):
     watched = forked[0]
     watched(live.Rename("A", "kept"))
     for decision in range(1, MOST + 4):
-        watched(live.Fork(decision=decision), live.Step(70))
+        watched(live.Fork(decision=decision), live.Step(10))
     assert len(names(watched)) == MOST
     assert "kept" in names(watched)
     worker = watched.worker

@@ -178,12 +178,13 @@ def test_the_refusal_says_what_is_wrong(hopper, good, tmp_path):
     assert "is not a run directory" in text
 
 
-def test_no_flipped_bit_is_loaded(hopper, good, tmp_path):
-    """2,000 damaged files: what is read at all is what was saved."""
+@pytest.mark.parametrize("files", [500, pytest.param(2000, marks=pytest.mark.ci)])
+def test_no_flipped_bit_is_loaded(files, hopper, good, tmp_path):
+    """Of so many damaged files what is read at all is what was saved."""
     rng, content, file = random.Random(18), good.read_bytes(), tmp_path / "flipped.npz"
     shape = hopper.worker.subject._stepper.policy
     wanted, refused = jax.tree.leaves(load_policy(str(good), shape, "hopper")[0]), 0
-    for _ in range(2000):
+    for _ in range(files):
         raw = bytearray(content)
         for _ in range(rng.choice([1, 1, 1, 2, 8])):
             raw[rng.randrange(len(raw))] ^= 1 << rng.randrange(8)
@@ -196,7 +197,7 @@ def test_no_flipped_bit_is_loaded(hopper, good, tmp_path):
             refused += 1
         else:
             assert all(np.array_equal(a, b) for a, b in zip(found, wanted, strict=True))
-    assert refused > 1000
+    assert refused > files / 2
 
 
 def test_a_run_whose_policy_is_not_finite_is_refused():

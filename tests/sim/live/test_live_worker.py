@@ -218,6 +218,7 @@ def test_frozen_nothing_is_learned_and_thawed_it_goes_on(hopper):
     assert not same(hopper.seen(), frozen, ("parameters",))
 
 
+@pytest.mark.ci
 def test_an_untrained_body_stands_beside(hopper):
     hopper(live.Reset(), live.Step(300), live.Compare(True), live.Step(20))
     seen = hopper.seen()

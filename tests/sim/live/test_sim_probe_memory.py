@@ -27,6 +27,7 @@ def test_the_probability_shown_is_that_of_what_the_units_saw():
         np.testing.assert_allclose(seen[:3], cycle.observation[0], rtol=1e-6)
 
 
+@pytest.mark.ci
 def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_memory():
     task = mg.make("load-unload")
     stepper = stepper_for(task, agent_for(task), [0], "sample")

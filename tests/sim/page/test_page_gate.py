@@ -219,6 +219,7 @@ def test_who_goes_on_with_nonsense_is_hung_up_on(page, quiet):
     assert alive(page)
 
 
+@pytest.mark.ci
 def test_a_flood_slows_itself_alone(page, quiet):
     """A thousand messages at once, and more until another browser is served. All of them are read in the end."""
     speed, served, sent = page.panels.panels["Run"]._speed, threading.Event(), [0]

@@ -140,11 +140,17 @@ def test_weights_are_found_in_pools_that_have_them():
     assert weights_of(LocalGaussians(np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))) is None
 
 
-def test_weights_of_units_that_see_more_than_the_observation_are_not_taken_for_its():
-    assert weights_of(initial("layered", 2, units=1, output="softmax")(jax.random.key(0))) is None
-    assert weights_of(initial("layered", 2, units=2, hidden=(2,))(jax.random.key(0))) is None  # of equal shapes
-    assert weights_of(initial("finite-state-controller", 3, units=2, output="softmax")(jax.random.key(0))) is None
-    assert weights_of(initial("recurrent", 3, units=2)(jax.random.key(0))) is None
+@pytest.mark.parametrize(
+    ("kind", "inputs", "settings"),
+    [
+        ("layered", 2, {"units": 2, "hidden": (2,)}),  # of equal shapes
+        pytest.param("layered", 2, {"units": 1, "output": "softmax"}, marks=pytest.mark.ci),
+        pytest.param("finite-state-controller", 3, {"units": 2, "output": "softmax"}, marks=pytest.mark.ci),
+        pytest.param("recurrent", 3, {"units": 2}, marks=pytest.mark.ci),
+    ],
+)
+def test_weights_of_units_that_see_more_than_the_observation_are_not_taken_for_its(kind, inputs, settings):
+    assert weights_of(initial(kind, inputs, **settings)(jax.random.key(0))) is None
 
 
 def test_the_background_of_a_portrait_is_the_policys_probability():

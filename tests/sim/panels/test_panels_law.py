@@ -121,7 +121,6 @@ def test_the_point_is_on_the_curve_and_the_range_holds_it(model):
 
 
 @pytest.mark.ci
-@pytest.mark.representatives("de-groote")
 @pytest.mark.parametrize("curves", CURVES)
 def test_a_stretched_tendon_has_the_force_of_its_steady_length(curves):
     model = compile_model(Mjcf("arm6", muscle_model="hill", curves=curves))

@@ -121,7 +121,7 @@ def energy(batch):
 def test_motion_goes_on_where_the_patch_is_laid_anew():
     walking = Walking(Planet(height=0.1, travel=0.1, clearing=0.0))
     batch, found = walking.batch, []
-    for _ in walking.go(4.0):
+    for _ in walking.go(3.2):
         before, laid, frame = energy(batch), batch.patch_updates, batch.frame
         trunk = frame.rotation.T @ batch._qvel[:3]
         batch.recentre()
@@ -168,6 +168,7 @@ def test_what_follows_a_snapshot_is_the_same_to_the_last_bit():
     assert batch.patch_updates > laid
 
 
+@pytest.mark.ci
 def test_local_coordinates_go_on():
     walking = Walking(Planet(height=0.0))
     positions = [walking.reading.position[0].copy() for _ in walking.go(3.0)]

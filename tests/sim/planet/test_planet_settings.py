@@ -109,6 +109,7 @@ def moment(batch):
     return SimpleNamespace(position=position, velocity=velocity, activation=zero[:, :0], control=zero, seconds=0.0)
 
 
+@pytest.mark.ci
 def test_the_part_draws_within_its_budget_and_keeps_the_planet_under_the_body(server):
     detail = Detail(triangles=30_000, changes=5, tolerance=0.2)
     body = OnPlanet(Hexapod(drive="servos"), Planet(height=0.2, kind="waves", detail=detail))

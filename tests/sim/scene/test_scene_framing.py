@@ -31,11 +31,13 @@ class Silhouette:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self.resources)
 
     def close(self):
+        self.context.make_current()
         self.resources.free()
         self.context.free()
 
     def of(self, data, camera, names=()):
         """Which pixels `(height, width)` show geoms of these names, by default all that move."""
+        self.context.make_current()
         eye, away = mujoco.MjvCamera(), camera.position - camera.look_at
         eye.lookat[:], eye.distance = camera.look_at, np.linalg.norm(away)
         eye.azimuth = np.degrees(np.arctan2(-away[1], -away[0]))
@@ -63,16 +65,18 @@ class Silhouette:
         return np.isin(number, places)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def silhouette():
-    made = []
+    """That of a model, made once, as a context of OpenGL takes long to make."""
+    made = {}
 
     def of(model):
-        made.append(Silhouette(model))
-        return made[-1]
+        if model not in made:
+            made[model] = Silhouette(model)
+        return made[model]
 
     yield of
-    for each in made:
+    for each in made.values():
         each.close()
 
 
@@ -116,6 +120,8 @@ def test_a_hopper_that_hops_higher_and_higher_stays_in_the_picture(hopper, silho
             assert whole(sight.of(pose.bodies[0], camera)), decision
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("120.0")
 @pytest.mark.parametrize("speed", [0.3, 6.0, 120.0])
 def test_a_hexapod_is_followed_from_the_first_moment_at_every_speed(hexapod, silhouette, speed):
     """Metres a second of wall time: 120 is four metres between two pictures."""
@@ -134,6 +140,7 @@ def test_a_hexapod_is_followed_from_the_first_moment_at_every_speed(hexapod, sil
             assert whole(sight.of(pose.bodies[0], camera)), decision
 
 
+@pytest.mark.ci
 def test_the_arm_is_in_the_picture_with_its_shoulder(silhouette):
     model = compile_model(Arm())
     pose, sight = Pose(model), silhouette(model)
@@ -183,6 +190,8 @@ def test_late_reports_of_a_slow_browser_are_not_the_users_zoom(hopper, silhouett
     assert mode._zoom == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.ci
+@pytest.mark.representatives("hexapod")
 @pytest.mark.parametrize("which", ["hopper", "hexapod"])
 def test_before_and_after_both_bodies_are_whole_in_the_picture(which, request, silhouette):
     model = request.getfixturevalue(which)

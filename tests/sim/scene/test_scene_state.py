@@ -194,7 +194,7 @@ def test_tension_is_a_share_of_the_strength(hopper):
 def test_hills_are_those_of_the_field():
     import trimesh
 
-    model = compile_model(OnTerrain(Hexapod(), Terrain(kind="waves", height=0.4, size=(6.0, 4.0))))
+    model = compile_model(OnTerrain(Hexapod(), Terrain(kind="waves", height=0.4, size=(4.0, 3.0))))
     field = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)[0])
     content = height_field_glb(model, model.geom_dataid[field], np.array([0.7, 0.7, 0.6]))
     (mesh,) = trimesh.load(trimesh.util.wrap_as_stream(content), file_type="glb").geometry.values()
