@@ -1,4 +1,4 @@
-"""Programs for NumPy: arrays and a list of calls in one .npz file, which 30 lines read (`_reader.py`)."""
+"""Programs for NumPy: arrays and a list of calls in one .npz file, which `_reader.py` reads."""
 
 import io
 import json
@@ -8,19 +8,16 @@ from typing import Any
 import numpy as np
 
 from motorgrad.export._program import Operation, Program, Untranslatable
+from motorgrad.export._reader import ELEMENTWISE
 
 NAMES = {
     **{"neg": "negative", "sub": "subtract", "mul": "multiply", "div": "divide", "rem": "fmod", "pow": "power"},
     **{"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"},
     **{"and": "bitwise_and", "or": "bitwise_or", "xor": "bitwise_xor", "not": "bitwise_not", "is_finite": "isfinite"},
     **{"eq": "equal", "ne": "not_equal", "lt": "less", "le": "less_equal", "gt": "greater", "ge": "greater_equal"},
-    **{"select": "where", "convert": "asarray", "expand": "broadcast_to", "pick": "take"},
+    **{"select": "where", "convert": "asarray", "expand": "broadcast_to"},
     **{"shift_left": "left_shift", "shift_right_arithmetic": "right_shift"},
 }
-SAME = (
-    *("add", "abs", "sign", "floor", "ceil", "exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan", "sinh"),
-    *("cosh", "tanh", "rint", "reshape", "take", "argmax", "argmin"),
-)
 NUMPY_LACKS = ("erf", "erfc")
 """Functions that NumPy lacks: `traced` makes them of others."""
 REDUCTIONS = ("sum", "prod", "max", "min", "any", "all")
@@ -86,6 +83,8 @@ def _call(operation: Operation, given: list[Any], array: Any) -> tuple[str, list
         return which, [*given, list(told["axes"])]
     if group == "cumulative" and which in ("sum", "prod"):
         return f"cum{which}", [*given, told["axis"]]
-    if kind in NAMES or kind in SAME:
+    if NAMES.get(kind, kind) in ELEMENTWISE:
         return NAMES.get(kind, kind), given
+    if kind == "pick":
+        return "take", given
     raise Untranslatable(f"{kind}: NumPy has no such function; export as C")

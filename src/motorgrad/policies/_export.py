@@ -25,6 +25,9 @@ def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None
     path, told = Path(path), functions(policy)
     check(path.suffix in FORMATS, "path", str(path), f"a name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
     check_writable("path", path)
+    for place, leaf in jax.tree_util.tree_leaves_with_path(policy):
+        fine = not jnp.issubdtype(leaf.dtype, jnp.inexact) or bool(jnp.isfinite(leaf).all())
+        check(fine, f"policy{jax.tree_util.keystr(place)}", "not all finite", "finite numbers: it has learned nothing")
     for name in told if only is None else only:
         choice("function", name, told)
     told = {name: parts for name, parts in told.items() if only is None or name in only}
