@@ -1,16 +1,18 @@
 """Jobs as tasks of Ray, on this machine or on a cluster."""
 
+import contextlib
 import logging
-import os
+import tempfile
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check_integer
 from motorgrad._extras import require
-from motorgrad.studies._jobs import AnyJob, Work, work
-from motorgrad.studies._places import Place, processors, thread_settings
+from motorgrad._processes import environment
+from motorgrad.studies._jobs import AnyJob, Work, parcel, work_parcel
+from motorgrad.studies._places import Place, process_settings, processors
+from motorgrad.studies._ray_alone import ray_alone
 
 AHEAD = 2  # jobs in flight for each that fits, so that a node need not wait for the driver
 
@@ -19,11 +21,14 @@ class Ray(Place):
     """Tasks of Ray. By default Ray is started on this machine alone.
 
     Each job takes `threads` processors, by default one. The folder of the study must be the same on all nodes, on a
-    shared file system. What Ray started here ends with the study.
+    shared file system. A cluster is used as it is.
+
+    What is started here ends with the study. It listens to this machine alone, and to nobody without a token that is
+    drawn for it; it has no dashboard, and reports nothing to Ray's makers.
 
     **Arguments:** `address`: of a cluster, such as `"auto"` on one of its nodes, or `"ray://HOST:10001"`.
 
-    **Raises** `RuntimeError` without the package.
+    **Raises** `RuntimeError` without the package, or where it would listen to other machines.
     """
 
     needs = ("running jobs on Ray needs", "ray", "ray")
@@ -34,12 +39,17 @@ class Ray(Place):
         from ray import exceptions as errors  # type: ignore[import-not-found]
 
         check_integer("workers", workers, 0, 1_000_000)
-        self._ray, self._ours = ray, not ray.is_initialized()
-        if self._ours:
-            local = {"num_cpus": max(workers, processors()), "include_dashboard": False} if not address else {}
-            with warnings.catch_warnings():  # Ray forks, and executes a program at once
-                warnings.filterwarnings("ignore", message="os.fork", category=RuntimeWarning)
-                ray.init(address=address or "local", log_to_driver=False, logging_level=logging.WARNING, **local)
+        self._ray, ours = ray, not ray.is_initialized()
+        self._started, quiet = contextlib.ExitStack(), {"log_to_driver": False, "logging_level": logging.WARNING}
+        # Ray's processes look for modules first in the working folder, unless they are given one of their own
+        with tempfile.TemporaryDirectory() as empty:
+            quiet["runtime_env"] = {"working_dir": empty}
+            if ours and address:
+                with environment():
+                    ray.init(address, **quiet)
+                self._started.callback(ray.shutdown)
+            elif ours:
+                self._started.enter_context(ray_alone(ray, max(workers, processors()), **quiet))
         self._deaths = (
             errors.WorkerCrashedError,
             errors.NodeDiedError,
@@ -49,13 +59,10 @@ class Ray(Place):
         )
         self._told = told._replace(threads=told.threads or 1)
         self._most, self._fit, self._asked = workers, 0, -1.0
-        environment = thread_settings(self._told.threads)
-        if told.imports:  # modules of the working folder, which may be shared as the study's folder is
-            environment["PYTHONPATH"] = os.pathsep.join(filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")]))
         # the driver knows better than Ray whether to try a job again
-        self._task: Any = ray.remote(work).options(
-            num_cpus=self._told.threads, max_retries=0, runtime_env={"env_vars": environment}
-        )
+        settings = {"env_vars": process_settings(self._told.threads)}
+        task = ray.remote(work_parcel)
+        self._task: Any = task.options(num_cpus=self._told.threads, max_retries=0, runtime_env=settings)
         self._references: dict[Any, Any] = {}
 
     @property
@@ -70,7 +77,7 @@ class Ray(Place):
         return isinstance(error, self._deaths)
 
     def submit(self, job: AnyJob, path: Path) -> Any:
-        reference = self._task.remote(job, path.absolute(), self._told)
+        reference = self._task.remote(*parcel(job, path.absolute(), self._told))
         future = reference.future()
         self._references[future] = reference
         return future
@@ -86,5 +93,4 @@ class Ray(Place):
             self._ray.cancel(reference, force=False)  # a SIGINT, on which a job saves what it has
 
     def close(self) -> None:
-        if self._ours:
-            self._ray.shutdown()
+        self._started.close()
