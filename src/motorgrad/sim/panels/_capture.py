@@ -21,6 +21,7 @@ from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.panels._watcher import Annotating, no_annotations
 from motorgrad.sim.scene import Pose, viewpoint_of
 
+LICENCES = Path(__file__).with_name("viser-licences.txt")  # made by tools/viser_licences.py
 LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
 
 
@@ -75,8 +76,11 @@ class SceneRecording:
         self._last = now
 
     def html(self) -> bytes:
-        """End the recording. **Returns** a page that needs neither server nor network."""
-        return self._serializer.as_html().encode()
+        """End the recording. **Returns** a page that needs neither server nor network, with the licences of what is in
+        it."""
+        first, rest = self._serializer.as_html().split("\n", 1)
+        licences = LICENCES.read_text(encoding="utf-8")
+        return f"{first}\n<!-- Licences of what is built in:\n\n{licences}-->\n{rest}".encode()
 
 
 PATIENCE = 60.0  # s in which a browser must send its picture
