@@ -2,11 +2,19 @@
 
 import asyncio
 import itertools
+import re
+import stat
+import webbrowser
+from pathlib import Path
 from types import SimpleNamespace
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
 
-from motorgrad._gate import COOKIE, Answer, Gate, Pace, Passed
+from motorgrad import _gate
+from motorgrad._browser import open_in_browser
+from motorgrad._gate import BACKLOG, COOKIE, STRANGERS, Answer, Gate, Lobby, Pace, Passed
 
 HOST = "127.0.0.1:8080"
 
@@ -150,3 +158,120 @@ def test_who_may_watch_has_a_token_a_place_and_a_cookie_of_its_own():
     assert judge(gate, f"/{place}/", Cookie=f"{COOKIE}={token}; {cookie(gate)}").watches  # with both, it still watches
     assert judge(gate, f"/{token}", True).watches
     assert Gate("127.0.0.1", "`it`").watching is None
+
+
+def test_a_ticket_leads_one_browser_to_the_page_once(gate):
+    ended = []
+    token = gate.ticket(lambda: ended.append(1))
+    # neither a foreign page nor a socket uses it up
+    assert judge(gate, f"/{token}/", Host="evil.example").status == 403
+    assert judge(gate, f"/{token}/", True).status == 403
+    assert judge(gate, f"/{token}x/").status == 403
+    assert not ended
+    answer = judge(gate, f"/{token}/")
+    assert (answer.status, answer.headers["Location"]) == (303, f"/{gate.place}/")
+    assert answer.headers["Set-Cookie"].startswith(f"{cookie(gate)};")
+    assert ended == [1]
+    assert judge(gate, f"/{token}/").status == 403
+    assert judge(gate, f"/{token}/", Cookie=cookie(gate)).status == 403
+    assert judge(gate, f"/{gate.token}/").status == 303
+
+
+def test_a_ticket_soon_ends(gate, monkeypatch):
+    ended = []
+    monkeypatch.setattr(_gate, "VALID", -1.0)
+    late = gate.ticket(lambda: ended.append("late"))
+    assert judge(gate, f"/{late}/").status == 403
+    monkeypatch.undo()
+    unused = gate.ticket(lambda: ended.append("unused"))
+    gate.end_tickets()
+    assert judge(gate, f"/{unused}/").status == 403
+    assert ended == ["late", "unused"]
+
+
+def test_no_argument_of_the_browser_has_a_token(gate, tmp_path, monkeypatch):
+    """As another user sees it with ps, on a machine whose users share the folder of temporary files."""
+    said = tmp_path / "said"
+    program = tmp_path / "browser"
+    program.write_text(f'#!/bin/sh\necho "$@" > {said}\n')
+    program.chmod(0o700)
+    monkeypatch.setenv("BROWSER", f"{program} %s")
+    monkeypatch.setattr(webbrowser, "_tryorder", None)
+    monkeypatch.setattr(webbrowser, "_browsers", {})
+    assert open_in_browser(gate, "http://127.0.0.1:8080")
+    address = said.read_text().strip()
+    (ticket,) = gate._tickets
+    assert gate.token not in address
+    assert ticket not in address
+    file = Path(url2pathname(urlsplit(address).path))
+    assert [stat.S_IMODE(path.stat().st_mode) for path in (file, file.parent)] == [0o600, 0o700]
+    text = file.read_text()
+    assert gate.token not in text
+    (led,) = re.findall('url=([^"]*)', text)
+    assert led == f"http://127.0.0.1:8080/{ticket}/"
+    assert judge(gate, f"/{ticket}/").status == 303
+    assert not file.parent.exists()
+
+
+def test_a_browser_that_does_not_open_leaves_no_file(gate, tmp_path, monkeypatch):
+    monkeypatch.setenv("BROWSER", f"{tmp_path / 'none'} %s")
+    monkeypatch.setattr(webbrowser, "_tryorder", [])
+    monkeypatch.setattr(webbrowser, "_browsers", {})
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert not open_in_browser(gate, "http://127.0.0.1:8080")
+    assert list(tmp_path.iterdir()) == []
+    assert not gate._tickets
+
+
+async def _visited(lobby, visit):
+    """What `visit` returns, given the port of a server whose connections enter a lobby and that echoes."""
+
+    class Echo(asyncio.Protocol):
+        def connection_made(self, transport):
+            self.transport = transport
+            lobby.enter(transport)
+
+        def data_received(self, data):
+            lobby.left(self.transport)
+            self.transport.write(data)
+
+        def connection_lost(self, exc):
+            lobby.left(self.transport)
+
+    server = await asyncio.get_running_loop().create_server(Echo, "127.0.0.1", 0, backlog=BACKLOG)
+    async with server:
+        return await visit(server.sockets[0].getsockname()[1])
+
+
+def test_who_shows_nothing_is_closed_and_who_shows_the_token_stays():
+    async def visit(port):
+        known = await asyncio.open_connection("127.0.0.1", port)
+        known[1].write(b"x")
+        assert await known[0].readexactly(1) == b"x"
+        strangers = [await asyncio.open_connection("127.0.0.1", port) for _ in range(5)]
+        # more than three at a time are too many, the oldest goes first; then each ends
+        ends = [await reader.read() for reader, _ in strangers]
+        known[1].write(b"y")
+        assert await known[0].readexactly(1) == b"y"
+        for _, writer in (known, *strangers):
+            writer.close()
+        return ends
+
+    lobby = Lobby(many=3, patience=0.05)
+    assert asyncio.run(_visited(lobby, visit)) == [b""] * 5
+    assert len(lobby) == 0
+
+
+def test_a_crowd_of_strangers_is_limited_and_who_knows_gets_in():
+    async def visit(port):
+        strangers = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3 * STRANGERS)]
+        known = await asyncio.open_connection("127.0.0.1", port)
+        known[1].write(b"x")
+        assert await known[0].readexactly(1) == b"x"
+        most = len(lobby)
+        for _, writer in (known, *strangers):
+            writer.close()
+        return most
+
+    lobby = Lobby()
+    assert asyncio.run(_visited(lobby, visit)) <= STRANGERS

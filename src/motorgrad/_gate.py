@@ -2,7 +2,8 @@
 
 A page prints the address `http://127.0.0.1:PORT/TOKEN/`. The first request moves the token into a cookie and leads to
 `/PLACE/`, so that neither the address bar nor the history keeps it. Browsers send cookies to every port of a host;
-this one is limited to its place, which other servers on the machine do not know.
+this one is limited to its place, which other servers on the machine do not know. A browser that the program opens comes
+with a ticket instead, a token that serves once.
 """
 
 import asyncio
@@ -11,13 +12,17 @@ import re
 import secrets
 import socket
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from hmac import compare_digest
 from typing import NamedTuple
 
 LOCAL = frozenset({"127.0.0.1", "localhost", "::1"})
 COOKIE = "motorgrad"
 UNIT = 2**16  # bytes that cost as much as one more message
+VALID = 120.0  # s in which a browser must come with its ticket
+STRANGERS = 128  # connections at a time that have shown no token
+PATIENCE = 30.0  # s that such a connection may last
+BACKLOG = 64  # connections accepted at a time; fewer than STRANGERS, or one would be closed before it is read
 HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -51,6 +56,13 @@ def _door() -> Door:
     return Door(secrets.token_urlsafe(24), secrets.token_hex(8))
 
 
+class _Ticket(NamedTuple):
+    """A token that opens the page once: until when, and what to call when it has served or ended."""
+
+    until: float
+    ended: Callable[[], None]
+
+
 class Answer(NamedTuple):
     """The gate's own answer to a request that it does not let in, or leads on."""
 
@@ -77,6 +89,7 @@ class Gate:
         self.token, self.place, self._source = *door, source
         self.watching = _door() if watched else None
         self._doors = [door] if self.watching is None else [door, self.watching]
+        self._tickets: dict[str, _Ticket] = {}
         self._names, self._exposed = {*LOCAL, host.lower()}, host not in LOCAL
         if self._exposed:
             name = socket.gethostname().lower()
@@ -95,17 +108,40 @@ class Gate:
         first, _, rest = path.removeprefix("/").partition("/")
         found = [(door, by) for door in self._doors for by in _ways(door, first, known.get("cookie", ""))]
         if not found:
-            return self._refusal()
+            return _lead(self._doors[0]) if not upgrade and self._take(first) else self._refusal()
         door, by_token = found[0]
         # a frame keeps the token: a notebook at another address could not send the cookie, and shows no address
         framed = by_token and known.get("sec-fetch-dest") in ("iframe", "frame")
         if upgrade or not (query or (by_token and not framed)):
             return Passed(f"/{rest}", framed, door is self.watching)
         # no query reaches a page: viser's client would connect to any server that one names
-        led = {**HEADERS, "Location": f"/{door.token if framed else door.place}/"}
         if by_token and not framed:
-            led["Set-Cookie"] = f"{COOKIE}={door.token}; Path=/{door.place}; HttpOnly; SameSite=Lax"
-        return Answer(303, led, "")
+            return _lead(door)
+        return Answer(303, {**HEADERS, "Location": f"/{door.token if framed else door.place}/"}, "")
+
+    def ticket(self, ended: Callable[[], None]) -> str:
+        """A token that leads one browser to the page, once and soon. `ended` is called when it no longer does."""
+        token = secrets.token_urlsafe(24)
+        self._tickets[token] = _Ticket(time.monotonic() + VALID, ended)
+        return token
+
+    def end_tickets(self) -> None:
+        """End all tickets that nobody has used."""
+        for token in list(self._tickets):
+            self._end(token)
+
+    def _take(self, token: str) -> bool:
+        """Use a ticket. **Returns** whether it was a valid one."""
+        given = token.encode("utf-8", "replace")
+        found = [known for known in list(self._tickets) if compare_digest(given, known.encode())]
+        ticket = self._end(found[0]) if found else None
+        return ticket is not None and time.monotonic() < ticket.until
+
+    def _end(self, token: str) -> _Ticket | None:
+        ticket = self._tickets.pop(token, None)
+        if ticket is not None:
+            ticket.ended()
+        return ticket
 
     def _refusal(self) -> Answer:
         text = f"Forbidden: open the whole address that {self._source} printed.\n"
@@ -143,6 +179,61 @@ class Pace:
         self._paid = max(self._paid, now - self._ahead) + self._cost * (1 + size / UNIT)
         if self._paid > now:
             await asyncio.sleep(self._paid - now)
+
+
+class Lobby:
+    """The connections that have shown no token: limited in number and time, so that they exhaust nothing.
+
+    Where there are too many, the one that has waited longest is closed: whoever has the token shows it at once.
+
+    **Arguments:** how `many` at a time; `patience`: seconds that each may last.
+    """
+
+    def __init__(self, many: int = STRANGERS, patience: float = PATIENCE):
+        self._many, self._patience = many, patience
+        self._waiting: dict[tuple[str, int], tuple[asyncio.Transport, asyncio.TimerHandle]] = {}
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def enter(self, transport: asyncio.Transport) -> None:
+        """Take in a new connection, within its event loop."""
+        client = _client(transport)
+        if client is None:  # it has gone already
+            transport.abort()
+            return
+        self.leave(client)  # an earlier connection from there has ended
+        if len(self._waiting) >= self._many:
+            ended = (known for known, (other, _) in self._waiting.items() if other.is_closing())
+            self._close(next(ended, next(iter(self._waiting))))
+        expiry = asyncio.get_running_loop().call_later(self._patience, self._close, client)
+        self._waiting[client] = transport, expiry
+
+    def leave(self, client: tuple[str, int] | None) -> None:
+        """Let a connection stay that has shown a token, or forget one that has ended. `client` is its address."""
+        if client in self._waiting:
+            self._waiting.pop(client)[1].cancel()
+
+    def left(self, transport: asyncio.Transport) -> None:
+        """As `leave`, for a transport."""
+        self.leave(_client(transport))
+
+    def _close(self, client: tuple[str, int]) -> None:
+        transport = self._waiting[client][0]
+        self.leave(client)
+        transport.abort()
+
+
+def _client(transport: asyncio.BaseTransport) -> tuple[str, int] | None:
+    """The address and port of whoever has connected."""
+    peer = transport.get_extra_info("peername")
+    return None if peer is None else (str(peer[0]), int(peer[1]))
+
+
+def _lead(door: Door) -> Answer:
+    """Move the token into a cookie, and lead on to the page."""
+    cookie = f"{COOKIE}={door.token}; Path=/{door.place}; HttpOnly; SameSite=Lax"
+    return Answer(303, {**HEADERS, "Location": f"/{door.place}/", "Set-Cookie": cookie}, "")
 
 
 def _ways(door: Door, first: str, cookies: str) -> list[bool]:

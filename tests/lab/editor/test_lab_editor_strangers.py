@@ -1,11 +1,13 @@
 """Strangers and crowds before TimLab's page: its gate, the bounds of messages, and fifty clients at once."""
 
+import contextlib
 import http.client
 import json
 import logging
 import random
 import socket as sockets
 import time
+import webbrowser
 
 import pytest
 from editor_page import wave
@@ -13,7 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from crowd import crowd, fair
-from motorgrad._gate import COOKIE
+from motorgrad._gate import BACKLOG, COOKIE, STRANGERS
 from motorgrad.lab.editor import Server, Session
 from motorgrad.lab.editor._server import LARGEST
 
@@ -187,3 +189,37 @@ def test_fifty_clients_see_a_run_and_one_another(server):
         time.sleep(0.05)
     assert not server.session._listeners
     assert alive(server)
+
+
+def test_connections_without_a_token_exhaust_nothing(server):
+    """More than there are places, which send nothing or the beginning of a request: the owner gets in all the same."""
+    with contextlib.ExitStack() as held:
+        where = ("127.0.0.1", server.port)
+        strangers = [held.enter_context(sockets.create_connection(where, TIMEOUT)) for _ in range(2 * STRANGERS)]
+        for number, connection in enumerate(strangers):
+            with contextlib.suppress(OSError):  # it is closed already
+                connection.sendall([b"", b"GET / HTTP/1.1\r\nX: "][number % 2])
+        assert get(server, f"/{server.token}/")[0] == 303
+        assert len(server._lobby) <= STRANGERS
+        assert len(server._server.server_state.connections) <= STRANGERS + BACKLOG
+        assert alive(server)
+        with contextlib.suppress(ConnectionResetError):
+            assert strangers[0].recv(1) == b""
+
+
+def test_the_pages_own_browser_comes_with_a_ticket(server, tmp_path, monkeypatch):
+    said = tmp_path / "said"
+    program = tmp_path / "browser"
+    program.write_text(f'#!/bin/sh\necho "$@" > {said}\n')
+    program.chmod(0o700)
+    monkeypatch.setenv("BROWSER", f"{program} %s")
+    monkeypatch.setattr(webbrowser, "_tryorder", None)
+    monkeypatch.setattr(webbrowser, "_browsers", {})
+    assert server.open()
+    assert said.read_text().startswith("file://")
+    assert server.token not in said.read_text()
+    (ticket,) = server._gate._tickets
+    status, headers, _ = get(server, f"/{ticket}/")
+    assert status == 303
+    assert get(server, headers["location"], Cookie=headers["set-cookie"].split(";")[0])[0] == 200
+    assert get(server, f"/{ticket}/")[0] == 403

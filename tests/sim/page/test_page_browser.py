@@ -37,7 +37,7 @@ def opened(browser):
 
 @contextlib.contextmanager
 def site(text):
-    """Another server on this machine with one page; its address, of another site than localhost."""
+    """Another server on this machine with one page; its address at localhost is of another site."""
 
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self):
@@ -102,11 +102,11 @@ def test_the_owner_sees_the_page_and_no_token_in_its_address(browser, page):
         assert token not in seen.url
         as_a_demanding_user(seen, page)
         assert token not in seen.evaluate("document.cookie + JSON.stringify(localStorage)")  # no script may read it
-        ours = tuple(f"{kind}localhost:{page.server.get_port()}/" for kind in ("http://", "blob:http://"))
+        ours = tuple(f"{kind}127.0.0.1:{page.server.get_port()}/" for kind in ("http://", "blob:http://"))
         assert [url for url in asked if not url.startswith((*ours, "data:"))] == []
         # another server on this machine, to which browsers send the cookies of every port
         with site("hello") as (port, heard):
-            seen.goto(f"http://localhost:{port}/")
+            seen.goto(f"http://127.0.0.1:{port}/")
             assert token not in str(heard)
 
 
@@ -189,7 +189,7 @@ def test_a_part_that_is_clicked_is_shown_and_can_be_edited(browser):
 @pytest.mark.ci
 def test_a_notebook_at_another_address_shows_the_page_below_its_cell(browser, page):
     with site(f"<p>In [1]:</p>{page._repr_html_()}") as (port, _), opened(browser) as (seen, _):
-        seen.goto(f"http://127.0.0.1:{port}/")
+        seen.goto(f"http://localhost:{port}/")
         shown(seen.frames[1])
         assert page._gate.token not in seen.url
 
@@ -218,7 +218,7 @@ def test_pages_of_others_reach_nothing_in_a_browser_that_has_been_let_in(browser
             for host in ("localhost", "127.0.0.1"):
                 seen.goto(f"http://{host}:{other}/")
                 assert seen.evaluate(attack, [port, path]) == ["refused"] * 4, (path, host)
-        framed = f"http://localhost:{port}/{place}/"
+        framed = f"http://127.0.0.1:{port}/{place}/"
         seen.set_content(f'<iframe src="{framed}"></iframe>')
         seen.wait_for_timeout(500)
         assert all("Viser" not in frame.content() for frame in seen.frames[1:])

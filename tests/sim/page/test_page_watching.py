@@ -2,13 +2,15 @@
 
 import time
 
+import msgspec
 import pytest
 from page_clients import CAMERA, alive, client, fields, get, send, socket, update
 from patience import until
 
 from motorgrad._gate import COOKIE
 from motorgrad.sim import live
-from motorgrad.sim.scene import own, own_elements
+from motorgrad.sim.page._server import read_message
+from motorgrad.sim.scene import own, own_elements, watches
 
 
 def of(page, connection):
@@ -177,3 +179,78 @@ def test_a_link_leads_to_a_moment_and_a_camera_and_for_who_watches_to_the_camera
     with pytest.raises(ValueError, match="time = 2"):
         page.link(decision=1, time=2.0)
     assert page.link(camera="orbit", read_only=True) == f"{page.read_only_url}#camera=orbit"
+
+
+ODD = [
+    *({name: value} for name in ("image_height", "image_width") for value in (-1, 2**16, 2**63)),
+    *({"fov": value} for value in (0.0, -1.0, 3.15, 1e308)),
+    *({"near": near, "far": far} for near, far in ((0.0, 1.0), (-1.0, 1.0), (2.0, 1.0), (1.0, 1e300))),
+    *({"wxyz": value} for value in ((0.0,) * 4, (1e9, 0.0, 0.0, 0.0))),
+    *({"up_direction": value} for value in ((0.0,) * 3, (0.0, 0.0, 1e300))),
+    *({name: (0.0, 0.0, value)} for name in ("position", "look_at") for value in (1e10, float("inf"), float("nan"))),
+]
+
+
+@pytest.mark.parametrize("odd", ODD, ids=str)
+def test_a_camera_that_no_browser_has_is_refused(odd):
+    with pytest.raises(ValueError, match="|".join(odd)):
+        read_message(msgspec.msgpack.encode({**CAMERA, **odd}))
+
+
+def test_a_hidden_or_failing_watcher_takes_no_camera_from_who_drives_and_comes_later(page, caplog):
+    """A picture without height, then a fault of the program in the camera of that very browser."""
+    messages = {"image_height": 0}, {"image_width": 0, "image_height": 0}
+    with socket(page, page.read_only_url) as watcher:
+        for message in messages:
+            send(watcher, **{**CAMERA, **message})
+        assert until(lambda: page.server.get_clients())
+        (hidden,) = page.server.get_clients()
+        assert until(lambda: hidden in page.view.cameras._viewers)
+        page.view.cameras._viewers[hidden].wanted = "Walk"
+        with client(page) as driver:
+            theirs = the_other(page, hidden)
+            assert until(lambda: page.view.cameras.chosen(theirs.client_id))
+            assert page.view.cameras.chosen(hidden) == ""
+            assert page.viewpoint()
+            # from here it shows something, and its camera fails
+            page.view.cameras._viewers[hidden].wanted = None
+            page.view.cameras._viewers[hidden].mode = object()
+            send(watcher, **CAMERA)
+            assert until(lambda: page.view.cameras._guard.failures)
+            choice = page.view.cameras._viewers[theirs.client_id].choice
+            update(driver, choice, "Walk")
+            assert until(lambda: page.view.cameras.chosen(theirs.client_id) == "Walk")
+    (record,) = [each for each in caplog.records if "could not be drawn" in each.getMessage()]
+    assert f"browser {hidden}" in record.getMessage()
+
+
+def the_other(page, number):
+    """viser's handle of the browser that has come beside this one."""
+    assert until(lambda: len(page.server.get_clients()) == 2)
+    (found,) = (each for each in page.server.get_clients().values() if each.client_id != number)
+    return found
+
+
+def test_a_watcher_moves_its_own_elements_within_their_ends_alone(page, quiet):
+    with client(page, url=page.read_only_url) as connection:
+        found = of(page, connection)
+        sliders = [each for each in own_elements(found).values() if hasattr(each, "min")]
+        assert sliders
+        for slider in sliders:
+            for value in (slider.min - 1, slider.max + 1, 1e300, -(2**63), float("nan"), [1.0], None):
+                update(connection, slider, value)
+            update(connection, slider, slider.max)
+            assert until(lambda each=slider: each.value == each.max)
+    assert len(quiet()) == 7 * len(sliders)
+
+
+def test_the_sky_of_who_drives_is_no_watchers(page):
+    with client(page), client(page, url=page.read_only_url) as connection:
+        assert until(lambda: len(page.server.get_clients()) == 2)
+        send(connection, **{**CAMERA, "near": 0.01, "far": 0.02})
+        watcher = next(each for number, each in page.server.get_clients().items() if watches(page.server, number))
+        assert until(lambda: watcher.camera.far == 0.02)
+        (sky,) = (layer for layer in page.scene.layers if hasattr(layer, "_dome"))
+        pose = page._pose
+        sky.draw(pose)
+        assert sky._far > 1.0

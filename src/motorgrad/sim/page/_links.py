@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import html
-import math
 import time
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
@@ -13,11 +12,11 @@ import viser
 
 from motorgrad._errors import check
 from motorgrad.sim.live import Scrub, Session, Snapshot
-from motorgrad.sim.page._watching import watches
 from motorgrad.sim.panels import notify
-from motorgrad.sim.scene import Cameras, Pose, camera_named, own, own_elements
+from motorgrad.sim.scene import Cameras, Guard, Pose, camera_named, own, own_elements, watches
 
 RATE = 4.0  # Hz, at which changes are looked for
+LATEST = 2**53  # decisions, or seconds, that a link may name
 WATCHED = "Whoever opens it sees the run, turns the camera and switches tabs, and can change nothing."
 REFUSED = (ValueError, RuntimeError)
 
@@ -38,9 +37,9 @@ class Place:
     tab: str | None = None
 
     def __post_init__(self) -> None:
-        whole = self.decision is None or (isinstance(self.decision, int) and self.decision >= 0)
+        whole = self.decision is None or (isinstance(self.decision, int) and 0 <= self.decision < LATEST)
         check(whole, "decision", self.decision, "an integer from 0")
-        fine = self.time is None or (math.isfinite(self.time) and self.time >= 0)
+        fine = self.time is None or 0 <= self.time < LATEST
         check(fine, "time", self.time, "simulated seconds from 0")
         check(self.decision is None or self.time is None, "time", self.time, "left out where there is a decision")
 
@@ -92,6 +91,7 @@ class Links:
         self._fields: dict[int, Any] = {}
         self._told: dict[int, tuple[Any, str]] = {}
         self._waiting: int | None = None
+        self._guard = Guard("the address of a browser")
         self._due, self._moment = 0.0, ""
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
@@ -122,7 +122,7 @@ class Links:
         for number, client in self._server.get_clients().items():
             field = self._fields.get(number)
             if field is not None:
-                self._tell(number, client, field)
+                self._guard(str(number), self._tell, number, client, field)
 
     def go(self, client: Any, text: str) -> None:
         """Take a browser to the place in its address. **Raises** `ValueError` for an unknown one."""

@@ -13,12 +13,12 @@ import sys
 import threading
 import time
 import warnings
-import webbrowser
 from pathlib import Path
 from typing import Any, Self
 
 import mujoco
 
+from motorgrad._browser import open_in_browser
 from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
 from motorgrad.sim.film import Viewpoint
@@ -26,7 +26,6 @@ from motorgrad.sim.live import Session
 from motorgrad.sim.page._links import WATCHED, Links, Place, link_element
 from motorgrad.sim.page._plots import PlotPages
 from motorgrad.sim.page._server import clear, gated_server
-from motorgrad.sim.page._watching import watches
 from motorgrad.sim.panels import (
     ClickSelect,
     DragPush,
@@ -38,10 +37,13 @@ from motorgrad.sim.panels import (
     SlowFilmRecorder,
     Tours,
 )
-from motorgrad.sim.scene import Pose, Scene, View, camera_named, viewpoint_of
+from motorgrad.sim.scene import Guard, Pose, Scene, View, camera_named, viewpoint_of, watches
 
 HERE = "127.0.0.1"
 EVERYWHERE = ("0.0.0.0", "::")
+NUMERIC = {"0.0.0.0": HERE, "::": "::1"}
+"""Where this machine reaches a host. Browsers may take the name localhost for the other of its two addresses, where
+another user may listen for the token."""
 PORT = 8080
 
 
@@ -89,12 +91,13 @@ class Page:
     such as a class, may watch and change nothing; `plots_url`, of the page of plots; `server`, viser's; `session`;
     `scene` and `panels`; `overlay`: what stands on the scene, to which programs add texts, plots and arrows (see
     `motorgrad.sim.panels.Overlay`); `tour`: its guided tour, which takes steps of your own (see
-    `motorgrad.sim.panels.Tours`); `failures`: how many frames a part could not draw.
+    `motorgrad.sim.panels.Tours`).
 
     **Raises** `ValueError` for a port that is in use.
     """
 
     def __init__(self, session: Session, host: str = HERE, port: int | None = None, wait: bool = True):
+        host = HERE if host.lower() == "localhost" else host
         check_port(host, port)
         self.session, self.host = session, host
         self._recordings: list[FilmRecorder | SlowFilmRecorder | ReplayRecorder] = []
@@ -155,8 +158,9 @@ class Page:
         self._dock()
         self._build()
         old.close()
-        for client in self.server.get_clients().values():
-            self._clicks.bring_forward(client, "Run" if session.task is None else "Learning")
+        for number, client in self.server.get_clients().items():
+            tab = "Run" if session.task is None else "Learning"
+            self._guard(f"the tab of browser {number}", self._clicks.bring_forward, client, tab)
 
     def _tell(self, words: str) -> None:
         """Show progress on the page's cover; the page's script reads it from this element."""
@@ -167,8 +171,7 @@ class Page:
             mujoco.set_mju_user_warning(log.debug)
         session = self.session
         self.scene, self.panels = Scene(), Panels(self.overlay.annotations)
-        self.failures = 0
-        self._failed: set[str] = set()
+        self._guard = Guard(session.name)
         self._pose = Pose(session.model)
         self._pose.place(session.snapshot())
         planet, ground_at = None, None
@@ -193,6 +196,11 @@ class Page:
                 self.server.gui.add_html(link_element(self.read_only_url, "Copy link to watch only", WATCHED))
         self._plots.figures = Figures(session)
         self.parts: list[Any] = [*drawn, self.view, self.panels, self.overlay, *hands]
+
+    @property
+    def failures(self) -> int:
+        """How many frames a part could not draw."""
+        return self._guard.failures
 
     @property
     def url(self) -> str:
@@ -220,7 +228,7 @@ class Page:
         return self._address()
 
     def _address(self, name: str | None = None) -> str:
-        shown = name or ("localhost" if self.host in (HERE, *EVERYWHERE) else self.host)
+        shown = name or NUMERIC.get(self.host, self.host)
         return f"http://{f'[{shown}]' if ':' in shown else shown}:{self.server.get_port()}"
 
     @property
@@ -260,7 +268,7 @@ class Page:
     def open(self) -> None:
         """Open the page in the user's browser, where there is a screen."""
         if sys.platform in ("darwin", "win32") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-            webbrowser.open(self.url)
+            open_in_browser(self._gate, self._public_url)
 
     def viewpoint(self, time: float | None = None) -> Viewpoint:
         """The camera of the newest browser that may drive, for films of what it shows.
@@ -306,6 +314,7 @@ class Page:
         if self._stop.is_set():
             return
         self._stop.set()
+        self._gate.end_tickets()
         if not self._built.is_set():
             self.session.close()
         self._thread.join(10.0)
@@ -351,20 +360,3 @@ class Page:
             now = time.perf_counter()
             due = max(due + FRAME, now)
             self._stop.wait(due - now)
-
-    def _guard(self, name: str, act: Any, *arguments: Any) -> None:
-        """Draw a part; one that fails does not stop the others, and is logged once."""
-        try:
-            try:
-                act(*arguments)
-            except RuntimeError as error:
-                # viser wakes its senders through asyncio's Event, which is not thread-safe: about once in 10,000 frames
-                # a sender goes to sleep at that very moment. Trying again succeeds
-                if "mutated during iteration" not in str(error):
-                    raise
-                act(*arguments)
-        except Exception:
-            self.failures += 1
-            if name not in self._failed:
-                self._failed.add(name)
-                log.exception("%s: %s could not be drawn", self.session.name, name)

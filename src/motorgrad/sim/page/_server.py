@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosedError
 from websockets.http11 import Request, Response
 
 from motorgrad._errors import check, choice, shown
-from motorgrad._gate import HEADERS, Answer, Gate, Pace, Passed
+from motorgrad._gate import BACKLOG, HEADERS, Answer, Gate, Lobby, Pace, Passed
 from motorgrad.sim.page._additions import with_additions
 from motorgrad.sim.page._plots import PlotPages
 from motorgrad.sim.page._watching import SHARE, may_watch
@@ -45,6 +45,10 @@ PICTURE = viser_messages.GetRenderResponseMessage
 LARGEST_PICTURE = 2**24  # bytes
 LARGEST = 2**16  # bytes of any other message
 LONGEST = 1000  # characters of a text field
+FARTHEST = 1e9  # of any number in a message
+WIDEST = 2**15  # pixels of a browser's picture
+ROUNDING = 1e-6  # by which a browser's sliders may miss their ends, as a share of them
+UNIT = (0.5, 2.0)  # lengths of a direction, of which browsers send 1 and rounding
 TOLERATED = 20  # refused messages after which a client is hung up on
 MOST = 200  # clients at a time
 POLICY = (
@@ -100,12 +104,14 @@ class _Front:
     def __init__(self, gate: Gate, label: str, plots: PlotPages):
         self._gate, self._label, self._plots, self._clients, self.used = gate, label, plots, 0, False
         self._pages: dict[tuple[bool, bool], bytes] = {}
+        self._lobby = Lobby()
         self.server: viser.ViserServer | None = None
 
     def settings(self, given: dict[str, Any]) -> dict[str, Any]:
         """The settings of viser's server, with the gate before its pages."""
         self.used = True
-        bounds = {"max_size": LARGEST_PICTURE + LARGEST, "max_queue": 4, "logger": _silent}
+        bounds = {"max_size": LARGEST_PICTURE + LARGEST, "max_queue": 4, "logger": _silent, "backlog": BACKLOG}
+        bounds["create_connection"] = _through(self._lobby)
         return {**given, **bounds, "process_request": self._process(given["process_request"])}
 
     def handler(self, handle: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -117,6 +123,7 @@ class _Front:
             watches = not isinstance(verdict, Passed) or verdict.watches
             if self._clients >= (SHARE * MOST if watches else MOST):
                 log.warning("a browser was refused: %d are connected", self._clients)
+                self._lobby.enter(connection.transport)  # so that those who do not leave exhaust nothing either
                 await connection.close(1013, "too many browsers")
                 return
             self._clients += 1
@@ -136,6 +143,8 @@ class _Front:
         def process(connection: Any, request: Request) -> Response | Awaitable[Response] | None:
             upgrade = "Upgrade" in request.headers
             verdict = self._gate.judge(request.path, request.headers.raw_items(), upgrade)
+            if isinstance(verdict, Passed) and (upgrade or not verdict.watches):
+                self._lobby.left(connection.transport)
             if isinstance(verdict, Passed) and not upgrade and verdict.path in self._plots:
                 host = request.headers["Host"]
                 return asyncio.to_thread(self._plot, verdict, host)  # drawing takes some milliseconds
@@ -194,6 +203,21 @@ class _Front:
         return True
 
 
+def _through(lobby: Lobby) -> type[websockets.asyncio.server.ServerConnection]:
+    """The server's connections, which are in the lobby at first."""
+
+    class Connection(websockets.asyncio.server.ServerConnection):
+        def connection_made(self, transport: Any) -> None:
+            lobby.enter(transport)
+            super().connection_made(transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            lobby.left(self.transport)
+            super().connection_lost(exc)
+
+    return Connection
+
+
 class _Client:
     """A connection as viser's handler sees it, without invalid messages and with a limited rate.
 
@@ -248,11 +272,26 @@ def read_message(raw: Any) -> Any:
     known = {field.name for field in dataclasses.fields(kind) if field.init}
     for field, value in fields.items():
         choice(f"field of {name}", field, known)
-        check(_is_finite(value), f"{name}.{field}", value, "finite")
+        check(_is_bounded(value), f"{name}.{field}", value, f"finite, and at most {FARTHEST:g}")
     try:
-        return msgspec.convert(fields, kind)
+        message = msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
         raise ValueError(f"{name}: {_line(error)}") from None
+    if isinstance(message, viser_messages.ViewerCameraMessage):
+        _check_camera(message)
+    return message
+
+
+def _check_camera(camera: viser_messages.ViewerCameraMessage) -> None:
+    """Refuse a camera that no browser has. A hidden page has a picture without size."""
+    for name in ("image_width", "image_height"):
+        size = getattr(camera, name)
+        check(0 <= size <= WIDEST, name, size, f"from 0 to {WIDEST}")
+    check(0.001 <= camera.fov <= 3.14, "fov", camera.fov, "an angle from 0.001 to 3.14")
+    check(0 < camera.near < camera.far, "near", camera.near, "from 0 to far")
+    for name in ("wxyz", "up_direction"):
+        way = getattr(camera, name)
+        check(UNIT[0] <= math.hypot(*way) <= UNIT[1], name, way, "of length 1")
 
 
 def check_value(handle: Any, updates: dict[str, Any]) -> None:
@@ -266,27 +305,39 @@ def check_value(handle: Any, updates: dict[str, Any]) -> None:
         check(isinstance(value, bool), "value", value, "true or false")
     elif isinstance(present, int | float):
         check(_is_number(value), "value", value, "a number")
+        _check_range(handle._impl.props, [value])
     elif isinstance(present, str):
         text = isinstance(value, str) and len(value) <= LONGEST
         check(text, "value", value, f"a text of at most {LONGEST:,} characters")
     elif isinstance(present, tuple):
         alike = isinstance(value, list) and len(value) == len(present) and all(map(_is_number, value))
         check(alike, "value", value, f"{len(present)} numbers")
+        _check_range(handle._impl.props, value)
     else:
         check(False, "value", value, "left alone")
+
+
+def _check_range(props: Any, values: list[float]) -> None:
+    """Refuse numbers beyond the ends of a slider, or of a field that has some."""
+    ends = [getattr(props, end, None) for end in ("min", "max")]
+    lows, highs = ([end] * len(values) if end is None or _is_number(end) else list(end) for end in ends)
+    for value, low, high in zip(values, lows, highs, strict=True):
+        slack = ROUNDING * max(abs(low or 0.0), abs(high or 0.0))
+        right = (low is None or value >= low - slack) and (high is None or value <= high + slack)
+        check(right, "value", value, f"from {'any' if low is None else low} to {'any' if high is None else high}")
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _is_finite(value: Any) -> bool:
-    """Whether all numbers in a message are finite."""
-    if isinstance(value, float):
-        return math.isfinite(value)
+def _is_bounded(value: Any) -> bool:
+    """Whether all numbers in a message are finite, and of a size that can mean something."""
+    if isinstance(value, int | float):
+        return abs(value) <= FARTHEST
     if isinstance(value, dict):
-        return all(map(_is_finite, value.values()))
-    return all(map(_is_finite, value)) if isinstance(value, list) else True
+        return all(map(_is_bounded, value.values()))
+    return all(map(_is_bounded, value)) if isinstance(value, list) else True
 
 
 def _log_briefly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

@@ -12,12 +12,6 @@ from motorgrad.sim.scene import own_elements
 SHARE = 0.9  # of all places, which watching browsers may take; the others are kept for those who drive
 
 
-def watches(server: viser.ViserServer, client_id: int) -> bool:
-    """Whether a browser may only watch. Unknown browsers may only watch."""
-    connection = server._websock_server._live_connections.get(client_id)  # type: ignore[arg-type]
-    return getattr(connection, "watches", True)
-
-
 def may_watch(server: viser.ViserServer | None, message: Any) -> bool:
     """Whether a watching browser may send this: where its camera is, and values of elements that are its own alone."""
     if isinstance(message, viser_messages.ViewerCameraMessage):

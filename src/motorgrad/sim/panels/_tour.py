@@ -17,7 +17,7 @@ from motorgrad.sim.panels._clicks import ClickSelect
 from motorgrad.sim.panels._panel import brief
 from motorgrad.sim.panels._panels import Panels
 from motorgrad.sim.panels._tours import TourStep, check_tour, read_tour, tour_of
-from motorgrad.sim.scene import Cameras, Pose, camera_named, own
+from motorgrad.sim.scene import Cameras, Guard, Pose, camera_named, own
 
 RATE = 4.0  # Hz, at which is looked whether a step is over
 KEY = "T"
@@ -165,6 +165,7 @@ class Tours:
     def __init__(self, cameras: Cameras, panels: Panels, clicks: ClickSelect, tabs: Sequence[str] = ()) -> None:
         self._cameras, self._panels, self._clicks, self._more = cameras, panels, clicks, tabs
         self._guides: dict[int, Guide] = {}
+        self._guard = Guard("the tour of a browser")
         self._asked: deque[tuple[int, str]] = deque()
         self._due = 0.0
 
@@ -218,18 +219,21 @@ class Tours:
             # a number before the word tells repetitions apart; of quick answers viser may report the last one twice
             if guide is not None and (word == BEGIN or word != guide.heard):
                 guide.heard = word
-                self._obey(guide, word.rpartition(":")[2], snapshot)
+                self._guard(str(number), self._obey, guide, word.rpartition(":")[2], snapshot)
         now = time.monotonic()
         if now < self._due:
             return
         self._due = now + 1 / RATE
-        for guide in [*self._guides.values()]:
-            waiting = guide.waiting
-            if waiting is None:
-                continue
-            if not waiting.open and waiting.over(snapshot):
-                self._go(guide, guide.at + 1, snapshot)
-            guide.show(snapshot)
+        for number, guide in [*self._guides.items()]:
+            self._guard(str(number), self._proceed, guide, snapshot)
+
+    def _proceed(self, guide: Guide, snapshot: Snapshot) -> None:
+        waiting = guide.waiting
+        if waiting is None:
+            return
+        if not waiting.open and waiting.over(snapshot):
+            self._go(guide, guide.at + 1, snapshot)
+        guide.show(snapshot)
 
     def _obey(self, guide: Guide, word: str, snapshot: Snapshot) -> None:
         if word == BEGIN and self.steps:

@@ -3,8 +3,9 @@
 from motorgrad.sim.scene._beside import BODY_COLOURS, main_reading
 from motorgrad.sim.scene._cameras import Cameras, camera_named, viewpoint_of
 from motorgrad.sim.scene._contacts import touches, weight_arrow
+from motorgrad.sim.scene._guard import Guard
 from motorgrad.sim.scene._layer import Layer
-from motorgrad.sim.scene._own import own, own_elements
+from motorgrad.sim.scene._own import own, own_elements, watches
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._scene import Scene, View
 from motorgrad.sim.scene._units import with_unit
@@ -12,6 +13,7 @@ from motorgrad.sim.scene._units import with_unit
 __all__ = [
     "BODY_COLOURS",
     "Cameras",
+    "Guard",
     "Layer",
     "Pose",
     "Scene",
@@ -22,6 +24,7 @@ __all__ = [
     "own_elements",
     "touches",
     "viewpoint_of",
+    "watches",
     "weight_arrow",
     "with_unit",
 ]

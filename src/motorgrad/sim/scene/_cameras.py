@@ -19,6 +19,7 @@ from motorgrad._errors import check, unknown
 from motorgrad.sim.film import Viewpoint, camera_axes, ground_height, natural_angles
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.scene._framing import Framing, History
+from motorgrad.sim.scene._guard import Guard
 from motorgrad.sim.scene._own import own
 from motorgrad.sim.scene._pose import Pose
 
@@ -258,13 +259,18 @@ def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
     send(SetCameraLookAtMessage(tuple(target.tolist())))
 
 
+def has_picture(camera: Any) -> bool:
+    """Whether a browser shows anything; a hidden one reports a picture without size."""
+    return min(camera.image_width, camera.image_height) > 0
+
+
 def viewpoint_of(camera: Any, aspect: float | None = None) -> Viewpoint:
     """The viewpoint of a browser's camera; for a picture with this `aspect` (width over height) wide enough to show
     what the browser shows.
     """
     place, target, up = (tuple(map(float, each)) for each in (camera.position, camera.look_at, camera.up_direction))
     found = Viewpoint(place, target, float(np.clip(np.degrees(camera.fov), 1, 170)), up)  # type: ignore[arg-type]
-    return found if aspect is None else found.for_aspect(camera.aspect, aspect)
+    return found if aspect is None or not has_picture(camera) else found.for_aspect(camera.aspect, aspect)
 
 
 def camera_named(name: str, cameras: list[str]) -> str:
@@ -307,6 +313,7 @@ class Cameras:
         self._ground_at = ground_at or self._model_ground
         self._viewers: dict[int, Viewer] = {}
         self._lock = threading.Lock()
+        self._guard = Guard("cameras")
         self._pose: Pose | None = None
         self._history, self._kept = History(), -np.inf
         self.names: list[str] = []
@@ -333,14 +340,20 @@ class Cameras:
         self._keep_start(pose)
         here = self._server.get_clients()
         with self._lock:
-            viewers = [viewer for client, viewer in self._viewers.items() if client in here]
-        for viewer in viewers:
-            if viewer.wanted is not None:
-                self._switch(viewer, pose)
-            if isinstance(viewer.mode, Walk):
-                viewer.mode.height = viewer.height
-            with viewer.client.atomic():
-                viewer.mode.move(viewer.client.camera, pose)
+            viewers = [(client, viewer) for client, viewer in self._viewers.items() if client in here]
+        for client, viewer in viewers:
+            self._guard(f"that of browser {client}", self._move, viewer, pose)
+
+    def _move(self, viewer: Viewer, pose: Pose) -> None:
+        camera = viewer.client.camera
+        if not has_picture(camera):
+            return
+        if viewer.wanted is not None:
+            self._switch(viewer, pose)
+        if isinstance(viewer.mode, Walk):
+            viewer.mode.height = viewer.height
+        with viewer.client.atomic():
+            viewer.mode.move(camera, pose)
 
     def select(self, client_id: int, name: str) -> None:
         """Give a browser another camera in the next frame. **Raises** `ValueError` for an unknown name."""

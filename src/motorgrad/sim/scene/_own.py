@@ -11,6 +11,12 @@ _own: weakref.WeakKeyDictionary[viser.ClientHandle, set[str]] = weakref.WeakKeyD
 """viser's identifiers of these elements, by their browser."""
 
 
+def watches(server: viser.ViserServer, client_id: int) -> bool:
+    """Whether a browser may only watch. Unknown browsers may only watch."""
+    connection = server._websock_server._live_connections.get(client_id)  # type: ignore[arg-type]
+    return getattr(connection, "watches", True)
+
+
 def own(handle: Any) -> Any:
     """Mark an element that belongs to one browser and changes only what that browser sees. **Returns** it.
 

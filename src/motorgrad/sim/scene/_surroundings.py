@@ -16,6 +16,7 @@ from motorgrad.sim.film import geom_colours, height_grid, nice_step, visible_geo
 from motorgrad.sim.live import Session
 from motorgrad.sim.scene._geometry import quaternions_from_matrices, textured_glb
 from motorgrad.sim.scene._layer import Layer
+from motorgrad.sim.scene._own import watches
 from motorgrad.sim.scene._pose import Pose
 
 REACH = 250.0  # m from the middle to the edge of an infinite plane, which follows the body
@@ -155,10 +156,11 @@ class Sky(Layer):
 
     def draw(self, pose: Pose) -> None:
         """Keep the dome within the drawing distance of all browsers but beyond what they see, which for a large planet
-        is far.
+        is far. Where one may drive, those that only watch do not count.
         """
-        clients = self._server.get_clients().values()
-        far = SHARE * min((client.camera.far for client in clients), default=FAR / SHARE)
+        clients = self._server.get_clients()
+        driving = [client for number, client in clients.items() if not watches(self._server, number)]
+        far = SHARE * min((client.camera.far for client in driving or clients.values()), default=FAR / SHARE)
         if far > 0 and far != self._far:
             self._far = far
             self._dome.scale = far / FAR
