@@ -65,7 +65,9 @@ def test_arguments_reach_the_class_and_time_limits_its_wrapper():
 def test_an_id_may_name_a_class_of_a_module():
     by_name = from_gymnasium("gymnasium.envs.classic_control.cartpole:CartPoleEnv", max_episode_steps=10)
     assert by_name.observation_size == from_gymnasium("CartPole-v1").observation_size
-    assert by_name.imports({"env_id": by_name.env_id}) == ["gymnasium.envs.classic_control.cartpole"]
+    assert by_name.imports({"env_id": by_name.env_id}) == []  # it was named here, by its user
+    other = "gymnasium.envs.classic_control.pendulum:PendulumEnv"
+    assert by_name.imports({"env_id": other}) == [other]
 
 
 @pytest.mark.parametrize(

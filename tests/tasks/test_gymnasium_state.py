@@ -13,8 +13,9 @@ import pytest
 from gymnasium_examples import Told
 
 from motorgrad.tasks import from_gymnasium
-from motorgrad.tasks.gymnasium._batch import how_saved
+from motorgrad.tasks.gymnasium._batch import why_not_saved
 from motorgrad.tasks.gymnasium._state import NoState, read_state, write_state
+from motorgrad.tasks.gymnasium._state_forms import packed
 
 CLASSIC = ["CartPole-v1", "Pendulum-v1", "MountainCar-v0", "Acrobot-v1", "Blackjack-v1", "FrozenLake-v1"]
 BODIES = (
@@ -58,7 +59,7 @@ def assert_goes_on(original, copy, trials=3, steps=40):
 @pytest.mark.parametrize("name", CLASSIC + MUJOCO)
 def test_an_environment_goes_on_from_its_data(name):
     assert_goes_on(gymnasium.make(name), gymnasium.make(name))
-    assert how_saved(name, {}) == ("data", None)
+    assert why_not_saved(name, {}) is None
 
 
 def test_the_numbers_that_mujoco_derived_are_needed():
@@ -169,7 +170,7 @@ def test_the_state_of_another_model_is_refused():
         read_state(write_state(original), copy)
     gymnasium.register("Redrawn-v0", Redrawn, disable_env_checker=True)
     try:
-        assert how_saved("Redrawn-v0", {}).saved_as != "data"
+        assert "MjModel" in why_not_saved("Redrawn-v0", {})
     finally:
         del gymnasium.registry["Redrawn-v0"]
 
@@ -202,6 +203,60 @@ def test_damaged_or_foreign_data_are_refused_whatever_they_are():
         read_state(write_state(original), gymnasium.make("CartPole-v1"))
 
 
-def test_a_task_says_that_mujoco_is_resumed_without_a_pickle():
-    batch = from_gymnasium("Hopper-v5").batch([0, 1])
-    assert batch.saved_as == "data"
+DEEP = json.loads('{"list": [' * 300 + "0" + "]}" * 300)
+ONES = [*packed(np.ones(4))]
+CRAFTED = {
+    "objects over bytes": {"view": ["O", 0, [1], [8]], "of": {"array": ONES}},
+    "records over bytes": {"view": ["O,O", 0, [1], [16]], "of": {"array": ONES}},
+    "a view of more": {"view": ["<f8", 0, [5], [8]], "of": {"array": ONES}},
+    "a view before its beginning": {"view": ["<f8", 8, [2], [-16]], "of": {"array": ONES}},
+    "a view of another thing": {"view": ["<f8", 0, [1], [8]], "of": {"bytes": "AAAAAAAAAAA="}},
+    "objects": {"array": ["O", "C", [1], "AAAAAAAAAAA="]},
+    "more numbers than there are": {"array": ["<f8", "C", [2**39], ""]},
+    "no numbers of a kind": {"array": ["<f8", "C", [0, 2**39], "AA=="]},
+    "another order": {"array": ["<f8", "K", [0], ""]},
+    "half a number": {"array": ["<f8", "C", [1.5], "AAAAAAAAAAA="]},
+    "depth": DEEP,
+    "one that is not there": {"met": 7},
+    "one before the first": {"met": -1},
+    "two forms": {"list": [], "set": []},
+    "no form": {},
+    "an unknown form": {"call": "os.system"},
+    "dates": {"array": ["<M8[s]", "C", [1], "AAAAAAAAAAA="]},
+}
+
+
+@pytest.mark.parametrize("name", CRAFTED)
+def test_crafted_states_touch_neither_memory_nor_the_environment(name):
+    """Each is put in the place of an attribute. Some of them once were read at any address."""
+    environment = Rich()
+    environment.reset(seed=0)
+    before = write_state(environment)
+    stored = json.loads(before)
+    stored["fields"]["memory"] = CRAFTED[name]
+    with pytest.raises(NoState):
+        read_state(json.dumps(stored).encode(), environment)
+    if name not in (
+        "one that is not there",
+        "a view of more",
+        "a view before its beginning",
+        "a view of another thing",
+    ):
+        assert write_state(environment) == before  # refused as a whole, before anything was assigned
+
+
+@pytest.mark.parametrize("content", [packed(np.ones(1)), packed(np.ones(4, np.float32)), packed(np.ones((2, 2)))])
+def test_memory_of_a_library_takes_its_own_shape_and_type_alone(content):
+    environment = Rich()
+    environment.model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    environment.data = mujoco.MjData(environment.model)
+    environment.seen = environment.data.energy
+    stored = json.loads(write_state(environment))
+    assert "shared" in stored["fields"]["seen"]
+    stored["fields"]["seen"] = {"shared": content}
+    with pytest.raises(NoState, match="of the shape and type that is there"):
+        read_state(json.dumps(stored).encode(), environment)
+
+
+def test_a_task_says_that_mujoco_is_resumed():
+    assert from_gymnasium("Hopper-v5").no_resume is None

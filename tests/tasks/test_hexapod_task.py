@@ -369,3 +369,18 @@ def test_synergies_learn_to_walk(lag):
     assert np.median(speed[:, -1]) > 0.6
     assert dataclasses.asdict(run.task)["lag"] == lag
     assert len(LEGS) == run.task.observation_size
+
+
+@pytest.mark.parametrize("course", [1, 7, 160, 2**31 - 1])
+def test_an_episode_without_end_keeps_its_seconds_spans_and_courses(course):
+    task = Hexapod(course=course, time_limit=None)
+    often = math.lcm(task._span, task._decisions(1.0))
+    assert task._round % often == 0
+    assert course == 2**31 - 1 or task._round % course == 0
+    assert 2**29 < task._round < 2**30
+    memory = task.init(jnp.zeros(0))._replace(decisions=jnp.int32(2 * task._round - 2))
+    observe = jax.jit(task.observe)
+    for made in (-1, 0, 1):
+        memory, _ = observe(memory, at(0), jnp.zeros(0))
+        assert memory.decisions == task._round + made + (made < 0) * task._round
+        assert (memory.decisions % often == 0) == (made == 0)

@@ -17,7 +17,6 @@ from motorgrad._myosuite import composing, environment
 from motorgrad._settings import build, table
 from motorgrad.bodies import Mjcf
 from motorgrad.bodies.mjcf import _mjcf as mjcf
-from motorgrad.tasks.gymnasium._batch import serialize
 
 ELBOW, FINGER, REACH = "myoElbowPose1D6MRandom-v0", "myoFingerPoseRandom-v0", "myoFingerReachRandom-v0"
 MOTORS, EXOSKELETON = "motorFingerReachRandom-v0", "myoElbowPose1D6MExoFixed-v0"
@@ -212,7 +211,7 @@ def test_without_the_extra_the_error_has_the_command(monkeypatch, make):
     [
         pytest.param(lambda: Mjcf(f"myosuite:{HAND}"), id="environment"),
         pytest.param(lambda: Mjcf("myosuite:myohand_r"), id="model"),
-        pytest.param(lambda: serialize(mg.tasks.make_environment(HAND, {})), id="gymnasium"),
+        pytest.param(lambda: mg.tasks.make_environment(HAND, {}), id="gymnasium"),
     ],
 )
 def test_how_myosuite_composes_its_models_is_not_told(make, monkeypatch, tmp_path, capfd):

@@ -51,11 +51,10 @@ class Closing(Counted):
         Closing.closed += 1
 
 
-class Forgetful(Counted, gymnasium.utils.EzPickle):
-    """A copy of it is at the beginning, and what it holds of C's cannot be written as data."""
+class Forgetful(Counted):
+    """What it holds of C's cannot be written as data."""
 
     def __init__(self):
-        gymnasium.utils.EzPickle.__init__(self)
         super().__init__(cut=30)
         self.count = itertools.count()
 
@@ -223,10 +222,9 @@ def test_a_killed_run_ends_as_if_it_had_not_been(compiled_environment, tmp_path)
 
 @pytest.mark.ci
 @pytest.mark.parametrize("name", ["InvertedPendulum-v5", "Hopper-v5", "Ant-v5"])
-def test_a_run_on_mujoco_goes_on_bit_for_bit_and_unpickles_nothing(name, tmp_path, monkeypatch):
+def test_a_run_on_mujoco_goes_on_bit_for_bit(name, tmp_path, monkeypatch):
     task = from_gymnasium(name)
     assert task.no_resume is None
-    monkeypatch.setattr("motorgrad.tasks.gymnasium._batch.deserialize", None)
     agent = mg.agent_for(task, policy="bounded-hyperplanes", estimator="olgarb", metric="none", learning_rate=0.01)
     settings = {"agent": agent, "seeds": 2, "window": 50, "progress": False}
     whole = mg.train(task, **settings, steps=240, out=tmp_path / "whole")
@@ -267,7 +265,7 @@ def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learned_of
 @pytest.mark.ci
 def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(register, tmp_path):
     name = register(Forgetful)
-    task, told = from_gymnasium(name), f"{name}: a restored copy of it continues differently from the original"
+    task, told = from_gymnasium(name), f"{name}: it cannot be written as data: NoState: env.count is a itertools.count"
     settings = {"seeds": 2, "out": tmp_path, "progress": False}
     with pytest.warns(RunWarning, match=f"cannot be resumed if it is stopped: {told}"):
         run = mg.train(task, steps=50, **settings)
@@ -275,7 +273,9 @@ def test_a_run_that_cannot_be_resumed_says_so_first_and_is_refused_unfinished(re
     assert mg.load(tmp_path, task).decision == 50
     assert_same(mg.train(task, steps=50, **settings).policies, run.policies)  # given back, without a warning
     before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*") if file.suffix in (".toml", ".state")}
-    with pytest.raises(RunDirectoryError, match=f"stopped after 50 decisions, which cannot be resumed: {told}; choose"):
+    with pytest.raises(
+        RunDirectoryError, match=f"stopped after 50 decisions, which cannot be resumed: {told}.*; choose"
+    ):
         mg.train(task, steps=90, **settings)
     assert {file: file.stat().st_mtime_ns for file in before} == before
     mg.train(task, steps=50, seeds=1, progress=False)  # in memory nothing is to be said

@@ -80,12 +80,6 @@ class HostTask(Task):
         """Why the dynamics cannot be saved and restored; `None` if they can."""
         return None
 
-    @classmethod
-    def runs(cls, snapshot: Mapping[str, np.ndarray]) -> list[str]:
-        """What restoring this snapshot of the batch may call, by name; by default nothing, as a snapshot is data."""
-        del snapshot
-        return []
-
 
 class BodyTask(HostTask):
     """A task on a muscle-driven body. An action is the activation of each group of muscles, or of units that drive

@@ -81,8 +81,8 @@ class Task(abc.ABC):
 
     @classmethod
     def imports(cls, settings: Mapping[str, Any]) -> list[str]:
-        """The modules that making this task with these settings imports, for settings that a stranger may have
-        written; by default none."""
+        """The names of code that making this task with these settings would import, and that the user has not named;
+        by default none."""
         del settings
         return []
 

@@ -3,17 +3,14 @@
 import contextlib
 import functools
 import math
-import pickle
-import pickletools
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
-from motorgrad._myosuite import composing
 from motorgrad.tasks.gymnasium._making import make_environment, one_line
 from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
@@ -59,11 +56,13 @@ class EnvironmentBatch:
         size: int,
         code: ActionCode,
         repeat: int,
-        saved_as: "SavedAs",
+        saved: bool,
         info: Sequence[str] = (),
     ):
         self.info = tuple(info)
-        self.seeds, self.repeat, self.saved_as = [int(seed) for seed in seeds], repeat, saved_as
+        self.seeds = [int(seed) for seed in seeds]
+        self.repeat = repeat
+        self.saved = saved
         self._env_id, self._decode, self._size = env_id, code.decode, size
         self._environments = [make_environment(env_id, kwargs) for _ in self.seeds]
         self._close = weakref.finalize(self, _close_all, self._environments)
@@ -118,22 +117,18 @@ class EnvironmentBatch:
         return self._environments
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """The environments as bytes, empty if they cannot be saved, and the packed rows."""
-        write = {"data": write_state, "pickle": serialize}.get(self.saved_as, lambda environment: b"")
-        # JSON and pickles end in a character, so NumPy's byte strings, which drop trailing zeros, keep all of them.
-        content = [write(environment) for environment in self._environments]
+        """The environments as text, empty if they cannot be saved, and the packed rows."""
+        # The text ends in a bracket, so NumPy's byte strings, which drop trailing zeros, keep all of it.
+        content = [write_state(environment) if self.saved else b"" for environment in self._environments]
         return {"environments": np.array(content, np.bytes_), "packed": self.packed.copy()}
 
     def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
-        """Return to a snapshot. Environments that could not be saved stay as they are. Pickled ones run code."""
+        """Return to a snapshot. Environments that could not be saved stay as they are."""
         content = snapshot["environments"].tolist()
         check(len(content) == len(self.seeds), "environments", len(content), f"one for each of {len(self.seeds)} seeds")
-        for row, each in enumerate(content):
-            if is_pickle(each):
-                replaced, self._environments[row] = self._environments[row], deserialize(each)
-                _close_all([replaced])
-            elif each:
-                read_state(each, self._environments[row])
+        for environment, each in zip(self._environments, content, strict=True):
+            if each:
+                read_state(each, environment)
         np.copyto(self.packed, snapshot["packed"])
 
     def _begin(self, row: int, seed: int | None) -> None:
@@ -185,41 +180,24 @@ def find_info(environment: "gymnasium.Env", wanted: Collection[str]) -> Info:
     return Info(tuple(numbers), tuple(keys))
 
 
-SavedAs = Literal["data", "pickle", "nothing"]
+def why_not_saved(env_id: str, kwargs: Mapping[str, Any]) -> str | None:
+    """Why an environment cannot be saved such that a restored one goes on exactly like its original; `None` if it can.
 
-
-class HowSaved(NamedTuple):
-    """How environments are saved: as plain `data`, as a `pickle`, or not at all; `why` not."""
-
-    saved_as: SavedAs
-    why: str | None = None
-
-
-def how_saved(env_id: str, kwargs: Mapping[str, Any]) -> HowSaved:
-    """How an environment is saved such that a restored one continues exactly like its original.
-
-    Data are preferred, as reading them runs no code. What an environment says of itself is not sufficient: many pickle
-    only their constructor's arguments. So an environment is saved within an episode and restored, and both are stepped.
+    It is saved as plain data within an episode and restored, and both are stepped. What an environment says of itself
+    is not sufficient: many pickle only their constructor's arguments. Pickles are not used, as reading one runs code.
     """
-    with contextlib.suppress(_NoTrial):  # the reason is that of the second trial, which is the last resort
-        if _goes_on(env_id, kwargs, functools.partial(_copied_as_data, env_id, kwargs)):
-            return HowSaved("data")
     try:
-        same = _goes_on(env_id, kwargs, lambda original: deserialize(serialize(original)))
-        return (
-            HowSaved("pickle")
-            if same
-            else HowSaved("nothing", "a restored copy of it continues differently from the original")
-        )
+        same = _goes_on(env_id, kwargs)
     except _NoTrial as error:
-        return HowSaved("nothing", str(error))
+        return str(error)
+    return None if same else "a restored copy of it continues differently from the original"
 
 
 class _NoTrial(Exception):
     """A trial of an environment that fails, with the stage and the reason."""
 
 
-def _goes_on(env_id: str, kwargs: Mapping[str, Any], copied: Callable[[Any], "gymnasium.Env"]) -> bool:
+def _goes_on(env_id: str, kwargs: Mapping[str, Any]) -> bool:
     """Whether a copy of an environment, made within an episode, continues exactly like its original."""
     original, copy, stage = make_environment(env_id, kwargs), None, "its steps fail"
     try:
@@ -227,8 +205,8 @@ def _goes_on(env_id: str, kwargs: Mapping[str, Any], copied: Callable[[Any], "gy
         original.action_space.seed(0)
         original.reset(seed=0)
         _wander(original)
-        stage = "it cannot be serialised"
-        copy = copied(original)
+        stage = "it cannot be written as data"
+        copy = _copied(env_id, kwargs, original)
         stage = "a restored copy of it fails"
         actions = [sample() for _ in range(STEPS)]
         pairs = zip(_trial(copy, actions), _trial(original, actions), strict=True)
@@ -249,53 +227,7 @@ def _wander(environment: "gymnasium.Env") -> None:
             break
 
 
-def serialize(environment: "gymnasium.Env") -> bytes:
-    """An environment as bytes, including its state.
-
-    It is pickled twice. The bytes also encode which equal parts are the same object, and a copy has less of that
-    information than its original. Pickling twice makes the bytes of both equal.
-    """
-    import cloudpickle
-
-    return cloudpickle.dumps(deserialize(cloudpickle.dumps(environment)))
-
-
-def deserialize(content: bytes) -> "gymnasium.Env":
-    """Restore an environment from bytes. This runs code named in the bytes: restore only what you trust."""
-    with composing(b"myosuite" in content):  # MyoSuite's environments are made anew
-        return pickle.loads(content)
-
-
-def is_pickle(content: bytes) -> bool:
-    """Whether a saved environment is a pickle. The others are JSON, or empty."""
-    return bool(content) and not content.startswith(b"{")
-
-
-def called_by(content: bytes) -> list[str]:
-    """The functions and classes that a pickle imports and may call, as far as it names them. Nothing is run."""
-    found: list[str] = []
-    texts: list[str] = []  # as they are pushed
-    memo: dict[int, str] = {}
-    pushed = ""
-    try:
-        for code, argument, _ in pickletools.genops(content):
-            if code.name == "GLOBAL":
-                found.append(str(argument).replace(" ", "."))
-            elif code.name == "STACK_GLOBAL":
-                found.append(".".join(texts[-2:]))
-            elif code.name == "MEMOIZE":
-                memo[len(memo)] = pushed
-            elif code.name in ("PUT", "BINPUT", "LONG_BINPUT"):
-                memo[int(argument or 0)] = pushed
-            fetched = memo.get(argument, "") if "GET" in code.name and isinstance(argument, int) else ""
-            pushed = argument if isinstance(argument, str) else fetched
-            texts += [pushed] if pushed else []
-    except Exception as error:  # what is no pickle raises anything
-        found.append(f"bytes that cannot be read: {one_line(error)}")
-    return list(dict.fromkeys(found))
-
-
-def _copied_as_data(env_id: str, kwargs: Mapping[str, Any], original: "gymnasium.Env") -> "gymnasium.Env":
+def _copied(env_id: str, kwargs: Mapping[str, Any], original: "gymnasium.Env") -> "gymnasium.Env":
     """A copy by way of data: another environment, with a past of its own, in the state of the original."""
     copy = make_environment(env_id, kwargs)
     copy.action_space.seed(1)

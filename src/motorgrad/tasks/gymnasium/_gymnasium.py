@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
@@ -12,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from motorgrad._consent import allow
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad._presets import STEPS, natural
 from motorgrad._running import RunningMean, add_observation, running_mean, standardised
@@ -21,13 +21,10 @@ from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.gymnasium._batch import (
     EnvironmentBatch,
     EnvironmentState,
-    HowSaved,
-    called_by,
     find_info,
-    how_saved,
-    is_pickle,
+    why_not_saved,
 )
-from motorgrad.tasks.gymnasium._making import id_of, make_environment
+from motorgrad.tasks.gymnasium._making import foreign_code, id_of, make_environment
 from motorgrad.tasks.gymnasium._names import documented_names
 from motorgrad.tasks.gymnasium._spaces import (
     ActionCode,
@@ -87,7 +84,8 @@ class Gymnasium(HostTask):
     **Arguments:**
 
     - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers, or
-      `"module:name"` for a class or a function of a module that makes one.
+      `"module:name"` for a class or a function of a module that makes one. A module is imported only where the user
+      names it: by `from_gymnasium`, on the command line, or by trusting the file that names it.
     - `kwargs`: arguments passed to `gymnasium.make`: numbers, strings, true or false. They may include
       `max_episode_steps`.
     - `repeat`: number of environment steps per decision, during which the action is held and rewards are summed.
@@ -104,7 +102,7 @@ class Gymnasium(HostTask):
     - `success_steps` (steps): the least number of solved steps in a successful episode.
 
     **Raises:** `ValueError` for an environment that does not exist or cannot be made, an unsupported space, or a
-    setting that does not fit it.
+    setting that does not fit it; `NotTrusted` for one that would import what its user has not named.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -134,7 +132,7 @@ class Gymnasium(HostTask):
         return {} if self.kwargs is None else self.kwargs
 
     def __reduce__(self) -> tuple[Any, ...]:  # the cached facts hold functions, so they are derived again
-        return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+        return _again, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     @functools.cached_property
     def _facts(self) -> _Facts:
@@ -229,29 +227,21 @@ class Gymnasium(HostTask):
 
     @property
     def no_resume(self) -> str | None:
-        return None if self._how_saved.why is None else f"{self.env_id}: {self._how_saved.why}"
+        return None if self._not_saved is None else f"{self.env_id}: {self._not_saved}"
 
     @functools.cached_property
-    def _how_saved(self) -> HowSaved:
-        return how_saved(self.env_id, self._kwargs)
+    def _not_saved(self) -> str | None:
+        return why_not_saved(self.env_id, self._kwargs)
 
     @classmethod
     def imports(cls, settings: Mapping[str, Any]) -> list[str]:
-        kwargs = settings.get("kwargs")
-        named = [settings.get("env_id"), *(kwargs.values() if isinstance(kwargs, Mapping) else ())]
-        found = [re.match(r"\s*([^\s:/\\]+):[^/\\]", text) for text in named if isinstance(text, str)]
-        return [match[1] for match in found if match]
-
-    @classmethod
-    def runs(cls, snapshot: Mapping[str, np.ndarray]) -> list[str]:
-        saved = np.ravel(snapshot["environments"]).tolist() if "environments" in snapshot else []
-        return list(dict.fromkeys(name for each in saved if is_pickle(each) for name in called_by(each)))
+        return foreign_code(settings.get("env_id"), settings.get("kwargs"))
 
     def batch(self, seeds: Sequence[int], threads: int = 0, workers: int = 0) -> EnvironmentBatch | WorkerBatch:
         """One environment per seed, stepped one after the other in this process, or in worker processes (`workers`)."""
         del threads
         facts, size = self._facts, len(self._facts.scaling.centre)
-        settings = (size, facts.code, self.repeat, self._how_saved.saved_as, facts.info)
+        settings = (size, facts.code, self.repeat, self._not_saved is None, facts.info)
         kind = functools.partial(WorkerBatch, workers) if workers else EnvironmentBatch
         return kind(self.env_id, self._kwargs, seeds, *settings)
 
@@ -310,6 +300,12 @@ class Gymnasium(HostTask):
         return found
 
 
+def _again(env_id: str, kwargs: Mapping[str, Any] | None, *settings: Any) -> Gymnasium:
+    """The task in another process. What was allowed where it comes from is allowed there."""
+    allow([env_id, *(value for value in (kwargs or {}).values() if isinstance(value, str))])
+    return Gymnasium(env_id, kwargs, *settings)
+
+
 def from_gymnasium(
     env_id: str | Callable[..., Any],
     *,
@@ -337,4 +333,5 @@ def from_gymnasium(
     ```
     """
     env_id = env_id if isinstance(env_id, str) else id_of(env_id)
+    allow([env_id, *(value for value in kwargs.values() if isinstance(value, str))])
     return Gymnasium(env_id, kwargs or None, repeat, scaling, code, end_reward, tuple(info), success_steps)

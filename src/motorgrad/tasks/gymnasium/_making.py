@@ -1,14 +1,20 @@
 """Gymnasium environments by their ids, and by the classes and functions that make them."""
 
 import importlib
+import re
+import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from motorgrad._errors import check
+from motorgrad._consent import HOW, is_allowed
+from motorgrad._errors import NotTrusted, check, shown
 from motorgrad._myosuite import composing, is_of_myosuite, register
 
 if TYPE_CHECKING:
     import gymnasium
+
+# Stricter than Gymnasium's own pattern, which would take "module:/x" and "a b:x-v0" for modules to import.
+_ID = re.compile(r"(?:(?P<module>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):)?[\w.-]+(?:/[\w.-]+)?", re.ASCII)
 
 MAKERS: dict[str, Callable[..., Any]] = {}
 """The classes and functions that `from_gymnasium` was given in this process, by the ids of their environments."""
@@ -27,16 +33,46 @@ def id_of(maker: Callable[..., Any]) -> str:
     return f"{module}:{name}"
 
 
+def module_of(env_id: str) -> str | None:
+    """The module that an id `module:name` names; `None` for the id of a registered environment.
+
+    **Raises** `ValueError` for anything else, before it can be taken for another id by another reader.
+    """
+    found = _ID.fullmatch(env_id)
+    check(found, "env_id", env_id, "an id such as 'CartPole-v1', 'module:Name-v0' or 'module:name'")
+    assert found is not None
+    return found["module"]
+
+
+def foreign_code(env_id: Any, kwargs: Any) -> list[str]:
+    """The names of code that making an environment would import, and that the user has not named in this process.
+
+    A text among the arguments may be the id of another environment. It counts if it has a colon, since there is no
+    telling who will read it.
+    """
+    texts = [env_id, *(kwargs.values() if isinstance(kwargs, Mapping) else ())]
+    return [text for text in texts if isinstance(text, str) and ":" in text and not _is_known(text)]
+
+
+def _is_known(name: str) -> bool:
+    """Whether what a name with a colon stands for was given here, or is registered by a module that is loaded."""
+    import gymnasium
+
+    module, _, registered = name.partition(":")
+    return is_allowed(name) or name in MAKERS or (module in sys.modules and registered in gymnasium.registry)
+
+
 def _maker(env_id: str) -> Callable[..., Any] | None:
     """The class or function that an id `module:name` names; `None` for the id of a registered environment."""
     import gymnasium
 
     if env_id in MAKERS:
         return MAKERS[env_id]
-    module, colon, name = env_id.partition(":")
-    if not colon:
+    module = module_of(env_id)
+    if module is None:
         return None
     found: Any = importlib.import_module(module)  # which may register the name, too
+    name = env_id.partition(":")[2]
     if name in gymnasium.registry:
         return None
     for part in name.split("."):
@@ -47,11 +83,19 @@ def _maker(env_id: str) -> Callable[..., Any] | None:
 def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
     """`gymnasium.make(env_id, **kwargs)`, with any failure as a one-line `ValueError`.
 
-    An id of the form `module:name` may also name a class or a function that returns an environment.
+    An id of the form `module:name` may also name a class or a function that returns an environment. This is where it is
+    imported, and where that is refused: `NotTrusted` for what neither the user nor Gymnasium's registry knows.
     """
     import gymnasium
     from gymnasium.envs.registration import EnvSpec
 
+    if env_id not in MAKERS:
+        module_of(env_id)
+    if names := foreign_code(env_id, kwargs):
+        raise NotTrusted(
+            f"env_id = {shown(env_id)} imports {', '.join(map(shown, names))}, which can do anything; nothing was "
+            f"imported. If you trust it: {HOW}"
+        )
     if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
         try:
             register()

@@ -21,15 +21,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.tasks.gymnasium._state_forms import NUMBERS, PLAIN, check_form, number_type, packed, unpacked
 
 if TYPE_CHECKING:
     import gymnasium
 
-PLAIN = (bool, int, float, str, types.NoneType)
 BOXES = {"list": list, "set": set, "frozenset": frozenset}
 NAMED = (types.ModuleType, types.FunctionType, types.BuiltinFunctionType, types.MethodType, type)
 FIXED = (functools.partial, logging.Logger, np.dtype, np.ufunc)
-NUMBERS = "biufcSU"  # the kinds of arrays that are data
 OF_CONTACTS = ("efc_", "iefc_", "efm_", "solver_", "iacc", "ifrc_")  # their sizes vary; a step computes them first
 BARE = object.__basicsize__ + 16  # bytes of an object of a class written in Python: a dictionary, weak references
 
@@ -49,7 +48,9 @@ def read_state(content: bytes, environment: "gymnasium.Env") -> None:
     **Raises:** `NoState` where `content` does not fit the environment, which is then in no useful state.
     """
     try:
-        found = _Reader().read(json.loads(content), environment)
+        stored = json.loads(content)
+        check_form(stored)
+        found = _Reader().read(stored, environment)
         same = found is environment and write_state(environment) == content
         check(same, "state", "what was read", "what was written")
     except Exception as error:  # what was damaged may raise anything
@@ -67,7 +68,7 @@ class _Writer:
         if type(value) in PLAIN:
             return value
         if isinstance(value, np.generic):
-            return {"scalar": _packed(np.asarray(value))}
+            return {"scalar": packed(np.asarray(value))}
         if isinstance(value, enum.Enum):
             return {"enum": value.name}
         if isinstance(value, bytes):
@@ -101,7 +102,7 @@ class _Writer:
         if isinstance(value, random.Random):
             return {"generator": self.write(value.getstate(), path)}
         if isinstance(value, _mujoco().MjData):
-            return {"physics": {name: _packed(array) for name, array in _physics(value).items()}}
+            return {"physics": {name: packed(array) for name, array in _physics(value).items()}}
         fields = _fields(value)
         if fields is None:
             raise NoState(f"{path.lstrip('.') or 'it'} is a {_name(kind)}, whose state cannot be read")
@@ -110,9 +111,11 @@ class _Writer:
     def _array(self, value: np.ndarray, path: str) -> Any:
         base = value.base
         if base is None:
-            return {"array": _packed(value)}
+            return {"array": packed(value)}
         if type(base) is not np.ndarray:  # it shows memory that is not NumPy's
-            return {"shared": _packed(value)}
+            if value.dtype.kind not in "fb":  # C code may follow what is no measurement
+                raise NoState(f"{path.lstrip('.') or 'it'} holds {value.dtype} numbers in memory of a library")
+            return {"shared": packed(value)}
         start = value.__array_interface__["data"][0] - base.__array_interface__["data"][0]
         return {"view": [value.dtype.str, start, value.shape, value.strides], "of": self.write(base, f"{path}.base")}
 
@@ -128,7 +131,7 @@ class _Reader:
             return stored
         form, content = next(iter(stored.items()))
         if form == "scalar":
-            return _unpacked(content)[()]
+            return unpacked(content)[()]
         if form == "enum":
             kind: Any = type(present)
             check(isinstance(present, enum.Enum), "state", kind.__name__, "an enumeration")
@@ -149,13 +152,15 @@ class _Reader:
 
     def _read_new(self, form: str, content: Any, stored: dict[str, Any], present: Any, place: int) -> Any:
         if form == "array":
-            return _unpacked(content)
+            return unpacked(content)
         if form == "shared":
-            np.copyto(present, _unpacked(content), casting="no")
+            _fill(present, unpacked(content), "an array")
             return present
         if form == "view":
             kind, start, shape, strides = content
-            return np.ndarray(shape, kind, self.read(stored["of"], getattr(present, "base", None)), start, strides)
+            base = self.read(stored["of"], getattr(present, "base", None))
+            check(type(base) is np.ndarray and base.dtype.kind in NUMBERS, "base", type(base).__name__, "an array")
+            return np.ndarray(shape, number_type(kind), base, start, strides)
         if form in ("list", "deque"):
             made: Any = [] if form == "list" else collections.deque(maxlen=stored["most"])
             self._met[place] = made  # which may hold itself
@@ -174,7 +179,7 @@ class _Reader:
         if form == "generator":
             return _with_random_state(present, self.read(content, None))
         if form == "physics":
-            return _with_physics(present, {name: _unpacked(array) for name, array in content.items()})
+            return _with_physics(present, {name: unpacked(array) for name, array in content.items()})
         fields, wanted = _fields(present), stored["fields"]
         check(fields is not None and _name(type(present)) == content, "state", _name(type(present)), f"a {content}")
         found = {name: self.read(item, vars(present).get(name)) for name, item in wanted.items()}
@@ -260,8 +265,15 @@ def _with_physics(data: Any, stored: dict[str, np.ndarray]) -> Any:
     check(not different, "state of MuJoCo", sorted(different), "of the sizes of this model")
     mujoco.mj_setState(data.model, data, stored.pop("state"), mujoco.mjtState.mjSTATE_INTEGRATION)
     for name, array in stored.items():
-        np.copyto(getattr(data, name), array)
+        _fill(getattr(data, name), array, name)
     return data
+
+
+def _fill(present: Any, array: np.ndarray, name: str) -> None:
+    """Write numbers into an array that lives in the memory of a library, of exactly their shape and type."""
+    fits = isinstance(present, np.ndarray) and present.shape == array.shape and present.dtype == array.dtype
+    check(fits and array.dtype.kind in "fb", name, f"{array.dtype}{array.shape}", "of the shape and type that is there")
+    np.copyto(present, array)
 
 
 def _with_random_state(present: Any, state: Any) -> Any:
@@ -275,19 +287,6 @@ def _with_random_state(present: Any, state: Any) -> Any:
             present = np.random.Generator(kinds[state["bit_generator"]]())
         present.bit_generator.state = state
     return present
-
-
-def _packed(array: np.ndarray) -> list[Any]:
-    order = "F" if array.flags.f_contiguous and not array.flags.c_contiguous else "C"
-    return [array.dtype.str, order, array.shape, base64.b64encode(array.tobytes(order)).decode()]
-
-
-def _unpacked(content: list[Any]) -> np.ndarray:
-    kind, order, shape, text = content
-    check(np.dtype(kind).kind in NUMBERS, "dtype", kind, "one of numbers or text")
-    found = np.empty(shape, kind, order)
-    found[...] = np.frombuffer(base64.b64decode(text, validate=True), kind).reshape(shape, order=order)
-    return found
 
 
 def _name(cls: type) -> str:

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._consent import allow
+from motorgrad._processes import environment
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 
 COMMAND = (sys.executable, "-c", "from motorgrad.tasks.gymnasium._workers import serve; serve()")
@@ -95,7 +97,8 @@ class _Worker:
     """The process of a share, and the pipes to it."""
 
     def __init__(self) -> None:
-        self.process = subprocess.Popen(COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        with environment():
+            self.process = subprocess.Popen(COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
     def send(self, message: Any) -> None:
         assert self.process.stdin is not None
@@ -159,6 +162,8 @@ def _made(payload: bytes) -> EnvironmentBatch:
     spec, arguments = cloudpickle.loads(payload)
     if spec is not None:
         gymnasium.registry.setdefault(spec.id, spec)
+    env_id, kwargs, *_ = arguments
+    allow([env_id, *(value for value in kwargs.values() if isinstance(value, str))])  # as they are in the parent
     return EnvironmentBatch(*arguments)
 
 
