@@ -8,7 +8,9 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from motorgrad._commands import COMMANDS, IMPORTED
+from motorgrad._consent import allow_words
 from motorgrad._errors import NotTrusted
+from motorgrad._processes import SAFE
 from motorgrad._signals import asked, interrupt_when_asked
 
 
@@ -18,6 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     name = "--import"
     try:
         arguments = _after_imports(arguments)
+        allow_words(arguments)
         name, *rest = arguments or ["--help"]
         if name in ("-h", "--help", "help"):
             print(_help())
@@ -67,7 +70,7 @@ def _after_imports(arguments: list[str]) -> list[str]:
 
 def _import(name: str) -> None:
     """Import a module of the user's: a file, a module of the working folder or an installed one."""
-    import importlib
+    import importlib.util
     from pathlib import Path
 
     if not name:
@@ -79,15 +82,22 @@ def _import(name: str) -> None:
         found = sys.modules.get(file.stem)
         if found is not None and Path(getattr(found, "__file__", None) or "").resolve() != file:
             raise ValueError(f"cannot import {name!r}: another module of this name is loaded, rename the file")
-        sys.path.insert(0, str(file.parent))
-        name = file.stem
-    if "" not in sys.path:
-        sys.path.insert(0, "")
+        _look_in(str(file.parent))
+        name, found = file.stem, importlib.util.find_spec(file.stem)
+        if found is None or Path(found.origin or "").resolve() != file:
+            raise ValueError(f"cannot import {name!r}: another module of this name is installed, rename the file")
+    _look_in("")
     try:
         importlib.import_module(name)
     except ImportError as error:
         raise ValueError(f"cannot import {name!r}: {error}") from error
     IMPORTED.append(name)
+
+
+def _look_in(folder: str) -> None:
+    """Find modules in a folder; last, so that no file there takes the place of another module."""
+    if folder not in sys.path:
+        sys.path.append(folder)
 
 
 def _answer(name: str, error: BaseException) -> int:
@@ -138,6 +148,7 @@ def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
 
 def run() -> NoReturn:
     """Run the command line as a process."""
+    os.environ.update(SAFE)
     warnings.showwarning = _warn
     status = main()
     if status:

@@ -50,6 +50,7 @@ def test_the_batch_script_says_what_was_asked_for(tmp_path, monkeypatch):
         "#SBATCH --nodes=1",
         "export NPROC=3",
         "export OMP_NUM_THREADS=3",
+        "export PYTHONSAFEPATH=1",
     ):
         assert line in lines, script
     assert any(line.startswith("#SBATCH --signal=USR2@") for line in lines)  # a warning before the time is over

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import motorgrad as mg
+from motorgrad._files import write_atomically
 from tools.torture import _applications, _damage, _mutations, _soak, _training
 from tools.torture._training import Failure, say
 
@@ -93,7 +94,8 @@ class Record:
             entry["outcomes"][kind] = entry["outcomes"].get(kind, 0) + number
         if self._path is not None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(json.dumps({"version": mg.__version__, "tests": self._tests}, indent=2) + "\n")
+            text = json.dumps({"version": mg.__version__, "tests": self._tests}, indent=2)
+            write_atomically(self._path, f"{text}\n".encode())
 
     def table(self) -> str:
         """The counts as a Markdown table."""

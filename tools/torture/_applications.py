@@ -55,7 +55,18 @@ def autosave(name: str, folder: Path, count: int, random: np.random.Generator) -
     """Kill TimSim while it saves; what is in the file must be a whole policy with which the page starts again."""
     del name
     found, file = Counter[str](), folder / "policy.npz"
-    command = [sys.executable, "-m", "motorgrad", "sim", "chain", "--autosave", str(file), "--autosave-every", "0.1"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "motorgrad",
+        "sim",
+        "chain",
+        "--autosave",
+        str(file),
+        "--autosave-every",
+        "0.1",
+    ]
     command += ["--speed", "max", "--no-browser"]
     for number in range(count):
         started = _started(command, folder, os.environ)
@@ -83,7 +94,7 @@ def _policy(file: Path) -> str:
 
 def lab_server(diagram: list[str], env: Any = None) -> tuple[subprocess.Popen[str], tuple[str, str]]:
     """Start TimLab's server on a diagram. **Returns** the process, and port and token."""
-    command = [sys.executable, "-m", "motorgrad", "lab", *diagram, "--port", "0", "--no-browser"]
+    command = [sys.executable, "-P", "-m", "motorgrad", "lab", *diagram, "--port", "0", "--no-browser"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=env)
     assert server.stdout is not None
     line = server.stdout.readline()

@@ -22,7 +22,7 @@ ALLOWED = 48.0  # MB by which the median memory may grow after that
 def soak(name: str, folder: Path, count: int, random: np.random.Generator) -> tuple[Counter[str], int]:
     """Watch the memory for `count` minutes. **Raises** `Failure` if it grows, or if a process ends."""
     del name, random
-    motorgrad = [sys.executable, "-m", "motorgrad"]
+    motorgrad = [sys.executable, "-P", "-m", "motorgrad"]
     with (folder / "soak.log").open("w") as log:
         quiet: Any = {"stdout": log, "stderr": log, "cwd": folder}
         train = [

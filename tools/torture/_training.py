@@ -93,7 +93,7 @@ def torture(name: str, folder: Path, kills: int, random: np.random.Generator) ->
 def begin(engine: Engine, path: Path) -> subprocess.Popen[bytes]:
     """Start the command; its output goes to a file beside the run."""
     settings = {"steps": engine.steps, "window": engine.window, "seeds": engine.seeds, "threads": 2}
-    command = [sys.executable, "-m", "motorgrad", "train", engine.task, "--out", str(path), *engine.options]
+    command = [sys.executable, "-P", "-m", "motorgrad", "train", engine.task, "--out", str(path), *engine.options]
     for option, value in {**settings, "checkpoint-every": EVERY}.items():
         command += [f"--{option}", str(value)]
     with log_of(path).open("wb") as log:

@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
+from motorgrad._processes import environment
 from motorgrad.benchmarks._measure import Row
 from motorgrad.sim.live import Pause, Play, Session, setup_of
 from motorgrad.sim.page import Page
@@ -24,12 +25,14 @@ def watched_row(task: str, seconds: float, pairs: int, wanted: str = "") -> Row:
     context = multiprocessing.get_context("spawn")
     pipe, theirs = context.Pipe()
     alone = context.Process(target=_learn, args=(theirs, task), daemon=True)
-    alone.start()
+    with environment():
+        alone.start()
     rates: list[list[float]] = [[], []]
     with Session(setup_of(task), playing=False, speed=math.inf) as session, Page(session) as page:
         length = 2 * pairs * (seconds + 5) + 60
         command = [sys.executable, "-m", "motorgrad.benchmarks._watcher", str(length)]
-        client = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        with environment():
+            client = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         assert client.stdin is not None
         client.stdin.write(f"{page.url}\n")
         client.stdin.close()

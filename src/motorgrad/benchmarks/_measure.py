@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._processes import environment
+
 
 @dataclasses.dataclass(frozen=True)
 class Row:
@@ -84,7 +86,8 @@ def start_row(name: str, arguments: list[str], wanted: str, runs: int = 7) -> Ro
 
     def seconds(command: list[str]) -> float:
         start = time.perf_counter()
-        subprocess.run([sys.executable, *command], check=True, capture_output=True)
+        with environment():
+            subprocess.run([sys.executable, *command], check=True, capture_output=True)
         return time.perf_counter() - start
 
     took = [(seconds(arguments), seconds(["-c", "pass"])) for _ in range(runs)]
@@ -106,5 +109,6 @@ def seed_memory_row() -> Row:
 
 def _peak(script: str) -> int:
     """Peak memory in bytes of a new interpreter that runs a script."""
-    done = subprocess.run([sys.executable, "-c", script + PEAK], check=True, capture_output=True, text=True)
+    with environment():
+        done = subprocess.run([sys.executable, "-c", script + PEAK], check=True, capture_output=True, text=True)
     return int(done.stdout)

@@ -4,11 +4,15 @@ import abc
 import contextlib
 import importlib
 import json
+import os
+import pickle
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import filelock
 
+from motorgrad._consent import allow
 from motorgrad._files import read_json, write_atomically
 from motorgrad._signals import interrupt_when_asked
 
@@ -31,14 +35,15 @@ class Outcome(NamedTuple):
 class Work(NamedTuple):
     """Information for every job, beside the job itself.
 
-    - `threads`, `checkpoint_every` and `trust`: as in `train`.
+    - `threads` and `checkpoint_every`: as in `train`.
     - `imports`: modules that register tasks and parts.
+    - `allowed`: names of code that the user has named or trusted.
     """
 
     threads: int = 0
     checkpoint_every: float = 30.0
     imports: tuple[str, ...] = ()
-    trust: bool = False
+    allowed: tuple[str, ...] = ()
 
 
 class AnyJob(Protocol):
@@ -54,11 +59,29 @@ class AnyJob(Protocol):
         ...
 
 
+def parcel(job: AnyJob, path: Path, told: Work) -> tuple[bytes, str, bool]:
+    """What `work_parcel` is given in a process that knows nothing of this one: a job, the working folder, and whether
+    its modules are needed, also to read the job."""
+    import cloudpickle
+
+    return cloudpickle.dumps((job, path, told)), os.getcwd(), bool(told.imports)
+
+
+def work_parcel(content: bytes, folder: str, imports: bool) -> Outcome:
+    """Do the job of a parcel."""
+    with contextlib.suppress(OSError):  # another machine may not have it
+        os.chdir(folder)
+    if imports and folder not in sys.path:
+        sys.path.append(folder)  # last, so that no file there takes the place of another module
+    return work(*pickle.loads(content))
+
+
 def work(job: AnyJob, path: Path | str, told: Work) -> Outcome:
     """Do a job in its folder: the whole work of a worker."""
     path = Path(path)
     path.mkdir(parents=True, exist_ok=True)
     with interrupt_when_asked():
+        allow(told.allowed)
         for name in told.imports:
             importlib.import_module(name)
         try:

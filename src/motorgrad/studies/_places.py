@@ -5,12 +5,11 @@ A `Place` has three doors: `submit` a job, `wait` until some are done, `close`. 
 """
 
 import abc
-import contextlib
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from motorgrad._errors import check_integer
+from motorgrad._processes import SAFE, environment
 from motorgrad._signals import STOPS
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 
@@ -106,7 +106,7 @@ class Processes(Place):
     def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
         context = multiprocessing.get_context("spawn")
         executor = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
-        with process_environment(self._told.threads):  # of the process, which starts with the first job
+        with environment(process_settings(self._told.threads)):  # of the process, which starts with the first job
             future = executor.submit(work, job, path, self._told)
         self._busy[future] = executor
         return future
@@ -146,24 +146,10 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def thread_settings(threads: int) -> dict[str, str]:
-    """Environment variables for a process with this number of threads. They must be set before JAX is loaded."""
-    return {"NPROC": str(threads), "OMP_NUM_THREADS": str(threads)}
-
-
-@contextlib.contextmanager
-def process_environment(threads: int) -> Iterator[None]:
-    """Let processes that are started within the context use this number of threads."""
-    settings = thread_settings(threads)
-    before = {name: os.environ.get(name) for name in settings}
-    os.environ.update(settings)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name)
-            if value is not None:
-                os.environ[name] = value
+def process_settings(threads: int) -> dict[str, str]:
+    """Environment variables for a process with this number of threads, whose modules are not those of the working
+    folder. They must be set before it starts."""
+    return {"NPROC": str(threads), "OMP_NUM_THREADS": str(threads), **SAFE}
 
 
 def _begin() -> None:

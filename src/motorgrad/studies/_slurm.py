@@ -7,8 +7,9 @@ from typing import Any
 
 from motorgrad._errors import check, check_integer
 from motorgrad._extras import require
-from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
-from motorgrad.studies._places import Place, process_environment, thread_settings
+from motorgrad._processes import environment
+from motorgrad.studies._jobs import AnyJob, Outcome, Work, parcel, work_parcel
+from motorgrad.studies._places import Place, process_settings
 
 AT_ONCE = 64  # jobs in Slurm's queue, unless more are asked for
 POLL = 0.2  # seconds between two looks at the results
@@ -48,7 +49,7 @@ class Slurm(Place):
         self._told = told._replace(threads=told.threads or int((parameters or {}).get("cpus_per_task", 1)))
         known = submitit.AutoExecutor._typed_parameters()
         given = {name if name in known else f"slurm_{name}": value for name, value in (parameters or {}).items()}
-        exports = [f"export {name}={value}" for name, value in thread_settings(self._told.threads).items()]
+        exports = [f"export {name}={value}" for name, value in process_settings(self._told.threads).items()]
         given["slurm_setup"] = [*exports, *given.get("slurm_setup", ())]
         try:
             self.executor = submitit.AutoExecutor(folder=folder.absolute() / "slurm", cluster=cluster)
@@ -68,8 +69,8 @@ class Slurm(Place):
         return isinstance(error, died) and not isinstance(error, raised)
 
     def submit(self, job: AnyJob, path: Path) -> Any:
-        with process_environment(self._told.threads):
-            submitted = self.executor.submit(ResumableWork(), job, path.absolute(), self._told)
+        with environment(process_settings(self._told.threads)):
+            submitted = self.executor.submit(ResumableWork(), *parcel(job, path.absolute(), self._told))
         self._jobs.add(submitted)
         return submitted
 
@@ -86,10 +87,10 @@ class Slurm(Place):
 
 
 class ResumableWork:
-    """`work` in the form for submitit: if Slurm stops a job, `checkpoint` submits the same job again."""
+    """`work_parcel` in the form for submitit: if Slurm stops a job, `checkpoint` submits the same job again."""
 
     def __call__(self, *arguments: Any) -> Outcome:
-        return work(*arguments)
+        return work_parcel(*arguments)
 
     def checkpoint(self, *arguments: Any) -> Any:
         import submitit  # type: ignore[import-not-found]
