@@ -13,8 +13,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from motorgrad._errors import check
+
 BLOCK = 128
 """Decisions per block: few enough that the numbers of a thousand seeds stay in the cache."""
+
+
+def block_at(decision: int) -> tuple[int, int]:
+    """The number of the block of a decision, and its place in it.
+
+    **Raises** `ValueError` from 549,755,813,888 decisions on: blocks are numbered in 32 bits, and must not repeat.
+    """
+    block, place = divmod(decision, BLOCK)
+    check(block < 2**32, "decisions", f"{decision:,}", f"at most {2**32 * BLOCK:,}; begin another run")
+    return block, place
 
 
 def key_of(seed: Int[Array, ""] | int, purpose: str | Any) -> jax.Array:

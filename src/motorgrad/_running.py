@@ -9,11 +9,24 @@ from jaxtyping import Array, PyTree, UInt32
 CLIP = 5.0  # standard deviations
 
 
+def counted_on(count: Array, more: Any = 1) -> Array:
+    """A count and `more`, which stands still at the greatest number of its type rather than begin again."""
+    most = jnp.asarray(jnp.iinfo(count.dtype).max, count.dtype)
+    return count + jnp.minimum(jnp.asarray(more, count.dtype), most - count)
+
+
+def counted_round(count: Array, size: Any) -> Array:
+    """A count of which only the place in rounds of `size` matters, and whether there was a whole round: from two rounds
+    on it is one less, so that it never ends."""
+    return jnp.where(count >= 2 * size, count - size, count)
+
+
 class RunningMean(NamedTuple):
     """The mean of the samples so far, of any pytree.
 
     In single precision `mean + (x − mean)/n` stops moving near n = 1e7, because the increment falls below the mean's
-    rounding. `carry` holds what rounding took away, so that the pair is good for the counter's whole range (4.2e9).
+    rounding. `carry` holds what rounding took away, so that the pair is good for the counter's whole range. At its end,
+    4,294,967,295 samples, `count` stands still, and every further sample moves the mean by as much as that one.
     """
 
     mean: PyTree[Array]
@@ -38,7 +51,7 @@ def two_sum(total: Array, carry: Array, more: Array) -> tuple[Array, Array]:
 def add_sample(running: RunningMean, sample: PyTree[Array], rate: Any = None, size: int = 1) -> RunningMean:
     """Add the n-th sample: it moves the mean by 1/n of its distance, or by `rate` of it where that is more. A sample
     that is itself the mean of `size` others counts as so many."""
-    count = running.count + size
+    count = counted_on(running.count, size)
 
     def add(mean: Array, carry: Array, x: Array) -> tuple[Array, Array]:
         distance = (x - mean) - carry

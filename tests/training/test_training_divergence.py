@@ -6,7 +6,8 @@ import pytest
 from training_examples import assert_same, learner
 
 from motorgrad.learning import Exponential
-from motorgrad.training import BodyStepper, train
+from motorgrad.training import BodyStepper, evaluate, train
+from motorgrad.training.store import RunWarning
 
 SEEDS, HURT, OTHERS = [5, 2, 9], 1, [0, 2]
 BEFORE = 140  # beyond a block of random numbers
@@ -131,3 +132,35 @@ def test_the_metrics_of_a_run_tell_of_divergences(monkeypatch):
     run = train("hopper", steps=60, seeds=SEEDS, window=20, progress=False)
     np.testing.assert_array_equal(run.curve("diverged")[1], [[0, 0, 0], [0, 1, 0], [0, 0, 0]])
     assert np.isfinite(run.curve("reward")[1]).all()
+
+
+@pytest.fixture(scope="module")
+def burst():
+    """A run with a learning rate that is well and one that is not, and what it warned of."""
+    rates = {"learning_rate": [1e-3, 3e38]}
+    with pytest.warns(RunWarning) as told:
+        run = train("linear-recruitment", None, 400, [3], sweep=rates, window=100, progress=False)
+    return run, [str(each.message) for each in told]
+
+
+def test_parameters_that_are_not_finite_are_told_once(burst):
+    run, told = burst
+    (message,) = told
+    assert message.startswith("seed 3: parameters not finite by decision 100, ")
+    assert "(1 of 2 so far)" in message
+    np.testing.assert_array_equal(run.broken, [False, True])
+    assert ", 1 broken" in repr(run)
+
+
+def test_they_are_not_evaluated_to_0(burst):
+    with pytest.warns(RunWarning, match="seed 3: parameters that are not finite"):
+        found = evaluate(burst[0], steps=20)
+    np.testing.assert_array_equal(np.isnan(found.reward), burst[0].broken)
+    assert not np.isnan(evaluate(burst[0], steps=20, untrained=True).reward).any()
+
+
+@pytest.mark.parametrize("kind", [".c", ".npz", ".onnx"])
+def test_they_are_not_exported(kind, burst, tmp_path):
+    with pytest.raises(ValueError, match=r"^policy\.\w+ = 'not all finite': must be finite numbers"):
+        burst[0].split()[1].policy(3).export(tmp_path / f"policy{kind}")
+    assert not list(tmp_path.iterdir())

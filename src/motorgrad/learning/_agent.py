@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
 from motorgrad._tree import Numbers, Part
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
@@ -48,7 +48,7 @@ class AgentState(NamedTuple):
     - `chain`: the states of the gradient transformations.
     - `decision`: the decision that awaits its reward, where a part recalls it or the policy has hidden units or a
       memory.
-    - `steps`: how often the parameters have moved, where a part depends on it.
+    - `steps`: how often the parameters have moved, where a part depends on it; 2,147,483,647 from there on.
     - `growth`: the state of a learner that grows.
     - `index`: what a sparse learner knows of its units.
     - `memory`: what the policy remembers of the episode, where it has a memory.
@@ -405,7 +405,7 @@ class Agent(Part):
             updates = self.growth.scale_updates(state.growth, updates)
         updates = stages.constrain(updates, chain, state.policy, state.steps, due)
         moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
-        steps = None if state.steps is None else state.steps + 1
+        steps = None if state.steps is None else counted_on(state.steps)
         chain = stages.map(lambda stage, inner: stage.after_step(inner, moved, steps), chain)
         return state._replace(policy=moved, chain=chain, steps=steps)
 

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
+from motorgrad._running import RunningMean, add_sample, counted_on, running_mean, two_sum
 from motorgrad._tree import Part, count, is_tracer, number
 from motorgrad.learning._branching import NEVER, Flag, where
 from motorgrad.policies import Policy
@@ -290,13 +290,14 @@ class BinnedBaseline(InputBaseline):
         return jnp.sum(jnp.where(self._mask(observation)[:-1], means[:-1], 0))
 
     def learn(self, state: RunningMean, observation: Float[Array, " inputs"], reward: Float[Array, ""]) -> RunningMean:
-        count = state.count + self._mask(observation).astype(jnp.uint32)
+        mask = self._mask(observation)
+        count = counted_on(state.count, mask)
         rates = jnp.broadcast_to(jnp.asarray(self.rate, state.mean.dtype), (self.bins,))
         least = jnp.append(rates, 0)  # the mean of all rewards forgets nothing
         step = jnp.maximum(1 / count.astype(state.mean.dtype), least.astype(state.mean.dtype))
         distance = (reward - state.mean) - state.carry
         moved = RunningMean(*two_sum(state.mean, state.carry, step * distance), count)
-        return RunningMean(*(jnp.where(count > state.count, new, old) for new, old in zip(moved, state, strict=True)))
+        return RunningMean(*(jnp.where(mask, new, old) for new, old in zip(moved, state, strict=True)))
 
     def _mask(self, observation: Float[Array, " inputs"]) -> Array:
         """The means that an observation belongs to: that of its bin and, last, that of all."""

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from motorgrad._running import RunningMean, add_sample, two_sum
+from motorgrad._running import RunningMean, add_sample, counted_on, two_sum
 from motorgrad._tree import Part, number
 
 
@@ -63,4 +63,4 @@ class ValueBasedCentring(Centring):
         self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Any
     ) -> RunningMean:
         mean, carry = two_sum(level.mean, level.carry, jnp.asarray(self.rate * error, level.mean.dtype))
-        return RunningMean(mean, carry, level.count + 1)
+        return RunningMean(mean, carry, counted_on(level.count))

@@ -248,7 +248,7 @@ class PolyakAveraging(Transformation):
 
     needs_steps: ClassVar[bool] = True
 
-    start: int = count(0)
+    start: int = count(0, 0, 2**31 - 2)  # steps are counted up to one more
     rate: float = number(0.0, 0, 1)
 
     def init(self, policy: Policy) -> RunningMean:

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from motorgrad._running import counted_round
 from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
@@ -69,9 +70,7 @@ class ConjugateGradient(LimitedMetric):
         # What diverged is written, too, and overwritten by the next: it is not counted.
         observations = state.observations.at[place].set(transition.observation.astype(state.observations.dtype))
         actions = state.actions.at[place].set(transition.action.astype(state.actions.dtype))
-        following = state.seen + 1
-        # Above twice the memory, only the place matters, so that the count never overflows.
-        following = jnp.where(following >= 2 * self.memory, following - self.memory, following)
+        following = counted_round(state.seen + 1, self.memory)
         return Recent(observations, actions, where(transition.diverged, state.seen, following))
 
     def update(self, updates: Updates, state: Recent, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Recent]:

@@ -19,6 +19,8 @@ from motorgrad._goal import Goal
 from motorgrad._tree import Part, count, number
 from motorgrad.learning._branching import Flag, where
 
+LAST = 2**31 - 1  # the number of an episode, after which they begin again from 0
+
 
 class Experience(NamedTuple):
     """A ring of rows, one for each observation. The row of a decision has what it led to, and its next observation is
@@ -182,7 +184,7 @@ class Replay(Part):
         begun = kept.begun
         return kept._replace(
             place=jnp.where(begun, (kept.place + 1) % self.capacity, kept.place),
-            present=kept.present + begun,
+            present=(kept.present + begun) & LAST,  # far more than there is room for at a time
             begun=jnp.zeros_like(begun),
         )
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._presets import STEPS, natural
-from motorgrad._running import RunningMean, add_observation, running_mean, standardised
+from motorgrad._running import RunningMean, add_observation, counted_on, running_mean, standardised
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
@@ -50,7 +50,8 @@ MARK = 0.02  # m, the radius of the mark of a target without a tolerance
 class ComposedMemory(NamedTuple):
     """The memory of a composed task.
 
-    - `decisions`: made in this episode; `ended`: whether it has just ended, by itself or by its limit.
+    - `decisions`: made in this episode; at 2,147,483,647 they and the time of targets stand still. `ended`: whether it
+      has just ended, by itself or by its limit.
     - `control`: of each group of actuators in the last decision.
     - `drawn`: by name, what each target drew for the episode.
     - `terms`: what terms remember, in their order.
@@ -349,7 +350,7 @@ class Composed(BodyTask):
         self, memory: ComposedMemory, state: BodyState, action: Float[Array, " units"]
     ) -> tuple[ComposedMemory, Scalar, Flag]:
         parts = self._bound
-        memory = memory._replace(decisions=memory.decisions + 1, control=self.control(action, memory))
+        memory = memory._replace(decisions=counted_on(memory.decisions), control=self.control(action, memory))
         if parts.remembering:
             now = self._now(memory, state)
             pairs = zip(parts.remembering, memory.terms, strict=True)

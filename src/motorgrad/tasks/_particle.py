@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
 from motorgrad._random import normals
+from motorgrad._running import counted_on
 from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
@@ -233,7 +234,7 @@ class ParticleNavigation(ParticleTask):
     ) -> tuple[Int[Array, ""], Scalar, Flag]:
         arrived = self.arrived(state.position)
         reward = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal[0], 0.0)
-        return memory + 1, reward, arrived
+        return counted_on(memory), reward, arrived
 
     def readings(self, memory: Int[Array, ""], state: ParticleState) -> dict[str, Reading]:
         """`arrival`: decisions until the goal was reached, if it was. `cost`: the penalty of the obstacles."""

@@ -14,7 +14,7 @@ from motorgrad.policies import Policy, trainable
 from motorgrad.tasks import Gymnasium, HostTask, Task, make
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, sweep_settings
-from motorgrad.training.engines import validate, validate_needs, validate_score
+from motorgrad.training.engines import MOST_AT_ONCE, validate, validate_needs, validate_score
 from motorgrad.training.store import name_of
 
 MAX_LANES = 1_000_000
@@ -73,7 +73,8 @@ def check_training(
     valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
-    check(window is None or (_whole(window) and window >= 1), "window", window, "an integer of at least 1 decision")
+    fine = window is None or (_whole(window) and 1 <= window <= MOST_AT_ONCE)
+    check(fine, "window", window, f"an integer from 1 to {MOST_AT_ONCE:,} decisions")
     for name, seconds in (("checkpoint_every", checkpoint_every), ("give_up_after", give_up_after)):
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MAX_THREADS

@@ -1,6 +1,7 @@
 """Evaluation: a frozen policy from a fresh start."""
 
 import dataclasses
+import warnings
 from pathlib import Path
 from typing import Literal
 
@@ -8,12 +9,13 @@ import jax
 import numpy as np
 import pyarrow as pa
 
-from motorgrad._errors import check, choice, counted
+from motorgrad._errors import check_integer, choice, counted
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
 from motorgrad.training._load import load
-from motorgrad.training._run import Records, Run
-from motorgrad.training.engines import BodyStepper, stepper_for
+from motorgrad.training._run import Records, Run, not_finite, told_seeds
+from motorgrad.training.engines import MOST_AT_ONCE, BodyStepper, stepper_for
+from motorgrad.training.store import RunWarning
 
 FRESH = 1_000_000_000
 """Added to seeds, so that a policy is not evaluated on the random numbers it learned from."""
@@ -65,6 +67,8 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate the policies of all seeds of a run from a fresh start, without learning.
 
+    Of a policy that is not finite, reward and readings are NaN, with a warning.
+
     **Arguments:**
 
     - `run`: a run, or the directory of one.
@@ -75,7 +79,7 @@ def evaluate(
     - `trust`, `allow_changed`: as in `load`, for a directory.
     """
     run = run if isinstance(run, Run) else load(run, trust=trust, allow_changed=allow_changed)
-    check(isinstance(steps, int | np.integer) and steps >= 1, "steps", steps, "a positive integer")
+    check_integer("steps", steps, 1, MOST_AT_ONCE, "decisions")
     choice("mode", mode, ("sample", "mode"))
     policies = run.initial if untrained else run.policies
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
@@ -97,6 +101,12 @@ def evaluate(
     else:
         stepper.advance(steps)
     record = stepper.harvest()
+    if (broken := not_finite(policies)).any():
+        found = told_seeds(np.asarray(lanes)[broken])
+        warnings.warn(
+            f"{found}: parameters that are not finite; nothing is said of them (NaN)", RunWarning, stacklevel=2
+        )
+        record |= {name: np.where(broken, np.nan, record[name]) for name in ("reward", *run.task.reports)}
     records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings))
     records.add(record, steps, 0, 0.0)
     metrics = records.take()

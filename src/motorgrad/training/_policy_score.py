@@ -18,7 +18,7 @@ from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task, make
-from motorgrad.training.engines import stepper_for, validate, validate_needs
+from motorgrad.training.engines import MOST_AT_ONCE, stepper_for, validate, validate_needs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class PolicyScore:
         validate(task, made)
         object.__setattr__(self, "task", task)
         object.__setattr__(self, "policy", made)
-        check_integer("steps", self.steps, 1)
+        check_integer("steps", self.steps, 1, MOST_AT_ONCE, "decisions")
         check_integer("streams", self.streams, 1)
         check_integer("seed", self.seed, 0, 2**31 - 1 - self.streams)
         choice("of", self.of, ("reward", *task.reports))

@@ -11,6 +11,7 @@ from motorgrad.lab import gallery
 from motorgrad.lab.editor import Session
 from motorgrad.lab.editor._page import _Recorded
 from motorgrad.lab.editor._traces import FRAME, Traces
+from motorgrad.lab.engine import MOST_TICKS
 
 
 def leaky():
@@ -103,6 +104,22 @@ def test_a_parameter_is_set_while_it_plays_without_compiling_again(client):
     client.do("tick", n=1)
     assert client.session.diagram.nodes["gain"].block.gain == 2.0
     assert client.run()["branches"][0]["changes"][-1]["value"] == 2.0
+
+
+def test_the_last_tick_of_a_run_is_made_and_told(client):
+    client.do("tick", n=1)
+    run = client.session._runner._tree.now.run
+    run.restore({**run.state, "tick": MOST_TICKS - 5})
+    client.session._runner._tree.now.timeline._playback.begin()
+    for operation in ("play", "play"):
+        client.do(operation, speed=None)
+        client.until(lambda event: event["event"] == "error" and "is the last of a run; reset it" in event["message"])
+        client.until(lambda event: event["event"] == "run" and event["state"] == "paused")
+        assert client.run()["tick"] == MOST_TICKS
+    client.do("tick", n=3)
+    client.do("reset")
+    client.do("tick", n=2)
+    assert client.run()["tick"] == 2
 
 
 class Clock:

@@ -7,6 +7,7 @@ from units import needs_compiler
 import motorgrad.lab as lab
 from motorgrad.lab import Diagram, Fmu, Run, write_fmu
 from motorgrad.lab.compiler import draw_span
+from motorgrad.lab.engine import MOST_TICKS
 from motorgrad.lab.fmi._random import draw
 
 pytestmark = [needs_compiler, pytest.mark.needs("motorgrad[fmi]")]
@@ -52,6 +53,16 @@ def test_a_unit_gives_what_the_diagram_gives(version, tmp_path):
     np.testing.assert_array_equal(found["b"], record["b.u"][0])
     np.testing.assert_array_equal(found["n"], record["n.u"][0])
     assert len(set(found["z"])) > 5
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_unit_makes_no_tick_after_the_last(version, tmp_path):
+    run = Run(mixed())
+    run.restore({**run.state, "tick": MOST_TICKS - 4})
+    path = write_fmu(run, tmp_path / "late.fmu", version)
+    assert len(simulated(path, 3, 0.02)["z"]) == 3
+    with pytest.raises(Exception, match="DoStep"):
+        simulated(path, 6, 0.02)
 
 
 @pytest.fixture(scope="module")

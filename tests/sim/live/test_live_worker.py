@@ -261,6 +261,23 @@ def test_the_curve_is_the_mean_of_the_rewards(hopper):
     assert curve["values"][0, 0] == pytest.approx(np.mean(rewards), abs=1e-5)
 
 
+@pytest.mark.representatives("hopper")
+@pytest.mark.parametrize("task", ["hopper", "particle"])
+def test_it_goes_on_beyond_32_bits_of_decisions(task, driven):
+    watched, late = driven(live.setup_of(task, seed=5)), 2**32 - 3
+    watched(live.Step(2))
+    subject = watched.worker.subject
+    subject.restore({**subject.state, "learner": {**subject.state["learner"], "decision": np.array(late)}})
+    watched.worker.playback.begin()
+    for decisions in (1, 20):
+        watched(live.Step(decisions))
+    seen = watched.seen()
+    assert int(seen["decision"]) == int(seen["newest"]) == late + 21
+    assert watched.seen("trail")["decision"].max() == late + 21
+    watched(live.Scrub(late + 10), live.Step(11))
+    assert same(watched.seen(), seen)
+
+
 def test_a_run_is_gone_on_with(tmp_path, driven):
     run = mg.train("hopper", steps=300, seeds=[2, 7], out=tmp_path / "run", progress=False)
     gone_on = driven(live.setup_of("hopper", seed=7, run=tmp_path / "run"))

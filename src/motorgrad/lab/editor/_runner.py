@@ -23,6 +23,7 @@ from motorgrad.lab.editor import _protocol as ask
 from motorgrad.lab.editor._page import page
 from motorgrad.lab.editor._program import learns, parameters, signature
 from motorgrad.lab.editor._tree import Tree
+from motorgrad.lab.engine import MOST_TICKS
 
 FRAME = 1 / 30  # seconds
 LONGEST_TICK = 0.1  # seconds; nobody wants to wait for longer ones
@@ -198,6 +199,7 @@ class Runner:
         ticks = clock.due()
         if self._until is not None:
             ticks = min(ticks, self._until - tree.tick)
+        ticks = min(ticks, MOST_TICKS - tree.tick)
         try:
             if ticks > 0:
                 start = time.perf_counter()
@@ -207,7 +209,12 @@ class Runner:
             self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
             self._pause()
             return
-        if self._until is not None and tree.tick >= self._until:
+        over = tree.tick >= MOST_TICKS
+        if over:
+            self._emit(
+                {"event": "error", "message": f"tick {tree.tick:,} is the last of a run; reset it"}
+            )
+        if over or (self._until is not None and tree.tick >= self._until):
             self._pause()
         else:
             self._report()

@@ -34,7 +34,7 @@ from motorgrad.lab.engine._state import (
 )
 
 MOST_SEEDS = 1_000_000
-MOST_TICKS = 2**32 - 2**16
+MOST_TICKS = 2**32 - 2**16  # of a run: they are counted in 32 bits
 
 
 class Run:

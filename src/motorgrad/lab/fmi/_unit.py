@@ -20,7 +20,7 @@ from motorgrad._errors import check, choice
 from motorgrad._files import check_writable, write_atomically
 from motorgrad.export import c_literal, c_source, c_type
 from motorgrad.lab.diagram import Diagram, Port
-from motorgrad.lab.engine import Run
+from motorgrad.lab.engine import MOST_TICKS, Run
 from motorgrad.lab.fmi._slopes import SlopeProgram, slope_program
 from motorgrad.lab.fmi._step import TickProgram, tick_program
 from motorgrad.lab.fmi._wrapper import wrapper
@@ -46,7 +46,7 @@ def write_fmu(
 
     For co-simulation it makes one tick at a time: a communication step is a whole number of ticks. Its outputs after a
     step are those of the step's last tick. It has the same random numbers as the run, and its learners learn. Its state
-    can be saved and restored.
+    can be saved and restored. A step beyond tick 4,294,901,760 is an error.
 
     For model exchange it gives the time derivatives of the continuous states, in double precision, and the other
     simulator integrates them. The diagram has the precision `"double"` and nothing with memory but continuous states.
@@ -134,6 +134,7 @@ def _parts(program: TickProgram | SlopeProgram) -> dict[str, Any]:
         "fields": "\n".join(fields),
         "variables": "\n".join([*variables, "    {TIME, 0, 1, false},"]),
         "tick": repr(program.length),
+        "most": repr(float(MOST_TICKS)),
         "start": "\n".join(start),
         "arguments": ", ".join(places.get(name, f"data->{name}") for name in order),
         "real": types["float"],

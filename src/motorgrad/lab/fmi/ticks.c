@@ -1,4 +1,5 @@
 static const double TICK = $tick;
+static const double MOST_TICKS = $most;
 
 static void advance(Data *data)
 {
@@ -25,7 +26,7 @@ static long ticks_in(double length)
 static int run(Model *model, double now, double length)
 {
     const long ticks = ticks_in(length);
-    if (ticks < 0) return 3;
+    if (ticks < 0 || ticks > MOST_TICKS - *model->data.tick) return 3;
     for (long k = 0; k < ticks; ++k) advance(&model->data);
     model->data.time = now + length;
     model->stepped = true;

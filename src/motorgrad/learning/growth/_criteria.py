@@ -10,6 +10,7 @@ from jax.scipy.special import ndtri
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
+from motorgrad._running import counted_on
 from motorgrad._tree import Part, count, number
 
 BATCHES = 20
@@ -150,7 +151,7 @@ class Plateau(Criterion):
         return PlateauState(
             batch=zero, rewards=jnp.zeros_like(state.rewards), mean=zero, squares=zero,
             batches=jnp.zeros_like(state.batches), last=state.mean, last_variance=variance,
-            windows=state.windows + 1,
+            windows=counted_on(state.windows),
             best=jnp.where(flat & better, state.mean, state.best),
             best_variance=jnp.where(flat & better, variance, state.best_variance),
             vain=jnp.where(state.due, state.vain, jnp.where(flat, jnp.where(better, 0, state.vain + 1), state.vain)),

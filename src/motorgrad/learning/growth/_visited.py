@@ -5,12 +5,15 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt32
 
+from motorgrad._running import counted_round
 from motorgrad._tree import Part, count
 
 
 class VisitedState(NamedTuple):
     """`looks`: the observations kept, in a ring buffer; `seen`: how many decisions there were; `kept`: how many of them
-    were kept."""
+    were kept.
+
+    `seen` begins again from 0 after 2³² decisions: it only chooses, by a hash. `kept` omits rounds of the ring."""
 
     looks: Float[Array, "slots inputs"]
     seen: UInt32[Array, ""]
@@ -46,7 +49,7 @@ class Visited(Part):
         chosen = (hash_bits(block ^ salt) % self.every == place) & jnp.all(jnp.isfinite(observation))
         here = jnp.arange(self.slots, dtype=jnp.uint32) == state.kept % self.slots
         looks = jnp.where((here & chosen)[:, None], observation.astype(state.looks.dtype), state.looks)
-        return VisitedState(looks, state.seen + 1, state.kept + chosen)
+        return VisitedState(looks, state.seen + 1, counted_round(state.kept + chosen, self.slots))
 
     def draw(self, state: VisitedState, salt: UInt32[Array, ""], otherwise: Float[Array, " inputs"]) -> Array:
         """A kept observation, each with the same probability; `otherwise` where there is none."""

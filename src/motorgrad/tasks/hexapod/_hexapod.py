@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
 from motorgrad._presets import natural_actor_critic
+from motorgrad._running import counted_round
 from motorgrad.bodies import (
     LEGS,
     Body,
@@ -34,6 +35,7 @@ JOINT_VELOCITY = 10.0  # rad/s, observed as 1
 TRUNK_SCALES = (0.2, 0.2, 2.0, 1.0, 0.5, 3.0, 3.0, 3.0)
 """What is observed as 1: sines of pitch and roll; velocities forward, to the left and up in m/s; rotations in rad/s."""
 SPAN = 20.0  # s, over which a net displacement is measured
+MOST_COUNTED = 2**30 - 1  # decisions: twice as many fit into 32 bits
 SECOND = 1.0  # s, over which a stall is measured
 STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
 TOUCH = 0.5  # N
@@ -59,7 +61,7 @@ MUSCLE_LEARNER: Mapping[str, Any] = natural_actor_critic(
 class HexapodMemory(NamedTuple):
     """The memory of the hexapod's task within an episode.
 
-    - `decisions`: made so far, −1 before the first observation.
+    - `decisions`: made so far, −1 before the first observation; after 10⁹, some whole courses less.
     - `past` (lag, 6): lateral angles observed at the last decisions, newest first.
     - `yaw`: the smoothed yaw rate, rad/s; `course`: the heading at the start of the current course, rad.
     - `origin` (2,): where the current span started, m; `run`: the sum of speeds in the current second, m/s.
@@ -187,7 +189,7 @@ class Hexapod(WalkingTask):
         self, memory: HexapodMemory, state: BodyState, uniforms: Float[Array, " 0"]
     ) -> tuple[HexapodMemory, Float[Array, " inputs"]]:
         reading = read_hexapod(state)
-        made = memory.decisions + 1
+        made = counted_round(memory.decisions + 1, self._round)
         scale = math.radians(self.angle_scale)
         now = reading.lateral / scale
         line = jnp.concatenate([now[None], memory.past])
@@ -260,6 +262,14 @@ class Hexapod(WalkingTask):
     def _span(self) -> int:
         """Decisions per net displacement."""
         return self._decisions(min(SPAN, self.time_limit or SPAN))
+
+    @property
+    def _round(self) -> int:
+        """Decisions that their count may omit: a whole number of courses, spans and seconds. Where courses are too long
+        for that, one in 10⁹ decisions is longer or shorter."""
+        often = math.lcm(self._span, self._decisions(SECOND))
+        whole = math.lcm(often, self.course)
+        return MOST_COUNTED // whole * whole or MOST_COUNTED // often * often
 
     def _decisions(self, seconds: float) -> int:
         return max(1, round(seconds / self.period))

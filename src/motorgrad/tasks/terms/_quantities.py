@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._running import counted_on
 from motorgrad._tree import count, number, static
 from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scalar, Scene, by_name, norm, vector
 
@@ -130,7 +131,7 @@ class Success(Quantity):
         return Bound(
             lambda now: jnp.where(now.memory > self.decisions, 1.0, 0.0),
             init=lambda: jnp.zeros((), jnp.int32),
-            step=lambda now: now.memory + (read(now) < self.tolerance),
+            step=lambda now: counted_on(now.memory, read(now) < self.tolerance),
         )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, HostTask, Task
-from motorgrad.training.engines._cycle import CycleState, Mode
+from motorgrad.training.engines._cycle import MOST_AT_ONCE, CycleState, Mode
 from motorgrad.training.engines._host import BodyStepper, HostStepper
 from motorgrad.training.engines._programs import clear_programs
 from motorgrad.training.engines._side_by_side import MOST, SideBySide
@@ -15,6 +15,7 @@ from motorgrad.training.engines._stepper import Record, Stepper, validate, valid
 from motorgrad.training.engines._world import WorldStepper
 
 __all__ = [
+    "MOST_AT_ONCE",
     "BodyStepper",
     "CycleState",
     "HostStepper",

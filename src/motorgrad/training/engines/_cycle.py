@@ -21,6 +21,10 @@ Mode = Literal["learn", "sample", "mode", "given"]
 """Learn; or act by a frozen policy, with sampled actions or the most probable ones; or take actions that are given."""
 
 
+MOST_AT_ONCE = 2**31 - 1
+"""Decisions that one `Tally` counts."""
+
+
 class Tally(NamedTuple):
     """Sums since the last record, for one seed, in few arrays, which make a fast call.
 

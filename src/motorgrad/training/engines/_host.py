@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._compiler import in_one_piece
 from motorgrad._errors import check
-from motorgrad._random import BLOCK, draw_block
+from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
@@ -394,7 +394,7 @@ class HostStepper(Stepper):
 
     def _input(self) -> Float[np.ndarray, "seeds width"]:
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
-        block, index = divmod(self.decision // self.envs, BLOCK)
+        block, index = block_at(self.decision // self.envs)
         if block != self._block:
             self._block, self._drawn = block, self.program.draw(self.seeds, block)
         self._dynamics[...] = self.batch.packed

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
-from motorgrad._random import BLOCK, draw_places
+from motorgrad._random import BLOCK, block_at, draw_places
 from motorgrad.learning import AgentState, SparseAgent
 from motorgrad.policies import Policy
 from motorgrad.training.engines._cycle import CycleState
@@ -37,8 +37,9 @@ class SparseProgram(WorldProgram):
         room = carry[0].agent.index.table.shape[-1]
         return {**super()._draw(carry, seeds, block), "policy": draw_places(seeds, "policy", block, room)}
 
-    def _decisions(self, carry: Carry, seeds: Array, start: Array, stop: Array) -> tuple[Array, Carry]:
-        """Decisions from `start` up to `stop`, or to where a table is due; and how far they went."""
+    def _decisions(self, carry: Carry, seeds: Array, begun: Array, start: Array, stop: Array) -> tuple[Array, Carry]:
+        """Decisions from `start` up to `stop`, counted as in `WorldProgram`, or to where a table is due; and how far
+        they went."""
         decide = jax.vmap(self._decide, in_axes=(self.axes, -1), out_axes=self.axes)
 
         def going(position: tuple[Array, Carry], last: Array) -> Bool[Array, ""]:
@@ -46,7 +47,7 @@ class SparseProgram(WorldProgram):
 
         def block(position: tuple[Array, Carry]) -> tuple[Array, Carry]:
             index = position[0] // BLOCK
-            uniforms = self._draw(position[1], seeds, index)
+            uniforms = self._draw(position[1], seeds, begun + index)
             last = jnp.minimum(stop, (index + 1) * BLOCK)
 
             def decision(position: tuple[Array, Carry]) -> tuple[Array, Carry]:
@@ -74,8 +75,10 @@ class SparseStepper(WorldStepper):
         stop = self.decision + decisions
         while self.decision < stop:
             self._refresh()
-            made, self._carry = self.program.run(self._carry, self.seeds, jnp.uint32(self.decision), jnp.uint32(stop))
-            self.decision = int(made)
+            begun, start = block_at(self.decision)
+            numbers = map(np.uint32, (begun, start, start + stop - self.decision))
+            made, self._carry = self.program.run(self._carry, self.seeds, *numbers)
+            self.decision += int(made) - start
 
     @property
     def state(self) -> PyTree[np.ndarray]:

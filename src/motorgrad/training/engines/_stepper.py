@@ -119,7 +119,7 @@ class Stepper(abc.ABC):
 
     @abc.abstractmethod
     def advance(self, decisions: int) -> None:
-        """Make this number of decisions per seed."""
+        """Make this number of decisions per seed, at most `MOST_AT_ONCE` from one harvest to the next."""
 
     @property
     @abc.abstractmethod

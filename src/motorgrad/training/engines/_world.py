@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._compiler import loop_options
-from motorgrad._random import BLOCK, draw_block, key_of
+from motorgrad._random import BLOCK, block_at, draw_block, key_of
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
@@ -66,14 +66,15 @@ class WorldProgram(Program):
             sizes |= {"reset": world.reset_uniforms, "memory": task.init_uniforms, "look": task.uniforms}
         return {name: draw_block(seeds, name, block, size) for name, size in sizes.items()}
 
-    def _decisions(self, carry: Carry, seeds: Array, start: Array, stop: Array) -> Any:
-        """Decisions `start` … `stop` − 1, with a block of random numbers at a time."""
+    def _decisions(self, carry: Carry, seeds: Array, begun: Array, start: Array, stop: Array) -> Any:
+        """Decisions `start` … `stop` − 1, with a block of random numbers at a time. They count from the first of block
+        `begun`, because those of all blocks have more than 32 bits."""
         decide = jax.vmap(self._decide, in_axes=(self.axes, -1), out_axes=self.axes)
 
         def block(position: tuple[Array, Carry]) -> tuple[Array, Carry]:
             first, carry = position
             index = first // BLOCK
-            uniforms = self._draw(carry, seeds, index)
+            uniforms = self._draw(carry, seeds, begun + index)
             last = jnp.minimum(stop, (index + 1) * BLOCK)
 
             def decision(t: Array, carry: Carry) -> Carry:
@@ -105,8 +106,8 @@ class WorldStepper(Stepper):
         self._carry = self.program.begin(self.seeds, self._start_vector, self._initial)
 
     def advance(self, decisions: int) -> None:
-        start, stop = jnp.uint32(self.decision), jnp.uint32(self.decision + decisions)
-        self._carry = self.program.run(self._carry, self.seeds, start, stop)
+        begun, start = block_at(self.decision)
+        self._carry = self.program.run(self._carry, self.seeds, *map(np.uint32, (begun, start, start + decisions)))
         jax.block_until_ready(self._carry)
         self.decision += decisions
 
