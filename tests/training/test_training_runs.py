@@ -47,7 +47,7 @@ def made(tmp_path_factory):
 def test_a_run_directory_holds_all_there_is_to_know(name, made):
     run = made(name)
     path = run.path
-    assert {p.name for p in path.iterdir() if p.name != ".lock"} == {
+    assert {p.name for p in path.iterdir() if p.name not in (".lock", ".signature")} == {
         "config.toml",
         "provenance.json",
         "metrics",

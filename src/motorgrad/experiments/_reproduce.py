@@ -5,7 +5,6 @@ import json
 import math
 import re
 import time
-import tomllib
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import filelock
 import tomli_w
 
 from motorgrad._errors import check, unknown
-from motorgrad._files import read_arrays, read_json, write_arrays, write_atomically
+from motorgrad._files import read_arrays, read_json, read_toml, refuse_links, replacing, write_arrays, write_atomically
 from motorgrad._settings import table
 from motorgrad.experiments._claims import Claim
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
@@ -112,6 +111,7 @@ def reproduce(
     """
     folder = Path(out) / experiment.name
     folder.mkdir(parents=True, exist_ok=True)
+    refuse_links(folder, "parts")
     try:
         with filelock.FileLock(folder / ".lock", timeout=0):
             work = Workspace(folder, Path(out) / "trained", threads, progress)
@@ -157,7 +157,7 @@ def _session(experiment: Experiment, work: Workspace, about: Path, sessions: lis
 def check_settings(experiment: Experiment, folder: Path) -> None:
     """**Raises** `ValueError` if the folder holds the experiment with other settings."""
     file, settings = folder / "config.toml", table(experiment)
-    before = tomllib.loads(file.read_text()) if file.exists() else settings
+    before = read_toml(file) if file.exists() else settings
     if before != settings:
         key = next(key for key in [*settings, *before] if before.get(key) != settings.get(key))
         raise ValueError(
@@ -172,8 +172,10 @@ def _draw(experiment: Experiment, values: Any, folder: Path) -> None:
 
     with matplotlib.rc_context(STYLE):
         figure = experiment.figure(values)
-        figure.savefig(folder / "figure.svg", metadata={"Date": None})
-        figure.savefig(folder / "figure.png", dpi=160)
+        with replacing(folder / "figure.svg") as file:
+            figure.savefig(file, format="svg", metadata={"Date": None})
+        with replacing(folder / "figure.png") as file:
+            figure.savefig(file, format="png", dpi=160)
 
 
 def _film(experiment: Experiment, work: Workspace, seconds: float | None) -> None:

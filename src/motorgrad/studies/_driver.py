@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+from motorgrad._consent import allowed
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad._files import check_writable
 from motorgrad._progress import Progress
@@ -62,7 +63,7 @@ def run_study(
       or machine dies has not failed; it continues from its last checkpoint.
     - `checkpoint_every`: seconds between two checkpoints of a job.
     - `imports`: modules that each worker imports first, as they register tasks or parts of learners.
-    - `trust`: whether to run code that another process named in the folder: modules of tasks, pickled environments.
+    - `trust`: whether to run code that another process named in the folder: modules of tasks.
     - `progress`: whether to show progress.
     - `metric`: the metric by which the page `index.html` of the folder ranks settings.
     - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
@@ -85,7 +86,7 @@ def run_study(
             warnings.simplefilter("ignore")  # those about the run directories have been given
             write_page(folder, metric, learned)
 
-    told = Work(threads, checkpoint_every, tuple(imports), trust)
+    told = Work(threads, checkpoint_every, tuple(imports), allowed())
     drive(folder, told, report, on=on, workers=workers, attempts=attempts, progress=progress, options=options)
     return Results(folder)
 

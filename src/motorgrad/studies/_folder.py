@@ -21,7 +21,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import tomli_w
 
-from motorgrad._files import remove_partials, write_atomically
+from motorgrad._files import refuse_links, remove_partials, write_atomically
+from motorgrad._limits import MOST_TABLE_BYTES
+from motorgrad._reading import content_of, json_in, parquet_in
 from motorgrad.studies._jobs import JobFolder
 from motorgrad.studies._partition import Job
 from motorgrad.studies._study import Study
@@ -55,6 +57,7 @@ def locked(path: Path, kind: str) -> Iterator[None]:
     **Raises** `RunDirectoryError` where another process has it.
     """
     path.mkdir(parents=True, exist_ok=True)
+    refuse_links_of(path)
     lock = filelock.FileLock(path / ".lock", timeout=0)
     try:
         lock.acquire()
@@ -66,6 +69,17 @@ def locked(path: Path, kind: str) -> Iterator[None]:
         lock.release()
 
 
+def refuse_links_of(path: Path) -> None:
+    """Refuse links in the folder of a study, and in its folders. Each run directory refuses its own.
+
+    **Raises** `RunDirectoryError` that names the link.
+    """
+    try:
+        refuse_links(path, *(each.name for each in path.glob("*") if each.is_dir()))
+    except ValueError as error:
+        raise RunDirectoryError(str(error)) from None
+
+
 class StudyFolder(JobFolder):
     """The folder of a study. As a context manager, it is locked against other drivers.
 
@@ -74,6 +88,7 @@ class StudyFolder(JobFolder):
 
     def __init__(self, path: Path | str, study: Study | None = None, trust: bool = False):
         super().__init__(path)
+        refuse_links_of(self.path)
         file = self.path / "study.toml"
         stored = Study.read(file, trust=trust) if file.is_file() else None
         if study is not None:
@@ -193,8 +208,8 @@ class StudyFolder(JobFolder):
     def _stored(self) -> dict[str, tuple[Any, pa.Table]]:
         """The rows of the jobs in the index file, with the marks of their run directories then."""
         try:
-            table = pq.read_table(self.path / "index.parquet")
-            marks = json.loads((table.schema.metadata or {})[b"marks"])
+            table = parquet_in(content_of(self.path / "index.parquet", MOST_TABLE_BYTES), MOST_TABLE_BYTES)
+            marks = json_in((table.schema.metadata or {})[b"marks"])
         except (OSError, ValueError, KeyError):  # missing or damaged: the run directories have everything
             return {}
         names = table["job"].cast(pa.string()).to_numpy()

@@ -60,7 +60,6 @@ class Job:
             window=self.window,
             checkpoint_every=told.checkpoint_every,
             threads=told.threads,
-            trust=told.trust,
             progress=False,
         )
         learned = float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0

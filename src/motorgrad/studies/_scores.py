@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._consent import allowed
 from motorgrad._files import check_writable, read_json, write_atomically
 from motorgrad.studies._driver import ATTEMPTS, On, drive
 from motorgrad.studies._jobs import JobFolder, Outcome, Work
@@ -50,7 +51,7 @@ class ScoreEach:
         options: Mapping[str, Any] | None = None,
     ):
         check_writable("out", Path(out), folder=True)
-        self.score, self.out, self.told = score, Path(out), Work(threads, imports=tuple(imports))
+        self.score, self.out, self.told = score, Path(out), Work(threads, imports=tuple(imports), allowed=allowed())
         self.how: dict[str, Any] = {"on": on, "workers": workers, "attempts": attempts, "progress": progress}
         self.how["options"] = options
 

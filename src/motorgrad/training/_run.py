@@ -14,11 +14,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from motorgrad._errors import check, counted, unknown
 from motorgrad.learning import Agent
-from motorgrad.policies import Policy, split
+from motorgrad.policies import Policy, split, trainable
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._agents import agent_from_table
@@ -26,6 +26,7 @@ from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import Record
 from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves
 from motorgrad.training.store import (
+    RunDirectory,
     RunDirectoryError,
     fill_tree,
     name_of,
@@ -47,6 +48,7 @@ class Run:
     - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
       `gpomdp`, the estimate itself. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
+    - `broken`: which policies are not finite.
 
     In a sweep, every leading axis has all seeds of the first of the `settings`, then those of the second …; `split`
     gives the run of each setting.
@@ -67,6 +69,8 @@ class Run:
         done = f"{self.decision:,} of {counted(self.config['run']['steps'], 'decision')}"
         count = counted(len(self.seeds), "seed")
         of = f"{counted(len(self.settings), 'setting')} of {count}" if self.settings else count
+        if lost := np.count_nonzero(self.broken):
+            done += f", {lost} broken"
         return f"Run({self.config['task']['name']}, {of}, {done}, {self.path or 'in memory'})"
 
     @property
@@ -127,6 +131,11 @@ class Run:
         **Raises:** `NotTrusted` where that imports a module, and `load` was not told to `trust` the run.
         """
         return saved_task(self.config, self.path, self._trust) if self._task is None else self._task
+
+    @property
+    def broken(self) -> Bool[np.ndarray, " lanes"]:
+        """Which policies have parameters that are not finite: they have learned nothing, and act on nothing."""
+        return not_finite(self.policies)
 
     def with_task(self, task: Task) -> "Run":
         """The run in a changed task, to evaluate its policies on other ground or without a time limit.
@@ -321,12 +330,28 @@ def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[s
     return found
 
 
+def not_finite(policies: Policy) -> Bool[np.ndarray, " lanes"]:
+    """Which of the policies along a leading axis have parameters that are not finite."""
+    learned = map(np.asarray, jax.tree.leaves(trainable(policies)))
+    return np.any([~np.isfinite(leaf).reshape(len(leaf), -1).all(axis=1) for leaf in learned], axis=0)
+
+
+def told_seeds(seeds: Iterable[int]) -> str:
+    """Some seeds in a few words."""
+    chosen = sorted({int(seed) for seed in seeds})
+    more = f" and {len(chosen) - 5} more" if len(chosen) > 5 else ""
+    return f"seed{'s' * (len(chosen) > 1)} {', '.join(map(str, chosen[:5]))}{more}"
+
+
 def saved_task(config: dict[str, Any], path: Any = None, trust: bool = False) -> Task:
     """The task of a run's configuration.
 
+    A run that this user made, on this machine, is trusted to import what its task names.
+
     **Raises:** `RunDirectoryError` for one that is not in the registry, `NotTrusted` for one that imports a module.
     """
-    check_imports(config["task"], "the run" if path is None else str(path), trust)
+    ours = path is not None and RunDirectory(path).is_ours(config["task"])
+    check_imports(config["task"], "the run" if path is None else str(path), trust or ours)
     settings = dict(config["task"])
     name = settings.pop("name")
     if name not in TASKS:

@@ -23,11 +23,10 @@ from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments, check_training
 from motorgrad.training._callbacks import Callback, Report, check_callbacks
 from motorgrad.training._load import given_initial, memory_in, saved_config
-from motorgrad.training._run import Records, Run, saved_agent, saved_task
+from motorgrad.training._run import Records, Run, saved_agent, saved_task, told_seeds
 from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
 from motorgrad.training._sweep import numbers_by_lane
-from motorgrad.training._trust import check_pickles
-from motorgrad.training.engines import training_stepper_for
+from motorgrad.training.engines import Record, training_stepper_for
 from motorgrad.training.plots import EventFiles, check_tensorboard, start_time
 from motorgrad.training.store import (
     CorruptCheckpoint,
@@ -63,7 +62,6 @@ def train(
     callbacks: Callback | Iterable[Callback] = (),
     initial: Policy | None = None,
     give_up_after: float = GIVE_UP_AFTER,
-    trust: bool = False,
     allow_changed: bool = False,
 ) -> Run:
     """Train an agent on a task, for many seeds at once.
@@ -99,15 +97,13 @@ def train(
       default the agent's own. They must have the structure of the agent's policy.
     - `give_up_after`: seconds after which the run ends if nothing could be saved in them, because the disk is full or
       the directory is gone. Until then it learns on, warns, tries again at every checkpoint, and loses nothing.
-    - `trust`: whether to unpickle environments that another process saved in the directory.
     - `allow_changed`: whether to continue a run whose settings, or version of motorgrad, are not those with which it
       was made. The present ones are used.
 
     **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and returns the unfinished run (`complete` is `False`).
 
-    **Raises** `ValueError` for impossible settings, `RunDirectoryError` for a directory that cannot be used and
-    `NotTrusted` for pickles, all before any work starts; `NotSaved`, whose `run` is all that was learned, where a run
-    ends and could not be saved.
+    **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
+    before any work starts; `NotSaved`, whose `run` is all that was learned, where a run ends and could not be saved.
 
     ```python
     run = mg.train("hopper", steps=100_000, seeds=16, out="runs/hopper")
@@ -131,7 +127,7 @@ def train(
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
         training = _Training(arguments, saving, threads, reported)
         if directory is not None:
-            training.open(directory, window, trust, allow_changed)
+            training.open(directory, window, allow_changed)
             training.write_events(directory, tensorboard)
         return training.run(report)
 
@@ -155,7 +151,7 @@ def resume(
 
     - `path`: the run directory.
     - `steps`: decisions per seed, by default those of the run.
-    - `trust`: whether to run code that the directory names: the module of its task, pickled environments.
+    - `trust`: whether to run code that the directory names: the module of its task.
     - `allow_changed`: whether settings in `config.toml` may differ from those with which the run was made, and the
       version of motorgrad. The present ones are used.
     - the others as in `train`; they do not change any number.
@@ -183,7 +179,6 @@ def resume(
         initial=given_initial(path),
         sweep=config.get("sweep"),
         give_up_after=give_up_after,
-        trust=trust,
         allow_changed=allow_changed,
     )
 
@@ -220,10 +215,11 @@ class _Training:
         self.records = Records(self.stepper.seeds, task.period, len(settings))
         self.initial = self.stepper.policies()
         self.wall, self.cpu, self.recorded = 0.0, 0.0, 0
+        self.lost = np.zeros(len(lanes), bool)
         self.continues = self.finished = False
         self._ending: tuple[Any, ...] | None = None
 
-    def open(self, directory: RunDirectory, window: int | None, trust: bool, allow_changed: bool) -> None:
+    def open(self, directory: RunDirectory, window: int | None, allow_changed: bool) -> None:
         """Resume the run in the directory, or start one."""
         path, steps = directory.path, self.config["run"]["steps"]
         found = directory.to_continue() if directory.is_run else None
@@ -242,7 +238,6 @@ class _Training:
             state = fill_tree(self.stepper.state, found[0])
             if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
                 state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
-            check_pickles(self.task, by_name(state), str(path), trust or about["ours"])
             self.stepper.restore(state)
             self.recorded, self.wall, self.cpu = about["recorded"], about["wall"], about.get("cpu", 0.0)
             self.config["run"]["steps"] = max(steps, about["decision"])
@@ -366,6 +361,7 @@ class _Training:
     def _record(self) -> dict[str, float]:
         """Add a record. Returns the means over the seeds of the reward and of the task's first reading."""
         record = self.stepper.harvest()
+        self._look_for_broken(record)
         latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall, self.cpu)}
         for name in self.task.reports[:1]:
             seen = record[name][np.isfinite(record[name])]
@@ -373,6 +369,17 @@ class _Training:
         self.recorded = self.stepper.decision
         self._report()
         return latest
+
+    def _look_for_broken(self, record: Record) -> None:
+        """Warn of the lanes whose parameters have ceased to be finite since the last record."""
+        lost = ~np.isfinite(record["parameters"]).all(axis=1)
+        if (new := lost & ~self.lost).any():
+            seeds, decision = told_seeds(self.stepper.seeds[new]), self.stepper.decision
+            of = f"{np.count_nonzero(lost)} of {len(self.lost)}"
+            what = f"parameters not finite by decision {decision:,}, and from then on nothing is learned ({of} so far)"
+            ways = "see what is observed and rewarded, or take a lower learning rate"
+            warnings.warn(f"{seeds}: {what}; {ways}", RunWarning, stacklevel=2)
+        self.lost |= lost
 
     def _report(self) -> None:
         """Tell the callbacks of the newest record."""

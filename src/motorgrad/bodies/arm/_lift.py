@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._files import read_arrays, write_atomically
+from motorgrad._reading import json_in
 from motorgrad._settings import build, table
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies.arm._arm import Arm
@@ -131,7 +133,7 @@ class LiftTable:
         made = {"arm": table(self.arm), "mujoco": self.mujoco_version, **_meaning()}
         content = io.BytesIO()
         np.savez_compressed(content, effort=self.effort, height=self.height, made=json.dumps(made))
-        path.write_bytes(content.getvalue())
+        write_atomically(path, content.getvalue())
 
     @classmethod
     def load(cls, path: Path) -> "LiftTable":
@@ -139,11 +141,11 @@ class LiftTable:
 
         **Raises:** `ValueError` if it was made for another duration, or for another range of loads.
         """
-        with np.load(path) as file:
-            made = json.loads(str(file["made"]))
-            for name, value in _meaning().items():
-                check(made.get(name) == value, f"{path}: {name}", made.get(name), f"{value:g}")
-            return cls(build(Arm, made["arm"]), file["effort"], file["height"], str(made.get("mujoco", "unknown")))
+        file = read_arrays(path)
+        made = json_in(str(file["made"]))
+        for name, value in _meaning().items():
+            check(made.get(name) == value, f"{path}: {name}", made.get(name), f"{value:g}")
+        return cls(build(Arm, made["arm"]), file["effort"], file["height"], str(made.get("mujoco", "unknown")))
 
 
 def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTable:

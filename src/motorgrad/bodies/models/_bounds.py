@@ -12,12 +12,15 @@ from typing import Any
 import mujoco
 
 from motorgrad._errors import check
+from motorgrad._limits import (
+    MOST_MODEL_ARENA_BYTES,
+    MOST_MODEL_BODIES_DEEP,
+    MOST_MODEL_OCTREE_LEVELS,
+    MOST_MODEL_RANGE_STEPS,
+)
+from motorgrad._reading import content_of
 from motorgrad.bodies.models._scan import check_bytes, file_size, files_of, product
 
-MOST_RANGE_STEPS = 1_000_000  # of physics, to find the range of an actuator's length
-MOST_ARENA = 2**31  # bytes for contacts and constraints, which are reserved but not touched before they are used
-MOST_DEPTH = 1_000  # bodies within bodies, about what MuJoCo can compile
-MOST_OCTREE = 8  # levels
 _NUMBER = 8  # bytes
 _KEY = 1_000  # bytes of a keyframe without its numbers
 _MESH = 8  # bytes of a compiled mesh or skin per byte of its file
@@ -42,7 +45,7 @@ _USERS = {
 
 
 def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
-    """Refuse a description whose model would need more than `MOST_BYTES`, or would never finish compiling.
+    """Refuse a description whose model would need more than `MOST_MODEL_BYTES`, or would never finish compiling.
 
     **Arguments:** `spec`: the description; `folders`: where its files may be, beside its own folder.
 
@@ -50,14 +53,19 @@ def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
     """
     dofs, pairs = _branches(spec)
     for what, value, size in _arena(spec, dofs):
-        check_bytes(what, value, size, MOST_ARENA)
+        check_bytes(what, value, size, MOST_MODEL_ARENA_BYTES)
     total = 0.0
     for what, value, size in _sizes(spec, dofs, pairs, [Path(spec.modelfiledir), *folders]):
         total += max(0.0, size)
         check_bytes(what, value, total)
     search = spec.compiler.LRopt
     steps = search.inttotal / max(search.timestep, 1e-12)
-    check(steps <= MOST_RANGE_STEPS, "lengthrange: inttotal / timestep", steps, f"at most {MOST_RANGE_STEPS:,} steps")
+    check(
+        steps <= MOST_MODEL_RANGE_STEPS,
+        "lengthrange: inttotal / timestep",
+        steps,
+        f"at most {MOST_MODEL_RANGE_STEPS:,} steps",
+    )
 
 
 def _sizes(spec: Any, dofs: int, pairs: int, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
@@ -95,7 +103,7 @@ def _branches(spec: Any) -> tuple[int, int]:
     todo = [(spec.worldbody, 0, 0)]
     while todo:
         body, above, depth = todo.pop()
-        check(depth <= MOST_DEPTH, "bodies within bodies", depth, f"at most {MOST_DEPTH}")
+        check(depth <= MOST_MODEL_BODIES_DEEP, "bodies within bodies", depth, f"at most {MOST_MODEL_BODIES_DEEP}")
         for inner in body.bodies:
             own = sum(_DOFS.get(joint.type, 1) for joint in inner.joints)
             dofs, pairs = dofs + own, pairs + own * above + own * (own + 1) // 2
@@ -169,7 +177,12 @@ def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
             yield from _file(spec, each, f"{kind} {each.name!r}", each.file, folders, image=False)
     for each in spec.meshes:
         deep = each.octree_maxdepth
-        check(deep <= MOST_OCTREE, f"octree_maxdepth of mesh {each.name!r}", deep, f"at most {MOST_OCTREE}")
+        check(
+            deep <= MOST_MODEL_OCTREE_LEVELS,
+            f"octree_maxdepth of mesh {each.name!r}",
+            deep,
+            f"at most {MOST_MODEL_OCTREE_LEVELS}",
+        )
 
 
 def _file(
@@ -183,7 +196,7 @@ def _file(
     for path in _paths(asset, file, folders):
         size = file_size(path)
         check_bytes(f"{name}: bytes of {file}", size, size)
-        yield from _content(name, file, path.read_bytes(), image)
+        yield from _content(name, file, content_of(path), image)
 
 
 def _content(name: str, file: str, content: bytes, image: bool) -> Iterator[tuple[str, Any, float]]:

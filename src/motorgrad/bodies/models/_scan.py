@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from motorgrad._errors import check
+from motorgrad._limits import (
+    MOST_MODEL_BYTES,
+    MOST_MODEL_COPIES,
+    MOST_MODEL_FILES_DEEP,
+    MOST_MODEL_PARTS,
+    MOST_MODEL_TEXT,
+)
+from motorgrad._reading import content_of
 
-MOST_PARTS = 100_000
-MOST_COPIES = 2_000  # by one replicate, whose time grows with the square of their number; replicates may be nested
-MOST_BYTES = 2**30
-MOST_TEXT = 2**26  # characters, of a model with all that it includes
-_DEEPEST = 20  # files that include each other, or models within models
 _SLOW = 10  # parts for each copy of what refers to a copied part, as MuJoCo copies it that much more slowly
 _PER_VERTEX = 8  # parts of a flexcomp: a body, three joints, elements
 _LEAST_LINE = 8  # bytes of a file per vertex
@@ -84,7 +87,7 @@ class _Document:
         """The parts of the document, with all copies."""
         self._read(text, folder)
         # MuJoCo copies a sensor, an actuator, ... with each copy of what it refers to, and what refers to that in turn
-        for _ in range(_DEEPEST):
+        for _ in range(MOST_MODEL_FILES_DEEP):
             before = dict(self._copies)
             for each in self._referring:
                 if each.name:
@@ -106,8 +109,18 @@ class _Document:
         """Count a file that belongs to the document, where it stands."""
         reading = self._reading
         reading.text += len(text)
-        check(reading.text <= MOST_TEXT, "length of the text", reading.text, f"at most {MOST_TEXT:,} characters")
-        check(reading.depth < _DEEPEST, "files within files", reading.depth + 1, f"at most {_DEEPEST} deep")
+        check(
+            reading.text <= MOST_MODEL_TEXT,
+            "length of the text",
+            reading.text,
+            f"at most {MOST_MODEL_TEXT:,} characters",
+        )
+        check(
+            reading.depth < MOST_MODEL_FILES_DEEP,
+            "files within files",
+            reading.depth + 1,
+            f"at most {MOST_MODEL_FILES_DEEP} deep",
+        )
         reading.depth += 1
         reading.folders.add(folder)
         check(b"\0" not in text and not text.startswith(_WIDE), "encoding", "UTF-16 or binary", "UTF-8")
@@ -141,7 +154,7 @@ class _Document:
         elif tag == "skin":
             copies *= product(given.get("subgrid", "1")) ** 2
         elif tag == "replicate":
-            check(copies <= MOST_COPIES, "count", given.get("count"), f"at most {MOST_COPIES:,}")
+            check(copies <= MOST_MODEL_COPIES, "count", given.get("count"), f"at most {MOST_MODEL_COPIES:,}")
         check_parts(copies)
         all_copies = copies * (self._open[-1].all_copies if self._open else 1.0)
         inside = 0.0
@@ -209,18 +222,21 @@ class _Document:
 def check_parts(parts: float) -> None:
     """Refuse too many parts."""
     number = int(parts) if parts < 1e18 else parts
-    check(parts <= MOST_PARTS, "parts, with all copies,", number, f"at most {MOST_PARTS:,}")
+    check(parts <= MOST_MODEL_PARTS, "parts, with all copies,", number, f"at most {MOST_MODEL_PARTS:,}")
 
 
-def check_bytes(what: str, value: object, size: float, most: int = MOST_BYTES) -> None:
+def check_bytes(what: str, value: object, size: float, most: int = MOST_MODEL_BYTES) -> None:
     """Refuse something that would make a model, or one part of it, of `size` bytes."""
     check(size <= most, what, value, f"such that the model takes at most {most / 2**30:g} GiB, not {size / 2**30:,.2f}")
 
 
 def read_bytes(path: Path) -> bytes:
     """The content of a file of acceptable length."""
-    check(file_size(path) <= MOST_TEXT, f"length of {path.name}", file_size(path), f"at most {MOST_TEXT:,} bytes")
-    return path.read_bytes()
+    file_size(path)  # refuses what is no file, and names it
+    try:
+        return content_of(path, MOST_MODEL_TEXT)
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from None
 
 
 def files_of(name: str, folders: Iterable[Path], inner: Iterable[str] = ("",)) -> list[Path]:

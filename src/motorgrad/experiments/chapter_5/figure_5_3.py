@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from motorgrad._files import replacing
 from motorgrad.experiments._claims import Claim, above, at_least, at_most, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import EXTENSOR, FLEXOR, STYLE, Figure, subplots
@@ -134,5 +135,6 @@ def behaviour_figure(
         figure = draw_behaviour(behaviour_of(run, before, after, seed, seconds))
         if path is not None:
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=160)
+            with replacing(Path(path)) as file:
+                figure.savefig(file, format=Path(path).suffix.lstrip(".") or "png", dpi=160)
     return figure

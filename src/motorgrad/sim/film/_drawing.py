@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad._labels import literal
 from motorgrad.sim.film._annotations import Arrow
 from motorgrad.sim.film._appearance import (
     MARK,
@@ -386,7 +387,8 @@ class MatplotlibRenderer:
             wide = max(1.0, 2 * arrow.radius * points)
             look: dict[str, Any] = {"color": arrow.colour, "linewidth": wide, "shrinkA": 0, "shrinkB": 0, "zorder": 3}
             patch = FancyArrowPatch(tuple(start), tuple(end), arrowstyle="-|>", mutation_scale=3 * wide, **look)
-            name = self._axes.annotate(arrow.name, end, (0, 4), textcoords="offset points", ha="center", zorder=3)
+            look = {"textcoords": "offset points", "ha": "center", "zorder": 3}
+            name = self._axes.annotate(literal(arrow.name), end, (0, 4), **look)
             name.set_fontsize(3.3 * self._line)
             self._arrows += [self._axes.add_patch(patch), name]
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._extras import FILM, require
-from motorgrad._files import write_atomically
+from motorgrad._files import replacing, write_atomically
 from motorgrad.sim.film._annotations import Annotations, annotate, caption
 from motorgrad.sim.film._appearance import muscle_colour
 from motorgrad.sim.film._framing import frame_motions
@@ -189,7 +189,8 @@ def still(
         from PIL import Image
 
         target.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(picture).save(target)
+        with replacing(target) as file:
+            Image.fromarray(picture).save(file, "PNG")
     return picture.copy()
 
 
@@ -272,31 +273,26 @@ def write_mp4(path: Path, frames: Iterable[np.ndarray], size: tuple[int, int], f
 
     The file is written beside its place and moved there when complete, so that an interrupted film leaves nothing.
     """
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part.mp4")
-    try:
-        # to a file: an unread pipe would fill and stop ffmpeg, and this process with it
-        with tempfile.TemporaryFile() as messages:
-            # imageio-ffmpeg's own writer leaves its pipes for the garbage collector to close, with warnings
-            with subprocess.Popen(
-                _command(part, size, fps), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages
-            ) as ffmpeg:
-                assert ffmpeg.stdin is not None
-                try:
-                    for frame in frames:
-                        ffmpeg.stdin.write(np.ascontiguousarray(frame).data)
-                    ffmpeg.stdin.close()
-                except BrokenPipeError:
-                    pass  # ffmpeg failed; its exit status and messages tell why
-                except BaseException:
-                    ffmpeg.kill()
-                    raise
-            if ffmpeg.returncode:
-                messages.seek(0)
-                reason = messages.read().decode(errors="replace").strip()
-                raise RuntimeError(f"ffmpeg could not write {str(path)!r}: {reason or f'status {ffmpeg.returncode}'}")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    # messages go to a file: an unread pipe would fill and stop ffmpeg, and this process with it
+    with replacing(path) as part, tempfile.TemporaryFile() as messages:
+        # imageio-ffmpeg's own writer leaves its pipes for the garbage collector to close, with warnings
+        with subprocess.Popen(
+            _command(Path(part.name), size, fps), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages
+        ) as ffmpeg:
+            assert ffmpeg.stdin is not None
+            try:
+                for frame in frames:
+                    ffmpeg.stdin.write(np.ascontiguousarray(frame).data)
+                ffmpeg.stdin.close()
+            except BrokenPipeError:
+                pass  # ffmpeg failed; its exit status and messages tell why
+            except BaseException:
+                ffmpeg.kill()
+                raise
+        if ffmpeg.returncode:
+            messages.seek(0)
+            reason = messages.read().decode(errors="replace").strip()
+            raise RuntimeError(f"ffmpeg could not write {str(path)!r}: {reason or f'status {ffmpeg.returncode}'}")
 
 
 def write_gif(path: Path, frames: Iterable[np.ndarray], fps: float, like: np.ndarray) -> None:
@@ -335,6 +331,6 @@ def _command(path: Path, size: tuple[int, int], fps: float) -> list[str]:
     # absolute and prefixed, so that ffmpeg takes no leading dash for an option and no colon for a protocol
     command = f"""{{}} -y -hide_banner -loglevel error
         -f rawvideo -pix_fmt rgb24 -s {size[0]}x{size[1]} -r {fps:.6f} -i -
-        -an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart {{}}"""
+        -an -c:v libx264 -preset veryfast -crf 20 -pix_fmt yuv420p -movflags +faststart -f mp4 {{}}"""
     places = iter((imageio_ffmpeg.get_ffmpeg_exe(), f"file:{path.absolute()}"))
     return [next(places) if word == "{}" else word for word in command.split()]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from motorgrad._processes import SAFE
 from motorgrad.sim.film._annotations import Arrow, write_names
 from motorgrad.sim.film._appearance import (
     MARK,
@@ -108,7 +109,7 @@ def _problem(kind: str) -> str:
     try:
         probe = subprocess.run(
             [sys.executable, "-c", _PROBE.format(backend=kind)],
-            env={**os.environ, "PYTHONPATH": paths},
+            env={**os.environ, "PYTHONPATH": paths, **SAFE},
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,

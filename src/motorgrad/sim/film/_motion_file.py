@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
+from motorgrad._limits import MOST_MOTION_BYTES
+from motorgrad._reading import array_in, arrays_in, content_of
 from motorgrad.sim.film._motion import Motion
 
 if TYPE_CHECKING:
@@ -20,7 +22,6 @@ KINDS = (".npz", ".npy", ".csv", ".mot", ".sto")
 RATE = 100.0
 """Rows a second of an array without times."""
 TIME = ("time", "t", "seconds")
-LARGEST = 200 * 2**20  # bytes
 _PATH = re.compile(r"^/(?:jointset|forceset)/.*?([^/]+)/(value|activation)$")
 """OpenSim's name of a coordinate or an activation in a file of states."""
 _OTHER = re.compile(r"^/(?:jointset|forceset)/")
@@ -166,17 +167,16 @@ def _listed(kind: str, names: list[str]) -> str:
 def _columns(path: Path, model: Any) -> Columns:
     check(path.suffix.lower() in KINDS, "file", path.name, f"a file ending in {', '.join(KINDS)}")
     check(path.is_file(), "file", str(path), "an existing file")
-    check(path.stat().st_size <= LARGEST, "size", path.stat().st_size, f"at most {LARGEST:,} bytes")
     kind = path.suffix.lower()
     try:
+        content = content_of(path, MOST_MOTION_BYTES)
         if kind == ".npy":
-            values = np.asarray(np.load(path, allow_pickle=False), float)
+            values = np.asarray(array_in(content), float)
             found = Columns(np.arange(len(values)) / RATE, None, np.atleast_2d(values))
         elif kind == ".npz":
-            with np.load(path, allow_pickle=False) as arrays:
-                found = _of_arrays({name: np.asarray(arrays[name]) for name in arrays})
+            found = _of_arrays(arrays_in(content, MOST_MOTION_BYTES))
         else:
-            found = _of_text(path.read_text("utf-8", errors="replace"), kind == ".csv")
+            found = _of_text(content.decode("utf-8", errors="replace"), kind == ".csv")
     except (OSError, EOFError, IndexError) as error:
         raise ValueError(f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}") from None
     del model

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad._labels import literal
 from motorgrad.sim.film._appearance import FIRING
 
 MOST_LINES = 12  # in one plot; more cannot be told apart
@@ -119,14 +120,14 @@ def _fill(axes: Any, plot: Plot, letters: float) -> None:
         span = (plot.time[0], plot.time[-1], len(chosen) - 0.5, -0.5)
         colours = LinearSegmentedColormap.from_list("muscles", ["white", tuple(FIRING)])
         axes.imshow(shown.T, cmap=colours, vmin=0, vmax=1, extent=span, aspect="auto", interpolation="nearest")
-        axes.set_yticks(range(len(chosen)), [plot.names[line][:9] for line in chosen])
+        axes.set_yticks(range(len(chosen)), [literal(str(plot.names[line])[:9]) for line in chosen])
     else:
-        axes.plot(plot.time[::step], shown, linewidth=1.0, label=[plot.names[line] for line in chosen])
+        axes.plot(plot.time[::step], shown, linewidth=1.0, label=[literal(str(plot.names[line])) for line in chosen])
         axes.locator_params(nbins=4)  # text takes most of the time
         if 1 < len(chosen) <= 4:
             axes.legend(fontsize=letters - 1, frameon=False, loc="upper left", ncols=2, handlelength=1.2)
     unit = f" ({plot.unit})" if plot.unit else ""
-    axes.set_title(f"{plot.title}{unit}", fontsize=letters + 0.5, loc="left", color=INK, pad=3)
+    axes.set_title(literal(f"{plot.title}{unit}"), fontsize=letters + 0.5, loc="left", color=INK, pad=3)
     axes.tick_params(labelsize=letters - 0.5, colors=INK, length=2, pad=2)
     axes.margins(x=0)
     for side in ("top", "right"):

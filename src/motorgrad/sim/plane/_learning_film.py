@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motorgrad._errors import check
+from motorgrad._labels import literal
 from motorgrad.sim.film import Film, output_path, write_gif, write_mp4
 from motorgrad.sim.plane._drawing import INK, draw_paths, draw_reward, draw_units, shapes_of
 from motorgrad.sim.plane._picture import Animation, Pixels
@@ -172,7 +173,7 @@ class LearningPicture:
             self._units = draw_units(plane, policy, course.task.dynamics.forces)
             self._clock = self._figure.text(0.02 + 0.82 * SIZE[1] / SIZE[0], 0.945, "", ha="right", fontsize=10)
             title = f"{course.task.name}, {course.label}" if course.label else course.task.name
-            self._figure.text(0.02, 0.945, title, fontsize=10, fontweight="bold")
+            self._figure.text(0.02, 0.945, literal(title), fontsize=10, fontweight="bold")
             self._figure.text(0.02, 0.04, LEGEND, fontsize=7, color=FAINT)
             self._curves = self._add_curves()
             curves = [artist for curve in self._curves for artist in curve.artists]

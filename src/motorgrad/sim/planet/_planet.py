@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, choice
+from motorgrad._limits import MOST_MAP_BYTES
+from motorgrad._reading import array_in, content_of
 from motorgrad.sim.planet._elevation import Elevation, Kind, MapElevation, SeededElevation, Surface
 from motorgrad.sim.planet._geometry import Ellipsoid, Frame, frame_at, normal_at
 
@@ -260,12 +262,11 @@ class Planet:
 
 def _read(path: Path) -> MapElevation:
     try:
-        heights = np.load(path, allow_pickle=False)
+        heights = array_in(content_of(path, MOST_MAP_BYTES))
     except OSError as error:
         raise ValueError(f"map = {str(path)!r}: {error.strerror or 'not a NumPy file'}") from None
-    except (ValueError, EOFError) as error:
+    except ValueError as error:
         raise ValueError(f"map = {str(path)!r}: must be a NumPy file (.npy) of numbers: {error}") from None
-    check(isinstance(heights, np.ndarray), "map", str(path), "a NumPy file of one array (.npy)")
     try:
         return MapElevation(heights)
     except ValueError as error:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from motorgrad._labels import literal
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -136,7 +138,7 @@ def intervals(rows: Sequence[Row], methods: Sequence[str], ranked: Sequence[str]
             look = {"color": colour(place), "linewidth": 2.2, "solid_capstyle": "round"}
             axes.plot([row["low"], row["high"]], [line, line], **look)
             axes.plot(row["value"], line, marker="o", color=colour(place), markersize=6)
-        axes.set_yticks(range(len(ranked)), ranked)
+        axes.set_yticks(range(len(ranked)), [literal(name) for name in ranked])
         axes.set(xlabel="normalized score", ylim=(len(ranked) - 0.5, -0.5))
         axes.tick_params(axis="y", length=0)
         axes.grid(visible=False, axis="y")
@@ -150,7 +152,7 @@ def curves(rows: Sequence[Row], methods: Sequence[str], title: str, x: str, labe
     def draw(axes: Axes) -> None:
         for method, found in _by(rows, "method", methods):
             _line(axes, found, x, "interquartile_mean", methods.index(method))
-        axes.set(xlabel=label, ylabel=y)
+        axes.set(xlabel=literal(label), ylabel=literal(y))
         axes.set_xlim(left=0)
         axes.margins(x=0.01)
         axes.locator_params(axis="x", nbins=5)
@@ -227,7 +229,7 @@ def panel(draw: Any, title: str, height: float = HEIGHT) -> str:
     with matplotlib.rc_context(LOOK):
         figure = Figure(figsize=(WIDTH, height), layout="constrained")
         axes = figure.subplots()
-        axes.set_title(title)
+        axes.set_title(literal(title))
         draw(axes)
         figure.savefig(content, format="svg", transparent=True, metadata={"Date": None})
     return _themed(content.getvalue(), title)

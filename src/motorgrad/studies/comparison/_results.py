@@ -10,6 +10,7 @@ import pyarrow as pa
 from jaxtyping import Float
 
 from motorgrad._errors import check, choice, counted
+from motorgrad._files import replacing
 from motorgrad.statistics import distribution_scores, percentile_range
 from motorgrad.studies._grid import as_given, frozen
 from motorgrad.studies._partition import Job
@@ -287,7 +288,8 @@ class ComparisonResults:
 
         (self.path / "tables").mkdir(exist_ok=True)
         for name, found in self.tables.items():
-            csv.write_csv(found, self.path / "tables" / f"{name}.csv")
+            with replacing(self.path / "tables" / f"{name}.csv") as file:
+                csv.write_csv(found, file)
 
     # the studies
 

@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._limits import MOST_MOTION_BYTES
+from motorgrad._reading import arrays_in, content_of
 from motorgrad._tree import static
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
@@ -236,12 +238,13 @@ def _stays(drawn: Array, time: Array) -> Array:
 def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
     check(file.is_file() and file.suffix in (".npz", ".csv"), "file", str(file), "an existing file, .npz or .csv")
     try:
+        content = content_of(file, MOST_MOTION_BYTES)
         if file.suffix == ".npz":
-            with np.load(file, allow_pickle=False) as arrays:
-                check({"time", "values"} <= set(arrays), "arrays", sorted(arrays), "time and values")
-                time, values = arrays["time"], arrays["values"]
+            arrays = arrays_in(content, MOST_MOTION_BYTES)
+            check({"time", "values"} <= set(arrays), "arrays", sorted(arrays), "time and values")
+            time, values = arrays["time"], arrays["values"]
         else:
-            lines = file.read_text().strip().splitlines()
+            lines = content.decode().strip().splitlines()
             titled = bool(lines) and not _numeric(lines[0])
             table = np.array([[float(word) for word in line.split(",")] for line in lines[titled:]])
             time, values = table[:, 0], table[:, 1:]

@@ -14,6 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from motorgrad._errors import counted
 from motorgrad._files import write_atomically
+from motorgrad._labels import literal
 from motorgrad.training.plots._plot_curves import UNITS, Axis, Curve, is_total
 
 # Okabe and Ito's colours, which colour-blind people can tell apart; their yellow is too pale for lines on white.
@@ -82,7 +83,7 @@ def draw(panels: Sequence[Sequence[Curve]], axis: Axis, smooth: float | None) ->
                 style = STYLES[place // len(COLOURS) % len(STYLES)]
                 _draw_curve(axes, curve, COLOURS[place % len(COLOURS)], style, len(panel) <= FEW_RUNS)
             axes.margins(x=0.01)
-            axes.set_ylabel(_y_label(panel[0].quantity))
+            axes.set_ylabel(literal(_y_label(panel[0].quantity)))
             if not any(curve.seen.any() for curve in panel):
                 axes.set_yticks([])
                 axes.text(0.5, 0.5, "never occurred", transform=axes.transAxes, ha="center", color="0.4")
@@ -118,7 +119,7 @@ def _draw_curve(axes: Axes, curve: Curve, colour: str, style: str, few: bool) ->
         if few and seeds <= FEW_SEEDS:
             axes.plot(curve.x, curve.values.T, color=colour, alpha=max(0.12, min(0.45, 3 / seeds)), linewidth=0.5)
         axes.fill_between(curve.x, low, high, color=colour, alpha=0.22, linewidth=0)
-    axes.plot(curve.x, median, color=colour, linestyle=style, linewidth=1.6, label=curve.label)
+    axes.plot(curve.x, median, color=colour, linestyle=style, linewidth=1.6, label=literal(curve.label))
     # A record between two without a value, or the only one, is no line.
     gap = np.isnan(np.pad(median, 1, constant_values=np.nan))
     alone = ~gap[1:-1] & gap[:-2] & gap[2:]
@@ -154,7 +155,7 @@ def _legend(figure: Figure, all_axes: Sequence[Axes], panels: Sequence[Sequence[
             notes.append(f"unfinished, {int(100 * curve.done)} %")
         never = [panel[place].quantity for panel in panels if not panel[place].seen.any()]
         notes += [f"{quantity.replace('_', ' ')} never occurred" for quantity in never if len(first) > 1]
-        labels.append(curve.label + (f" ({'; '.join(notes)})" if notes else ""))
+        labels.append(literal(curve.label + (f" ({'; '.join(notes)})" if notes else "")))
     columns = max(1, min(len(labels), LEGEND // (max(map(len, labels)) + 6)))
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
 

@@ -16,7 +16,8 @@ from typing import Any
 import pyarrow as pa
 
 from motorgrad._extras import require
-from motorgrad._files import read_json, write_atomically
+from motorgrad._files import changing, read_json, write_atomically
+from motorgrad._reading import content_of
 from motorgrad.training.plots._plot_curves import Plotted
 
 FILE = "events.out.tfevents.motorgrad"  # TensorBoard looks for "tfevents" in the name
@@ -66,7 +67,8 @@ class EventFiles:
             if not self.complete:
                 content = self._missing(file, _event(self.start, file_version="brain.Event:2") + content)
             if content:
-                with file.open("ab") as end:
+                with changing(file) as end:
+                    end.seek(0, io.SEEK_END)
                     end.write(content)
         self.complete = True
 
@@ -88,7 +90,7 @@ class EventFiles:
     def _missing(self, file: Path, whole: bytes) -> bytes:
         """The part of its `whole` content that a file lacks; a file with other content is emptied."""
         file.parent.mkdir(parents=True, exist_ok=True)
-        there = file.read_bytes() if file.exists() else b""
+        there = content_of(file) if file.exists() else b""
         if not whole.startswith(there):
             write_atomically(file, there := b"")
         return whole[len(there) :]

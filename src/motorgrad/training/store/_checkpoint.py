@@ -12,10 +12,9 @@ import numpy as np
 from jaxtyping import PyTree
 
 from motorgrad._files import write_atomically
+from motorgrad._reading import arrays_in, content_of, json_in
 
 FORMAT = 2
-_written: set[str] = set()
-"""The checksums of what this process has written."""
 
 
 class CorruptCheckpoint(ValueError):
@@ -49,31 +48,35 @@ def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> str:
     body = head.encode() + b"\n" + buffer.getvalue()
     mark = checksum(body)
     write_atomically(path, mark.encode() + b"\n" + body)
-    _written.add(mark)
     return mark
 
 
 def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays by path, and the facts about them; `ours` says whether this process wrote them.
+    """The arrays by path, and the facts about them.
 
     **Raises:** `CorruptCheckpoint` unless the checksum matches.
     """
-    mark, _, body = path.read_bytes().partition(b"\n")
+    mark, _, body = content_of(path).partition(b"\n")
     if checksum(body).encode() != mark:
         raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
     head, _, content = body.partition(b"\n")
-    about = json.loads(head)
-    if about["format"] != FORMAT:
-        raise ValueError(f"{path}: format {about['format']}: this version of motorgrad reads format {FORMAT}")
-    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+    try:
+        about = json_in(head)
+        if about["format"] != FORMAT:
+            raise ValueError(f"format {about['format']}: this version of motorgrad reads format {FORMAT}")
+        arrays = arrays_in(content, len(content))  # `save` packs nothing, so that nothing can unpack to more
         found = {name: arrays[f"{i}"] for i, name in enumerate(about["names"])}
-    return found, {**about, "checksum": mark.decode(), "ours": mark.decode() in _written}
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{path}: not a checkpoint of motorgrad: {type(error).__name__}: {error}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return found, {**about, "checksum": mark.decode()}
 
 
 def is_whole(path: Path) -> bool:
     """Whether a file matches its checksum. One that is gone was replaced by a newer one."""
     try:
-        mark, _, body = path.read_bytes().partition(b"\n")
+        mark, _, body = content_of(path).partition(b"\n")
     except FileNotFoundError:
         return True
     return checksum(body).encode() == mark
@@ -89,7 +92,7 @@ def fill_tree(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree
 
     def find(path: tuple[Any, ...], leaf: np.ndarray) -> np.ndarray:
         name = name_of(path)
-        # pickled environments are byte strings of different lengths
+        # states of environments are byte strings of different lengths
         compatible = name in arrays and (
             arrays[name].dtype == leaf.dtype or arrays[name].dtype.kind == leaf.dtype.kind == "S"
         )

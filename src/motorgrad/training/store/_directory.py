@@ -1,6 +1,7 @@
 """The run directory, which survives a kill at any instant.
 
     config.toml          the effective configuration
+    .signature           its user's signature of the table `task`, which may name code
     provenance.json      versions, processor and command of every session
     metrics/*.parquet    records, one file for the time between two checkpoints
     metrics/SHA256SUMS   their checksums
@@ -18,7 +19,7 @@ import json
 import os
 import uuid
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -28,8 +29,10 @@ import pyarrow as pa
 import tomli_w
 from jaxtyping import PyTree
 
-from motorgrad._errors import check
-from motorgrad._files import read_json, read_toml, remove_partials, write_atomically
+from motorgrad._errors import check, shown
+from motorgrad._files import read_json, read_toml, refuse_links, remove_partials, write_atomically
+from motorgrad._ownership import is_signed, signature
+from motorgrad._reading import content_of, json_in
 from motorgrad._settings import build
 from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, is_whole, load, save
 from motorgrad.training.store._metrics import Damage, MetricsFiles
@@ -40,6 +43,7 @@ LOST = "no checkpoint before them is kept, so they are left out, unless you dele
 ON_PURPOSE = "put it back, or use it on purpose with allow_changed=True (train and evaluate: --allow-changed)"
 
 
+SIGNATURE = ".signature"
 Commit = tuple[dict[str, np.ndarray], dict[str, Any]]
 """A checkpoint: its arrays by path, and the facts about them."""
 
@@ -84,15 +88,21 @@ class RunDirectory:
             if (found := next(files, None)) is not None:
                 raise RunDirectoryError(f"{self.path} holds other files ({found.name}) and no config.toml: not a run")
         self.path.mkdir(parents=True, exist_ok=True)
+        self._refuse_links()
         try:
             self._lock.acquire()
         except filelock.Timeout:
             holder = self.path / ".holder"
-            who = f" (process {holder.read_text().split()[0]})" if holder.exists() else ""
+            process = content_of(holder).decode(errors="replace").split()[:1] if holder.exists() else []
+            who = f" (process {shown(process[0])[1:-1]})" if process else ""
             raise RunDirectoryError(f"{self.path} is in use by another process{who}") from None
-        (self.path / ".holder").write_text(self._holder)
-        for folder in (self.path, self.path / "metrics", self.path / "checkpoint"):
-            remove_partials(folder)
+        try:
+            write_atomically(self.path / ".holder", self._holder.encode())
+            for folder in (self.path, self.path / "metrics", self.path / "checkpoint"):
+                remove_partials(folder)
+        except BaseException:  # on a full disk; who tries again in this process must not wait for it
+            self._lock.release()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -104,7 +114,7 @@ class RunDirectory:
     @property
     def is_held(self) -> bool:
         """Whether the folder at the path is still the one that was locked. **Raises** `OSError` where none is."""
-        return (self.path / ".holder").read_text() == self._holder
+        return content_of(self.path / ".holder") == self._holder.encode()
 
     @property
     def is_run(self) -> bool:
@@ -112,9 +122,10 @@ class RunDirectory:
         return (self.path / "config.toml").is_file() or bool(self._checkpoints())
 
     def read_config(self) -> dict[str, Any]:
-        """The configuration. **Raises** `RunDirectoryError` where there is none."""
+        """The configuration. **Raises** `RunDirectoryError` where there is none, and for a link in the directory."""
         if not (self.path / "config.toml").is_file():
             raise RunDirectoryError(f"{self.path} is not a run directory: it has no config.toml")
+        self._refuse_links()
         try:
             config = read_toml(self.path / "config.toml")
             check({"run", "task", "agent"} <= set(config), "tables", list(config), "run, task and agent")
@@ -148,15 +159,24 @@ class RunDirectory:
             if where != "run.steps" and not allow_changed:
                 raise RunDirectoryError(f"{said}: {ON_PURPOSE}")
             _warn(said)
-        if tomli_w.dumps(config).encode() != file.read_bytes():
+        if tomli_w.dumps(config).encode() != content_of(file):
             _warn(f"{file}: was altered since motorgrad wrote it, but no setting was")
         return config
 
     def write_config(self, config: dict[str, Any]) -> None:
         """Write the configuration, which makes the folder a run directory. Call it before any other write."""
         write_atomically(self.path / "config.toml", tomli_w.dumps(config).encode())
+        write_atomically(self.path / SIGNATURE, signature(_as_bytes(config["task"])).encode())
         for name in ("metrics", "checkpoint", "figures"):
             (self.path / name).mkdir(exist_ok=True)
+
+    def is_ours(self, task: Mapping[str, Any]) -> bool:
+        """Whether this user wrote a configuration with this table `task` here; what it names is then no stranger's."""
+        try:
+            mark = content_of(self.path / SIGNATURE, 1000).decode("ascii", "replace")
+        except (OSError, ValueError):
+            return False
+        return is_signed(_as_bytes(task), mark)
 
     def add_session(self, seeds: list[int], about: dict[str, Any] | None, continues: bool) -> None:
         """Add this process to the run's provenance. Warn of changes where it `continues` the run of a checkpoint."""
@@ -231,6 +251,8 @@ class RunDirectory:
         For a damaged checkpoint it warns (`RunWarning`) and uses the one before. **Raises** `RunDirectoryError` if all
         are damaged, so that nothing is discarded silently.
         """
+        if self.is_run:
+            self._refuse_links()
         for before, path in reversed(list(enumerate(self._checkpoints()))):
             try:
                 return load(path)
@@ -329,11 +351,18 @@ class RunDirectory:
     def _wrong_provenance(self, about: dict[str, Any]) -> list[str]:
         file, known = self.path / "provenance.json", about["provenance"]
         try:
-            found = json.loads(file.read_bytes())
+            found = json_in(content_of(file))
             mark = _sessions_checksum(found["seeds"], found["sessions"][: known["sessions"]])
         except (OSError, ValueError, KeyError, TypeError) as error:
             return [f"{file}: damaged: {type(error).__name__}: {error}"]
         return [] if mark == known["checksum"] else [f"{file}: damaged: its checksum does not match"]
+
+    def _refuse_links(self) -> None:
+        """Whoever made the directory could have all that is written into it go elsewhere."""
+        try:
+            refuse_links(self.path, "metrics", "checkpoint", "figures")
+        except ValueError as error:
+            raise RunDirectoryError(str(error)) from None
 
     @property
     def _initial(self) -> Path:
@@ -353,6 +382,10 @@ def differences(now: Any, then: Any, where: str = "") -> Iterator[tuple[str, Any
             yield from differences(now.get(key), then.get(key), f"{where}.{key}" if where else key)
     elif now != then and (now == now or then == then):  # NaN is the same as NaN
         yield where, now, then
+
+
+def _as_bytes(task: Mapping[str, Any]) -> bytes:
+    return json.dumps(task, sort_keys=True).encode()
 
 
 def _sessions_checksum(seeds: list[int], sessions: list[Any]) -> str:

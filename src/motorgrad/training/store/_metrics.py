@@ -16,7 +16,9 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from motorgrad._files import write_atomically
+from motorgrad._files import changing, write_atomically
+from motorgrad._limits import MOST_METRICS_BYTES, MOST_TABLE_BYTES
+from motorgrad._reading import content_of, parquet_in
 from motorgrad.training.store._checkpoint import checksum
 
 LIST = "SHA256SUMS"
@@ -57,7 +59,7 @@ class MetricsFiles:
     def append(self, name: str, mark: str) -> None:
         """Add a file to the list."""
         line = _line(name, mark)
-        with self._list.open("r+b" if self._list.exists() else "xb") as file:
+        with changing(self._list) as file:
             file.seek(self._length)
             file.truncate()  # what a write that failed has left
             file.write(line)
@@ -70,7 +72,7 @@ class MetricsFiles:
         """Discard records after the decision `recorded`, but for the file `kept`. `known` are the files of the run with
         their checksums."""
         content = b"".join(_line(name, mark) for name, mark in known.items() if last_of(name) <= recorded)
-        if content != (self._list.read_bytes() if self._list.exists() else b""):
+        if content != (content_of(self._list) if self._list.exists() else b""):
             write_atomically(self._list, content)
         self._length, self._digest = len(content), hashlib.sha256(content)
         for part in self._parts(after=recorded):
@@ -79,11 +81,11 @@ class MetricsFiles:
 
     def listed(self, mark: dict[str, Any], recorded: int) -> tuple[dict[str, str], list[Damage]]:
         """The files that a checkpoint covers with their checksums, and what is wrong with the list."""
-        content = self._list.read_bytes()[: mark["length"]] if self._list.exists() else b""
+        content = content_of(self._list)[: mark["length"]] if self._list.exists() else b""
         if checksum(content) == mark["checksum"]:
             return dict(_entries(content)), []
         what = "is damaged" if self._list.exists() else "is missing"
-        again = {name: checksum((self.folder / name).read_bytes()) for name in self._parts(upto=recorded)}
+        again = {name: checksum(content_of(self.folder / name)) for name in self._parts(upto=recorded)}
         if checksum(b"".join(_line(*entry) for entry in again.items())) == mark["checksum"]:
             return again, [Damage(LIST, 0, f"{what}; the files that it lists are whole")]
         known = {name: value for name, value in _entries(content) if last_of(name) <= recorded}
@@ -92,15 +94,19 @@ class MetricsFiles:
 
     def read(self, files: dict[str, str]) -> tuple[list[pa.Table], list[Damage]]:
         """The records of the files that are whole, in order, and what is wrong with the others."""
-        tables, damage = [], []
+        tables, damage, rest = [], [], MOST_METRICS_BYTES
         for name, mark in files.items():
             try:
-                content = (self.folder / name).read_bytes()
+                content = content_of(self.folder / name)
             except FileNotFoundError:
                 damage.append(Damage(name, last_of(name), "is missing"))
                 continue
             if checksum(content) == mark:
-                tables.append(pq.read_table(pa.BufferReader(content)))
+                try:
+                    tables.append(parquet_in(content, min(rest, MOST_TABLE_BYTES)))
+                except ValueError as error:
+                    raise ValueError(f"{self.folder / name}: {error}") from None
+                rest -= tables[-1].nbytes
             else:
                 damage.append(Damage(name, last_of(name), "is damaged: its checksum does not match"))
         return tables, damage

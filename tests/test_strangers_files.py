@@ -1,0 +1,265 @@
+"""Files that stand for far more than they are, or say what they are not: each is refused at once, in one line."""
+
+import io
+import json
+import os
+import struct
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from motorgrad import _limits
+from motorgrad._files import read_arrays, read_json, read_toml
+from motorgrad._reading import array_in, arrays_in, csv_in, entries_in, json_in, parquet_in, toml_in, unpacked
+from motorgrad.bodies import read_model
+from motorgrad.lab import DataFile, load, loads
+from motorgrad.lab.blocks._base import read_table
+from motorgrad.sim import read_motion
+from motorgrad.training.store._checkpoint import checksum, is_whole
+from motorgrad.training.store._checkpoint import load as load_state
+
+MOST = 100_000  # bytes that these tests let a reader unpack
+LITTLE = 200 * 2**20  # bytes that reading takes at most, a hundred for each of a text of 1 MiB
+SLIDER = "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='0.1'/></body></worldbody></mujoco>"
+
+
+def refusal(read, *arguments, little=LITTLE):
+    """What a reader says, in one line, without taking much memory."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=r".") as error:
+            read(*arguments)
+        assert tracemalloc.get_traced_memory()[1] < little
+    finally:
+        tracemalloc.stop()
+    said = str(error.value)
+    assert len(said.splitlines()) == 1
+    assert len(said) < 1000
+    return said
+
+
+def npy(array):
+    content = io.BytesIO()
+    np.lib.format.write_array(content, array, allow_pickle=True)
+    return content.getvalue()
+
+
+def npy_that_says(shape, kind="<f8", rest=bytes(16)):
+    """An NPY file of a header, whatever follows."""
+    content = io.BytesIO()
+    header = {"descr": kind, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_2_0(content, header)
+    return content.getvalue() + rest
+
+
+def zipped(parts, method=zipfile.ZIP_DEFLATED):
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", method) as file:
+        for name, part in parts.items():
+            file.writestr(name, part)
+    return content.getvalue()
+
+
+def that_says(content, size):
+    """A zip file of one entry whose two headers give another size for what it unpacks to."""
+    content = bytearray(content)
+    for mark, place in ((b"PK\3\4", 22), (b"PK\1\2", 24)):
+        struct.pack_into("<I", content, content.index(mark) + place, size)
+    return bytes(content)
+
+
+BOMB = {"x.npy": npy(np.zeros(10 * MOST))}
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (zipped(BOMB), "bytes when unpacked = 8000128: must be at most 100,000"),
+        (that_says(zipped(BOMB), 4_000_000_000), "bytes when unpacked = 4000000000"),
+        (that_says(zipped(BOMB), 200), "CRC"),  # what it holds is more than it says
+        (zipped(BOMB, zipfile.ZIP_BZIP2), "bytes when unpacked"),
+        (that_says(zipped(BOMB, zipfile.ZIP_BZIP2), 200), "stored or deflated"),
+        (that_says(zipped(BOMB, zipfile.ZIP_LZMA), 200), "stored or deflated"),
+        (zipped({f"{n}.npy": b"" for n in range(10_001)}, zipfile.ZIP_STORED), "entries = 10001"),
+        (zipped({"x.npy": npy_that_says((10**12,))}), "of the 16 bytes that there are"),
+        (zipped({"x.npy": npy(np.array([{}], object))}), "Object arrays cannot be loaded"),
+        (b"PK", "zip"),
+    ],
+)
+def test_an_archive_cannot_become_more_than_it_may(content, told):
+    assert told in refusal(arrays_in, content, MOST)
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind"),
+    [((10**12,), "<f8"), ((-1, 5), "<f8"), ((10**12,), "|S0"), ((2,), "|S1000000000"), ((10**4000,), "|u1")],
+)
+def test_an_array_is_no_larger_than_what_follows_its_header(shape, kind):
+    said = refusal(array_in, npy_that_says(shape, kind))
+    assert "of the 16 bytes that there are" in said or "digits" in said
+
+
+def test_what_numpy_writes_is_read():
+    arrays = {
+        "scalar": np.array(3.0),
+        "empty": np.zeros((0, 3)),
+        "fortran": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        "names": np.array(["a", "b"]),
+        "record": np.zeros(2, [("é", float)]),
+    }
+    for save in (np.savez, np.savez_compressed):
+        content = io.BytesIO()
+        save(content, **arrays)
+        found = arrays_in(content.getvalue(), MOST)
+        assert found.keys() == arrays.keys()
+        for name, array in arrays.items():
+            np.testing.assert_array_equal(found[name], array)
+
+
+DEEP = "[" * 200 + "]" * 200
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"{'.'.join(['a'] * 100_000)} = 1", "must be of at most 30 names"),
+        (".".join(['"a"'] * 50_000) + " = 1", "must be of at most 30 names"),
+        ("x = {" + " . ".join(["'a'"] * 50) + " = 1}", "must be of at most 30 names"),
+        (f"[{'.'.join(['a'] * 100_000)}]", "must be of at most 30 names"),
+        (f"x = {DEEP}", "nested too deeply: must be of at most 100"),
+        (f"x = {'[' * 100_000}", "nested too deeply"),
+        (f"x = 0x{'f' * 900_000}", "digits: must be of at most 100"),
+        (f"x = {'9' * 900_000}", "4300 digits"),
+        (f"x = {'9' * 400}", "whole number of about 401 digits: must be of at most 100"),
+    ],
+)
+def test_toml_is_bounded(text, told, tmp_path):
+    assert told in refusal(toml_in, text)
+    (tmp_path / "x.toml").write_text(text)
+    said = refusal(read_toml, tmp_path / "x.toml")
+    assert said.startswith(f"{tmp_path / 'x.toml'}: not TOML: ")
+    if len(text) < _limits.MOST_BLOCK_SETTINGS:
+        assert told in refusal(read_table, "settings", text)
+
+
+def test_a_long_word_of_toml_takes_no_time_and_is_no_key():
+    assert toml_in(f"x = '{'a' * 500_000}'\n'a.b' = 1\na.b.c = '{'. ' * 100_000}'")["a.b"] == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (DEEP, "nested too deeply: must be of at most 100"),
+        ("[" * 1_000_000, "nested too deeply"),
+        ('{"x": ' * 200 + "1" + "}" * 200, "nested too deeply"),
+        (f"[{'9' * 900_000}]", "4300 digits"),
+        (f"[{'9' * 400}]", "whole number of about 401 digits: must be of at most 100"),
+    ],
+)
+def test_json_is_bounded(text, told, tmp_path):
+    assert told in refusal(json_in, text)
+    (tmp_path / "x.json").write_text(text)
+    assert str(tmp_path / "x.json") in refusal(read_json, tmp_path / "x.json")
+    assert "100" in refusal(loads, f'{{"format": "motorgrad diagram", "version": 1, "layout": {text}}}') or "9" in text
+
+
+def parquet(table, **options):
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, **options)
+    return sink.getvalue().to_pybytes()
+
+
+def test_a_text_that_many_rows_share_is_counted_in_each():
+    shared = pa.DictionaryArray.from_arrays(np.zeros(1000, np.int32), ["x" * 10_000]).cast(pa.string())
+    content = parquet(pa.table({"x": shared}), compression="zstd")
+    assert len(content) < 10_000
+    assert "bytes when unpacked" in refusal(parquet_in, content, MOST)
+    assert parquet_in(content, 20 * 2**20)["x"].to_pylist() == shared.to_pylist()
+
+
+def test_numbers_that_repeat_are_counted():
+    same = parquet(pa.table({"x": np.zeros(1_000_000)}), compression="zstd")
+    lists = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(1_000_000)), 1000)
+    assert len(same) < 10_000
+    assert "bytes when unpacked = 8000000: must be at most 100,000" in refusal(parquet_in, same, MOST)
+    assert "bytes when unpacked = 8000000" in refusal(parquet_in, parquet(pa.table({"x": lists})), MOST)
+
+
+def test_lists_of_any_length_are_refused_and_those_of_one_length_read():
+    assert "numbers or texts" in refusal(parquet_in, parquet(pa.table({"x": [[1.0], [2.0, 3.0]]})), MOST)
+    table = pa.table({"x": pa.FixedSizeListArray.from_arrays(pa.array(np.arange(6.0)), 3), "y": ["a", None]})
+    table = table.append_column("z", pa.array(["b", "b"]).dictionary_encode()).replace_schema_metadata({"k": "v"})
+    found = parquet_in(parquet(table), MOST)
+    assert found.equals(table)
+    assert found.schema.metadata == table.schema.metadata
+
+
+def test_a_line_of_names_has_so_many_columns():
+    assert "columns = 20001: must be at most 10,000" in refusal(csv_in, b"," * 20_000 + b"\n", MOST)
+    assert "bytes when unpacked" in refusal(csv_in, b"x\n" + b"1\n" * 50_000, MOST)
+
+
+def test_a_state_unpacks_to_no_more_than_its_file(tmp_path):
+    head = json.dumps({"format": 2, "names": ["x"]}).encode()
+    body = head + b"\n" + zipped({"0.npy": npy(np.zeros(1_000_000))})
+    (tmp_path / "1.state").write_bytes(checksum(body).encode() + b"\n" + body)
+    assert is_whole(tmp_path / "1.state")
+    said = refusal(load_state, tmp_path / "1.state")
+    assert said.startswith(f"{tmp_path / '1.state'}: bytes when unpacked = 8000128: must be at most ")
+
+
+@pytest.mark.parametrize("head", ["{}", "[]", '{"format": 2}', '{"format": 2, "names": ["x"]}'])
+def test_a_state_of_another_kind_is_refused_by_name(head, tmp_path):
+    body = head.encode() + b"\n" + zipped({})
+    (tmp_path / "1.state").write_bytes(checksum(body).encode() + b"\n" + body)
+    assert str(tmp_path / "1.state") in refusal(load_state, tmp_path / "1.state")
+
+
+@pytest.mark.parametrize("name", ["walk.npz", "walk.npy"])
+def test_a_motion_is_bounded_before_it_is_unpacked(name, tmp_path):
+    whole = that_says(zipped({"x.npy": npy(np.zeros(100))}), 2**32 - 1)
+    (tmp_path / name).write_bytes(whole if name.endswith("z") else npy_that_says((2**40, 1)))
+    said = refusal(read_motion, tmp_path / name, read_model(SLIDER))
+    assert said.startswith(f"{tmp_path / name}: ")
+    assert "209,715,200" in said or "16 bytes" in said
+
+
+@pytest.mark.parametrize("name", ["t.npz", "t.csv", "t.parquet"])
+def test_a_table_is_bounded_before_it_is_unpacked(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    contents = {
+        "t.npz": lambda: that_says(zipped({"x.npy": npy(np.zeros(100))}), 2**32 - 1),
+        "t.csv": lambda: b"," * 20_000 + b"\n",
+        "t.parquet": lambda: parquet(pa.table({"x": np.zeros(2**27 + 1, np.int8)}), compression="zstd"),
+    }
+    (tmp_path / name).write_bytes(contents[name]())
+    said = refusal(DataFile, name, ("x",))
+    assert name in said
+    assert "1,073,741,824" in said or "10,000" in said
+
+
+@pytest.mark.parametrize("read", [read_toml, read_json, read_arrays, load, load_state, read_model])
+def test_a_pipe_is_no_file(read, tmp_path):
+    os.mkfifo(tmp_path / "pipe")  # to read it would take for ever
+    assert "file" in refusal(read, tmp_path / "pipe")
+
+
+def test_a_unit_is_bounded_before_its_description_is_read():
+    from motorgrad.lab.blocks.worlds._fmu import _check_unpacked
+
+    entities = "<!DOCTYPE x [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><x>&b;</x>"
+    for parts in ({"modelDescription.xml": entities}, {"sources/buildDescription.xml": entities}):
+        assert "document type 'x': must be none" in refusal(_check_unpacked, zipped(parts))
+    bomb = that_says(zipped({"modelDescription.xml": "<x/>"}), 2**31)
+    assert "bytes when unpacked = 2147483648" in refusal(_check_unpacked, bomb)
+    _check_unpacked(zipped({"modelDescription.xml": "<x/>", "binaries/x.so": b"\0"}))
+
+
+def test_an_entry_is_unpacked_piece_by_piece():
+    content = that_says(zipped({"x": bytes(50 * 2**20)}), 100)
+    with entries_in(content, MOST) as packed:
+        assert "CRC" in refusal(unpacked, packed, "x", MOST, little=20 * 2**20)
