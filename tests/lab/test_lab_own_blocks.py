@@ -1,6 +1,7 @@
 """Blocks of a user's own: classes in a file, and Python functions in a diagram."""
 
 import json
+import pickle
 import sys
 
 import numpy as np
@@ -10,6 +11,7 @@ from motorgrad import lab
 from motorgrad._errors import NotTrusted
 from motorgrad.cli import main
 from motorgrad.lab import Diagram, DiagramError, Interpreter, PythonFunction, Run
+from motorgrad.lab.diagram import _foreign
 from motorgrad.lab.editor import Session
 
 OWN = """
@@ -123,6 +125,31 @@ def test_a_strangers_function_is_shown_and_not_run(tmp_path, monkeypatch):
     Run(lab.load(tmp_path / "strange.json", trust=True)).advance(1)
     assert (tmp_path / "ran").exists()
     Run(lab.loads(text)).advance(1)  # the same code, trusted before
+
+
+PLAIN = "def step(u, memory, time): return u  # of one kind or another\n"
+
+
+def test_code_that_is_not_trusted_is_not_trusted_where_it_is_sent(monkeypatch):
+    function = PythonFunction(PLAIN)
+    with _foreign.from_a_file(trust=False):
+        doubted = PythonFunction(PLAIN + "# and more\n")
+    sent = pickle.dumps((function, doubted))
+    for name in ("_trusted", "_refused"):  # as in another process
+        monkeypatch.setattr(_foreign, name, set())
+    theirs, still = pickle.loads(sent)
+    assert (theirs, still) == (function, doubted)
+    assert theirs.is_trusted
+    assert not still.is_trusted
+    monkeypatch.setattr(_foreign, "_refused", set())
+    assert not still.is_trusted  # only what is trusted runs, not all that nobody refused
+
+
+def test_code_of_one_kind_is_not_that_of_another():
+    class Other(PythonFunction):
+        name = "other"
+
+    assert Other(PLAIN).key != PythonFunction(PLAIN).key
 
 
 def test_the_page_lets_code_run_that_a_file_brought_and_no_other(tmp_path):

@@ -1,13 +1,21 @@
 """Functional Mock-up Units as blocks: units of our own C, run by fmpy."""
 
+import hashlib
+import json
+import pickle
+import shutil
 import sys
+import threading
+import zipfile
 
 import numpy as np
 import pytest
 from units import built, needs_compiler
 
 from motorgrad import lab
+from motorgrad._errors import NotTrusted
 from motorgrad.lab import Diagram, DiagramError, Fmu, Run
+from motorgrad.lab.editor import Session
 
 pytestmark = [needs_compiler, pytest.mark.needs("motorgrad[fmi]")]
 TICK = 0.05
@@ -98,13 +106,80 @@ def test_a_unit_that_cannot_save_its_state_says_so(tmp_path):
         _ = run.state
 
 
-def test_a_strangers_unit_does_not_run_unasked(tmp_path):
-    text = lab.dumps(diagram(str(built(tmp_path, "2.0")))).replace("ball2.fmu", "stranger.fmu")
-    (tmp_path / "ball2.fmu").rename(tmp_path / "stranger.fmu")
+def changed(file, into, note):
+    """A copy of a unit with other content."""
+    shutil.copy(file, into)
+    with zipfile.ZipFile(into, "a") as archive:
+        archive.writestr("resources/note.txt", note)
+    return into
+
+
+def test_a_strangers_unit_does_not_run_unasked(balls, tmp_path):
+    unit = changed(balls["2.0"], tmp_path / "stranger.fmu", "a stranger's")
+    text = lab.dumps(diagram(balls["2.0"])).replace(balls["2.0"], str(unit))
     opened = lab.loads(text)
     with pytest.raises(DiagramError, match=r"ball: .* nothing of it was run.*--trust"):
         Run(opened)
+    sent = pickle.loads(pickle.dumps(opened.nodes["ball"].block))
+    assert not sent.is_trusted
     Run(lab.loads(text, trust=True)).advance(1)
+    assert sent.is_trusted  # for its content, which is found elsewhere, too
+    Run(lab.loads(text.replace(str(unit), str(unit.rename(tmp_path / "moved.fmu"))))).advance(1)
+
+
+def test_a_unit_that_is_exchanged_is_asked_for_again(balls, tmp_path):
+    unit = changed(balls["2.0"], tmp_path / "unit.fmu", "the first")
+    text = lab.dumps(diagram(balls["2.0"])).replace(balls["2.0"], str(unit))
+    trusted = lab.loads(text, trust=True)
+    Run(trusted).advance(1)
+    changed(balls["2.0"], unit, "the second")
+    refusal = "unit.fmu is not the unit that was read when this block was made: nothing of it was run"
+    with pytest.raises(NotTrusted, match=refusal):
+        Run(trusted).advance(1)
+    with pytest.raises(DiagramError, match=r"ball: .* nothing of it was run.*--trust"):
+        Run(lab.loads(text))
+    again = lab.loads(text, trust=True)
+    Run(again).advance(1)  # not with the block that was compiled for the first
+    with pytest.raises(NotTrusted, match=refusal):
+        Run(trusted).advance(1)
+
+
+def test_the_page_asks_again_for_a_unit_that_is_exchanged(balls, tmp_path):
+    unit = changed(balls["2.0"], tmp_path / "unit.fmu", "on the page")
+    text = lab.dumps(diagram(balls["2.0"])).replace(balls["2.0"], str(unit))
+    (tmp_path / "page.json").write_text(text)
+    session = Session(file=tmp_path / "page.json", states=tmp_path / "states")
+    numbers = iter(range(100))
+
+    def ask(**operation):
+        found, answers = threading.Event(), []
+
+        def answer(event):
+            answers.append(event)
+            found.set()
+
+        session.handle(json.dumps(operation | {"client": "page", "sequence": next(numbers)}), answer)
+        assert found.wait(600)
+        return answers[-1]
+
+    def offers():
+        return session._offers.of(session.diagram)
+
+    (told,) = offers()
+    assert told["offered"]
+    assert told["code"] == f"{unit}\nSHA-256 {hashlib.sha256(unit.read_bytes()).hexdigest()}"
+    changed(balls["2.0"], unit, "exchanged while it was read")
+    assert ask(op="trust", keys=[told["key"]])["event"] == "done"
+    assert "is not the unit that was read" in ask(op="tick", n=1)["message"]
+    # whatever makes the block again from the exchanged file
+    assert ask(op="set", at=[], name="ball", fields={}, field="substeps", value=20)["event"] == "done"
+    assert [each["offered"] for each in offers()] == [False]
+    assert ask(op="open", file="page.json")["event"] == "done"
+    (told,) = offers()
+    assert told["offered"]
+    assert ask(op="trust", keys=[told["key"]])["event"] == "done"
+    assert ask(op="tick", n=1)["event"] == "done"
+    session.close()
 
 
 def test_a_missing_package_is_named(balls, monkeypatch):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
@@ -10,6 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from motorgrad._errors import check, shown
+from motorgrad._limits import MOST_BLOCK_SETTINGS
+from motorgrad._reading import toml_in
 from motorgrad.lab.diagram import Block, Port, Ports, Setting, parameters_of
 
 
@@ -71,9 +72,6 @@ def check_names(setting: str, names: tuple[str, ...], taken: Sequence[str] | set
     check(not repeated, setting, names, f"distinct names; repeated are {', '.join(map(shown, sorted(repeated)))}")
 
 
-LONGEST_TOML = 100_000  # characters
-
-
 def as_text(name: str, value: Any) -> str:
     """A table as TOML; a string is returned unchanged. **Raises** `ValueError` for invalid TOML."""
     if isinstance(value, Mapping):
@@ -89,8 +87,8 @@ def as_text(name: str, value: Any) -> str:
 
 def read_table(name: str, text: Any) -> dict[str, Any]:
     """Parse a TOML text. **Raises** `ValueError` for invalid TOML."""
-    check(len(text) <= LONGEST_TOML, name, text, f"a string of at most {LONGEST_TOML} characters")
+    check(len(text) <= MOST_BLOCK_SETTINGS, name, text, f"a string of at most {MOST_BLOCK_SETTINGS:,} characters")
     try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{name} = {text!r}: must be TOML, such as 'units = 8': {error}") from None
+        return toml_in(text)
+    except ValueError as error:
+        raise ValueError(f"{name} = {shown(text)}: must be TOML, such as 'units = 8': {error}") from None

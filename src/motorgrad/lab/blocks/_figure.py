@@ -11,6 +11,8 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from motorgrad._labels import literal
+
 # Okabe and Ito's colours, which colour-blind people can tell apart; their yellow is too pale for lines on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LOOK: Any = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False}
@@ -46,7 +48,7 @@ def draw_series(
         at, least = thinned(times, low)
         _, most = thinned(times, high)
         axes.fill_between(at, least, most, color=colour, alpha=0.2, linewidth=0)
-    axes.plot(*thinned(times, middle), color=colour, linestyle=style, linewidth=1.2, label=name)
+    axes.plot(*thinned(times, middle), color=colour, linestyle=style, linewidth=1.2, label=literal(name))
 
 
 def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +67,7 @@ def thinned(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def finish(axes: Axes, x: str, y: str, seeds: int, names: Sequence[str]) -> None:
     """Set labels, and a legend where there are several names."""
-    axes.set(xlabel=x, ylabel=names[0] if not y and len(names) == 1 else y)
+    axes.set(xlabel=literal(x), ylabel=literal(names[0] if not y and len(names) == 1 else y))
     if seeds > 1:
         axes.set_title(f"median and quartiles of {seeds} seeds", loc="left", fontsize=8, color="0.35")
     if 1 < len(names) <= MOST_NAMES:

@@ -1,7 +1,7 @@
 """Recording signals to tables and Parquet files."""
 
+import contextlib
 import dataclasses
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad._files import check_writable
+from motorgrad._files import check_writable, replacing
 from motorgrad.lab.blocks._scopes import Labelled
 from motorgrad.lab.diagram import Record
 
@@ -71,22 +71,13 @@ class Recorder(Labelled):
         file = Path(file)
         check_writable("file", file)
         file.parent.mkdir(parents=True, exist_ok=True)
-        aside = file.with_name(f".{file.name}.partial")
-        writer = None
-        try:
+        with replacing(file) as aside, contextlib.ExitStack() as opened:
+            writer = None
             for record in [records] if isinstance(records, Record) else records:
                 table = self.table(record, path, seeds)
-                writer = writer or parquet.ParquetWriter(aside, table.schema)
+                writer = writer or opened.enter_context(parquet.ParquetWriter(aside, table.schema))
                 writer.write_table(table)
             check(writer, "records", "none", "at least one")
-        except BaseException:
-            if writer is not None:
-                writer.close()
-            aside.unlink(missing_ok=True)
-            raise
-        assert writer is not None
-        writer.close()
-        os.replace(aside, file)
         return file
 
     def figure(self, record: Record, path: str) -> "Figure":

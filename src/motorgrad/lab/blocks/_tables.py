@@ -1,9 +1,6 @@
 """Tables: data files as sources, and look-up tables."""
 
 import dataclasses
-import io
-import stat
-import zipfile
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -11,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
+from motorgrad._limits import MOST_TABLE_BYTES
+from motorgrad._reading import arrays_in, content_of, csv_in, parquet_in
 from motorgrad.lab.blocks._base import MOST_NAMES, Shaped
 from motorgrad.lab.diagram import (
     Block,
@@ -25,7 +24,6 @@ from motorgrad.lab.diagram import (
     rounding,
 )
 
-LARGEST = 2**30  # bytes of a file, packed or not
 SUFFIXES = (".csv", ".parquet", ".npz")
 
 
@@ -38,12 +36,7 @@ def read_columns(path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     if Path(path).suffix.lower() not in SUFFIXES:
         raise ValueError(f"path = {shown(path)}: must be a file whose name ends in {', '.join(SUFFIXES)}")
     try:
-        status = Path(path).stat()
-        if not stat.S_ISREG(status.st_mode):  # reading a pipe might never end
-            raise ValueError("must be a file, not a folder, a pipe or a device")
-        _check_size(status.st_size)
-        content = Path(path).read_bytes()
-        table = _table(Path(path).suffix.lower(), content)
+        table = _table(Path(path).suffix.lower(), content_of(Path(path), MOST_TABLE_BYTES))
         for name in names:
             if name not in table:
                 raise unknown("column", name, table)
@@ -59,27 +52,12 @@ def read_columns(path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
 
 
 def _table(kind: str, content: bytes) -> dict[str, Any]:
-    import pyarrow as pa
-
     if kind == ".npz":
         try:
-            with zipfile.ZipFile(io.BytesIO(content)) as packed:
-                _check_size(sum(part.file_size for part in packed.infolist()))
-            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-                return {name: stored[name] for name in stored.files}
-        except (ValueError, EOFError, OSError, MemoryError, zipfile.BadZipFile) as error:
+            return arrays_in(content, MOST_TABLE_BYTES)
+        except ValueError as error:
             raise ValueError(f"not an NPZ file of arrays: {error}") from None
-    from pyarrow import csv, parquet
-
-    try:
-        if kind == ".parquet":
-            packed = parquet.ParquetFile(pa.BufferReader(content))
-            _check_size(8 * packed.metadata.num_rows * packed.metadata.num_columns)
-            table = packed.read()
-        else:
-            table = csv.read_csv(pa.BufferReader(content))
-    except (pa.ArrowException, OSError) as error:
-        raise ValueError(f"not a {kind.lstrip('.').upper()} table: {error}") from None
+    table = (parquet_in if kind == ".parquet" else csv_in)(content, MOST_TABLE_BYTES)
     return {name: table[name].to_numpy() for name in table.column_names}
 
 
@@ -92,11 +70,6 @@ def _numbers(name: str, column: np.ndarray) -> np.ndarray:
     if wrong.size:
         raise ValueError(f"column {name}, row {wrong[0]}: must be a finite number, not {numbers[wrong[0]]}")
     return numbers
-
-
-def _check_size(size: int) -> None:
-    if size > LARGEST:
-        raise ValueError(f"larger than {LARGEST:,} bytes")
 
 
 @dataclasses.dataclass(frozen=True)

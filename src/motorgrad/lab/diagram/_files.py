@@ -13,6 +13,8 @@ from typing import Any
 
 from motorgrad._errors import LONGEST, check, shown, unknown
 from motorgrad._files import write_atomically
+from motorgrad._limits import MOST_DIAGRAM_CHARACTERS, MOST_DIGITS, MOST_NESTED
+from motorgrad._reading import content_of
 from motorgrad._settings import default_of, fields_of
 from motorgrad.lab.diagram._block import BLOCKS, Block
 from motorgrad.lab.diagram._diagram import HEAD, Diagram, Node
@@ -22,8 +24,6 @@ FORMAT = "motorgrad diagram"
 VERSION = 1
 SUBSYSTEM = "diagram"
 """The type of a subsystem in files."""
-LARGEST = 50_000_000  # characters
-DEEPEST = 100  # nested lists and tables
 SCHEDULE = {"every": 1, "period": None}
 """Fields that are written only where they differ from these defaults."""
 ALWAYS = ("title", "comment", "tick", "substeps")  # written even where they are at their defaults
@@ -54,7 +54,12 @@ def loads(text: str, trust: bool = False) -> Diagram:
     **Raises** `ValueError` that names the place: for invalid JSON, another format or version, unknown block types,
     ports or names, and numbers that are not finite or not allowed.
     """
-    check(isinstance(text, str) and len(text) <= LARGEST, "file", text, f"a string of at most {LARGEST:,} characters")
+    check(
+        isinstance(text, str) and len(text) <= MOST_DIAGRAM_CHARACTERS,
+        "file",
+        text,
+        f"a string of at most {MOST_DIAGRAM_CHARACTERS:,} characters",
+    )
     try:
         data = json.loads(text, object_pairs_hook=_unique)
     except json.JSONDecodeError as error:
@@ -64,7 +69,7 @@ def loads(text: str, trust: bool = False) -> Diagram:
     except ValueError as error:  # an integer of thousands of digits
         raise ValueError(f"file: must be JSON: {error}") from None
     except RecursionError:
-        raise ValueError(f"file: must have at most {DEEPEST} nested lists and tables") from None
+        raise ValueError(f"file: must have at most {MOST_NESTED} nested lists and tables") from None
     _check_plain(data, (), 0)
     check(isinstance(data, dict), "file", data, "a table")
     check(data.get("format") == FORMAT, "format", data.get("format"), f"{FORMAT!r}")
@@ -88,7 +93,7 @@ def load(path: Path | str, trust: bool = False) -> Diagram:
     **Raises** `ValueError` as `loads` does, naming the file, and `OSError` if it cannot be read.
     """
     try:
-        return loads(Path(path).read_bytes().decode(), trust)
+        return loads(content_of(Path(path), 4 * MOST_DIAGRAM_CHARACTERS).decode(), trust)
     except ValueError as error:  # invalid UTF-8 too
         raise ValueError(f"{path}: {error}") from None
 
@@ -225,9 +230,11 @@ def _check_keys(what: str, table: Mapping[str, Any], known: Any) -> None:
 def _check_plain(data: Any, place: tuple[str, ...], depth: int) -> None:
     """Refuse data that a file cannot or should not contain, naming its place."""
     name = _place_name(".".join(place)) or "file"
-    check(depth <= DEEPEST, name, "…", f"in at most {DEEPEST} nested lists and tables")
+    check(depth <= MOST_NESTED, name, "…", f"in at most {MOST_NESTED} nested lists and tables")
     check(data is None or isinstance(data, bool | int | float | str | list | tuple | dict), name, data, "plain data")
     check(not isinstance(data, float) or math.isfinite(data), name, data, "finite")
+    small = not isinstance(data, int) or abs(data) < 10**MOST_DIGITS
+    check(small, name, data, f"a number of at most {MOST_DIGITS} digits")
     if isinstance(data, str):
         check(data.isascii() or not any("\ud800" <= sign <= "\udfff" for sign in data), name, data, "whole characters")
     elif isinstance(data, dict):

@@ -1,9 +1,11 @@
 """Blocks that run code from elsewhere: nothing of it runs before its user says so."""
 
 import contextlib
+import dataclasses
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
+from typing import Any
 
 from motorgrad._errors import NotTrusted
 
@@ -33,18 +35,28 @@ class Foreign:
 
     Code that first appears in a file whose user does not trust it is refused, in this process and under whatever
     settings, until it is trusted; so is code that is written in the editor's page, without `--trust`. Code that first
-    appears in a block made in Python is the user's own.
+    appears in a block made in Python is the user's own. Code is known by its content, wherever it is kept.
     """
 
     @property
     def key(self) -> str:
         """A hash of what would run."""
-        return hashlib.sha256(self.code.encode()).hexdigest()
+        return hashlib.sha256(f"{type(self).__name__}\0{self.code}".encode()).hexdigest()
 
     @property
     def code(self) -> str:
-        """What would run: the source, or the library's place; empty for nothing."""
+        """What would run, as its user sees it: the source, or the library's place and hash; empty for nothing."""
         raise NotImplementedError
+
+    @property
+    def structure(self) -> Any:
+        """As that of any block; a compiled diagram runs the code that it was compiled with."""
+        return super().structure, self.key  # pyright: ignore[reportAttributeAccessIssue]
+
+    def __reduce__(self) -> tuple[Any, ...]:  # code that is not trusted is not trusted where it is sent, either
+        fields: Any = dataclasses.fields(self)  # pyright: ignore[reportArgumentType]
+        values = {field.name: getattr(self, field.name) for field in fields}
+        return _rebuild, (type(self), values, self.key if self.is_trusted else "")
 
     def _meet(self) -> None:
         """Remember where this code was seen first. A subclass calls it when a block is made."""
@@ -64,7 +76,7 @@ class Foreign:
     @property
     def is_trusted(self) -> bool:
         """Whether the code may run."""
-        return not self.code or self.key not in _refused
+        return not self.code or self.key in _trusted
 
     @property
     def distrust(self) -> str:
@@ -78,3 +90,11 @@ class Foreign:
         """Refuse to run code that nobody has trusted. **Raises** `NotTrusted`."""
         if not self.is_trusted:
             raise NotTrusted(f"{type(self).__name__}: {self.distrust}")
+
+
+def _rebuild(kind: type[Foreign], values: Mapping[str, Any], trusted: str) -> Foreign:
+    with from_a_file(trust=False):
+        block = kind(**values)
+    if block.key == trusted:
+        block.trust()
+    return block

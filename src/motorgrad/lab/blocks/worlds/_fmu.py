@@ -2,8 +2,11 @@
 
 import dataclasses
 import functools
+import hashlib
+import io
 import re
 import shutil
+import xml.parsers.expat as expat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -11,7 +14,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check, choice, unknown
+from motorgrad._errors import NotTrusted, check, choice, unknown
+from motorgrad._limits import MOST_UNIT_BYTES, MOST_UNIT_DESCRIPTION_BYTES
+from motorgrad._reading import content_of, entries_in, unpacked
 from motorgrad.lab.blocks._base import as_text, read_table
 from motorgrad.lab.blocks.worlds._fmu_instance import CoSimulation, Instance, ModelExchange, fmpy_module
 from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting
@@ -22,12 +27,12 @@ INTERFACES = ("", "co-simulation", "model exchange")
 
 
 class FmuHost(Host):
-    """One instance of the unit per seed."""
+    """One instance of the unit per seed, of the `content` of its file."""
 
-    def __init__(self, block: "Fmu", seeds: int):
+    def __init__(self, block: "Fmu", content: bytes, seeds: int):
         fmpy = fmpy_module()
         self._ports_in, self._ports_out = block.variables("input"), block.variables("output")
-        self._folder = str(fmpy.extract(str(Path(block.file).absolute())))
+        self._folder = str(fmpy.extract(io.BytesIO(content)))
         kind = CoSimulation if block.uses_co_simulation else ModelExchange
         start = [(block.unit_variables[name], value) for name, value in block.starts.items()]
         self._instances: list[Instance] = []
@@ -86,8 +91,8 @@ class Fmu(Foreign, HostBlock):
     place is found by bisection. Units of all seeds are separate instances.
 
     A run can go back in time where the unit can save its state (`canGetAndSetFMUstate` and `canSerializeFMUstate`). A
-    unit is a compiled program: that of a stranger's diagram does not run before you trust the file. It needs the extra
-    `fmi`.
+    unit is a compiled program: that of a stranger's diagram does not run before you trust it, nor after its file was
+    exchanged. It needs the extra `fmi`.
     """
 
     name: ClassVar[str] = "fmu"
@@ -118,24 +123,37 @@ class Fmu(Foreign, HostBlock):
 
     @property
     def code(self) -> str:
-        return f"{Path(self.file).absolute()}"
+        return f"{Path(self.file).absolute()}\nSHA-256 {self.key}"
 
-    @functools.cached_property
+    @property
+    def key(self) -> str:
+        return self._read[0]
+
+    @property
     def unit(self) -> Any:
         """The unit's description, as fmpy reads it."""
-        check(
-            self.file.endswith(".fmu") and Path(self.file).is_file(),
-            "file",
-            self.file,
-            "a path of a file that ends in .fmu",
-        )
-        fmpy = fmpy_module()
+        return self._read[1]
+
+    @functools.cached_property
+    def _read(self) -> tuple[str, Any]:
+        """The hash of the unit and its description, of the same bytes."""
+        fmpy, content = fmpy_module(), self._content()
         try:
-            found = fmpy.read_model_description(self.file, validate=False)
+            _check_unpacked(content)
+            found = fmpy.read_model_description(io.BytesIO(content), validate=False)
         except Exception as error:  # it raises whatever a damaged archive or XML makes it raise
             raise ValueError(f"file = {self.file!r}: is not a Functional Mock-up Unit: {error}") from None
         choice("version of the unit", found.fmiVersion.partition("-")[0], ("2.0", "3.0"))
-        return found
+        return hashlib.sha256(content).hexdigest(), found
+
+    def _content(self) -> bytes:
+        """What the file holds now."""
+        file = Path(self.file)
+        check(file.suffix == ".fmu" and file.is_file(), "file", self.file, "a path of a file that ends in .fmu")
+        try:
+            return content_of(file, MOST_UNIT_BYTES)
+        except ValueError as error:
+            raise ValueError(f"file = {self.file!r}: {error}") from None
 
     @functools.cached_property
     def unit_variables(self) -> dict[str, Any]:
@@ -188,6 +206,12 @@ class Fmu(Foreign, HostBlock):
 
     def start(self, seeds: np.ndarray, uniforms: Float[np.ndarray, "seeds 0"], threads: int = 0) -> FmuHost:
         self.check_trusted()
+        content = self._content()
+        if hashlib.sha256(content).hexdigest() != self.key:
+            raise NotTrusted(
+                f"{Path(self.file).absolute()} is not the unit that was read when this block was made: nothing of it "
+                "was run. Open the diagram again, or make the block again, to run the new one"
+            )
         unit = self.unit.coSimulation if self.uses_co_simulation else self.unit.modelExchange
         check(
             len(seeds) == 1 or not unit.canBeInstantiatedOnlyOncePerProcess,
@@ -195,14 +219,21 @@ class Fmu(Foreign, HostBlock):
             len(seeds),
             "1: the unit allows no more",
         )
-        return FmuHost(self, len(seeds))
-
-    def __reduce__(self) -> tuple[Any, ...]:  # the description is not pickled
-        return _rebuild, (type(self), {field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+        return FmuHost(self, content, len(seeds))
 
 
-def _rebuild(kind: type[Fmu], fields: dict[str, Any]) -> Fmu:
-    return kind(**fields)
+def _check_unpacked(content: bytes) -> None:
+    """Refuse a unit that unpacks to too much, and documents in it that declare their own entities, which expand."""
+
+    def refuse(name: str, *_: object) -> None:
+        raise ValueError(f"document type {name!r}: must be none")
+
+    with entries_in(content, MOST_UNIT_BYTES) as packed:
+        for name in packed.namelist():
+            if name.lower().endswith(".xml"):
+                parser = expat.ParserCreate()
+                parser.StartDoctypeDeclHandler = refuse
+                parser.Parse(unpacked(packed, name, MOST_UNIT_DESCRIPTION_BYTES), True)
 
 
 def _port(variable: Any, is_input: bool) -> Port:

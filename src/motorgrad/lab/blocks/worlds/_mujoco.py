@@ -16,10 +16,10 @@ from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check
+from motorgrad._limits import MOST_MODEL_CHARACTERS
 from motorgrad.bodies import CURVES, Mjcf, tension
 from motorgrad.lab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
 
-LONGEST = 1_000_000  # characters of MJCF in a diagram
 _WARNING = mujoco.mjtWarning
 # MuJoCo silently resets a simulation that raises one of these warnings; only a counter shows it.
 _BAD = slice(int(_WARNING.mjWARN_BADQPOS), int(_WARNING.mjWARN_BADCTRL) + 1)
@@ -163,7 +163,12 @@ class MujocoModel(HostBlock):
         muscles: Any = {"muscle_model": self.muscle_model, "tendon": self.tendon, "curves": self.curves}
         if self.file:
             return Mjcf(Path(self.file), self.keyframe or None, **muscles)
-        check(len(self.xml) <= LONGEST, "xml", f"{len(self.xml)} characters", f"at most {LONGEST} characters")
+        check(
+            len(self.xml) <= MOST_MODEL_CHARACTERS,
+            "xml",
+            f"{len(self.xml)} characters",
+            f"at most {MOST_MODEL_CHARACTERS} characters",
+        )
         check("<" in self.xml, "xml", self.xml, "MJCF as text")
         return Mjcf(self.xml, self.keyframe or None, **muscles)
 

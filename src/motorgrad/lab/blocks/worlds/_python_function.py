@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
+from motorgrad._limits import MOST_FUNCTION_CHARACTERS
 from motorgrad.lab.blocks._base import check_names
 from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, is_from_a_file
 
-LONGEST = 100_000  # characters
 FILE = "<python function>"
 SOURCE = """def start():
     return {"total": 0.0}
@@ -121,7 +121,10 @@ class PythonFunction(Foreign, HostBlock):
 
     def validate(self) -> None:
         check(
-            len(self.source) <= LONGEST, "source", f"{len(self.source)} characters", f"at most {LONGEST:,} characters"
+            len(self.source) <= MOST_FUNCTION_CHARACTERS,
+            "source",
+            f"{len(self.source)} characters",
+            f"at most {MOST_FUNCTION_CHARACTERS:,} characters",
         )
         check_names("takes", self.takes)
         check_names("gives", self.gives, least=1)
