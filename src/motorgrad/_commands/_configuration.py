@@ -17,6 +17,7 @@ import numpy as np
 import tomli_w
 import tyro
 
+from motorgrad._commands._outputs import check_outputs
 from motorgrad._commands._words import REGISTRY, reader, shown_as
 from motorgrad._docstrings import attribute_texts, description_of, descriptions
 from motorgrad._errors import check
@@ -51,8 +52,8 @@ COMMON: list[Any] = [
 HELP = {"-h", "--help"}
 HELP_ALL = "--help-all"
 
-ASKED = ("trust", "allow_changed")
-"""Options that a file cannot give, as it is the file that they are about."""
+ASKED = ("trust", "allow_changed", "host")
+"""Options that a file cannot give: whether to trust it, and who can reach the page. `_outputs` limits others."""
 
 
 class Arguments(NamedTuple):
@@ -107,6 +108,7 @@ def resolve(cls: type[T], given: Arguments, prog: str) -> T:
     """As `parse`, for arguments that `read_arguments` returned."""
     values = parse_values(cls, given, prog)
     try:
+        check_outputs(cls, convert(cls, given.table), values, given.rest)
         options = build(cls, values)
         getattr(options, "validate", lambda: None)()
         if (json := getattr(options, "json", None)) and str(json) != "-":

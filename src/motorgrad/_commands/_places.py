@@ -78,7 +78,7 @@ class StudyFile(Places, abc.ABC):
     checkpoint_every: float = 30.0
     """The time between two checkpoints of a job, in seconds."""
     trust: bool = False
-    """Run code that the file or the folder names: the module of a task, pickled environments."""
+    """Run code that the file or the folder names: the module of a task."""
     json: Path | None = None
     """Also write the result to this file, as JSON; - for the standard output."""
 

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad import __version__
+from motorgrad._commands._outputs import MARK
 from motorgrad._files import write_atomically
 
 
@@ -34,10 +36,10 @@ def summary_text(name: str, found: dict[str, Any]) -> str:
 
 
 def write_json(path: Path | None, result: dict[str, Any]) -> None:
-    """Write a command's result as JSON; the path `-` is the standard output."""
+    """Write a command's result as JSON, with the version; the path `-` is the standard output."""
     if path is None:
         return
-    text = json.dumps(result, indent=2, allow_nan=False) + "\n"
+    text = json.dumps({MARK: __version__, **result}, indent=2, allow_nan=False) + "\n"
     if str(path) == "-":
         sys.stdout.write(text)
     else:

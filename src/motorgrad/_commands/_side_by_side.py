@@ -44,9 +44,9 @@ def gathered(arguments: Sequence[str]) -> list[str]:
 def bodies(options: Any) -> tuple[int, str, dict[str, Any] | None]:
     """The first seed, the label of its body, and the bodies beside it, as `motorgrad.sim.live.setup_of` takes them.
 
-    **Raises** `ValueError` for seeds that a run does not have, and for a model that may not be loaded.
+    **Raises** `ValueError` for seeds that a run does not have.
     """
-    given = dict(_labelled(word, options.trust) for word in options.beside)
+    given = dict(_labelled(word) for word in options.beside)
     runs = [path for path in (options.run, *options.runs_beside) if path is not None]
     if not options.runs_beside:
         chosen: Any = options.seeds or options.seed
@@ -63,14 +63,11 @@ def bodies(options: Any) -> tuple[int, str, dict[str, Any] | None]:
     return first, label, {each: pair for each, pair in pairs.items() if each != label} | given
 
 
-def _labelled(word: str, trust: bool) -> tuple[str, Any]:
+def _labelled(word: str) -> tuple[str, str]:
     """A label and what it stands for, from `LABEL=PATH` or a path alone."""
     label, told, what = word.partition("=")
     what = what if told else word
-    label = label if told else (Path(what).stem or what)
-    zipped = what.endswith(".zip")
-    check(trust or not zipped, "beside", word, "given with --trust: loading a model of stable-baselines3 runs its code")
-    return label, what
+    return label if told else (Path(what).stem or what), what
 
 
 def _names(runs: Sequence[Path]) -> list[str]:

@@ -27,7 +27,7 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     """
     own = given.table.get("task")
     if isinstance(own, dict):
-        check_imports({**own, "name": task_name}, str(given.file), "--trust" in given.rest, given.rest)
+        check_imports({**own, "name": task_name}, str(given.file), "--trust" in given.rest)
     blank = TASKS[task_name]()
     rest = _expand_aliases(given.rest)
     about = {"preset": _peek("preset", given, str), "steps": _peek("steps", given, float)}

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import tyro
 
-from motorgrad._commands._configuration import ASKED, read_arguments, resolve
+from motorgrad._commands._configuration import read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._errors import check
 from motorgrad._extras import FILM, installed, missing, require
@@ -133,8 +133,8 @@ def _options(arguments: list[str]) -> Evaluate:
         raise ValueError(
             f"{[*flags, 'task'][0]}: needs the run as the first word: motorgrad evaluate RUN --task.NAME VALUE"
         )
-    trust, changed = (any(word.replace("-", "_") == f"__{name}" for word in given.rest) for name in ASKED)
-    task = load(word, trust=trust, allow_changed=changed).task
+    said = {option.replace("_", "-") for option in given.rest}
+    task = load(word, trust="--trust" in said, allow_changed="--allow-changed" in said).task
     own = ("task", type(task), dataclasses.field(default_factory=lambda: task))
     space = {"__doc__": Evaluate.__doc__}
     kind = dataclasses.make_dataclass("Evaluate", [own], bases=(Evaluate,), frozen=True, namespace=space)

@@ -2,9 +2,8 @@
 
 import dataclasses
 import sys
-import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -28,6 +27,7 @@ class Lab:
     """The port on 127.0.0.1; 0 for a free port."""
     browser: bool = True
     """Open the browser; otherwise only print the address."""
+    opened: ClassVar[tuple[str, ...]] = ("file",)
 
     def validate(self) -> None:
         check(0 <= self.port < 2**16, "port", self.port, "an integer from 0 to 65535, 0 for a free one")
@@ -54,7 +54,7 @@ def run(arguments: list[str]) -> int:
         if not server.built:
             print(NOT_BUILT, file=sys.stderr)
         print(f"TimLab is at {server.url}\nCtrl-C ends it.", flush=True)
-        if options.browser and not webbrowser.open(server.url):
+        if options.browser and not server.open():
             print("No browser could be opened: open the address yourself.", file=sys.stderr)
         server.run()
     finally:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from motorgrad._commands._autosave import Autosave
 from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._side_by_side import bodies, gathered
 from motorgrad._commands._task_options import command_with_learner, is_task_word, split_task
@@ -73,7 +74,7 @@ class Options:
     browser: bool = True
     """Open the page in the browser, where there is a screen."""
     trust: bool = False
-    """Run code that the run directory or the scene file names: the module of its task."""
+    """Run code that the run directory or the scene file names, the module of its task, and that models (.zip) hold."""
     motion: Path | None = None
     """Play this stored motion of a model (.mot, .sto, .csv, .npz or .npy), by the names of its joints."""
     motion_partial: bool = False
@@ -189,7 +190,7 @@ def _setup(options: Any, place: Place) -> Any:
     saved = options.autosave if options.autosave and options.autosave.exists() else None
     check(options.motion is None, "motion", str(options.motion), "left out with a task: give its model")
     rest = {"frozen": frozen, "stage": place.stage, "planet": place.planet, "beside": beside, "label": label}
-    return live.setup_of(options.task, agent, seed, run=options.run or saved, **rest)
+    return live.setup_of(options.task, agent, seed, run=options.run or saved, trust=options.trust, **rest)
 
 
 def _show(setup: Any, options: Options) -> int:
@@ -215,22 +216,22 @@ def _show(setup: Any, options: Options) -> int:
         if steps := options.scene.get("tour"):
             page.tour(steps)
         film = None if options.record is None else page.record(options.record)
-        save = None if options.autosave is None else live.Save(str(options.autosave), quiet=True)
-        saved = time.monotonic()
+        save = None if options.autosave is None else Autosave(options.autosave, options.autosave_every)
         try:
             while time.monotonic() < until and not page.session.ended:
                 time.sleep(min(0.2, max(0.0, until - time.monotonic())))
-                if save is not None and time.monotonic() > saved + options.autosave_every:
-                    page.session.order(save)
-                    saved = time.monotonic()
+                if save is not None:
+                    save.go_on(page.session)
         except KeyboardInterrupt:
             print(f"{setup.name}: ended", file=sys.stderr)
         finally:
-            if save is not None and not page.session.ended:
-                page.session.order(save)
-            if film is not None:
-                film.stop()
-                print(f"{'replay' if film.path.suffix == '.html' else 'film'}: {film.path}")
+            try:
+                if save is not None and not page.session.ended:
+                    save.finish(page.session)
+            finally:
+                if film is not None:
+                    film.stop()
+                    print(f"{'replay' if film.path.suffix == '.html' else 'film'}: {film.path}")
         if page.session.ended:
             raise RuntimeError(page.last_words)
     return 0

@@ -58,7 +58,7 @@ class Options:
     give_up_after: float = 3600.0
     """End a run that could not be saved for this many seconds; until then it continues to learn and tries again."""
     trust: bool = False
-    """Run code that the run directory or the file of options names: the module of its task, pickled environments."""
+    """Run code that the run directory or the file of options names: the module of its task."""
     allow_changed: bool = False
     """Continue a run even if its settings or the version of motorgrad changed since it was made."""
     tensorboard: bool = False
@@ -171,7 +171,6 @@ def run(arguments: list[str]) -> int:
         tensorboard=options.tensorboard,
         initial=initial,
         give_up_after=options.give_up_after,
-        trust=options.trust,
         allow_changed=options.allow_changed,
     )
     found = _result(result)
@@ -204,6 +203,7 @@ def _result(run: Run) -> dict[str, Any]:
         "decisions": run.decision,
         "complete": run.complete,
         "simulated_time": run.decision * run.task.period,
+        "broken": int(run.broken.sum()),
         "wall_time": float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0,
     }
     if not run.settings:
@@ -227,6 +227,8 @@ def _print(run: Run, found: dict[str, Any], out: Path) -> None:
             _print_means(each)
     else:
         _print_means(found)
+    if broken := found["broken"]:
+        print(f"parameters of {broken} of {counted(run.lanes, 'learner')} are not finite: nothing is learned there")
     print(f"saved in {out}")
     if run.complete:
         print(f"next: motorgrad plot {out}    motorgrad evaluate {out}")
