@@ -27,6 +27,7 @@ _MOST_RESIDENT = 1_500_000_000  # bytes of a process, above which the programs o
 _SHARE = tuple(
     f"{Path(__file__).parent.as_posix()}/{room}/" for room in ("policies", "worlds", "lab/editor", "sim/panels")
 )
+os.environ["XDG_DATA_HOME"] = str(_RUN / "data")  # the key with which runs are signed
 os.environ.update(_COMPILER)  # read by JAX when it is imported, so not in a fixture
 # Tracing makes millions of small objects that live on, and Python would look through all of them again and again. Young
 # ones are still looked through; the others when the programs are dropped that most of them belong to.

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+from motorgrad._files import write_atomically
 from motorgrad.lab import GALLERY, to_svg
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -11,7 +12,7 @@ IMAGES = Path(__file__).parents[1] / "docs" / "images"
 def main(names: list[str]) -> None:
     """Write `lab-NAME.svg` for each name, by default for every diagram."""
     for name in names or GALLERY:
-        (IMAGES / f"lab-{name}.svg").write_text(to_svg(GALLERY[name]()), encoding="utf-8")
+        write_atomically(IMAGES / f"lab-{name}.svg", to_svg(GALLERY[name]()).encode())
         print(f"lab-{name}.svg", flush=True)
 
 

@@ -29,6 +29,7 @@ import mujoco
 import numpy as np
 
 import motorgrad as mg
+from motorgrad._files import write_atomically
 from motorgrad._myosuite import environment, register
 from motorgrad.tasks._myosuite import NEAR
 from motorgrad.training import agent_for, provenance
@@ -320,7 +321,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(follow_table(given.run))
         return
     if given.command == "table":
-        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+        write_atomically(PAGE, with_table(PAGE.read_text(encoding="utf-8")).encode())
         return
     if given.command == "noise":
         print(noise_table())
@@ -340,7 +341,7 @@ def main(arguments: list[str] | None = None) -> None:
     named += [f"{steps}"] if steps != TASKS[given.task][1] else []
     named += [f"from-{given.first}"] if given.first else []
     path = given.out / f"{'-'.join(named)}.json"
-    path.write_text(json.dumps(made, default=_plain, indent=1) + "\n", encoding="utf-8")
+    write_atomically(path, (json.dumps(made, default=_plain, indent=1) + "\n").encode())
     print(
         path, {mode: {key: _percent(v) for key, v in made["evaluated"][mode].items()} for mode in MODES}, made["took"]
     )

@@ -23,6 +23,7 @@ import gymnasium
 import numpy as np
 
 import motorgrad as mg
+from motorgrad._files import write_atomically
 from motorgrad.training import agent_for, provenance
 from tools.myosuite import DATA, ROOT, Clock
 
@@ -369,7 +370,7 @@ def main(arguments: list[str] | None = None) -> None:
         for name, made in (("tables", tables), ("summary", summary)):
             between = rf"(<!-- {name} -->\n).*?(\n<!-- end -->)"
             page = re.sub(between, lambda at, made=made: at[1] + made() + at[2], page, flags=re.DOTALL)
-        PAGE.write_text(page, encoding="utf-8")
+        write_atomically(PAGE, page.encode())
         return
     task, ours = TASKS[given.task], given.learner in OURS
     seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 3))))
@@ -378,7 +379,8 @@ def main(arguments: list[str] | None = None) -> None:
     made = {"task": given.task, "learner": given.learner, "steps": task.steps, "seeds": seeds, "machine": machine}
     made |= work(task, given.learner, seeds)
     path = given.out / f"streaming-{given.task}--{given.learner}.json"
-    path.write_text(json.dumps(made, default=lambda v: np.round(np.asarray(v, float), 5).tolist(), indent=1) + "\n")
+    text = json.dumps(made, default=lambda v: np.round(np.asarray(v, float), 5).tolist(), indent=1)
+    write_atomically(path, f"{text}\n".encode())
     print(path, made["cpu"], made["curve"][:, -1], reached(made))
 
 

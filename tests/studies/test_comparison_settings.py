@@ -141,7 +141,7 @@ def test_a_folder_imports_nothing_that_its_user_has_not_imported(tmp_path, monke
         lambda: Results.load(studied),
         lambda: small().run(studied, progress=False),
     ):
-        with pytest.raises(NotTrusted, match=f"imports {name}.*nothing was imported"):
+        with pytest.raises(NotTrusted, match=f"imports '{name}:Strange-v0'.*nothing was imported"):
             use()
     assert name not in sys.modules
     assert not (compared / "tuning").exists()

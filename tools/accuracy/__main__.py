@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad import lab
+from motorgrad._files import write_atomically
 from tools.accuracy._systems import SYSTEMS, System, noisy, spectrum_exact
 
 ROOT = Path(__file__).parents[2]
@@ -86,7 +87,7 @@ def measure(budget: float) -> None:
         many = [ours(system, row["solver"], row["tolerance"], SEEDS) for row in _exact_enough(rows, peers)]
         found[system.name] = {"by": system.by, "ours": rows, "many": many, "peers": peers}
         print(system.name, min(row["error"] for row in rows), [p["error"] for p in peers], flush=True)
-    DATA.write_text(json.dumps({"systems": found, "noise": noise()}, indent=1) + "\n", encoding="utf-8")
+    write_atomically(DATA, (json.dumps({"systems": found, "noise": noise()}, indent=1) + "\n").encode())
 
 
 def _exact_enough(rows: list[dict[str, Any]], peers: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -142,4 +143,4 @@ if __name__ == "__main__":
     if given.what == "measure":
         measure(given.budget)
     else:
-        PAGE.write_text(page(), encoding="utf-8")
+        write_atomically(PAGE, page().encode())

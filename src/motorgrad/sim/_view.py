@@ -38,6 +38,7 @@ def view(
     port: int | None = None,
     record: Path | str | None = None,
     wait: bool = True,
+    trust: bool = False,
 ) -> Page:
     """Train an agent on a task, or simulate a model, and show it live in the browser. The simulation runs in its own
     process.
@@ -69,11 +70,13 @@ def view(
       replay (".html"), one page of at most 10 MB that plays anywhere without a server.
     - `wait`: whether to return only when the run has started. Without, the page is there at once and says what is being
       done until the body is in the picture; `page.ready()` waits for that, before which `page.session` cannot be used.
+    - `trust`: whether files of stable-baselines3 among `beside` may be loaded, which runs code that they hold.
 
     **Returns** a `Page`, which a notebook shows. `page.url` is its whole address, `page.wait()` waits until it ends,
     `page.close()` ends it; `page.session` is the run.
 
-    **Raises** `ValueError` for anything that cannot be simulated, before anything starts.
+    **Raises** `ValueError` for anything that cannot be simulated, and `NotTrusted` for a file of stable-baselines3
+    without `trust`, before anything starts.
 
     ```py
     page = view("hopper", seed=3, speed=2.0)
@@ -92,7 +95,7 @@ def view(
     first, label, others = side_by_side(run, seed, beside)
     frozen = frozen or bool(label)
     given = {"run": run, "frozen": frozen, "stage": stage, "planet": planet, "beside": others, "label": label}
-    setup = setup_of(task, agent, first, motion=motion, **given)
+    setup = setup_of(task, agent, first, motion=motion, trust=trust, **given)
     warn_of(host)
     moving = setup.task is not None or setup.motion is not None
     playing = moving if playing is None else playing

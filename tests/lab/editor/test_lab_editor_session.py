@@ -1,6 +1,7 @@
 """Sessions: several clients, lost connections, files, and work that outlives its process."""
 
 import json
+import os
 import random
 import signal
 import subprocess
@@ -300,3 +301,75 @@ def test_a_clock_that_jumps_changes_neither_undo_nor_what_is_recovered(tmp_path,
     client.do("recover", id=found["id"])
     assert after.diagram == wanted
     after.close(keep=False)
+
+
+def journal_of(start, tmp_path, number):
+    """The journal of a session that ended with unsaved work: so many blocks."""
+    before = {*(tmp_path / "states").glob("*.journal")}
+    session = start()
+    client = Client(session)
+    for _ in range(number):
+        client.do("add", at=[], type="gain")
+    session.close()
+    (journal,) = {*(tmp_path / "states").glob("*.journal")} - before
+    return journal
+
+
+NO_CHANGES = ["5", "[]", '"do"', "{", "null", '{"do": 1}', '{"diagram": 2}', "[" * 5000, '{"do": {"op": "save"}}']
+NO_CHANGES += ['{"do": {"op": "add", "at": [], "type": "nothing"}}', '{"diagram": "{}"}', "\x00\xff", "1" * 5000, ""]
+
+
+@pytest.mark.parametrize("bad", NO_CHANGES, ids=range(len(NO_CHANGES)))
+def test_one_bad_line_hides_no_unsaved_work(start, tmp_path, bad):
+    """As it fell to who could write a line into one of the journals: all others, and what came before it, are there."""
+    spoilt, sound = (journal_of(start, tmp_path, number) for number in (3, 2))
+    lines = spoilt.read_bytes().split(b"\n")
+    spoilt.write_bytes(b"\n".join([*lines[:3], bad.encode("latin-1"), *lines[3:]]))
+    client = Client(start())
+    assert {each["id"]: each["changes"] >= 2 for each in client.last("recoverable")["list"]} == {
+        spoilt.name: True,
+        sound.name: True,
+    }
+    client.do("recover", id=spoilt.name)
+    assert list(client.session.diagram.nodes) == ["gain", "gain 2"]
+    assert "line 4" in client.last("error")["message"]
+    client.do("recover", id=sound.name)
+    assert list(client.session.diagram.nodes) == ["gain", "gain 2"]
+
+
+@pytest.mark.parametrize("head", ["", "5", "{}", '{"format": "motorgrad journal"}', '{"file": 5, "diagram": "{}"}'])
+def test_a_file_that_is_no_journal_is_named_and_kept(start, tmp_path, head):
+    spoilt, sound = (journal_of(start, tmp_path, number) for number in (3, 2))
+    spoilt.write_bytes(head.encode() + b"\n" + spoilt.read_bytes().partition(b"\n")[2])
+    client = Client(start())
+    assert [each["id"] for each in client.last("recoverable")["list"]] == [sound.name]
+    assert spoilt.name in client.last("error")["message"]
+    assert spoilt.exists()
+
+
+def test_what_is_no_regular_file_is_named_and_not_opened(start, tmp_path):
+    """A pipe would never answer, and a link leads elsewhere."""
+    sound = journal_of(start, tmp_path, 2)
+    os.mkfifo(sound.with_name("0.journal"))
+    sound.with_name("1.journal").mkdir()
+    sound.with_name("2.journal").symlink_to(sound)
+    os.mkfifo(sound.with_name("3.journal.lock"))
+    client = Client(start())
+    assert [each["id"] for each in client.last("recoverable")["list"]] == [sound.name]
+    said = " ".join(event["message"] for event in client.seen if event["event"] == "error")
+    assert all(f"{number}.journal" in said for number in range(3))
+    for number in (0, 2):
+        assert "regular file" in client.ask("recover", id=f"{number}.journal")["message"]
+    client.do("recover", id=sound.name)
+    assert list(client.session.diagram.nodes) == ["gain", "gain 2"]
+
+
+def test_a_title_with_another_end_of_line_cuts_nothing_off(start, tmp_path):
+    client = Client(start())
+    for title in ("one\u2028two", "three\x85four"):
+        client.do("set", at=[], name=None, fields={}, field="title", value=title)
+    client.do("add", at=[], type="gain")
+    client.session.close()
+    after = Client(start())
+    (found,) = after.last("recoverable")["list"]
+    assert (found["changes"], found["title"]) == (3, "three\x85four")

@@ -1,9 +1,13 @@
 """Other policies beside the one that learns: seeds of a run, functions, models of stable-baselines3."""
 
+import zipfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._errors import NotTrusted
 from motorgrad.sim import live
 
 
@@ -73,7 +77,7 @@ def test_a_ppo_model_stands_beside_as_an_object_and_as_a_file(tmp_path, driven):
     model = sb3.PPO("MlpPolicy", gymnasium.make("motorgrad/Hopper-v0"), device="cpu", n_steps=64, batch_size=64)
     file = tmp_path / "ppo.zip"
     model.save(file)
-    watched = driven(live.setup_of("hopper", beside={"PPO": model, "file": file}))
+    watched = driven(live.setup_of("hopper", beside={"PPO": model, "file": file}, trust=True))
     watched(live.Step(30))
     seen = watched.seen()
     np.testing.assert_array_equal(seen["position"][1], seen["position"][2])
@@ -112,10 +116,54 @@ def test_seeds_and_runs_are_gathered_from_the_command_line():
     assert gathered(["--run", "a", "--run", "b", "--seeds", "0,3", "--paused"]) == (
         ["--paused", "--seeds", "0", "3", "--run", "a", "--runs-beside", "b"]
     )
-    with pytest.raises(ValueError, match="given with --trust"):
-        prepared(["hopper", "--beside", "ppo.zip"])
     with pytest.raises(ValueError, match="several are shown side by side of a run"):
         prepared(["hopper", "--seeds", "1", "2"])
+
+
+@pytest.fixture
+def model(tmp_path, monkeypatch):
+    """What a stranger sends: a file that looks like a model of stable-baselines3, under several names."""
+    monkeypatch.chdir(tmp_path)
+    with zipfile.ZipFile("ppo.zip", "w") as packed:
+        packed.writestr("data", "{}")
+    (tmp_path / "folder").mkdir()
+    for link in ("link.zip", "folder/link.zip"):
+        (tmp_path / link).symlink_to(tmp_path / "ppo.zip")
+    (tmp_path / "scene.toml").write_text('beside = ["PPO=ppo.zip/"]\ntask.name = "hopper"\n')
+    return tmp_path / "ppo.zip"
+
+
+SPELLINGS = ["ppo.zip", "ppo.zip/", "./ppo.zip//", "ppo.zip/.", "folder/../ppo.zip/", "link.zip", "folder/link.zip/"]
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_no_spelling_loads_a_model_without_trust(spelling, model):
+    from motorgrad._commands.sim import prepared
+
+    with pytest.raises(NotTrusted, match="stable-baselines3: loading it runs code that it holds; nothing was loaded"):
+        prepared(["hopper", "--beside", f"PPO={spelling}"])
+    for given in (spelling, Path(spelling), model.parent / spelling, (spelling, 3)):
+        with pytest.raises(NotTrusted):
+            live.setup_of("hopper", beside={"PPO": given})
+
+
+def test_a_scene_loads_no_model_without_trust(model, capsys):
+    from motorgrad.cli import main
+
+    assert main(["sim", "--config", "scene.toml"]) == 2
+    said = capsys.readouterr().err
+    assert "ppo.zip is a model of stable-baselines3: loading it runs code" in said
+    assert "--trust" in said
+    (model.parent / "scene.toml").write_text('beside = ["PPO=ppo.zip"]\ntrust = true\ntask.name = "hopper"\n')
+    assert main(["sim", "--config", "scene.toml"]) == 2
+    assert "trust = True: must be an option of the command line" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["ppo.ZIP", "ppo", "ppo.npz", "ppo.zip.txt"])
+def test_a_model_under_another_name_is_not_loaded(name, model):
+    model.rename(name)
+    with pytest.raises(ValueError, match="beside 'PPO'"):
+        live.setup_of("hopper", beside={"PPO": name}, trust=True)
 
 
 @pytest.mark.ci

@@ -19,9 +19,11 @@ from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
+from motorgrad._browser import open_in_browser
 from motorgrad._errors import check
-from motorgrad._gate import HEADERS, Gate, Pace, Passed
+from motorgrad._gate import BACKLOG, HEADERS, Gate, Lobby, Pace, Passed
 from motorgrad.lab.editor._session import Session
 from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
@@ -54,8 +56,11 @@ class Server:
         self._socket.listen(128)  # clients that connect before the server is up wait
         self.port = self._socket.getsockname()[1]
         routes = [Route("/{path:path}", self._page), WebSocketRoute("/socket", self._talk)]
-        app = _Guard(Starlette(routes=routes), self._gate)
+        self._lobby = Lobby()
+        app = _Guard(Starlette(routes=routes), self._gate, self._lobby)
         settings: Any = {"log_level": "critical", "ws": "websockets-sansio", "ws_max_size": LARGEST, "lifespan": "off"}
+        # the lobby must know clients by their real addresses, whatever a header of a proxy says
+        settings |= {"http": _through(self._lobby), "proxy_headers": False, "backlog": BACKLOG}
         self._server = uvicorn.Server(uvicorn.Config(app, timeout_graceful_shutdown=1, **settings))
         self._thread: threading.Thread | None = None
 
@@ -72,11 +77,22 @@ class Server:
     @property
     def url(self) -> str:
         """The address of the editor, with the token."""
-        return f"http://{HOST}:{self.port}/{self.token}/"
+        return f"{self._origin}/{self.token}/"
+
+    @property
+    def _origin(self) -> str:
+        return f"http://{HOST}:{self.port}"
+
+    def open(self) -> bool:
+        """Open the editor in the user's browser. **Returns** whether there is one."""
+        return open_in_browser(self._gate, self._origin)
 
     def run(self) -> None:
         """Serve until stopped, in this thread."""
-        self._server.run([self._socket])
+        try:
+            self._server.run([self._socket])
+        finally:
+            self._gate.end_tickets()
 
     def start(self) -> None:
         """Serve in a thread of its own, until `stop`."""
@@ -159,11 +175,28 @@ class _Outbox:
                 self._resend(self.put)
 
 
+def _through(lobby: Lobby) -> type[asyncio.Protocol]:
+    """uvicorn's connections, which are in the lobby at first."""
+
+    class Connection(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
+        transport: asyncio.Transport
+
+        def connection_made(self, transport: Any) -> None:
+            lobby.enter(transport)
+            super().connection_made(transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            lobby.left(self.transport)
+            super().connection_lost(exc)
+
+    return Connection
+
+
 class _Guard:
     """Puts the gate in front of an application, which sees paths without the token."""
 
-    def __init__(self, app: ASGIApp, gate: Gate):
-        self._app, self._gate = app, gate
+    def __init__(self, app: ASGIApp, gate: Gate, lobby: Lobby):
+        self._app, self._gate, self._lobby = app, gate, lobby
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -174,6 +207,7 @@ class _Guard:
         headers = [(name.decode("latin-1"), value.decode("latin-1")) for name, value in scope["headers"]]
         verdict = self._gate.judge(f"{scope['path']}{query and '?'}{query}", headers, upgrade)
         if isinstance(verdict, Passed):
+            self._lobby.leave(scope["client"])
             await self._app({**scope, "path": verdict.path}, receive, send)
         elif upgrade:
             await send({"type": "websocket.close", "code": 1008})  # before accepting: status 403

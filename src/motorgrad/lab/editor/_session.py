@@ -186,7 +186,10 @@ class Session:
             case ask.Open():
                 document.open(*self._opened(operation))
             case ask.Recover():
-                diagram, own = self._journal.recovered(operation.id)
+                diagram, own, bad = self._journal.recovered(operation.id)
+                if bad:
+                    said = f"recovered up to line {bad} of {operation.id}, which makes no sense"
+                    self._emit({"event": "error", "message": said})
                 if own == (str(file) if file else None) and saved:
                     document.update(diagram)
                 else:
@@ -247,7 +250,10 @@ class Session:
         if (operation.session, operation.revision) != (self.id, self._document.revision):
             answer(self._whole())
         answer(self._problems)
-        answer(self._recoverable())
+        unsaved, skipped = self._journal.others()
+        answer({"event": "recoverable", "list": unsaved})
+        for message in skipped:
+            answer({"event": "error", "message": message})
         self._runner.greet(answer)
 
     def _open_log_diagram(self, operation: ask.Replay) -> None:
@@ -267,7 +273,7 @@ class Session:
         return {"event": "document", "session": self.id, **self._document.flags, "view": shown}
 
     def _recoverable(self) -> Event:
-        return {"event": "recoverable", "list": self._journal.others()}
+        return {"event": "recoverable", "list": self._journal.others()[0]}
 
     def _find_problems(self) -> None:
         """Find problems with the diagram in the background: a new block type takes a while."""

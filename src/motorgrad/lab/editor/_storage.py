@@ -5,8 +5,11 @@ change, locked while its session lives, and deleted when the work is saved. Jour
 the next session.
 """
 
+import contextlib
+import glob
 import hashlib
 import json
+import stat
 import time
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,10 +18,12 @@ import platformdirs
 from filelock import FileLock, Timeout
 
 from motorgrad._errors import check, unknown
-from motorgrad._files import check_writable, partial
-from motorgrad.lab.diagram import FORMAT, Diagram, dumps, load, loads, save
+from motorgrad._files import check_writable, remove_partials
+from motorgrad._reading import content_of
+from motorgrad.lab.diagram import FORMAT, Diagram, dumps, load, save
 from motorgrad.lab.editor._edits import Change
-from motorgrad.lab.editor._protocol import Operation, operation_data, operation_from
+from motorgrad.lab.editor._protocol import Operation, operation_data
+from motorgrad.lab.editor._unsaved import JOURNAL_FORMAT, read_unsaved
 
 SUFFIX = ".json"
 
@@ -83,7 +88,7 @@ class Folder:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(content_of(path)).hexdigest()
 
 
 def _is_diagram(path: Path) -> bool:
@@ -92,9 +97,6 @@ def _is_diagram(path: Path) -> bool:
             return f'"format": "{FORMAT}"'.encode() in file.read(200)
     except OSError:
         return False
-
-
-JOURNAL_FORMAT = "motorgrad journal"
 
 
 class Journal:
@@ -124,41 +126,42 @@ class Journal:
         self.close(keep)
         self._file = file
 
-    def others(self) -> list[dict[str, Any]]:
+    def others(self) -> tuple[list[dict[str, Any]], list[str]]:
         """The journals of sessions that have ended: `id`, the title after the last change, number of changes, time of
-        the last one, and the name of the file.
+        the last one, and the name of the file. And what is to be said of those that are skipped, in whole or in part.
         """
-        found = []
+        found, skipped = [], []
         for path in self._journals():
-            if path == self._path or self._is_locked(path):
+            try:
+                if path == self._path:
+                    continue
+                _refuse_odd(path)
+                if self._is_locked(path):
+                    continue
+                unsaved = read_unsaved(path)
+                if unsaved is None:
+                    path.unlink(missing_ok=True)  # the process was killed before the first change
+                    continue
+                changed = path.stat().st_mtime
+            except (OSError, ValueError) as error:
+                skipped.append(f"unsaved work is skipped: {path}: {' '.join(str(error).split())}")
                 continue
-            head, lines = _lines(path)
-            if not lines:
-                path.unlink(missing_ok=True)  # the process was killed before the first change
-                continue
-            found.append(
-                {
-                    "id": path.name,
-                    "file": None if head.get("file") is None else Path(head["file"]).name,
-                    "title": _title(head, lines),
-                    "changes": len(lines),
-                    "changed": path.stat().st_mtime,
-                }
-            )
-        return sorted(found, key=lambda each: -each["changed"])
+            if unsaved.bad:
+                skipped.append(f"unsaved work is cut off: {path}: line {unsaved.bad} makes no sense")
+            name = None if unsaved.file is None else Path(unsaved.file).name
+            about = {"id": path.name, "file": name, "title": unsaved.title}
+            found.append({**about, "changes": len(unsaved.changes), "changed": changed})
+        return sorted(found, key=lambda each: -each["changed"]), skipped
 
-    def recovered(self, id: str) -> tuple[Diagram, str | None]:
-        """The diagram at the end of a journal, up to its last complete line, and the file that it belongs to."""
-        head, lines = _lines(self._other(id))
-        diagram = loads(head["diagram"])
-        for line in lines:
-            if "diagram" in line:
-                diagram = loads(line["diagram"])
-                continue
-            change = operation_from(line["do"])
-            assert isinstance(change, Change)
-            diagram = change.apply(diagram)
-        return diagram, head.get("file")
+    def recovered(self, id: str) -> tuple[Diagram, str | None, int]:
+        """The diagram at the end of a journal, the file that it belongs to, and the line of the first change that is
+        missing, or 0.
+        """
+        unsaved = read_unsaved(self._other(id))
+        check(unsaved is not None, "journal", id, "one with a change")
+        assert unsaved is not None
+        diagram, bad = unsaved.diagram()
+        return diagram, unsaved.file, bad
 
     def drop(self, id: str) -> None:
         """Delete a journal of another session."""
@@ -175,22 +178,27 @@ class Journal:
         known = {path.name: path for path in self._journals() if path != self._path}
         if id not in known:
             raise unknown("journal", id, known)
+        _refuse_odd(known[id])
         check(not self._is_locked(known[id]), "journal", id, "of a session that has ended")
         return known[id]
 
     def _journals(self, suffix: str = "") -> list[Path]:
         pattern = f"*.journal{suffix}"
-        beside = [] if self._file is None else sorted(self._file.parent.glob(f".{self._file.name}{pattern}"))
+        beside = (
+            [] if self._file is None else sorted(self._file.parent.glob(f".{glob.escape(self._file.name)}{pattern}"))
+        )
         return [*beside, *sorted(self._states.glob(pattern))]
 
     def _clean(self) -> None:
         """Delete what killed processes leave behind: half-written files, and locks without a journal."""
         if self._file is not None:
-            partial(self._file).unlink(missing_ok=True)
+            remove_partials(self._file.parent, self._file.name)
         for lock in self._journals(".lock"):
             journal = lock.with_suffix("")
             if not journal.exists():
-                self._is_locked(journal)  # deletes the lock unless a living session holds it
+                with contextlib.suppress(OSError, ValueError):  # a link, or another user's: it is in nobody's way
+                    _refuse_odd(lock)
+                    self._is_locked(journal)  # deletes the lock unless a living session holds it
 
     def _create(self, diagram: Diagram) -> None:
         """Create the file, and lock it."""
@@ -217,6 +225,8 @@ class Journal:
 
     def _lock_new(self, path: Path) -> bool:
         """Lock a journal that does not exist yet."""
+        if Path(f"{path}.lock").is_symlink():
+            return False
         lock = FileLock(f"{path}.lock")
         try:
             lock.acquire(blocking=False)
@@ -249,7 +259,9 @@ class Journal:
 
     @staticmethod
     def _is_locked(path: Path) -> bool:
-        """Whether a living session has locked a journal."""
+        """Whether a living session has locked a journal. One whose lock is a link is not ours to touch."""
+        if Path(f"{path}.lock").is_symlink():
+            return True
         lock = FileLock(f"{path}.lock")
         try:
             lock.acquire(blocking=False)
@@ -260,28 +272,6 @@ class Journal:
         return False
 
 
-def _title(head: dict[str, Any], lines: list[dict[str, Any]]) -> str:
-    """The title of the outermost diagram after the last change."""
-    title = json.loads(head.get("diagram") or "{}").get("title", "")
-    for line in lines:
-        if "diagram" in line:
-            title = json.loads(line["diagram"]).get("title", "")
-        elif line["do"]["op"] == "set" and not line["do"]["at"] and line["do"]["name"] is None:
-            own = line["do"]
-            title = {**own["fields"], **({} if own["field"] is None else {own["field"]: own["value"]})}.get(
-                "title", title
-            )
-    return title
-
-
-def _lines(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """The head and the changes of a journal, without an incomplete last line."""
-    lines = []
-    for text in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        try:
-            lines.append(json.loads(text))
-        except ValueError:
-            break
-    if not lines or not isinstance(lines[0], dict) or lines[0].get("format") != JOURNAL_FORMAT:
-        return {}, []
-    return lines[0], lines[1:]
+def _refuse_odd(path: Path) -> None:
+    """Refuse what is no file of ours: a folder that somebody else made could have us write elsewhere."""
+    check(stat.S_ISREG(path.lstat().st_mode), "file", str(path), "a regular file, not a link, a pipe or a device")

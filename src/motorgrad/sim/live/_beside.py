@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from motorgrad._errors import check
+from motorgrad._errors import NotTrusted, check
 from motorgrad._extras import require
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
@@ -121,14 +121,15 @@ def side_by_side(
     return chosen[0], f"seed {chosen[0]}" if len(chosen) > 1 else "", others or None
 
 
-def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int) -> tuple[Beside, ...]:
+def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int, trust: bool = False) -> tuple[Beside, ...]:
     """The bodies that `setup_of` is asked for, by label.
 
     **Arguments:** `given`: by label, a run, its directory, or a pair of one and a seed; a policy, or a file of one
     (.npz); a model of stable-baselines3, or a file of one (.zip); a function `predict(observation)`, or anything with a
-    method of that name; or `"untrained"`.
+    method of that name; or `"untrained"`. `trust`: whether files of stable-baselines3 may be loaded, which runs code.
 
-    **Raises** `ValueError` for anything else, and for a policy that does not fit the task.
+    **Raises** `ValueError` for anything else, and for a policy that does not fit the task; `NotTrusted` for a file of
+    stable-baselines3 without `trust`.
     """
     check(len(given) <= MOST, "number of policies beside", len(given), f"at most {MOST}")
     found = []
@@ -136,13 +137,13 @@ def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int) -> 
         fine = isinstance(label, str) and 0 < len(label) <= LONGEST_LABEL
         check(fine, "label in beside", label, f"a text of at most {LONGEST_LABEL} characters")
         try:
-            found.append(_beside(task, agent, label, what, seed))
+            found.append(_beside(task, agent, label, what, seed, trust))
         except ValueError as error:
             raise ValueError(f"beside {label!r}: {error}") from None
     return tuple(found)
 
 
-def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int) -> Beside:
+def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int, trust: bool) -> Beside:
     pair: Any = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
     what, of = pair
     if isinstance(what, str) and what == UNTRAINED:
@@ -152,7 +153,7 @@ def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int) -> Besi
     if isinstance(what, str | Path):
         path = Path(what)
         if path.suffix == ".zip":
-            return Beside(label, agent, seed, predict=load_stable_baselines(path).predict)
+            return Beside(label, agent, seed, predict=load_stable_baselines(path, trust).predict)
         if path.suffix == ".npz":
             shape = jax.eval_shape(agent.init, jax.random.key(0)).policy
             return Beside(label, agent, seed, *load_policy(path, shape, task.name))
@@ -177,14 +178,21 @@ def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int) -> Besi
     raise AssertionError
 
 
-def load_stable_baselines(path: Path) -> Any:
+def load_stable_baselines(path: Path, trust: bool = False) -> Any:
     """The policy of a model saved by stable-baselines3, whatever its algorithm.
 
-    Loading it runs what the file holds, as it is pickled.
+    **Raises** `NotTrusted` without `trust`: the file is pickled, so that loading it runs what it holds. `ValueError`
+    for another file.
     """
     check(path.is_file(), "path", str(path), "a file that exists")
+    if not trust:  # asked here, where it is loaded, so that no spelling of the path leads around it
+        raise NotTrusted(
+            f"{path} is a model of stable-baselines3: loading it runs code that it holds; nothing was loaded. If you "
+            "trust it: trust=True in Python, --trust on the command line"
+        )
+    content = io.BytesIO(path.read_bytes())
     try:
-        with zipfile.ZipFile(path) as packed:
+        with zipfile.ZipFile(content) as packed:
             json.loads(packed.read("data"))
     except (KeyError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path}: not a model of stable-baselines3: {error}") from None
@@ -192,7 +200,7 @@ def load_stable_baselines(path: Path) -> Any:
     from stable_baselines3.common.policies import ActorCriticPolicy  # pyright: ignore[reportMissingImports]
     from stable_baselines3.common.save_util import load_from_zip_file  # pyright: ignore[reportMissingImports]
 
-    data, parameters, _ = load_from_zip_file(io.BytesIO(path.read_bytes()), device="cpu")
+    data, parameters, _ = load_from_zip_file(content, device="cpu")
     assert data is not None
     kind = data["policy_class"]
     settings = dict(data.get("policy_kwargs") or {})

@@ -182,6 +182,16 @@ class Save(Order):
     def __post_init__(self) -> None:
         _check_npz(self.path)
 
+    @property
+    def saved(self) -> str:
+        """The event that reports success."""
+        return f"policy saved to {self.path}"
+
+    @property
+    def not_saved(self) -> str:
+        """How the event that reports a failure begins."""
+        return f"policy not saved to {self.path}"
+
 
 @dataclasses.dataclass(frozen=True)
 class Undo(Order):

@@ -14,11 +14,12 @@ import numpy as np
 
 from motorgrad._errors import check, shown
 from motorgrad._files import check_writable, write_atomically
+from motorgrad._limits import MOST_POLICY_SPARE_BYTES
+from motorgrad._reading import array_in, content_of, entries_in, json_in, unpacked
 from motorgrad.policies import Policy, describe
 from motorgrad.training import Run, load
 
 STRUCTURE = "structure"  # the entry of a file that describes the policy
-SPARE = 2**20  # bytes of an entry beside its numbers
 
 
 def save_policy(path: str, policy: Policy, task: str) -> None:
@@ -96,14 +97,15 @@ class _Misfit(ValueError):
 def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
     """The policy of a file, along a leading axis of one."""
     check(path.is_file(), "path", str(path), "a file that exists")  # not a pipe, which could block for ever
-    with zipfile.ZipFile(path) as packed:
-        about = json.loads(str(_array(packed, STRUCTURE, SPARE)))
+    content = content_of(path)
+    with entries_in(content, len(content)) as packed:  # `save_policy` packs nothing, so that nothing unpacks to more
+        about = json_in(str(_array(packed, STRUCTURE, 0)))
         _check_task(path, about["task"], task)
         _check_structure(path, about["policy"], shape)
 
         def leaf(place: Any, wanted: Any) -> np.ndarray:
             name = jax.tree_util.keystr(place)
-            found = _array(packed, name, wanted.size * np.dtype(wanted.dtype).itemsize + SPARE)
+            found = _array(packed, name, wanted.size * np.dtype(wanted.dtype).itemsize)
             if (found.shape, found.dtype) != (wanted.shape, wanted.dtype):
                 what = f"{found.dtype.name} of shape {found.shape}"
                 raise _Misfit(f"{path}: {name} is {what}, but must be {wanted.dtype} of shape {wanted.shape}")
@@ -114,19 +116,18 @@ def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
     return policy
 
 
-def _array(packed: zipfile.ZipFile, name: str, most: int) -> np.ndarray:
-    """An array of an `.npz` file, of at most so many bytes however well it was packed."""
-    entry = packed.getinfo(f"{name}.npy")
-    check(entry.file_size <= most, f"size of {name}", entry.file_size, f"at most {most:,} bytes")
-    return np.lib.format.read_array(BytesIO(packed.read(entry)), allow_pickle=False)
+def _array(packed: zipfile.ZipFile, name: str, size: int) -> np.ndarray:
+    """An array of an `.npz` file, of about so many bytes."""
+    return array_in(unpacked(packed, f"{name}.npy", size + MOST_POLICY_SPARE_BYTES))
 
 
 def _is_policy(path: Path) -> bool:
     """Whether a file is a saved policy, as far as its table of contents tells."""
     try:
-        with zipfile.ZipFile(path) as packed:
+        content = content_of(path)
+        with entries_in(content, len(content)) as packed:
             return f"{STRUCTURE}.npy" in packed.namelist()
-    except (OSError, ValueError, zipfile.BadZipFile):
+    except (OSError, ValueError):
         return False
 
 

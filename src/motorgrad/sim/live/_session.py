@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from motorgrad._processes import environment
 from motorgrad.policies import Policy, split
 from motorgrad.sim.live._branches import Branch
 from motorgrad.sim.live._foreign import Picture
@@ -83,7 +84,7 @@ class Session:
         self._pipe, theirs = context.Pipe()
         payload = cloudpickle.dumps((setup, playing, speed))
         self._process = context.Process(target=work, args=(theirs, payload), name="motorgrad sim", daemon=True)
-        with _bare_main():
+        with _bare_main(), environment():
             self._process.start()
         theirs.close()
         atexit.register(self.close)

@@ -212,6 +212,7 @@ def setup_of(
     label: str = "",
     motion: Motion | Path | str | None = None,
     partial: bool = False,
+    trust: bool = False,
 ) -> Setup:
     """The setup of a learner or of a model without one.
 
@@ -234,8 +235,10 @@ def setup_of(
     - `label`: of the body itself beside these, by default "learning", or "learned" where it starts `frozen`.
     - `motion`: a stored motion of a model, or its file (`motorgrad.sim.read_motion`), to be played without a
       simulation; `partial`: whether its columns and the joints may differ.
+    - `trust`: whether files of stable-baselines3 among `beside` may be loaded, which runs code that they hold.
 
-    **Raises** `ValueError` for anything else, for parts that do not fit together, and for a file that MuJoCo refuses.
+    **Raises** `ValueError` for anything else, for parts that do not fit together, and for a file that MuJoCo refuses;
+    `NotTrusted` for a file of stable-baselines3 without `trust`.
 
     ```py
     session = live.Session(live.setup_of("hopper", seed=3))
@@ -247,7 +250,7 @@ def setup_of(
         found = _of_task(subject, agent, seed, run, frozen, stage or Stage(), planet)
         assert found.task is not None
         assert found.agent is not None
-        others = beside_of(found.task, found.agent, beside or {}, seed)
+        others = beside_of(found.task, found.agent, beside or {}, seed, trust)
         return dataclasses.replace(found, beside=others, label=label or ("learned" if frozen else "learning"))
     check(planet is None, "planet", planet, "left out where there is no task: only a learner walks on a planet")
     if isinstance(subject, str) and not is_path(subject) and subject not in BODIES:

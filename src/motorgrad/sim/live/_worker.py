@@ -160,8 +160,11 @@ class Worker:
                     self._reset()
                     text = "reset to the start"
                 case Save():
-                    subject.save(order.path)
-                    text, kind = "" if order.quiet else f"policy saved to {order.path}", "saved"
+                    try:
+                        subject.save(order.path)
+                    except REFUSED as error:
+                        raise RuntimeError(f"{order.not_saved}: {error}") from None
+                    text, kind = "" if order.quiet else order.saved, "saved"
                 case Look():
                     self.pipe.send(subject.look())
                     return

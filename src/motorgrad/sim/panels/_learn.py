@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import html
 import threading
 import time
@@ -12,7 +13,10 @@ from typing import Any, ClassVar
 import tomli_w
 
 from motorgrad._errors import check
+from motorgrad._files import write_atomically
+from motorgrad._limits import MOST_SETTINGS_BYTES
 from motorgrad._presets import PRESETS
+from motorgrad._reading import content_of
 from motorgrad._settings import table
 from motorgrad.bodies import Anatomy
 from motorgrad.sim.live import Session, Setup, confined, setup_of, succeed
@@ -26,6 +30,8 @@ AS_IT_IS = "as it is"
 EACH, TOGETHER = "one for each muscle", "one for each pattern"
 STEPS = 60_000
 """Decisions over which a learner's schedules run, unless another number is given."""
+MARK = "# saved by TimSim, which replaces this file as long as nobody has changed it: "
+REPLACED = "new, or a file that was saved here and not changed since: take another name, or delete the file"
 SETTINGS = ("actions", "groups", "scaling", "action_period", "time_limit", "commands")
 
 
@@ -159,9 +165,8 @@ class LearnPanel(Panel):
     def _save(self) -> None:
         task = self.task()
         path = confined(self._path.value.strip(), self.session.folders)
-        check(path.suffix == ".toml", "Save as", str(path), "a file ending in .toml")
         settings = {"body": table(task)["body"], **self.settings()}
-        path.write_text(tomli_w.dumps(_without_none(settings)), encoding="utf-8")
+        save_task(path, settings)
         preset = "" if self._preset.value == OWN else f" --preset {self._preset.value}"
         steps = self._steps.value.replace(",", "")
         self._tell(f"Saved. It is repeated by: motorgrad train {path.name} --steps {steps} --seeds 8{preset}")
@@ -189,6 +194,27 @@ def plain(task: Composed) -> dict[str, Any]:
     short = {full: name for name, full in Composed.aliases.items()}
     found = {short.get(name, name): value for name, value in table(task).items() if name not in ("body", "name")}
     return {name: value for name, value in found.items() if name in PLACES or name in SETTINGS}
+
+
+def save_task(path: Path, settings: dict[str, Any]) -> None:
+    """Write a task to a file. **Raises** `ValueError` for a file that was not saved here, or was changed since."""
+    check(path.suffix == ".toml", "Save as", str(path), "a file ending in .toml")
+    check(not path.exists() or _is_ours(path), "Save as", path.name, REPLACED)
+    write_atomically(path, _marked(tomli_w.dumps(_without_none(settings)).encode()))
+
+
+def _marked(content: bytes) -> bytes:
+    """The content of a file, with a first line by which it is known again."""
+    return f"{MARK}{hashlib.sha256(content).hexdigest()[:16]}\n".encode() + content
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a file is as it was saved here, and nobody has changed it since."""
+    try:
+        content = content_of(path, MOST_SETTINGS_BYTES)
+    except (OSError, ValueError):
+        return False
+    return content == _marked(content.partition(b"\n")[2])
 
 
 def _without_none(value: Any) -> Any:

@@ -1,0 +1,36 @@
+"""Tasks that TimSim's page saves: they replace nothing but themselves."""
+
+import tomllib
+
+import pytest
+
+from motorgrad._files import read_toml
+
+SETTINGS = {"body": {"kind": "arm"}, "reward": None, "actions": "graded"}
+
+
+@pytest.mark.parametrize("content", [b"", b"[project]\n", b"# saved by TimSim, ", b"x = 1"])
+def test_what_was_not_saved_by_the_page_is_not_replaced(content, tmp_path):
+    pytest.importorskip("viser")
+    from motorgrad.sim.panels._learn import save_task
+
+    file = tmp_path / "pyproject.toml"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"Save as = 'pyproject.toml': must be new, .*: take another name"):
+        save_task(file, SETTINGS)
+    assert file.read_bytes() == content
+
+
+def test_what_was_saved_by_the_page_is_replaced_as_long_as_nobody_has_changed_it(tmp_path):
+    pytest.importorskip("viser")
+    from motorgrad.sim.panels._learn import save_task
+
+    file = tmp_path / "task.toml"
+    for actions in ("graded", "binary"):
+        save_task(file, {**SETTINGS, "actions": actions})
+        assert read_toml(file) == tomllib.loads(file.read_text()) == {"body": {"kind": "arm"}, "actions": actions}
+    changed = file.read_text() + "# my own words\n"
+    file.write_text(changed)
+    with pytest.raises(ValueError, match="take another name"):
+        save_task(file, SETTINGS)
+    assert file.read_text() == changed
