@@ -287,7 +287,7 @@ def entropy_of(p: Float[Array, " units"]) -> Float[Array, ""]:
     return -jnp.sum(jnp.where(unsure, xlogy(p, p) + xlog1py(1 - p, -p), 0))
 
 
-def product(lists: Sequence[Float[Array, "actions units"]]) -> Float[Array, "actions units"]:
+def product(lists: Sequence[Float[Array | np.ndarray, "actions units"]]) -> Float[Array, "actions units"]:
     """The Cartesian product of lists of actions, concatenated; the last list changes fastest."""
     places = np.indices([len(each) for each in lists]).reshape(len(lists), -1)
     return jnp.concatenate([each[place] for each, place in zip(lists, places, strict=True)], axis=1)
