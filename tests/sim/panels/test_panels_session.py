@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 import types
 
 import mujoco
@@ -67,6 +68,28 @@ def test_panels_that_do_not_apply_do_not_appear(server, hopping):
     assert is_hexapod(compile_model(Hexapod()))
     assert not is_hexapod(hopping.model)
     assert not is_hexapod(None)
+
+
+def test_what_a_user_has_moved_is_left_alone_before_the_panel_is_told_too(server, hopping):
+    """viser sets a value some time before it calls back. If the panel put it back, the edit would be lost."""
+    run = panels_of(server, hopping).panels["Run"]
+    snapshot = hopping.snapshot()
+    pose = Pose(hopping.model)
+    for slider, following, moved in (
+        (run._speed, run._following_speed, (1.0,)),
+        (run._back, run._following_past, -0.125),
+    ):
+        run.show(snapshot, pose)
+        followed = slider.value
+        slider._impl.value = moved  # as viser does when a browser says so
+        run.show(snapshot, pose)
+        assert slider.value == moved
+        following.moved()  # as the callback says
+        run.show(snapshot, pose)
+        assert slider.value == moved
+        following._moved = -math.inf  # a while ago
+        run.show(snapshot, pose)
+        assert slider.value == pytest.approx(followed, abs=0.02)
 
 
 @pytest.mark.ci

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import html
-import time
 from typing import Any, ClassVar
 
 import numpy as np
 
 from motorgrad.sim.live import Scrub, Session, Setup, confined, setup_of, succeed, with_motion
-from motorgrad.sim.panels._panel import REFUSED, Panel, brief, table
+from motorgrad.sim.panels._panel import REFUSED, Following, Panel, brief, table
 
-HELD = 1.0  # s for which a slider that the user moved is left alone
 FILES = "In the working folder: .mot, .sto, .csv, .npz or .npy, with the names of joints."
 
 
@@ -33,7 +31,8 @@ class MotionPanel(Panel):
             period = self.session.period
             self._slider = gui.add_slider("Moment (s)", 0.0, max(motion.seconds, period), period, 0.0)
             self._slider.on_update(self._move)
-        self._touched, self._wanted = -np.inf, None
+            self._following = Following(self._slider)
+        self._wanted: tuple[int, Any] | None = None
         with gui.add_folder("Motion in a file"):
             self._path = gui.add_text("File", "", hint=FILES)
             self._partial = gui.add_checkbox(
@@ -68,12 +67,11 @@ class MotionPanel(Panel):
                 ("muscles", "with activations" if motion.activation.any() else "no activations in the file"),
             ]
         )
-        if time.monotonic() - self._touched > HELD:
-            self._slider.value = float(np.clip(at, 0, motion.seconds))
+        self._following.show(float(np.clip(at, 0, motion.seconds)))
 
     def _move(self, event: Any) -> None:
         if event.client is not None:
-            self._touched = time.monotonic()
+            self._following.moved()
             self._wanted = round(float(event.target.value) / self.session.period), event
 
     def _of_file(self) -> Setup:

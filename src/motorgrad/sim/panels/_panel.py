@@ -17,6 +17,7 @@ from motorgrad.sim.live import Event, Order, Session, Snapshot
 from motorgrad.sim.scene import Pose
 
 NOTHING = 1e-12  # smaller numbers are rounding errors of zero
+HELD = 1.0  # s for which a slider that a user moved is left alone
 SINGLE = 1e38  # the largest number of single precision is 3.4e38
 
 
@@ -158,6 +159,35 @@ class Panel:
     def _download(self, event: Any) -> None:
         name = f"{self.session.name}-{self.title.lower()}.csv".replace("/", "-").replace(" ", "-")
         send(self.server, event.client, name, csv_of(self.numbers()))
+
+
+class Following:
+    """A slider that shows a number of the session, until a user moves it.
+
+    viser sets a slider's value some time before it calls back. So a value that is not the one that was set here last is
+    a user's, of whom the panel is about to be told, and is left alone.
+    """
+
+    def __init__(self, slider: Any) -> None:
+        self._slider = slider
+        self._last = slider.value
+        self._moved = -math.inf
+
+    def show(self, value: Any) -> None:
+        """Set the slider, unless a user has just moved it."""
+        if not self.is_moved:
+            self._last = value
+            self._slider.value = value
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether a user has just moved it."""
+        return self._slider.value != self._last or time.monotonic() - self._moved < HELD
+
+    def moved(self) -> None:
+        """A user has moved it."""
+        self._moved = time.monotonic()
+        self._last = self._slider.value
 
 
 def notify(

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
@@ -15,7 +14,7 @@ import viser
 
 from motorgrad.sim.live import Pause, Play, Push, Reset, Scrub, Session, Snapshot, Speed, Step, Undo
 from motorgrad.sim.panels._branches import BranchFolder
-from motorgrad.sim.panels._panel import Numbers, Panel, brief, columns_of, command, notify, table
+from motorgrad.sim.panels._panel import Following, Numbers, Panel, brief, columns_of, command, notify, table
 from motorgrad.sim.scene import Pose
 
 DIRECTIONS = {
@@ -143,7 +142,6 @@ def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, fl
 MARKS = (0.05, 0.2, 1.0, 5.0, 20.0)
 FASTEST = 60.0
 """The slider's fastest speed; its right end is as fast as possible."""
-HELD = 1.0  # s for which a slider that the user moved is left alone
 
 
 class RunPanel(Panel):
@@ -191,8 +189,10 @@ class RunPanel(Panel):
         self._undo.on_click(self.guarded(lambda _: self.order(Undo())))
         reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Returns body and learner to the start.")
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
-        self._touched, self._wanted, self._limits = -math.inf, None, (-1.0, 0.0)
-        self._paced = -math.inf
+        self._following_speed = Following(self._speed)
+        self._following_past = Following(self._back)
+        self._wanted: tuple[float, Any] | None = None
+        self._limits = (-1.0, 0.0)
         self._push = PushFolder(self) if self.model is not None else None
         if self._push is not None:
             self._push.fill(gui)
@@ -223,14 +223,14 @@ class RunPanel(Panel):
         self._summary.content = table(rows)
         self._branches.show()
         pace = round(self._place(self.session.speed), 2)
-        if abs(self._speed.value[0] - pace) > 0.02 and time.monotonic() - self._paced > HELD:
-            self._speed.value = (pace,)  # set from Python or by another browser
-        if time.monotonic() - self._touched > HELD:
-            low = min(-self._step, (snapshot.oldest - snapshot.newest) * self.session.period)
-            if not math.isclose(low, self._limits[0]):
-                self._limits = (low, 0.0)
-                self._back.min = low
-            self._back.value = float(np.clip((snapshot.decision - snapshot.newest) * self.session.period, low, 0))
+        if abs(self._speed.value[0] - pace) > 0.02:  # set from Python or by another browser
+            self._following_speed.show((pace,))
+        low = min(-self._step, (snapshot.oldest - snapshot.newest) * self.session.period)
+        if not math.isclose(low, self._limits[0]) and not self._following_past.is_moved:
+            self._limits = (low, 0.0)
+            self._back.min = low
+        place = (snapshot.decision - snapshot.newest) * self.session.period
+        self._following_past.show(float(np.clip(place, self._limits[0], 0)))
 
     def numbers(self) -> Numbers:
         trail = self.session.trail()
@@ -255,13 +255,13 @@ class RunPanel(Panel):
     def _set_speed(self, event: Any) -> None:
         if event.client is None:  # this panel itself
             return
-        self._paced = time.monotonic()
+        self._following_speed.moved()
         factor = 10 ** event.target.value[0]
         self.order(Speed(math.inf if factor > FASTEST * 0.97 else max(factor, MARKS[0])))
 
     def _scrub(self, event: Any) -> None:
         if event.client is not None:  # not by this panel itself
-            self._touched = time.monotonic()
+            self._following_past.moved()
             self._wanted = (float(event.target.value), event)
 
     def _go_to(self, seconds: float, event: Any) -> None:
