@@ -211,9 +211,7 @@ class Runner:
             return
         over = tree.tick >= MOST_TICKS
         if over:
-            self._emit(
-                {"event": "error", "message": f"tick {tree.tick:,} is the last of a run; reset it"}
-            )
+            self._emit({"event": "error", "message": f"tick {tree.tick:,} is the last of a run; reset it"})
         if over or (self._until is not None and tree.tick >= self._until):
             self._pause()
         else:
