@@ -55,7 +55,7 @@ def test_one_that_cannot_be_saved_says_so_before_it_runs():
     diagram.add("push", lab.Inlet(0, kind="int"))
     diagram.connect("push", "world.action")
     run = lab.Run(diagram, 2)
-    assert "cannot be serialised" in run.no_restore["world"]
+    assert "cannot be written as data" in run.no_restore["world"]
     with pytest.raises(ValueError, match="world: cannot be saved: LabUnsaved-v0"):
         _ = run.state
     run.advance(5)
