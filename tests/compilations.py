@@ -117,7 +117,7 @@ def share_context() -> None:
     """Has all programs that this process compiles from now on share one context of MLIR, the compiler's language.
 
     JAX makes one for each program, with all dialects, and keeps it as long as the program. That takes some 4 ms and
-    1.2 MB: for a small program four fifths of either. Where JAX has no such function any more, nothing changes.
+    1.2 MB: for a small program four fifths of either. Several threads may use one. A test sees that it is shared.
     """
     from jax._src.interpreters import mlir  # not before `environment` is in force
 

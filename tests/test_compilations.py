@@ -107,3 +107,11 @@ assert compilations.drop_programs(1) and live() < 20, live()
 assert before == [float(program(1.0)) for program in programs]
 """
     subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parent, check=True)
+
+
+def test_programs_share_one_context_of_the_compiler():
+    """If a new JAX keeps it elsewhere, programs take five times the memory: mend `share_context` then."""
+    import jax
+
+    one, other = (jax.jit(lambda x, k=k: x + k).lower(1.0).compiler_ir() for k in range(2))
+    assert one.context is other.context

@@ -17,8 +17,12 @@ from motorgrad.bodies.muscles._hill_dynamics import activation_rate, next_activa
 SOLEUS = Hill(1000.0, optimal_fiber_length=0.1, tendon_slack_length=0.2, pennation_angle=0.3)
 MUSCLES = {name: dataclasses.replace(SOLEUS, curves=name) for name in bodies.CURVES}
 HELD = 0.2 * 1.01 + 0.1 * np.cos(0.3)  # m
-SHARED = lambda *values: [pytest.param(value, marks=pytest.mark.ci) for value in values]  # noqa: E731
 RELEASE = {"activation": 1.0, "release": 0.02, "load": 500.0, "mass": 20.0}
+
+
+def left_to_share(*values):
+    """Values of a parameter that `make test-share` tries."""
+    return [pytest.param(value, marks=pytest.mark.ci) for value in values]
 
 
 @pytest.fixture(params=MUSCLES)
@@ -171,9 +175,9 @@ def test_a_stiff_tendon_is_nearly_rigid(muscle):
     np.testing.assert_allclose(one.force, other.force, atol=25)
 
 
-@pytest.mark.parametrize("activation", [0.0, *SHARED(0.02, 0.5), 1.0])
-@pytest.mark.parametrize("timestep", [*SHARED(1e-4), 0.002, 0.02])
-@pytest.mark.parametrize("length", [0.05, *SHARED(0.25), 0.3, *SHARED(0.36)])
+@pytest.mark.parametrize("activation", [0.0, *left_to_share(0.02, 0.5), 1.0])
+@pytest.mark.parametrize("timestep", [*left_to_share(1e-4), 0.002, 0.02])
+@pytest.mark.parametrize("length", [0.05, *left_to_share(0.25), 0.3, *left_to_share(0.36)])
 def test_a_muscle_at_rest_stays_at_rest(muscle, activation, timestep, length):
     run = contract(muscle, length, 50 * timestep, activation, activation, timestep=timestep)
     np.testing.assert_allclose(run.force, run.force[0], rtol=1e-6, atol=1e-6)

@@ -83,8 +83,9 @@ def test_scores_are_the_derivative_of_the_log_probability():
     chosen = oracle.action_probabilities(MDP, comparison_point())
     assert np.einsum("sa,sai->si", chosen, found) == pytest.approx(0, abs=1e-12)
     with jax.enable_x64(True):
-        log_prob = lambda weights: Softmax(weights).log_prob(jnp.asarray(MDP.observations[1]), 0)  # noqa: E731
-        slope = jax.jit(jax.grad(log_prob))(np.array([[1.0, 1.0], [-1.0, -1.0]]))
+        seen = jnp.asarray(MDP.observations[1])
+        weights = np.array([[1.0, 1.0], [-1.0, -1.0]])
+        slope = jax.jit(jax.grad(lambda weights: Softmax(weights).log_prob(seen, 0)))(weights)
     assert found[1, 0] == pytest.approx(np.ravel(slope), abs=1e-12)
 
 

@@ -102,8 +102,8 @@ def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exac
         @compiled
         def of_every_action(y):
             def blocks(action):
-                log_prob = lambda theta: eqx.combine(theta, rest).log_prob(y, action)  # noqa: E731
-                value, theta = jax.value_and_grad(log_prob)(parameters)
+                slope_of = jax.value_and_grad(lambda theta: eqx.combine(theta, rest).log_prob(y, action))
+                value, theta = slope_of(parameters)
                 return policy.blocks(theta), policy.fisher(y, action), value, policy.blocks(policy.score(y, action))
 
             return jax.vmap(blocks)(policy.enumerate())
