@@ -4,6 +4,7 @@ A file is refused with one of the product's own errors, or read. Wrong checksums
 """
 
 import dataclasses
+import json
 import pickle
 import random
 import warnings
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -22,6 +24,7 @@ from motorgrad.lab.blocks._tables import read_columns
 from motorgrad.sim.film._motion_file import read_motion
 from motorgrad.sim.live._policy import load_policy, save_policy
 from motorgrad.studies import Comparison, Study
+from motorgrad.tasks.gymnasium._state import read_state, write_state
 from motorgrad.training import NotTrusted, RunDirectoryError
 from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum
 
@@ -109,6 +112,28 @@ def exported(folder: Path) -> Path:
     return folder / "exported.npz"
 
 
+def call_exported(file: Path) -> None:
+    """Whatever an exported policy computes, of zeros."""
+    exported = read_exported(file)
+    with np.load(file) as arrays:
+        functions = json.loads(str(arrays["functions"]))
+    for name, function in exported.items():
+        inputs = functions[name][0]
+        function(**{each: np.zeros(shape, dtype) for each, (_, shape, dtype) in inputs.items()})
+
+
+def state_of_environment(folder: Path) -> Path:
+    file = folder / "environment.json"
+    file.write_bytes(write_state(made_environment()))
+    return file
+
+
+def made_environment() -> Any:
+    environment = gymnasium.make("CartPole-v1")
+    environment.reset(seed=1)
+    return environment
+
+
 def diagram(folder: Path) -> Path:
     mg.lab.save(mg.lab.example("ball"), folder / "ball.lab.json")
     return folder / "ball.lab.json"
@@ -146,7 +171,10 @@ READERS = {
     "configuration of a run": Reader(configuration_of_run, lambda file: mg.load(file.parent, allow_changed=True).task),
     "state of a run": Reader(state_of_run, lambda file: mg.load(file.parents[1]).policies),
     "policy": Reader(policy_file, lambda file: load_policy(file, mg.policies.hyperplanes(2, 3), "particle")),
-    "exported policy": Reader(exported, lambda file: read_exported(file)),
+    "state of an environment": Reader(
+        state_of_environment, lambda file: read_state(file.read_bytes(), made_environment())
+    ),
+    "exported policy": Reader(exported, call_exported),
     "diagram": Reader(diagram, lambda file: mg.lab.load(file)),
     "model": Reader(written("m.xml", MODEL), lambda file: mg.bodies.Mjcf(str(file)).model),
     "table as text": Reader(
