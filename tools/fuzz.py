@@ -6,6 +6,7 @@ crash. The readers are those of tests/test_readers.py. Needs atheris, which no e
 
 import argparse
 import contextlib
+import importlib
 import io
 import os
 import random
@@ -17,6 +18,7 @@ import traceback
 import warnings
 import zipfile
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 MAX_SECONDS = 20  # s of one input
@@ -34,12 +36,11 @@ def main() -> None:
     parser.add_argument("--corpus", type=Path, default=ROOT / "build" / "fuzz")
     given = parser.parse_args()
 
-    import atheris
-
+    atheris: Any = importlib.import_module("atheris")
     sys.path.insert(0, str(ROOT / "tests"))
     with atheris.instrument_imports(include=["motorgrad"]):
-        import test_readers
-    import audit
+        import test_readers  # type: ignore[import-not-found]
+    import audit  # type: ignore[import-not-found]
 
     reader = test_readers.READERS[given.reader]
     corpus = (given.corpus / given.reader.replace(" ", "-")).absolute()
@@ -125,7 +126,7 @@ def closed(content: bytes) -> bytes:
         warnings.simplefilter("ignore")  # two members of one name are an attack, too
         for member in members:
             name, _, data = member.partition(b"\n")
-            file.writestr(name.decode("latin-1") or "x", data)
+            file.writestr(name.decode("latin-1").replace("\0", "") or "x", data)
     return head + packed.getvalue()
 
 
