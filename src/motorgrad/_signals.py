@@ -1,4 +1,4 @@
-"""Requests to stop: Ctrl-C (SIGINT) and SIGTERM."""
+"""Requests to stop: Ctrl-C (SIGINT), SIGTERM, and the end of the terminal (SIGHUP)."""
 
 import signal
 import sys
@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-STOPS = (signal.SIGINT, signal.SIGTERM)
+HANG_UP = (signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()  # Windows has none
+STOPS = (signal.SIGINT, signal.SIGTERM, *HANG_UP)
 _asked = threading.Event()  # since the command started
 
 
@@ -16,9 +17,15 @@ def asked() -> bool:
     return _asked.is_set()
 
 
+def leave_to_parent() -> None:
+    """Ignore what a terminal tells all processes that were started in it: the parent gets it, and ends this one."""
+    for number in (signal.SIGINT, *HANG_UP):
+        signal.signal(number, signal.SIG_IGN)
+
+
 @contextmanager
 def interrupt_when_asked() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` on either signal, and remember it, as a library being imported may swallow it."""
+    """Raise `KeyboardInterrupt` on these signals, and remember it, as a library being imported may swallow it."""
     _asked.clear()
     with _handled(lambda: _asked.set(), interrupt=True):
         yield
@@ -42,7 +49,10 @@ def stop_when_asked() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def _handled(act: Callable[[], None], interrupt: bool = False) -> Iterator[None]:
-    """Call `act` on both signals within the context. Only the main thread receives signals."""
+    """Call `act` on these signals within the context. Only the main thread receives signals.
+
+    What is started with `nohup` goes on without its terminal.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -60,7 +70,8 @@ def _handled(act: Callable[[], None], interrupt: bool = False) -> Iterator[None]
         else:
             hook(swallowed)
 
-    previous = {number: signal.signal(number, handle) for number in STOPS}
+    kept = {number for number in HANG_UP if signal.getsignal(number) == signal.SIG_IGN}
+    previous = {number: signal.signal(number, handle) for number in STOPS if number not in kept}
     # Python swallows what is raised while it collects garbage, where jax has a callback, and in finalizers
     hook, sys.unraisablehook = sys.unraisablehook, raise_again
     try:

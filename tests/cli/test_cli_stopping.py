@@ -50,6 +50,19 @@ def test_an_interrupt_that_a_library_swallowed_is_remembered():
         assert not stopped()
 
 
+def test_the_end_of_the_terminal_stops_what_does_not_ignore_it(monkeypatch):
+    monkeypatch.setattr(_signals, "_asked", threading.Event())  # later tests train in this process
+    with pytest.raises(KeyboardInterrupt), _signals.interrupt_when_asked():
+        signal.raise_signal(signal.SIGHUP)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
+    try:
+        with _signals.interrupt_when_asked():
+            signal.raise_signal(signal.SIGHUP)
+        assert not _signals.asked()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_while_garbage_is_collected_is_not_lost(number, capfd, monkeypatch):
     monkeypatch.setattr(_signals, "_asked", threading.Event())  # later tests train in this process

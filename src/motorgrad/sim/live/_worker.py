@@ -4,7 +4,6 @@
 # (MuJoCo's bindings carry no types)
 
 import logging
-import signal
 import time
 from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
@@ -14,6 +13,7 @@ import cloudpickle
 import mujoco
 
 from motorgrad._playback import Clock, Playback
+from motorgrad._signals import leave_to_parent
 from motorgrad.sim.live._alongside import BranchBeside, joined
 from motorgrad.sim.live._bare_model import BareModel
 from motorgrad.sim.live._branches import Alongside, Branches, BranchOrder, Course, Delete, Fork, Rename, Switch
@@ -51,7 +51,7 @@ log = logging.getLogger(__name__)
 
 def work(pipe: Connection, payload: bytes) -> None:
     """Run a worker. What it does until it is ready is sent to the session in words; an error then is raised there."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the page, which ends this process
+    leave_to_parent()
     mujoco.set_mju_user_warning(log.debug)  # by default MuJoCo writes a file into the user's folder
     try:
         setup, playing, speed = cloudpickle.loads(payload)

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import pickle
-import signal
 import subprocess
 import sys
 import weakref
@@ -15,6 +14,7 @@ from jaxtyping import Float
 
 from motorgrad._consent import allow
 from motorgrad._processes import environment
+from motorgrad._signals import leave_to_parent
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 
 COMMAND = (sys.executable, "-c", "from motorgrad.tasks.gymnasium._workers import serve; serve()")
@@ -134,7 +134,7 @@ def _stop(workers: Sequence[_Worker]) -> None:
 
 def serve() -> None:
     """Run a worker: obey the orders at the standard input until it ends, and answer at the standard output."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    leave_to_parent()
     orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what environments print must not come between the answers
     sys.path[:], payload = pickle.load(orders)
