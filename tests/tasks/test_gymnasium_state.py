@@ -245,6 +245,61 @@ def test_crafted_states_touch_neither_memory_nor_the_environment(name):
         assert write_state(environment) == before  # refused as a whole, before anything was assigned
 
 
+TWISTED = {
+    "a place far beyond": ("MT19937", "pos", 10**9),
+    "a place before": ("MT19937", "pos", -1),
+    "no place": ("MT19937", "pos", "1"),
+    "zeros for ever": ("MT19937", "key", np.zeros(624, np.uint32)),
+    "a place before the buffer": ("Philox", "buffer_pos", -100),
+    "a place behind the buffer": ("Philox", "buffer_pos", 5),
+    "one number for ever": ("PCG64", "inc", 0),
+}
+
+
+@pytest.mark.parametrize("old", [False, True])
+@pytest.mark.parametrize("name", TWISTED)
+def test_generators_take_only_states_that_they_come_to(name, old):
+    """NumPy follows the positions anywhere in memory, and draws from some states for ever, whatever is asked of it."""
+    kind, place, value = TWISTED[name]
+    environment = Rich()
+    generator = getattr(np.random, kind)(0)
+    environment.chance = np.random.RandomState(generator) if old else np.random.Generator(generator)
+    before = write_state(environment)
+    read_state(before, environment)
+    stored = json.loads(before)
+    outer = stored["fields"]["chance"]["generator"]["dict"]
+    inner = dict(outer)["state"]["dict"]
+    (pair,) = (pair for pair in [*outer, *inner] if pair[0] == place)
+    pair[1] = {"array": packed(value)} if isinstance(value, np.ndarray) else value
+    with pytest.raises(NoState, match=place):
+        read_state(json.dumps(stored).encode(), environment)
+
+
+def test_the_dice_of_python_are_not_all_zero():
+    environment = Rich()
+    stored = json.loads(write_state(environment))
+    words = stored["fields"]["dice"]["generator"]["tuple"][1]["tuple"]
+    words[:624] = [0] * 624
+    with pytest.raises(NoState, match="key"):
+        read_state(json.dumps(stored).encode(), environment)
+
+
+@pytest.mark.parametrize("place", [-1e6, 8, 0.5, np.nan])
+def test_the_history_of_a_delay_keeps_its_place_within_it(place):
+    """MuJoCo writes a delayed control where its history says, even before its memory."""
+    environment = Rich()
+    environment.model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='.1'/></body></worldbody>"
+        "<actuator><motor joint='x' delay='0.01' nsample='8'/></actuator></mujoco>"
+    )
+    environment.data = mujoco.MjData(environment.model)
+    mujoco.mj_step(environment.model, environment.data)
+    read_state(write_state(environment), environment)
+    environment.data.history[1] = place
+    with pytest.raises(NoState, match="actuator_history"):
+        read_state(write_state(environment), environment)
+
+
 @pytest.mark.parametrize("content", [packed(np.ones(1)), packed(np.ones(4, np.float32)), packed(np.ones((2, 2)))])
 def test_memory_of_a_library_takes_its_own_shape_and_type_alone(content):
     environment = Rich()

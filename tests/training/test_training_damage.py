@@ -131,7 +131,9 @@ def test_a_lost_configuration_is_that_of_the_checkpoint(made, run):
 
 
 def test_saving_costs_the_same_however_long_a_run_is(made, tmp_path):
-    config, state = mg.load(made).config, {"numbers": np.zeros(9)}
+    run, state = mg.load(made), {"numbers": np.zeros(9)}
+    config, record = run.config, run.metrics[:1]
+    place = record.column_names.index("decision")
     with RunDirectory(tmp_path) as directory:
         directory.write_config(config)
         directory.save_initial(state, {})
@@ -139,7 +141,7 @@ def test_saving_costs_the_same_however_long_a_run_is(made, tmp_path):
         directory.roll_back(None)
         for decision in range(1, 100):
             about = {"decision": decision, "recorded": decision, "config": config}
-            directory.save(state, about, pa.table({"decision": [decision]}))
+            directory.save(state, about, record.set_column(place, "decision", pa.array([decision])))
         assert checkpoints(tmp_path)[-1].stat().st_size < 5_000
         assert directory.metrics()["decision"].to_pylist() == [*range(1, 100)]
     sums = (tmp_path / "metrics" / "SHA256SUMS").read_text().splitlines()

@@ -98,10 +98,11 @@ def test_a_link_in_a_run_directory_is_refused_by_name(name, finished, victim, tm
             use()
 
 
-@pytest.mark.parametrize("name", ["metrics", "checkpoint", "figures"])
+@pytest.mark.parametrize("name", ["metrics", "checkpoint", "figures", "tensorboard", "tensorboard/seed-0"])
 def test_a_folder_of_a_run_directory_that_is_a_link_is_refused_by_name(name, finished, victim, tmp_path):
     path = shutil.copytree(finished.path, tmp_path / "run")
-    shutil.rmtree(path / name)
+    shutil.rmtree(path / name, ignore_errors=True)
+    (path / name).parent.mkdir(exist_ok=True)
     (path / name).symlink_to(victim.parent)
     for use in uses(path):
         with pytest.raises(RunDirectoryError, match=f"{path / name} is a link"):

@@ -10,6 +10,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+import tomli_w
 from gymnasium import spaces
 from training_examples import NEVER, PLAIN, change_facts, checkpoints
 
@@ -245,6 +246,62 @@ def test_at_a_terminal_it_asks(answer, status, strange, tmp_path, compiled_envir
     os.close(ours)
     assert f"imports '{strange}:Rolling-v0'".encode() in said
     assert bool(imported(tmp_path)) == (status == 0)
+
+
+def at_a_terminal(answers, monkeypatch, *command):
+    """The status of a command at a terminal where somebody has typed `answers` ahead, and what it showed."""
+    ours, theirs = pty.openpty()
+    with open(os.dup(theirs)) as stdin, open(theirs, "w") as stderr, monkeypatch.context() as patched:
+        patched.setattr(sys, "stdin", stdin)
+        patched.setattr(sys, "stderr", stderr)
+        os.write(ours, answers)
+        status = main([*map(str, command)])
+        print("the end", end="", file=stderr, flush=True)
+        shown = b""
+        while not shown.endswith(b"the end"):
+            shown += os.read(ours, 10_000)
+    os.close(ours)
+    return status, shown.decode()
+
+
+def of_environments(file, *env_ids, **kwargs):
+    """The file of a study of environments."""
+    tasks = [{"name": "gymnasium", "env_id": env_id, "kwargs": kwargs} for env_id in env_ids]
+    file.write_text(tomli_w.dumps({"steps": 10, "task": tasks}))
+    return file
+
+
+def test_a_yes_is_for_what_the_question_showed_alone(tmp_path, monkeypatch):
+    """As it was for all: a study could show a name that everybody trusts, and import another."""
+    study = of_environments(tmp_path / "s.toml", "trusted:Reach-v3", "os:system", command=f"touch {tmp_path}/ran")
+    status, shown = at_a_terminal(b"y\nn\n", monkeypatch, "sweep", study, "--check")
+    assert status == 2
+    assert shown.count("Run it? [y/N]") == 2
+    assert shown.index("imports 'trusted:Reach-v3' (") < shown.index("imports 'os:system' (")
+    assert not _consent.is_allowed("os:system")
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("names", [["os:" + "x" * 120], [f"os:x{n}" for n in range(11)]], ids=["long", "many"])
+def test_no_question_is_asked_that_does_not_show_all(names, tmp_path, monkeypatch):
+    """A long name could hide what it ends in, and many names those that scroll away."""
+    study = of_environments(tmp_path / "s.toml", "CartPole-v1", **{f"of{n}": name for n, name in enumerate(names)})
+    status, shown = at_a_terminal(b"y\n", monkeypatch, "sweep", study, "--check")
+    assert status == 2
+    assert "--trust on the command line" in shown
+    assert "Run it?" not in shown
+    assert len(shown) < 3000
+
+
+@pytest.mark.parametrize("words", [["os:system"], ["--out", "os:system"], ["--out=os:system"]])
+def test_a_path_names_no_code(words, tmp_path, monkeypatch):
+    """As a stranger's folder did that was called like a function."""
+    monkeypatch.chdir(tmp_path)
+    os.mkdir("os:system")
+    of_environments(tmp_path / "os:system" / "study.toml", "os:system", command="touch ran")
+    assert main(["sweep", *words, "--check"]) == 2
+    assert not _consent.is_allowed("os:system")
+    assert not (tmp_path / "ran").exists()
 
 
 # ---- states of environments

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
+from motorgrad._errors import check
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import Task
 from motorgrad.training._run import Run
@@ -44,11 +45,15 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     directory.check_rest(about)
     if not allow_changed and (changes := release_changes(about["versions"], versions(), ("motorgrad", "mujoco"))):
         warnings.warn(f"{path}: {'; '.join(changes)}: what it computes may differ", RunWarning, stacklevel=2)
-    shapes = rebuild(learner["structure"])
-    policies, initial = _filled(shapes, arrays, "kept."), _filled(shapes, directory.initial())
+    shapes, lanes = _shapes(path, learner), len(config["run"]["seeds"]) * max(1, len(config.get("sweep", [])))
+    policies = _filled(path, shapes, arrays, lanes, "kept.")
+    initial = _filled(path, shapes, directory.initial(), lanes)
     metrics = directory.metrics(about)
+    if metrics is not None and metrics.num_rows % lanes:
+        raise RunDirectoryError(f"{path}: {metrics.num_rows:,} rows of records: must be {lanes:,} for each record")
     mean = "cycle.agent.gradient.mean."
-    estimate = _filled(trainable(shapes), arrays, mean) if any(name.startswith(mean) for name in arrays) else None
+    estimated = any(name.startswith(mean) for name in arrays)
+    estimate = _filled(path, trainable(shapes), arrays, lanes, mean) if estimated else None
     return Run(
         config,
         about["decision"],
@@ -88,14 +93,35 @@ def given_initial(path: Path | str) -> Policy | None:
     if learner is None:
         lost = "checkpoint/initial.policies is missing: give the initial policies again, train(..., initial=...)"
         raise RunDirectoryError(f"{path}: {lost}")
-    stored = _filled(rebuild(learner["structure"]), directory.initial())
+    lanes = len(run["seeds"]) * max(1, len((found[1]["config"] if found else directory.read_config()).get("sweep", [])))
+    stored = _filled(path, _shapes(path, learner), directory.initial(), lanes)
     # in a sweep the seeds of every setting begin from the same policies
     return jax.tree.map(lambda leaf: leaf[: len(run["seeds"])], stored)
 
 
-def _filled(shapes: Policy, arrays: Mapping[str, np.ndarray], prefix: str = "") -> Policy:
-    """Stored arrays by name in the structure of a policy."""
-    return jax.tree_util.tree_map_with_path(lambda place, _: arrays[prefix + name_of(place)], shapes)
+def _shapes(path: Path | str, learner: Mapping[str, Any]) -> Policy:
+    """The policy of a stored learner, with placeholders for its arrays. **Raises** `RunDirectoryError`."""
+    try:
+        found = rebuild(learner["structure"])
+        check(isinstance(found, Policy), "kind", learner["structure"].get("kind"), "that of a policy")
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        why = " ".join(str(error).split())
+        raise RunDirectoryError(f"{path}: the structure of its policy: {type(error).__name__}: {why}") from None
+    return found
+
+
+def _filled(path: Path | str, shapes: Policy, arrays: Mapping[str, np.ndarray], lanes: int, prefix: str = "") -> Policy:
+    """Stored arrays by name in the structure of a policy, lanes leading. **Raises** `RunDirectoryError` for others."""
+
+    def fitting(place: Any, shape: Any) -> np.ndarray:
+        name = prefix + name_of(place)
+        found, wanted = arrays.get(name), (lanes, *shape.shape)
+        if found is None or (found.shape, found.dtype) != (wanted, shape.dtype):
+            said = "nothing" if found is None else f"{found.dtype}{found.shape}"
+            raise RunDirectoryError(f"{path}: {name}: found {said}: must be {shape.dtype}{wanted}")
+        return found
+
+    return jax.tree_util.tree_map_with_path(fitting, shapes)
 
 
 def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

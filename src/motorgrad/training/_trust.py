@@ -8,6 +8,10 @@ from motorgrad._consent import HOW, allow
 from motorgrad._errors import NotTrusted, shown
 from motorgrad.tasks import TASKS
 
+MOST = 10
+"""Names in a message. Of more, and of longer ones than a message has room for, no question is asked, as it would not
+show what it is about."""
+
 
 def check_imports(settings: Any, where: str, trust: bool = False) -> None:
     """Refuse to make the task of a stored configuration if that would import what the user has not named.
@@ -22,10 +26,13 @@ def check_imports(settings: Any, where: str, trust: bool = False) -> None:
     if trust:
         allow(names)
     elif names:
-        wanted = ", ".join(f"{shown(name)} ({_place(name.partition(':')[0])})" for name in names)
+        wanted = ", ".join(f"{shown(name)} ({_place(name.partition(':')[0])})" for name in names[:MOST])
+        wanted += f" and {len(names) - MOST:,} more" if len(names) > MOST else ""
+        in_full = len(names) <= MOST and all(shown(name) == repr(name) for name in names)
         raise NotTrusted(
             f"{where} names code: making its task {settings['name']!r} imports {wanted}, which can do anything; "
-            f"nothing was imported. If you trust it: {HOW}"
+            f"nothing was imported. If you trust it: {HOW}",
+            names if in_full else (),
         )
 
 

@@ -68,7 +68,7 @@ class EnvironmentBatch:
         self._close = weakref.finalize(self, _close_all, self._environments)
         self.packed = np.zeros((len(self.seeds), size + 5 + 2 * len(self.info)), np.float32)
         self._before = self.packed.copy()
-        self.lost = False
+        self.lost = self._restored = False
         for row, seed in enumerate(self.seeds):
             self._begin(row, seed)
 
@@ -88,6 +88,7 @@ class EnvironmentBatch:
                         read = [a + b for a, b in zip(read, numbers_in(info, keys), strict=True)]
             except Exception as error:
                 error.add_note(f"in a step of {self._env_id} of seed {self.seeds[row]}, action {action!r}")
+                self._fail(error)
                 raise
             seen.append(observation)
             outcomes.append((reward, terminated, truncated, made, *read, 0.0))
@@ -129,10 +130,21 @@ class EnvironmentBatch:
         for environment, each in zip(self._environments, content, strict=True):
             if each:
                 read_state(each, environment)
+                self._restored = True
         np.copyto(self.packed, snapshot["packed"])
 
+    def _fail(self, error: Exception) -> None:
+        """Blame the stored state for an error of an environment that was restored: its numbers may be of any type."""
+        if self._restored:
+            told = f"{type(error).__name__}: {one_line(error)}"
+            raise RuntimeError(f"{self._env_id} fails after it was restored from a checkpoint: {told}") from error
+
     def _begin(self, row: int, seed: int | None) -> None:
-        observation, _ = self._environments[row].reset(seed=seed)
+        try:
+            observation, _ = self._environments[row].reset(seed=seed)
+        except Exception as error:
+            self._fail(error)
+            raise
         check(np.size(observation) == self._size, f"{self._env_id}: observation", observation, f"{self._size} numbers")
         self.packed[row] = 0.0
         with np.errstate(over="ignore"):

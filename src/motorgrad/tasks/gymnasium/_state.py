@@ -21,7 +21,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.tasks.gymnasium._state_forms import NUMBERS, PLAIN, check_form, number_type, packed, unpacked
+from motorgrad.tasks.gymnasium._state_forms import (
+    NUMBERS,
+    PLAIN,
+    check_form,
+    check_random_state,
+    check_twister,
+    number_type,
+    packed,
+    unpacked,
+)
 
 if TYPE_CHECKING:
     import gymnasium
@@ -264,9 +273,21 @@ def _with_physics(data: Any, stored: dict[str, np.ndarray]) -> Any:
     different = [name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name)]
     check(not different, "state of MuJoCo", sorted(different), "of the sizes of this model")
     mujoco.mj_setState(data.model, data, stored.pop("state"), mujoco.mjtState.mjSTATE_INTEGRATION)
+    _check_delays(data)
     for name, array in stored.items():
         _fill(getattr(data, name), array, name)
     return data
+
+
+def _check_delays(data: Any) -> None:
+    """Refuse the places of newest entries in the histories of delayed signals, which C code follows unchecked."""
+    model = data.model
+    for kind in ("actuator", "sensor"):
+        lengths, starts = getattr(model, f"{kind}_history")[:, 0], getattr(model, f"{kind}_historyadr")
+        delayed = lengths > 0
+        places, lengths = data.history[starts[delayed] + 1], lengths[delayed]
+        right = (places >= 0) & (places < lengths) & (places == np.floor(places))
+        check(right.all(), f"{kind}_history", places.tolist(), f"at places within their lengths, {lengths.tolist()}")
 
 
 def _fill(present: Any, array: np.ndarray, name: str) -> None:
@@ -278,8 +299,11 @@ def _fill(present: Any, array: np.ndarray, name: str) -> None:
 
 def _with_random_state(present: Any, state: Any) -> Any:
     if isinstance(present, random.Random):
-        present.setstate(state)
-    elif isinstance(present, np.random.RandomState):
+        check_twister(state[1][:-1])
+        present.setstate(state)  # which checks the position
+        return present
+    check_random_state(state)
+    if isinstance(present, np.random.RandomState):
         present.set_state(state)
     else:
         if not isinstance(present, np.random.Generator):

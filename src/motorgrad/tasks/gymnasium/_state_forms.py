@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from motorgrad._errors import check
+from motorgrad._errors import check, check_integer
 
 PLAIN = (bool, int, float, str, types.NoneType)
 NUMBERS = "biufcSU"  # the kinds of arrays that are data
+TWISTER = 624  # words of a Mersenne Twister
+PHILOX = 4  # numbers that Philox draws at a time
 MAX_DEPTH = 200  # of the containers in a state, below the limit of Python's own recursion
 
 
@@ -68,6 +70,27 @@ def number_type(kind: str) -> np.dtype:
     dtype = np.dtype(kind)
     check(dtype.kind in NUMBERS and dtype.fields is None, "dtype", kind, "one of numbers or text")
     return dtype
+
+
+def check_random_state(state: Any) -> None:
+    """Refuse the state of a generator of NumPy to which none comes: C code follows its positions unchecked, and what
+    draws nothing but zeros may draw for ever."""
+    check(isinstance(state, dict), "state of a generator", type(state).__name__, "a table")
+    inner = state["state"]
+    if "pos" in inner:
+        check_integer("pos", inner["pos"], 0, TWISTER)
+        check_twister(inner["key"])
+    if "buffer_pos" in state:
+        check_integer("buffer_pos", state["buffer_pos"], 0, PHILOX)
+    if "inc" in inner:
+        check(inner["inc"] % 2 == 1, "inc", inner["inc"], "odd")
+
+
+def check_twister(key: Any) -> None:
+    """Refuse the words of a Mersenne Twister that stay zero for ever. Of the first, one bit alone counts."""
+    words = np.asarray(key, np.uint32)
+    check(words.shape == (TWISTER,), "key", words.shape, f"of {TWISTER} words")
+    check(words[0] >= 2**31 or words[1:].any(), "key", "zeros", "words of which some bit is set")
 
 
 def check_form(stored: Any, depth: int = 0) -> None:

@@ -1,6 +1,6 @@
 """Learning curves as figures, and as TensorBoard event files. Drawing loads matplotlib when it is first used."""
 
-from motorgrad.training.plots._plot import Format, learning_curves
+from motorgrad.training.plots._plot import Format, figure_file, learning_curves
 from motorgrad.training.plots._plot_curves import Axis, Curve, axis_for, curve_of
 from motorgrad.training.plots._plot_labels import folders_of
 from motorgrad.training.plots._tensorboard import EventFiles, check_tensorboard, start_time, write_tensorboard
@@ -13,6 +13,7 @@ __all__ = [
     "axis_for",
     "check_tensorboard",
     "curve_of",
+    "figure_file",
     "folders_of",
     "learning_curves",
     "start_time",

@@ -57,7 +57,7 @@ def learning_curves(
     if smooth is not None:
         number = isinstance(smooth, int | float) and 0 < smooth < math.inf
         check(number, "smooth", smooth, "a positive number, in the units of the x axis")
-    file = None if path is None else _file(Path(path), quantities, format)
+    file = None if path is None else figure_file(Path(path), quantities, format)
     if labels is None:
         labels = labels_of([run.config for run in runs], [run.path for run in runs])
     known = not isinstance(labels, str) and len(labels) == len(runs) == len(set(labels)) and all(labels)
@@ -88,10 +88,11 @@ def _check_quantities(run: Plotted, quantities: Sequence[str], label: str | None
         raise error if label is None else ValueError(f"{label}: {error}") from None
 
 
-def _file(path: Path, quantities: Sequence[str], format: Format | None) -> tuple[Path, str]:
+def figure_file(path: Path, quantities: Sequence[str], format: Format | None) -> tuple[Path, str]:
     """The file of a figure and its format, which is that of the suffix unless `format` says it."""
     if path.is_dir():
-        path /= f"{'-'.join(quantities)}.{format or 'png'}"
+        name = "-".join(quantities).replace("/", "-").replace("\\", "-")  # columns of a stranger's run have any names
+        path /= f"{name}.{format or 'png'}"
     suffix = path.suffix.lower().removeprefix(".")
     kind = format or suffix or "png"
     choice("format", kind, FORMATS)

@@ -82,7 +82,7 @@ class EventFiles:
             event = _event(
                 self.start + columns["wall_time"][row],
                 step=columns["decision"][row],
-                summary={"value": [{"tag": n, "simple_value": v} for n, v in found.items() if math.isfinite(v)]},
+                summary={"value": [{"tag": n, "simple_value": v} for n, v in found.items() if _is_there(v)]},
             )
             content[row % len(content)].write(event)
         return [each.getvalue() for each in content]
@@ -94,6 +94,11 @@ class EventFiles:
         if not whole.startswith(there):
             write_atomically(file, there := b"")
         return whole[len(there) :]
+
+
+def _is_there(value: float | None) -> bool:
+    """Whether something occurred; columns that only some files of a run have are `None` in the others."""
+    return value is not None and math.isfinite(value)
 
 
 def _event(wall_time: float, **parts: Any) -> bytes:

@@ -13,10 +13,10 @@ file: it holds the configuration, and checksums of the initial policies, of the 
 """
 
 import contextlib
-import dataclasses
 import errno
 import json
 import os
+import re
 import uuid
 import warnings
 from collections.abc import Iterator, Mapping
@@ -29,12 +29,12 @@ import pyarrow as pa
 import tomli_w
 from jaxtyping import PyTree
 
-from motorgrad._errors import check, shown
+from motorgrad._errors import shown
 from motorgrad._files import read_json, read_toml, refuse_links, remove_partials, write_atomically
 from motorgrad._ownership import is_signed, signature
 from motorgrad._reading import content_of, json_in
-from motorgrad._settings import build
 from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, is_whole, load, save
+from motorgrad.training.store._facts import check_config, facts_of, learner_of
 from motorgrad.training.store._metrics import Damage, MetricsFiles
 from motorgrad.training.store._provenance import provenance, provenance_changes, versions
 
@@ -44,6 +44,7 @@ ON_PURPOSE = "put it back, or use it on purpose with allow_changed=True (train a
 
 
 SIGNATURE = ".signature"
+CHECKPOINT = re.compile(r"[0-9]{12}\.state")
 Commit = tuple[dict[str, np.ndarray], dict[str, Any]]
 """A checkpoint: its arrays by path, and the facts about them."""
 
@@ -54,17 +55,6 @@ class RunDirectoryError(RuntimeError):
 
 class RunWarning(UserWarning):
     """A warning about a run directory, such as a damaged checkpoint."""
-
-
-@dataclasses.dataclass(frozen=True)
-class _Run:
-    """The table `run` of a configuration."""
-
-    steps: int
-    seeds: tuple[int, ...]
-    window: int
-    envs: int = 1
-    initial: str | None = None
 
 
 class RunDirectory:
@@ -128,10 +118,7 @@ class RunDirectory:
         self._refuse_links()
         try:
             config = read_toml(self.path / "config.toml")
-            check({"run", "task", "agent"} <= set(config), "tables", list(config), "run, task and agent")
-            build(_Run, config["run"], "run")
-            for name, key in (("task", "name"), ("agent", "policy")):
-                check(isinstance(config[name], dict) and key in config[name], name, config[name], f"a table with {key}")
+            check_config(config)
         except ValueError as error:
             raise RunDirectoryError(f"{self.path} is not a run directory: its config.toml: {error}") from None
         return config
@@ -185,7 +172,7 @@ class RunDirectory:
             _warn(f"{wrong[0]}; set aside as {file.name}.damaged, and begun again")
             if file.exists():
                 os.replace(file, file.with_name(f"{file.name}.damaged"))
-        sessions = read_json(file)["sessions"] if file.exists() else []
+        sessions = _sessions(file, read_json(file)) if file.exists() else []
         sessions.append(provenance())
         changes = list(provenance_changes(*sessions[-2:])) if continues and len(sessions) > 1 else []
         if changes:
@@ -242,8 +229,7 @@ class RunDirectory:
 
     def learner(self) -> dict[str, Any] | None:
         """The learner as a table, with the structure of its policy; `None` before the first decision."""
-        about = load(self._initial)[1] if self._initial.exists() else {}
-        return about.get("learner")
+        return learner_of(self._initial, load(self._initial)[1]) if self._initial.exists() else None
 
     def latest(self) -> Commit | None:
         """The newest whole checkpoint, `None` before the first.
@@ -255,7 +241,7 @@ class RunDirectory:
             self._refuse_links()
         for before, path in reversed(list(enumerate(self._checkpoints()))):
             try:
-                return load(path)
+                return facts_of(path, *load(path))
             except FileNotFoundError:  # its process has saved newer ones since
                 return self.latest()
             except CorruptCheckpoint as error:
@@ -314,7 +300,10 @@ class RunDirectory:
             _warn(self._said(each, before))
         for each in more:
             _warn(f"{self._metrics.folder / each.name} {each.what}; training makes it again")
-        return pa.concat_tables(tables, promote_options="default") if tables else None
+        try:
+            return pa.concat_tables(tables, promote_options="default") if tables else None
+        except pa.ArrowException as error:  # of files of different columns
+            raise RunDirectoryError(f"{self._metrics.folder}: the records do not fit together: {error}") from None
 
     def check_rest(self, about: dict[str, Any]) -> None:
         """Warn of a damaged `provenance.json` or older checkpoint; refuse initial policies of another run."""
@@ -346,13 +335,13 @@ class RunDirectory:
     def _before(self, about: dict[str, Any]) -> Commit | None:
         """The whole checkpoint before another one."""
         earlier = [path for path in self._checkpoints() if int(path.stem) < about["decision"] and is_whole(path)]
-        return load(earlier[-1]) if earlier else None
+        return facts_of(earlier[-1], *load(earlier[-1])) if earlier else None
 
     def _wrong_provenance(self, about: dict[str, Any]) -> list[str]:
         file, known = self.path / "provenance.json", about["provenance"]
         try:
             found = json_in(content_of(file))
-            mark = _sessions_checksum(found["seeds"], found["sessions"][: known["sessions"]])
+            mark = _sessions_checksum(found["seeds"], _sessions(file, found)[: known["sessions"]])
         except (OSError, ValueError, KeyError, TypeError) as error:
             return [f"{file}: damaged: {type(error).__name__}: {error}"]
         return [] if mark == known["checksum"] else [f"{file}: damaged: its checksum does not match"]
@@ -360,7 +349,7 @@ class RunDirectory:
     def _refuse_links(self) -> None:
         """Whoever made the directory could have all that is written into it go elsewhere."""
         try:
-            refuse_links(self.path, "metrics", "checkpoint", "figures")
+            refuse_links(self.path, "metrics", "checkpoint", "figures", "tensorboard")
         except ValueError as error:
             raise RunDirectoryError(str(error)) from None
 
@@ -372,7 +361,8 @@ class RunDirectory:
         return self.path / "checkpoint" / f"{decision:012d}.state"
 
     def _checkpoints(self) -> list[Path]:
-        return sorted((self.path / "checkpoint").glob("*.state"))
+        found = (self.path / "checkpoint").glob("*.state")
+        return sorted(path for path in found if CHECKPOINT.fullmatch(path.name))
 
 
 def differences(now: Any, then: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
@@ -386,6 +376,21 @@ def differences(now: Any, then: Any, where: str = "") -> Iterator[tuple[str, Any
 
 def _as_bytes(task: Mapping[str, Any]) -> bytes:
     return json.dumps(task, sort_keys=True).encode()
+
+
+def _sessions(file: Path, found: Any) -> list[dict[str, Any]]:
+    """The sessions in a file of provenance. **Raises** `ValueError` where one is none."""
+    sessions = found.get("sessions") if isinstance(found, dict) else None
+    right = isinstance(sessions, list) and all(
+        isinstance(each, dict)
+        and "processor" in each
+        and isinstance(each.get("versions"), dict)
+        and isinstance(each.get("compiler", {}), dict)
+        for each in sessions
+    )
+    if not isinstance(sessions, list) or not right:
+        raise ValueError(f"{file}: holds no list of sessions; delete it, or put it back")
+    return sessions
 
 
 def _sessions_checksum(seeds: list[int], sessions: list[Any]) -> str:

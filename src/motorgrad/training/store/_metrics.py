@@ -16,13 +16,26 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from motorgrad._errors import check, shown
 from motorgrad._files import changing, write_atomically
 from motorgrad._limits import MOST_METRICS_BYTES, MOST_TABLE_BYTES
-from motorgrad._reading import content_of, parquet_in
+from motorgrad._parquet import parquet_in
+from motorgrad._reading import content_of
 from motorgrad.training.store._checkpoint import checksum
 
 LIST = "SHA256SUMS"
-PART = re.compile(r"\d+-\d+\.parquet")
+COLUMNS = {
+    "setting": pa.int64(),
+    "seed": pa.int32(),
+    "decision": pa.int64(),
+    "simulated_time": pa.float64(),
+    "wall_time": pa.float64(),
+    "cpu_time": pa.float64(),
+    "reward": pa.float32(),
+    "parameters": None,
+}
+"""Of all records; of the first and the sixth, there may be none."""
+PART = re.compile(r"[0-9]{1,20}-[0-9]{1,20}\.parquet")
 
 
 class Damage(NamedTuple):
@@ -104,6 +117,7 @@ class MetricsFiles:
             if checksum(content) == mark:
                 try:
                     tables.append(parquet_in(content, min(rest, MOST_TABLE_BYTES)))
+                    _check_records(tables[-1])
                 except ValueError as error:
                     raise ValueError(f"{self.folder / name}: {error}") from None
                 rest -= tables[-1].nbytes
@@ -114,6 +128,23 @@ class MetricsFiles:
     def _parts(self, after: int = -1, upto: float = math.inf) -> list[str]:
         names = sorted(part.name for part in self.folder.glob("*.parquet") if PART.fullmatch(part.name))
         return [name for name in names if after < last_of(name) <= upto]
+
+
+def _check_records(table: pa.Table) -> None:
+    """Refuse a table of other columns than records have. **Raises** `ValueError`."""
+    names = table.column_names
+    check(len(set(names)) == len(names), "columns", names, "each there once")
+    check(set(COLUMNS) - {"setting", "cpu_time"} <= set(names), "columns", names, "those of records")
+    for field in table.schema:
+        kind, place = field.type, f"type of column {shown(field.name)}"
+        if field.name == "parameters":
+            right = pa.types.is_fixed_size_list(kind) and kind.value_type == pa.float32()
+            check(right, place, str(kind), "as many numbers of single precision in each row")
+        else:
+            wanted = COLUMNS.get(field.name)
+            right = kind == wanted if wanted else pa.types.is_integer(kind) or pa.types.is_floating(kind)
+            check(right, place, str(kind), str(wanted or "a number"))
+        check(table[field.name].null_count == 0, f"column {shown(field.name)}", "gaps", "a number in each row")
 
 
 def last_of(name: str) -> int:
