@@ -14,11 +14,16 @@ import pytest
 
 from motorgrad import _limits
 from motorgrad._files import read_arrays, read_json, read_toml
-from motorgrad._reading import array_in, arrays_in, csv_in, entries_in, json_in, parquet_in, toml_in, unpacked
+from motorgrad._parquet import parquet_in
+from motorgrad._reading import array_in, arrays_in, csv_in, entries_in, json_in, toml_in, unpacked
 from motorgrad.bodies import read_model
 from motorgrad.lab import DataFile, load, loads
 from motorgrad.lab.blocks._base import read_table
-from motorgrad.sim import read_motion
+from motorgrad.policies import hyperplanes
+from motorgrad.sim import read_activations, read_motion
+from motorgrad.sim.live import setup_of
+from motorgrad.sim.live._policy import load_policy
+from motorgrad.tasks.terms import Follow
 from motorgrad.training.store._checkpoint import checksum, is_whole
 from motorgrad.training.store._checkpoint import load as load_state
 
@@ -226,6 +231,144 @@ def test_a_motion_is_bounded_before_it_is_unpacked(name, tmp_path):
     said = refusal(read_motion, tmp_path / name, read_model(SLIDER))
     assert said.startswith(f"{tmp_path / name}: ")
     assert "209,715,200" in said or "16 bytes" in said
+
+
+@pytest.mark.parametrize("shape", [(2**40, 0), (0, 2**40)])
+def test_an_array_of_no_numbers_is_not_long(shape):
+    assert "must be of the 0 bytes" in refusal(array_in, npy_that_says(shape, rest=b""))
+    assert array_in(npy(np.zeros((1000, 0)))).shape == (1000, 0)
+
+
+STORED = {
+    "bytes": ({"x": np.zeros(2**25, bool)}, "bytes when unpacked = 268435456: must be at most 209,715,200"),
+    "dates": ({"x": np.zeros(3, "M8[s]")}, "type of an array"),
+    "complex numbers": ({"x": np.zeros(3, complex)}, "type of an array"),
+    "records": ({"x": np.zeros(3, [("y", float)])}, "type of an array"),
+    "a number": ({"qpos": np.float64(0)}, "qpos"),
+    "a row": ({"qpos": np.zeros(3)}, "must be rows and columns"),
+    "a row of activations": ({"qpos": np.zeros((3, 1)), "activation": np.zeros(3)}, "must be rows and columns"),
+    "other rows": ({"qpos": np.zeros((3, 1)), "activation": np.zeros((2, 0))}, "must be 3, one for each moment"),
+    "no numbers": ({"qpos": np.zeros((3, 1)), "activation": np.full((3, 1), np.nan)}, "must be finite"),
+}
+
+
+@pytest.mark.parametrize(("arrays", "told"), STORED.values(), ids=STORED)
+def test_arrays_that_are_no_motion_are_refused(arrays, told, tmp_path):
+    np.savez_compressed(tmp_path / "walk.npz", **arrays)
+    assert told in refusal(read_motion, tmp_path / "walk.npz", read_model(SLIDER))
+    assert told in refusal(read_activations, tmp_path / "walk.npz", read_model(SLIDER))
+
+
+WRITTEN = {
+    "many names": ("time," + ",".join(map(str, range(50_000))) + "\n" + "0," * 50_000 + "0\n", "unknown columns"),
+    "a long name": (f"time,/jointset/{'x' * 10**6}\n0,0\n", "missing columns: 'x'"),
+    "a long word": (f"time,x\n0,{'y' * 10**6}\n", "must be a number"),
+    "many numbers": ("time," + "x," * 10_000 + "x\n" + "\n" * 10 + "0\n" * 3_000, "numbers = 30"),
+    "rows of other lengths": ("time,x\n0,1,2\n3\n", "columns = 3: must be 2 a row"),
+}
+
+
+@pytest.mark.parametrize(("text", "told"), WRITTEN.values(), ids=WRITTEN)
+def test_a_text_that_is_no_motion_is_refused_at_once(text, told, tmp_path):
+    (tmp_path / "walk.csv").write_text(text)
+    assert told in refusal(read_motion, tmp_path / "walk.csv", read_model(SLIDER))
+
+
+def test_a_motion_of_few_columns_becomes_no_larger_than_a_model(tmp_path, monkeypatch):
+    monkeypatch.setattr("motorgrad.sim.film._motion_file.MOST_MODEL_BYTES", 100)
+    (tmp_path / "walk.csv").write_text("time,x\n" + "\n".join(f"{k},0" for k in range(20)))
+    said = refusal(lambda: read_motion(tmp_path / "walk.csv", read_model(SLIDER), partial=True))
+    assert "rows = 20: must be fewer for 1 coordinates" in said
+
+
+def test_a_policy_of_holes_is_not_read(tmp_path):
+    with open(tmp_path / "policy.npz", "wb") as file:
+        file.truncate(2**40)  # which takes no place on the disk
+    said = refusal(load_policy, tmp_path / "policy.npz", hyperplanes(2, 3), "particle")
+    assert "bytes = 1099511627776: must be at most 1,073,741,824" in said
+
+
+def test_a_motion_of_years_is_not_played(tmp_path):
+    (tmp_path / "walk.csv").write_text("time,x\n0,0\n1e12,0\n")
+    said = refusal(lambda: setup_of(read_model(SLIDER), motion=tmp_path / "walk.csv"))
+    assert "length of the motion = 1000000000000.0: must be <= 10,000 s" in said
+
+
+@pytest.mark.parametrize(
+    ("arrays", "told"),
+    [
+        ({"time": np.zeros(2**20, bool), "values": np.zeros(2**20, bool)}, "bytes when unpacked"),
+        ({"time": np.float64(0), "values": np.zeros(3)}, "a list of moments"),
+        ({"time": np.zeros(2), "values": np.zeros(3)}, "as many moments as rows"),
+        ({"time": np.zeros(2, "M8[s]"), "values": np.zeros(2)}, "type of an array"),
+    ],
+    ids=["bytes", "a number", "other rows", "dates"],
+)
+def test_a_trajectory_is_bounded(arrays, told, tmp_path):
+    np.savez_compressed(tmp_path / "path.npz", **arrays)
+    assert told in refusal(lambda: Follow(joints="x", file=str(tmp_path / "path.npz")))
+
+
+def test_a_trajectory_in_text_is_bounded(tmp_path):
+    (tmp_path / "path.csv").write_text("0," * 10**6)
+    assert "numbers = 1000000" in refusal(lambda: Follow(joints="x", file=str(tmp_path / "path.csv")))
+    (tmp_path / "path.csv").write_text("0,0\n1," + "y" * 10**6)
+    assert "could not convert" in refusal(lambda: Follow(joints="x", file=str(tmp_path / "path.csv")))
+
+
+def test_a_table_counts_eight_bytes_a_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("motorgrad.lab.blocks._tables.MOST_TABLE_BYTES", MOST)
+    np.savez_compressed(tmp_path / "t.npz", x=np.zeros(MOST // 4, bool))
+    said = refusal(DataFile, str(tmp_path / "t.npz"), ("x",))
+    assert "bytes when unpacked = 200000: must be at most 100,000" in said
+
+
+def test_a_column_given_twice_is_named(tmp_path):
+    (tmp_path / "t.csv").write_text("x,x\n1,2\n")
+    assert "column = 'x': must be given once" in refusal(DataFile, str(tmp_path / "t.csv"), ("x",))
+
+
+def test_texts_become_no_objects(tmp_path):
+    texts = pa.array(["abcdefgh"] * 2**20)
+    (tmp_path / "t.parquet").write_bytes(parquet(pa.table({"x": texts, "y": texts})))
+    said = refusal(DataFile, str(tmp_path / "t.parquet"), ("x",), little=2**24)
+    assert "column x: must be a list of at least one number" in said
+
+
+def test_long_texts_of_few_rows_are_counted_before_they_are_unpacked():
+    content = parquet(pa.table({f"x{k}": ["a" * MOST] for k in range(10)}), compression="zstd")
+    pool = pa.default_memory_pool()
+    before = pool.bytes_allocated()
+    assert "bytes when unpacked = 100" in refusal(parquet_in, content, MOST)
+    assert pool.bytes_allocated() - before < MOST
+
+
+def test_a_table_that_understates_its_pages_is_bounded_by_their_heads():
+    content = parquet(pa.table({"x": ["a" * MOST] * 2}), compression="zstd")
+    size = pq.ParquetFile(pa.BufferReader(content)).metadata.row_group(0).column(0).total_uncompressed_size
+    zigzag = leb128(2 * size)
+    foot = content.rindex(b"PAR1") - 4 - int.from_bytes(content[-8:-4], "little")
+    none = bytes([*[0x80] * (len(zigzag) - 1), 0])  # as long, so that nothing moves
+    lying = content[:foot] + content[foot:].replace(zigzag, none)
+    assert pq.ParquetFile(pa.BufferReader(lying)).metadata.row_group(0).column(0).total_uncompressed_size == 0
+    assert "bytes when unpacked = 1000" in refusal(parquet_in, lying, MOST)
+    assert parquet_in(content, 2**22)["x"].to_pylist() == ["a" * MOST] * 2
+
+
+@pytest.mark.parametrize("kind", ["none", "snappy", "gzip", "zstd", "brotli", "lz4"])
+def test_pages_of_every_kind_are_counted(kind):
+    table = pa.table({"n": np.arange(50_000.0), "t": [f"{i % 7}" for i in range(50_000)], "b": [True, False] * 25_000})
+    content = parquet(table, compression=kind, data_page_version="2.0", data_page_size=4000, row_group_size=20_000)
+    assert parquet_in(content, 2**22).equals(table)
+    assert "bytes when unpacked" in refusal(parquet_in, content, 8 * 150_000 - 1)
+
+
+def leb128(number: int) -> bytes:
+    found = []
+    while number > 127:
+        found.append(number & 127 | 128)
+        number >>= 7
+    return bytes([*found, number])
 
 
 @pytest.mark.parametrize("name", ["t.npz", "t.csv", "t.parquet"])

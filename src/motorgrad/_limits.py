@@ -17,15 +17,21 @@ MOST_BLOCK_SETTINGS = 100_000
 MOST_JSON_BYTES = 2**26
 """Of a JSON file, and of a JSON text within another file."""
 MOST_DIAGRAM_CHARACTERS = 50_000_000
+MOST_DIAGRAM_SIGNALS = 2**22
+"""Numbers at all ports of a diagram; a call of its program records up to 128 ticks of them."""
+MOST_DIAGRAM_STATES = 2**26
+"""Numbers in the states of all blocks of a diagram."""
 MOST_JOURNAL_BYTES = 2**28
 """Of the unsaved changes of a diagram."""
 
 MOST_ENTRIES = 10_000
 """Of a zip file, such as the arrays of an NPZ file."""
 MOST_ARRAY_BYTES = 2**30
-"""Of the arrays of a file that a study, a search or an experiment keeps, unpacked."""
+"""Of the arrays of a file that a study, a search or an experiment keeps, unpacked, and of a saved policy."""
 MOST_MOTION_BYTES = 200 * 2**20
 """Of a stored motion or trajectory, packed or not."""
+MOST_MOTION_SECONDS = 10_000
+"""Of a motion that TimSim plays, of which it makes 100 frames a second."""
 MOST_MAP_BYTES = 2**30
 """Of a map of heights."""
 MOST_POLICY_SPARE_BYTES = 2**20
@@ -51,6 +57,8 @@ MOST_MODEL_PARTS = 100_000
 """With all copies."""
 MOST_MODEL_COPIES = 2_000
 """By one `replicate`, whose time grows with the square of their number; replicates may be nested."""
+MOST_MODEL_ELEMENTS_DEEP = 500
+"""Elements of XML within each other, about what MuJoCo reads."""
 MOST_MODEL_FILES_DEEP = 20
 """Files that include each other, or models within models."""
 MOST_MODEL_RANGE_STEPS = 1_000_000

@@ -4,12 +4,14 @@ Sizes are checked before anything is unpacked, and what is unpacked is counted, 
 lie. All functions raise `ValueError` of one line, without the name of the file, which their callers add.
 """
 
+import errno
 import io
 import json
 import math
 import os
 import re
 import stat
+import tokenize
 import tomllib
 import zlib
 from pathlib import Path
@@ -23,7 +25,6 @@ from motorgrad._limits import (
     MOST_KEY_PARTS,
     MOST_NESTED,
     MOST_TABLE_COLUMNS,
-    MOST_TABLE_PARTS,
 )
 
 if TYPE_CHECKING:
@@ -35,9 +36,20 @@ if TYPE_CHECKING:
 ENTRY = b"PK\1\2"  # how every entry begins in the table of contents of a zip file
 PLAIN = (0, 8)  # stored and deflated; the others are unpacked as a whole, however much it becomes
 PIECE = 2**20  # bytes that are unpacked at a time
+LONGEST_OF_NONE = 2**20  # bytes of an array that has no numbers, if each length of 0 were 1
 _PART = r"""(?>[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-])(?:{_PART}\.[ \t]*+){{{MOST_KEY_PARTS}}}")
-_DAMAGED = (EOFError, OverflowError, MemoryError, RecursionError, SyntaxError, TypeError, KeyError, IndexError)
+_DAMAGED = (
+    EOFError,
+    OverflowError,
+    MemoryError,
+    RecursionError,
+    SyntaxError,
+    tokenize.TokenError,  # of NumPy, which tries the heads of arrays as Python 2 wrote them
+    TypeError,
+    KeyError,
+    IndexError,
+)
 
 
 def content_of(path: Path, most: int | None = None) -> bytes:
@@ -46,6 +58,9 @@ def content_of(path: Path, most: int | None = None) -> bytes:
     It must be a regular one: a device may never end, and a pipe never begin. **Raises** `OSError` where there is none.
     """
     file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    if stat.S_ISDIR(os.fstat(file).st_mode):  # of which `fdopen` would name the number alone
+        os.close(file)
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     with os.fdopen(file, "rb") as stream:
         about = os.fstat(file)
         if not stat.S_ISREG(about.st_mode):
@@ -60,7 +75,7 @@ def json_in(content: bytes | str, most: int = MOST_JSON_BYTES) -> Any:
     """What a JSON text says."""
     _check_bytes(len(content), most)
     try:
-        found = json.loads(content)
+        found = json.loads(content if isinstance(content, str) else content.decode())  # not UTF-16, as it would guess
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     check_plain(found)
@@ -80,7 +95,7 @@ def toml_in(text: str) -> dict[str, Any]:
 
 
 def check_plain(data: Any) -> None:
-    """Refuse lists and tables nested too deeply, and whole numbers too large to work with."""
+    """Refuse lists and tables nested too deeply, whole numbers too large to work with, and the dates of TOML."""
     todo, largest = [(data, 0)], 10**MOST_DIGITS
     while todo:
         value, depth = todo.pop()
@@ -91,6 +106,8 @@ def check_plain(data: Any) -> None:
         elif isinstance(value, int) and not -largest < value < largest:
             digits = int(value.bit_length() * math.log10(2)) + 1
             raise ValueError(f"whole number of about {digits:,} digits: must be of at most {MOST_DIGITS}")
+        elif not (value is None or isinstance(value, int | float | str)):
+            raise ValueError(f"{value}: must not be a date or a time, unless it is a text, in quotes")
 
 
 def entries_in(content: bytes, most: int) -> "zipfile.ZipFile":
@@ -102,8 +119,8 @@ def entries_in(content: bytes, most: int) -> "zipfile.ZipFile":
     try:
         packed = zipfile.ZipFile(io.BytesIO(content))
     except (zipfile.BadZipFile, *_DAMAGED, NotImplementedError, OSError) as error:
-        raise ValueError(_told(error)) from None
-    _check_unpacked(sum(entry.file_size for entry in packed.infolist()), most)
+        raise ValueError(told(error)) from None
+    check_unpacked(sum(entry.file_size for entry in packed.infolist()), most)
     return packed
 
 
@@ -116,12 +133,12 @@ def unpacked(packed: "zipfile.ZipFile", name: str, most: int) -> bytes:
     except KeyError:
         raise ValueError(f"holds no {shown(name)}") from None
     check(entry.compress_type in PLAIN, f"packing of {shown(name)}", entry.compress_type, "stored or deflated")
-    _check_unpacked(entry.file_size, most)
+    check_unpacked(entry.file_size, most)
     try:
         with packed.open(entry) as stream:  # as a whole, it would unpack all before it looks at the length
             return b"".join(iter(lambda: stream.read(PIECE), b""))
     except (BadZipFile, zlib.error, *_DAMAGED, NotImplementedError, RuntimeError, OSError) as error:
-        raise ValueError(f"{shown(name)}: {_told(error)}") from None
+        raise ValueError(f"{shown(name)}: {told(error)}") from None
 
 
 def arrays_in(content: bytes, most: int) -> "dict[str, np.ndarray]":
@@ -140,70 +157,22 @@ def array_in(content: bytes) -> "np.ndarray":
         # the third version has the lengths of the second
         shape, _, dtype = (npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0)(stream)
         rest = len(content) - stream.tell()
-        size = math.prod(shape) * max(dtype.itemsize, 1)  # entries of no size could be any number
-        fits = all(length >= 0 for length in shape) and (dtype.hasobject or size <= rest)
+        # numbers of no size could be any number, and an array of none of any length
+        size = math.prod(max(length, 1) for length in shape) * max(dtype.itemsize, 1)
+        most = max(rest, LONGEST_OF_NONE) if 0 in shape else rest
+        fits = all(length >= 0 for length in shape) and (dtype.hasobject or size <= most)
         check(fits, "array", f"{shown(shape)} of {shown(str(dtype))}", f"of the {rest:,} bytes that there are")
         stream.seek(0)
         return npy.read_array(stream, allow_pickle=False)
     except _DAMAGED as error:
-        raise ValueError(_told(error)) from None
+        raise ValueError(told(error)) from None
 
 
-def parquet_in(content: bytes, most: int) -> "pa.Table":
-    """The table of a Parquet file, of at most so many bytes where a number takes 8. A column has numbers or texts; one
-    may have as many numbers in each row.
-    """
-    import pyarrow as pa
-    from pyarrow import parquet
-
-    try:
-        head = parquet.ParquetFile(pa.BufferReader(content))
-        about, schema = head.metadata, head.schema_arrow
-        check(about.num_columns <= MOST_TABLE_COLUMNS, "columns", about.num_columns, f"at most {MOST_TABLE_COLUMNS:,}")
-        parts = about.num_row_groups * about.num_columns
-        check(parts <= MOST_TABLE_PARTS, "groups of rows times columns", parts, f"at most {MOST_TABLE_PARTS:,}")
-        groups = [about.row_group(i) for i in range(about.num_row_groups)]
-        numbers = sum(group.column(i).num_values for group in groups for i in range(about.num_columns))
-        _check_unpacked(8 * max(numbers, about.num_rows * about.num_columns), most)
-        for name in schema.names:
-            kind = schema.field(name).type
-            check(_is_plain(kind), f"type of column {shown(name)}", str(kind), "numbers or texts")
-        # texts as they are stored: a long one that many rows share would take its length in each
-        texts = [name for name in schema.names if pa.types.is_string(schema.field(name).type)]
-        return _with_texts(parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts).read(), schema, most)
-    except (pa.ArrowException, OSError, OverflowError, MemoryError, KeyError) as error:
-        raise ValueError(f"not a Parquet table: {_told(error)}") from None
-
-
-def _is_plain(kind: "pa.DataType") -> bool:
-    """Whether a column holds numbers, as many in each row, or texts, which can be read as they are stored."""
-    import pyarrow.types as kinds
-
-    if kinds.is_fixed_size_list(kind):
-        kind = kind.value_type
-    elif kinds.is_dictionary(kind):
-        return kinds.is_string(kind.value_type)
-    elif kinds.is_string(kind):
-        return True
-    return kinds.is_primitive(kind) or kinds.is_null(kind)
-
-
-def _with_texts(table: "pa.Table", schema: "pa.Schema", most: int) -> "pa.Table":
-    """The table with its texts in the types of its schema."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    size = table.nbytes
-    for place, name in enumerate(table.column_names):
-        column, kind = table.column(place), schema.field(name).type
-        if column.type == kind or not pa.types.is_dictionary(column.type):
-            continue
-        for part in column.chunks:
-            lengths = pc.call_function("binary_length", [part.dictionary]).take(part.indices)
-            size += pc.call_function("sum", [lengths.cast(pa.int64())]).as_py() or 0
-        _check_unpacked(size, most)
-        table = table.set_column(place, schema.field(name), column.cast(kind))
-    return table
+def numbers_in(array: "np.ndarray", most: int) -> "np.ndarray":
+    """An array in double precision, of at most so many bytes. What is no number, such as a date, is refused."""
+    check(array.dtype.kind in "biuf", "type of an array", str(array.dtype), "numbers")
+    check_unpacked(8 * array.size, most)
+    return array.astype(float)
 
 
 def csv_in(content: bytes, most: int) -> "pa.Table":
@@ -213,11 +182,11 @@ def csv_in(content: bytes, most: int) -> "pa.Table":
 
     columns = content.partition(b"\n")[0].count(b",") + 1
     check(columns <= MOST_TABLE_COLUMNS, "columns", columns, f"at most {MOST_TABLE_COLUMNS:,}")
-    _check_unpacked(8 * (content.count(b",") + content.count(b"\n")), most)
+    check_unpacked(8 * (content.count(b",") + content.count(b"\n")), most)
     try:
         return csv.read_csv(pa.BufferReader(content))
     except (pa.ArrowException, OSError) as error:
-        raise ValueError(f"not a CSV table: {_told(error)}") from None
+        raise ValueError(f"not a CSV table: {told(error)}") from None
 
 
 _TOO_DEEP = f"nested too deeply: must be of at most {MOST_NESTED} lists and tables within each other"
@@ -227,9 +196,9 @@ def _check_bytes(size: int, most: int | None) -> None:
     check(most is None or size <= most, "bytes", size, f"at most {most:,}" if most is not None else "")
 
 
-def _check_unpacked(size: int, most: int) -> None:
+def check_unpacked(size: int, most: int) -> None:
     check(size <= most, "bytes when unpacked", size, f"at most {most:,}")
 
 
-def _told(error: BaseException) -> str:
+def told(error: BaseException) -> str:
     return " ".join(str(error).split())[:300] or type(error).__name__

@@ -6,6 +6,7 @@ import re
 import struct
 import subprocess
 import sys
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -131,7 +132,7 @@ DOCUMENTS = {  # what is attacked: (document or file, what the message says)
     "comment": (mjcf(f'<body name="<!--"/>{copied(CELL, 9999)}<body name="-->"/>'), "not well-formed XML"),
     "namespace": (mjcf(copied(CELL, 9999)).replace("<mujoco>", '<mujoco xmlns="x">'), "count = '9999'"),
     "null": (mjcf('<body name="\0"/>'), "must be UTF-8"),
-    "depth": (mjcf("<body>" * 50_000 + "</body>" * 50_000), "MuJoCo cannot read it"),
+    "depth": (mjcf("<body>" * 50_000 + "</body>" * 50_000), "elements within elements = 501: must be at most 500"),
     "include itself": (Path("again.xml"), "files within files = 21: must be at most 20 deep"),
     "include itself from a folder": (Path("deep.xml"), "files within files"),
     "include copies": (mjcf('<include file="copies.xml"/>'), "count = '3000000'"),
@@ -349,6 +350,30 @@ def test_every_way_in_has_the_limits(enter, attack, tmp_path):
     with pytest.raises(ValueError, match=re.escape(DOCUMENTS[attack][1])) as raised:
         enter(path)
     assert str(raised.value).startswith(("xml: ", f"file = {str(path)!r}: "))
+
+
+def test_a_backslash_leads_to_no_other_file_than_is_counted(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "x.xml").write_text(DOCUMENTS["replicate"][0])
+    (tmp_path / "in\\x.xml").write_text("<mujoco/>")  # which MuJoCo would not read
+    path = tmp_path / "model.xml"
+    path.write_text(r'<mujoco><include file="in\x.xml"/></mujoco>')
+    with pytest.raises(ValueError, match=re.escape(DOCUMENTS["replicate"][1])):
+        read_model(path)
+    texture = r'<mujoco><asset><texture name="t" type="2d" file="in\t.png"/></asset></mujoco>'
+    head = struct.pack(">I4sIIBB", 13, b"IHDR", 10**6, 10**6, 8, 2)
+    (tmp_path / "in" / "t.png").write_bytes(b"\x89PNG\r\n\x1a\n" + head + bytes(7))
+    path.write_text(texture)
+    with pytest.raises(ValueError, match="1000000 × 1000000"):
+        read_model(path)
+
+
+def test_elements_are_not_counted_within_each_other_without_end():
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="elements within elements = 501: must be at most 500"):
+        read_model("<mujoco>" + "<a>" * 10**5)
+    assert tracemalloc.get_traced_memory()[1] < 2**23
+    tracemalloc.stop()
 
 
 def test_a_body_of_ones_own_has_the_limits(monkeypatch):

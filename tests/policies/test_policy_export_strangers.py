@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import zipfile
 
 import numpy as np
@@ -40,6 +41,7 @@ REFUSED = {
     "an axis that is not there": ["argmax", ["a", 2]],
     "an axis of text": ["cumsum", ["a", "0"]],
     "axes that are truths": ["sum", ["a", [True]]],
+    "an axis twice": ["sum", ["a", [0, 0]]],
     "another number of elements": ["reshape", ["a", [7]]],
     "a length that is found out": ["reshape", ["a", [-1]]],
     "an array later made": ["add", ["a", "later"]],
@@ -61,9 +63,9 @@ DAMAGED = {
 }
 
 
-def file_of(folder, functions):
+def file_of(folder, functions, **more):
     path = folder / "file.npz"
-    np.savez(path, functions=np.asarray(json.dumps(functions)), a=SOURCE, long=np.zeros(2**15, bool))
+    np.savez(path, functions=np.asarray(json.dumps(functions)), a=SOURCE, long=np.zeros(2**15, bool), **more)
     return path
 
 
@@ -86,15 +88,36 @@ def test_a_damaged_list_is_refused(functions, tmp_path):
         read(file_of(tmp_path, functions))
 
 
+def test_a_sum_over_nothing_is_counted_as_what_it_makes(tmp_path):
+    long = [["z", "broadcast_to", ["none", [0, 2**27]], "float64"], ["w", "concatenate", [["z", "z"], 1], "float64"]]
+    for call in (["sum", ["w", [0]]], ["einsum", ["ab,ab->b", "w", "w"]]):
+        path = file_of(tmp_path, {"mode": [{}, [*long, ["v", *call, "float64"]], {}]}, none=np.zeros((0, 1)))
+        with pytest.raises(ValueError, match=r"step 2: .*more than 134,217,728 numbers"):
+            read(path)
+
+
+def test_a_list_of_functions_is_bounded_before_it_is_read(tmp_path):
+    path = tmp_path / "file.npz"
+    np.savez_compressed(path, functions=np.asarray("[" + "[]," * 6_000_000))
+    with pytest.raises(ValueError, match=r"18,000,001 characters: at most 16,777,216"):
+        read(path)
+
+
+def test_a_missing_input_is_named(tmp_path):
+    function = read(file_of(tmp_path, {"mode": [{"x": ["v", [2], "float32"]}, [], {}]}))["mode"]
+    with pytest.raises(TypeError, match=r"missing inputs \['x'\]"):
+        function()
+
+
 def test_what_adds_up_is_refused(tmp_path):
     steps = [[f"v{k}", "broadcast_to", [1.0, [2**25]], "float64"] for k in range(5)]
     with pytest.raises(ValueError, match=r"step 4: broadcast_to\(.*more than 134,217,728 numbers"):
         read(file_of(tmp_path, {"mode": [{}, steps, {}]}))
 
 
-def packed(folder, members):
+def packed(folder, members, method=zipfile.ZIP_DEFLATED):
     path = folder / "file.npz"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+    with zipfile.ZipFile(path, "w", method) as file:
         for name, content in members.items():
             file.writestr(name, content)
     return path
@@ -104,6 +127,12 @@ def array(value, **settings):
     file = io.BytesIO()
     np.save(file, value, **settings)
     return file.getvalue()
+
+
+def headed(text):
+    """An array whose header is a text, as it stands."""
+    text = text.encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + bytes(16)
 
 
 FUNCTIONS = array(np.asarray("{}"))
@@ -118,8 +147,14 @@ FUNCTIONS = array(np.asarray("{}"))
         array(np.zeros(1000)).replace(b"(1000,), }        ", b"(1000000000000,), }"),
         array(np.zeros(1000))[:-8],
         b"",
+        headed("{'descr': '<f8', 'shape': (((("),
+        headed("{'descr': " + "-" * 9000 + "1}"),
+        headed("  1\n 2"),
     ],
-    ids=["objects", "records", "dates", "a header of terabytes", "half an array", "nothing"],
+    ids=[
+        *("objects", "records", "dates", "a header of terabytes", "half an array", "nothing"),
+        *("a header without end", "a header of signs", "a header of wrong lines"),
+    ],
 )
 def test_an_array_that_is_no_array_of_numbers_is_refused(content, tmp_path):
     with pytest.raises(ValueError, match=r"file\.npz: not an exported policy: "):
@@ -143,6 +178,27 @@ def test_a_file_that_understates_its_size_is_read_no_further(tmp_path):
     path.write_bytes(path.read_bytes().replace(size.to_bytes(4, "little"), (1000).to_bytes(4, "little")))
     with pytest.raises(ValueError, match=r"file\.npz: not an exported policy: "):
         read(path)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA], ids=["bzip2", "lzma"])
+def test_what_is_unpacked_as_a_whole_is_not_unpacked(method, tmp_path):
+    path = packed(tmp_path, {"functions.npy": FUNCTIONS, "a.npy": bytes(10**6)}, method)
+    path.write_bytes(path.read_bytes().replace((10**6).to_bytes(4, "little"), (1000).to_bytes(4, "little")))
+    with pytest.raises(ValueError, match=r"functions\.npy: must be stored or deflated"):
+        read(path)
+
+
+def test_a_file_of_many_entries_is_refused_before_they_are_listed(tmp_path):
+    path = tmp_path / "file.npz"
+    path.write_bytes(b"PK\1\2" * 10_001)
+    with pytest.raises(ValueError, match=r"must be of at most 10,000 arrays"):
+        read(path)
+
+
+def test_a_pipe_is_no_exported_policy(tmp_path):
+    os.mkfifo(tmp_path / "file.npz")  # to read it would take for ever
+    with pytest.raises(ValueError, match=r"file\.npz: not an exported policy: must be a file"):
+        read(tmp_path / "file.npz")
 
 
 def test_lists_in_lists_are_refused(tmp_path):

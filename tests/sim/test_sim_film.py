@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from motorgrad.bodies import read_model
 from motorgrad.sim import Motion, gl_problem, still, write_film
 from motorgrad.sim.film._motion import resample
 
@@ -23,6 +24,13 @@ def decode(path) -> tuple[str, np.ndarray]:
     about = run.stderr.decode().split("Stream mapping")[0]
     width, height = (int(number) for number in re.search(r" (\d{2,})x(\d{2,})", about).groups())
     return about, np.frombuffer(run.stdout, np.uint8).reshape(-1, height, width, 3)
+
+
+def test_a_model_does_not_choose_how_finely_it_is_drawn(renderer):
+    finest = 'numquads="1000000" numslices="1000000" numstacks="1000000" shadowsize="1000000"'
+    xml = f"<mujoco><visual><quality {finest}/></visual><worldbody><geom size='0.1'/></worldbody></mujoco>"
+    motion = Motion(read_model(xml), np.zeros(1), np.zeros((1, 0)), np.zeros((1, 0)))
+    assert still(motion, 0, width=64, height=64, renderer=renderer).shape == (64, 64, 3)
 
 
 @pytest.mark.ci

@@ -4,16 +4,24 @@ A file is data, whoever made it. It may call the functions of `ELEMENTWISE` and 
 arguments, types and sizes are checked before anything is computed.
 """
 
+import collections
 import io
 import json
 import math
+import os
 import re
+import stat
+import tokenize
 import zipfile
 import zlib
 
 import numpy as np
 
-BYTES = 2**30  # of a file's arrays, unpacked
+BYTES = 2**30  # of a file, and of its arrays, unpacked
+ENTRIES = 10_000  # of a file
+ENTRY = b"PK\1\2"  # how each begins in the table of contents
+PLAIN = (0, 8)  # stored and deflated; the others are unpacked as a whole, however much it becomes
+TEXT = 2**24  # characters of the list of functions
 MOST = 2**27  # numbers that one function makes, products of matrices included
 AXES = 32
 TYPES = ["bool", "float16", "float32", "float64"]
@@ -29,6 +37,7 @@ OF_TWO = (
 ELEMENTWISE = {**dict.fromkeys(OF_ONE.split(), 1), **dict.fromkeys(OF_TWO.split(), 2), "where": 3}
 """The number of arguments of each function of elements."""
 DAMAGED = (ValueError, KeyError, EOFError, RuntimeError, OverflowError, zipfile.BadZipFile, zlib.error)
+DAMAGED += (MemoryError, SyntaxError, tokenize.TokenError)  # of NumPy, which reads the head of an array as Python
 
 
 def read(path):
@@ -37,24 +46,44 @@ def read(path):
     **Raises:** `ValueError` for a damaged file, and for one that asks for anything but arithmetic on its arrays.
     """
     try:
-        with zipfile.ZipFile(path) as file:
+        content = _content(path)
+        with zipfile.ZipFile(io.BytesIO(content)) as file:
             size = sum(member.file_size for member in file.infolist())
             if size > BYTES:
                 raise ValueError(f"{size:,} bytes unpacked: at most {BYTES:,} are read")
             arrays = {member.filename.removesuffix(".npy"): _array(file, member) for member in file.infolist()}
-        functions = json.loads(str(arrays.pop("functions")))
+        text = arrays.pop("functions")
+        if text.nbytes > 4 * TEXT:
+            raise ValueError(f"a list of functions of {text.nbytes // 4:,} characters: at most {TEXT:,} are read")
+        functions = json.loads(str(text))
         for name, array in arrays.items():
             _check_name(name)
             _check_type(f"array {name!r}", array.dtype.name)
-        return {name: _function(name, arrays, *parts) for name, parts in _is(functions, dict).items()}
+        shapes = {place: array.shape for place, array in arrays.items()}
+        return {name: _function(name, arrays, shapes, *parts) for name, parts in _is(functions, dict).items()}
     except DAMAGED as error:
-        raise ValueError(f"{path}: not an exported policy: {str(error) or type(error).__name__}") from None
+        told = " ".join(str(error).split())[:300]
+        raise ValueError(f"{path}: not an exported policy: {told or type(error).__name__}") from None
     except TypeError:
         raise ValueError(f"{path}: not an exported policy: a function is no inputs, steps and outputs") from None
 
 
+def _content(path):
+    """The bytes of a file. It must be a regular one: a device may never end, and a pipe never begin."""
+    about = os.stat(path)
+    if not stat.S_ISREG(about.st_mode) or about.st_size > BYTES:
+        raise ValueError(f"must be a file of at most {BYTES:,} bytes")
+    with open(path, "rb") as file:
+        content = file.read(about.st_size)
+    if content.count(ENTRY) > ENTRIES:  # before they are listed
+        raise ValueError(f"must be of at most {ENTRIES:,} arrays")
+    return content
+
+
 def _array(file, member):
     """An array of the file. Its header allocates nothing, as it must fit the bytes that are there."""
+    if member.compress_type not in PLAIN:
+        raise ValueError(f"{member.filename}: must be stored or deflated")
     with file.open(member) as packed:
         content = packed.read(member.file_size)
     head = io.BytesIO(content)
@@ -64,9 +93,9 @@ def _array(file, member):
     return np.frombuffer(content, dtype, offset=head.tell()).reshape(shape, order="F" if fortran else "C")
 
 
-def _function(name, arrays, inputs, steps, outputs):
-    """A function of the file, once all of it is checked."""
-    shapes = {place: array.shape for place, array in arrays.items()}
+def _function(name, arrays, known, inputs, steps, outputs):
+    """A function of the file, once all of it is checked. `known` are the shapes of the arrays."""
+    shapes = collections.ChainMap({}, known)
     size = 0
 
     def add(place, shape):
@@ -86,7 +115,7 @@ def _function(name, arrays, inputs, steps, outputs):
         except (ValueError, TypeError) as error:
             raise ValueError(f"{where}: {_call(function, arguments)} is refused: {error}") from None
         add(place, shape)
-        size += made
+        size += max(made, math.prod(shape))  # a sum over nothing still makes numbers
         if size > MOST:
             raise ValueError(f"{where}: {_call(function, arguments)} is refused: more than {MOST:,} numbers")
     for each, place in _is(outputs, dict).items():
@@ -95,6 +124,8 @@ def _function(name, arrays, inputs, steps, outputs):
 
     def call(**given):
         values = dict(arrays)
+        if missing := [name for name in inputs if name not in given]:
+            raise TypeError(f"missing inputs {missing}: all of {list(inputs)} are needed")
         for name, (place, shape, dtype) in inputs.items():
             values[place] = np.asarray(given.pop(name), dtype).reshape(shape)
         if given:
@@ -156,8 +187,9 @@ def _shape(function, arguments, shapes):
             return of(x), math.prod(of(x))
         case "sum" | "prod" | "max" | "min" | "any" | "all", [x, [*axes]]:
             gone = {_axis(axis, of(x)) for axis in axes}
-            made = tuple(length for axis, length in enumerate(of(x)) if axis not in gone)
-            return made, math.prod(of(x))
+            if len(gone) == len(axes):
+                made = tuple(length for axis, length in enumerate(of(x)) if axis not in gone)
+                return made, math.prod(of(x))
     raise ValueError("an exported policy makes no such call")
 
 

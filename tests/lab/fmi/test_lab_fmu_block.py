@@ -3,10 +3,12 @@
 import hashlib
 import json
 import pickle
+import re
 import shutil
 import sys
 import threading
 import zipfile
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,6 +108,18 @@ def test_a_unit_that_cannot_save_its_state_says_so(tmp_path):
         _ = run.state
 
 
+@pytest.mark.parametrize("name", ["/somewhere/evil", "../../../evil", "..\\\\evil", ""])
+def test_a_unit_names_no_library_outside_of_it(name, balls, tmp_path):
+    unit = tmp_path / "unit.fmu"
+    with zipfile.ZipFile(balls["2.0"]) as given, zipfile.ZipFile(unit, "w") as archive:
+        about = given.read("modelDescription.xml").decode()
+        archive.writestr("modelDescription.xml", re.sub('modelIdentifier="[^"]*"', f'modelIdentifier="{name}"', about))
+    with pytest.raises(
+        ValueError, match=r"modelIdentifier of the unit = .*: must be the name of a library in the unit"
+    ):
+        Fmu(str(unit))
+
+
 def changed(file, into, note):
     """A copy of a unit with other content."""
     shutil.copy(file, into)
@@ -142,6 +156,18 @@ def test_a_unit_that_is_exchanged_is_asked_for_again(balls, tmp_path):
     Run(again).advance(1)  # not with the block that was compiled for the first
     with pytest.raises(NotTrusted, match=refusal):
         Run(trusted).advance(1)
+
+
+def test_another_setting_does_not_trust_a_unit_that_was_exchanged(balls, tmp_path):
+    """Nor in a notebook, where what a user makes is the user's own."""
+    unit = changed(balls["2.0"], tmp_path / "unit.fmu", "trusted")
+    text = lab.dumps(diagram(balls["2.0"])).replace(balls["2.0"], str(unit))
+    block: Any = lab.loads(text, trust=True).nodes["ball"].block
+    assert block.retuned({"substeps": 20}).is_trusted
+    changed(balls["2.0"], unit, "exchanged before the setting was changed")
+    assert not block.retuned({"substeps": 20}).is_trusted
+    lab.loads(text)
+    assert not block.retuned({"substeps": 20}).is_trusted
 
 
 def test_the_page_asks_again_for_a_unit_that_is_exchanged(balls, tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad import _consent
 from motorgrad._errors import NotTrusted
 from motorgrad.sim import live
 
@@ -145,6 +146,20 @@ def test_no_spelling_loads_a_model_without_trust(spelling, model):
     for given in (spelling, Path(spelling), model.parent / spelling, (spelling, 3)):
         with pytest.raises(NotTrusted):
             live.setup_of("hopper", beside={"PPO": given})
+
+
+def test_a_yes_is_for_the_content_that_was_asked_for(model):
+    """Another model, or what was put in its place since, is asked for again."""
+    model.write_bytes(model.read_bytes() + b"its own")  # what a test allows is allowed in this process
+    with pytest.raises(NotTrusted) as asked:
+        live.setup_of("hopper", beside={"PPO": model})
+    _consent.allow(asked.value.names)
+    with pytest.raises((RuntimeError, ValueError, KeyError)) as found:
+        live.setup_of("hopper", beside={"PPO": model})
+    assert not isinstance(found.value, NotTrusted)
+    model.write_bytes(model.read_bytes() + b"x")
+    with pytest.raises(NotTrusted):
+        live.setup_of("hopper", beside={"PPO": model})
 
 
 def test_a_scene_loads_no_model_without_trust(model, capsys):

@@ -210,7 +210,8 @@ def test_a_run_whose_policy_is_not_finite_is_refused():
 
 
 def test_only_saved_policies_are_replaced(hopper, good, tmp_path):
-    for content in (b"", b"other", zipped({"x.npy": b"1"}), packed({"x": np.zeros(3)})):
+    others = [packed({"structure": kept}) for kept in (np.eye(3), np.array("1"), np.array('{"task": "hopper"}'))]
+    for content in (b"", b"other", zipped({"x.npy": b"1"}), packed({"x": np.zeros(3)}), *others):
         (tmp_path / "mine.npz").write_bytes(content)
         ((kind, text),) = hopper(live.Save(str(tmp_path / "mine.npz")))
         assert kind == "error"

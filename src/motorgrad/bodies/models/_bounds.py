@@ -6,7 +6,7 @@
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import mujoco
@@ -156,7 +156,7 @@ def asset_files(spec: Any, folders: Iterable[Path]) -> dict[str, list[Path]]:
 def _paths(asset: Any, file: str, folders: list[Path]) -> list[Path]:
     """The files that an asset may mean. Its folder depends on the compiler's settings."""
     inner = {"", asset.compiler.meshdir, asset.compiler.texturedir}
-    return sorted({*files_of(file, folders, inner), *files_of(Path(file).name, folders, inner)})
+    return sorted({*files_of(file, folders, inner), *files_of(PureWindowsPath(file).name, folders, inner)})
 
 
 def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
@@ -191,7 +191,7 @@ def _file(
     """Each file that an asset may mean."""
     if not file:
         return
-    for given in {file, Path(file).name} & set(spec.assets):
+    for given in {file, PureWindowsPath(file).name} & set(spec.assets):
         yield from _content(name, file, spec.assets[given], image)
     for path in _paths(asset, file, folders):
         size = file_size(path)

@@ -11,6 +11,7 @@ from motorgrad._errors import check
 from motorgrad._limits import (
     MOST_MODEL_BYTES,
     MOST_MODEL_COPIES,
+    MOST_MODEL_ELEMENTS_DEEP,
     MOST_MODEL_FILES_DEEP,
     MOST_MODEL_PARTS,
     MOST_MODEL_TEXT,
@@ -147,6 +148,9 @@ class _Document:
         reading.depth -= 1
 
     def _begin(self, tag: str, given: Mapping[str, str], folder: Path) -> None:
+        deep = len(self._open)
+        limit = f"at most {MOST_MODEL_ELEMENTS_DEEP}"
+        check(deep < MOST_MODEL_ELEMENTS_DEEP, "elements within elements", deep + 1, limit)
         copies = product(given.get("count", "1"))
         if tag == "flexcomp":
             points = len(given.get("point", "").split()) / 3
@@ -240,8 +244,13 @@ def read_bytes(path: Path) -> bytes:
 
 
 def files_of(name: str, folders: Iterable[Path], inner: Iterable[str] = ("",)) -> list[Path]:
-    """The existing files that a name may mean, in any of `folders` or in a folder `inner` of one."""
-    paths = {os.path.abspath(folder / part / name) for folder in folders for part in inner}
+    """The existing files that a name may mean, in any of `folders` or in a folder `inner` of one.
+
+    MuJoCo takes a backslash for a slash, so that both are meant.
+    """
+    inner, names = list(inner), (name, name.replace("\\", "/"))
+    inner += [part.replace("\\", "/") for part in inner]
+    paths = {os.path.abspath(folder / part / each) for folder in folders for part in inner for each in names}
     return [Path(path) for path in sorted(paths) if os.path.exists(path)]
 
 

@@ -206,7 +206,8 @@ def _tokens(text: str) -> list[Token]:
             raise FormulaError(place + 1, f"{text[place]!r} is not allowed")
         kind, word = str(found.lastgroup), found.group()
         if kind == "number" and float(word) > LARGEST:
-            raise FormulaError(place + 1, f"{word} is too large for single precision")
+            said = word if len(word) < 50 else shown(word)
+            raise FormulaError(place + 1, f"{said} is too large for single precision")
         tokens.append(Token("sign" if word in WORDS else kind, word, place + 1))
         place = found.end()
     return [*tokens, Token("end", "", len(text) + 1)]

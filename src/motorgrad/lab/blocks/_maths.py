@@ -52,8 +52,8 @@ class Sum(OneShape):
     shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
 
     def validate(self) -> None:
-        valid = self.signs and set(self.signs) <= {"+", "-"}
-        check(valid, "signs", self.signs, "a string of + and -, one per input")
+        valid = 1 <= len(self.signs) <= MOST_PORTS and set(self.signs) <= {"+", "-"}
+        check(valid, "signs", self.signs, f"a string of + and -, one per input, at most {MOST_PORTS}")
 
     @property
     def inputs(self) -> Ports:
@@ -77,8 +77,8 @@ class Product(Shaped):
     signs: Annotated[str, Setting("one * or / per input")] = "**"
 
     def validate(self) -> None:
-        valid = self.signs and set(self.signs) <= {"*", "/"}
-        check(valid, "signs", self.signs, "a string of * and /, one per input")
+        valid = 1 <= len(self.signs) <= MOST_PORTS and set(self.signs) <= {"*", "/"}
+        check(valid, "signs", self.signs, f"a string of * and /, one per input, at most {MOST_PORTS}")
 
     @property
     def inputs(self) -> Ports:

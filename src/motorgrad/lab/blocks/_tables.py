@@ -1,6 +1,7 @@
 """Tables: data files as sources, and look-up tables."""
 
 import dataclasses
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from motorgrad._errors import check, shown, unknown
 from motorgrad._limits import MOST_TABLE_BYTES
-from motorgrad._reading import arrays_in, content_of, csv_in, parquet_in
+from motorgrad._parquet import parquet_in
+from motorgrad._reading import arrays_in, content_of, csv_in, numbers_in
 from motorgrad.lab.blocks._base import MOST_NAMES, Shaped
 from motorgrad.lab.diagram import (
     Block,
@@ -58,13 +60,20 @@ def _table(kind: str, content: bytes) -> dict[str, Any]:
         except ValueError as error:
             raise ValueError(f"not an NPZ file of arrays: {error}") from None
     table = (parquet_in if kind == ".parquet" else csv_in)(content, MOST_TABLE_BYTES)
-    return {name: table[name].to_numpy() for name in table.column_names}
+    for name, number in Counter(table.column_names).items():
+        check(number == 1, "column", name, "given once")
+    return dict(zip(table.column_names, table.columns, strict=True))
 
 
-def _numbers(name: str, column: np.ndarray) -> np.ndarray:
+def _numbers(name: str, column: Any) -> np.ndarray:
+    if not isinstance(column, np.ndarray):
+        import pyarrow.types as kinds
+
+        plain = any(is_(column.type) for is_ in (kinds.is_boolean, kinds.is_integer, kinds.is_floating))
+        column = column.to_numpy() if plain else np.zeros(0)  # texts would become objects, each of many bytes
     if column.ndim != 1 or column.dtype.kind not in "biuf" or len(column) == 0:
         raise ValueError(f"column {name}: must be a list of at least one number")
-    numbers = column.astype(float)
+    numbers = numbers_in(column, MOST_TABLE_BYTES)
     with np.errstate(over="ignore"):
         wrong = np.flatnonzero(~np.isfinite(numbers.astype(np.float32)))
     if wrong.size:

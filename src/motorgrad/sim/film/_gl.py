@@ -206,6 +206,7 @@ class GlRenderer:
         model.vis.quality.shadowsize = 2048
         # fewer facets than MuJoCo's default halve the time of a software renderer, without a visible difference
         model.vis.quality.numslices, model.vis.quality.numstacks = 20, 10
+        model.vis.quality.numquads = 4  # MuJoCo's default: a stranger's model may ask for billions
         model.vis.global_.fovy = FIELD_OF_VIEW
         model.vis.rgba.fog[:] = (*SKY, 1)
         # a pale studio replaces the model's lamps and sky, so that all bodies have the same light

@@ -5,14 +5,15 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
-from motorgrad._limits import MOST_MOTION_BYTES
-from motorgrad._reading import array_in, arrays_in, content_of
+from motorgrad._limits import MOST_MODEL_BYTES, MOST_MOTION_BYTES
+from motorgrad._reading import array_in, arrays_in, content_of, numbers_in
 from motorgrad.sim.film._motion import Motion
 
 if TYPE_CHECKING:
@@ -22,9 +23,8 @@ KINDS = (".npz", ".npy", ".csv", ".mot", ".sto")
 RATE = 100.0
 """Rows a second of an array without times."""
 TIME = ("time", "t", "seconds")
-_PATH = re.compile(r"^/(?:jointset|forceset)/.*?([^/]+)/(value|activation)$")
-"""OpenSim's name of a coordinate or an activation in a file of states."""
-_OTHER = re.compile(r"^/(?:jointset|forceset)/")
+_STATES = ("/jointset/", "/forceset/")
+"""How OpenSim's names begin in a file of states."""
 
 
 class Columns(NamedTuple):
@@ -81,6 +81,7 @@ def read_activations(path: Path | str, model: mujoco.MjModel) -> tuple[np.ndarra
     try:
         found = _columns(path, model)
         if found.activation is not None:
+            check(found.activation.shape[1] == model.nu, "activation", found.activation.shape, f"{model.nu} columns")
             return found.time, list(range(model.nu)), found.activation
         known = {model.actuator(i).name: i for i in range(model.nu)}
         if found.names is None:
@@ -105,9 +106,10 @@ def _motion(found: Columns, model: Any, partial: bool, label: str) -> Motion:
         check(found.values.shape[1] == model.nq, "columns", found.values.shape[1], f"{model.nq}, the model's qpos")
         return Motion(model, found.time, found.values, activation, label)
     joints, muscles = _coordinates(model), {model.actuator(i).name: i for i in range(model.nu)}
-    tied = _tied(model)
+    tied, named, rows = _tied(model), set(found.names), len(found.time)
+    check(8 * rows * model.nq <= MOST_MODEL_BYTES, "rows", rows, f"fewer for {model.nq:,} coordinates of the model")
     wrong = [name for name in found.names if name not in joints and name not in muscles]
-    missing = [name for name, place in joints.items() if name not in found.names and place not in tied]
+    missing = [name for name, place in joints.items() if name not in named and place not in tied]
     if not partial:
         problems = [_listed(kind, names) for kind, names in (("unknown", wrong), ("missing", missing)) if names]
         if problems:
@@ -171,8 +173,8 @@ def _columns(path: Path, model: Any) -> Columns:
     try:
         content = content_of(path, MOST_MOTION_BYTES)
         if kind == ".npy":
-            values = np.asarray(array_in(content), float)
-            found = Columns(np.arange(len(values)) / RATE, None, np.atleast_2d(values))
+            values = np.atleast_2d(numbers_in(array_in(content), MOST_MOTION_BYTES))
+            found = Columns(np.arange(len(values)) / RATE, None, values)
         elif kind == ".npz":
             found = _of_arrays(arrays_in(content, MOST_MOTION_BYTES))
         else:
@@ -181,29 +183,36 @@ def _columns(path: Path, model: Any) -> Columns:
         raise ValueError(f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}") from None
     del model
     check(len(found.time) > 0, "rows", 0, "at least one")
-    check(np.all(np.isfinite(found.values)) and np.all(np.isfinite(found.time)), "numbers", "not finite", "finite")
+    told = [found.time, found.values, *([] if found.activation is None else [found.activation])]
+    check(all(np.all(np.isfinite(each)) for each in told), "numbers", "not finite", "finite")
+    for each in told[1:]:
+        check(each.ndim == 2, "shape", each.shape, "rows and columns")
+        check(len(each) == len(found.time), "rows", len(each), f"{len(found.time)}, one for each moment")
     return found
 
 
-def _of_arrays(arrays: dict[str, np.ndarray]) -> Columns:
+def _of_arrays(stored: dict[str, np.ndarray]) -> Columns:
+    arrays = {name: numbers_in(each, MOST_MOTION_BYTES) for name, each in stored.items()}
+    lengthless = [name for name, each in arrays.items() if each.ndim == 0]
+    check(not lengthless, "array", lengthless, "one of numbers, not a single one")
     time = next((arrays.pop(name) for name in TIME if name in arrays), None)
     activation = arrays.pop("activation", None)
     whole = next((arrays.pop(name) for name in ("qpos", "position") if name in arrays), None)
     if whole is None and not arrays and activation is not None:
-        whole, activation = np.zeros((len(activation), 0)), np.asarray(activation, float)
+        whole = np.zeros((len(activation), 0))
     if whole is not None:
-        names, values = None, np.asarray(whole, float)
+        names, values = None, whole
     else:
         names = tuple(arrays)
         check(names, "arrays", "none", "one for each joint, or qpos")
         lengths = {name: np.shape(each) for name, each in arrays.items()}
         alike = len(set(lengths.values())) == 1 and len(next(iter(lengths.values()))) == 1
         check(alike, "arrays", lengths, "alike long, one number for each moment")
-        values = np.stack([np.asarray(each, float) for each in arrays.values()], axis=1)
+        values = np.stack([*arrays.values()], axis=1)
     rows = len(values)
-    time = np.arange(rows) / RATE if time is None else np.asarray(time, float).ravel()
+    time = np.arange(rows) / RATE if time is None else time.ravel()
     check(len(time) == rows, "time", f"{len(time)} moments", f"{rows}, as many as there are rows")
-    return Columns(time, names, values, False, None if activation is None else np.asarray(activation, float))
+    return Columns(time, names, values, False, activation)
 
 
 def _of_text(text: str, commas: bool) -> Columns:
@@ -221,13 +230,15 @@ def _of_text(text: str, commas: bool) -> Columns:
         return [word.strip() for word in line.split(mark)]
 
     names = split(lines[0])
-    try:
-        values = np.array([[float(word) for word in split(line)] for line in lines[1:]])
-    except ValueError as error:
-        raise ValueError(f"numbers: {error}") from None
-    check(values.ndim == 2 and values.shape[1] == len(names), "columns", values.shape[1:], f"{len(names)} a row")
-    for name in names:
-        check(names.count(name) == 1, "column", name, "given once")
+    numbers = len(lines) * len(names)
+    check(8 * numbers <= MOST_MOTION_BYTES, "numbers", numbers, f"at most {MOST_MOTION_BYTES // 8:,}")
+    values = np.empty((len(lines) - 1, len(names)))
+    for row, line in enumerate(lines[1:]):
+        words = split(line)
+        check(len(words) == len(names), "columns", len(words), f"{len(names)} a row")
+        values[row] = [_number(word) for word in words]
+    for name, number in Counter(names).items():
+        check(number == 1, "column", name, "given once")
     place = next((place for place, name in enumerate(names) if name.lower() in TIME), None)
     if place is None:
         raise ValueError(f"missing column: time, in s; the columns are {', '.join(map(shown, names[:12]))}")
@@ -236,8 +247,16 @@ def _of_text(text: str, commas: bool) -> Columns:
     return Columns(values[:, place], tuple(name for _, name in kept), values[:, [k for k, _ in kept]], degrees)
 
 
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise ValueError(f"{shown(word)}: must be a number") from None
+
+
 def _short(name: str) -> str:
     """The name of a coordinate or a muscle; empty for other states of OpenSim, such as speeds."""
-    if (path := _PATH.match(name)) is not None:
-        return path.group(1)
-    return "" if _OTHER.match(name) else name
+    if not name.startswith(_STATES):
+        return name
+    *_, place, what = name.split("/")
+    return place if what in ("value", "activation") else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import inspect
 import io
 import json
@@ -14,6 +15,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from motorgrad._consent import is_allowed
 from motorgrad._errors import NotTrusted, check
 from motorgrad._extras import require
 from motorgrad.learning import Agent
@@ -185,14 +187,16 @@ def load_stable_baselines(path: Path, trust: bool = False) -> Any:
     for another file.
     """
     check(path.is_file(), "path", str(path), "a file that exists")
-    if not trust:  # asked here, where it is loaded, so that no spelling of the path leads around it
+    content = path.read_bytes()
+    name = f"stable-baselines3:{hashlib.sha256(content).hexdigest()}"  # what was asked for is what is run
+    if not (trust or is_allowed(name)):  # asked here, where it is loaded, so that no spelling leads around it
         raise NotTrusted(
             f"{path} is a model of stable-baselines3: loading it runs code that it holds; nothing was loaded. If you "
-            "trust it: trust=True in Python, --trust on the command line"
+            "trust it: trust=True in Python, --trust on the command line",
+            [name],
         )
-    content = io.BytesIO(path.read_bytes())
     try:
-        with zipfile.ZipFile(content) as packed:
+        with zipfile.ZipFile(io.BytesIO(content)) as packed:
             json.loads(packed.read("data"))
     except (KeyError, ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path}: not a model of stable-baselines3: {error}") from None
@@ -200,7 +204,7 @@ def load_stable_baselines(path: Path, trust: bool = False) -> Any:
     from stable_baselines3.common.policies import ActorCriticPolicy  # pyright: ignore[reportMissingImports]
     from stable_baselines3.common.save_util import load_from_zip_file  # pyright: ignore[reportMissingImports]
 
-    data, parameters, _ = load_from_zip_file(content, device="cpu")
+    data, parameters, _ = load_from_zip_file(io.BytesIO(content), device="cpu")
     assert data is not None
     kind = data["policy_class"]
     settings = dict(data.get("policy_kwargs") or {})

@@ -154,7 +154,8 @@ class Speed(Order):
     factor: float
 
     def __post_init__(self) -> None:
-        check(self.factor >= SLOWEST, "speed", self.factor, f"at least {SLOWEST}, or inf for as fast as possible")
+        fine = isinstance(self.factor, int | float) and self.factor >= SLOWEST
+        check(fine, "speed", self.factor, f"at least {SLOWEST}, or inf for as fast as possible")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from motorgrad._errors import check, shown
 from motorgrad._files import check_writable, write_atomically
-from motorgrad._limits import MOST_POLICY_SPARE_BYTES
+from motorgrad._limits import MOST_ARRAY_BYTES, MOST_POLICY_SPARE_BYTES
 from motorgrad._reading import array_in, content_of, entries_in, json_in, unpacked
 from motorgrad.policies import Policy, describe
 from motorgrad.training import Run, load
@@ -97,7 +97,7 @@ class _Misfit(ValueError):
 def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
     """The policy of a file, along a leading axis of one."""
     check(path.is_file(), "path", str(path), "a file that exists")  # not a pipe, which could block for ever
-    content = content_of(path)
+    content = content_of(path, MOST_ARRAY_BYTES)
     with entries_in(content, len(content)) as packed:  # `save_policy` packs nothing, so that nothing unpacks to more
         about = json_in(str(_array(packed, STRUCTURE, 0)))
         _check_task(path, about["task"], task)
@@ -122,12 +122,13 @@ def _array(packed: zipfile.ZipFile, name: str, size: int) -> np.ndarray:
 
 
 def _is_policy(path: Path) -> bool:
-    """Whether a file is a saved policy, as far as its table of contents tells."""
+    """Whether a file is a saved policy, as it says of itself; others may have an array of that name, too."""
     try:
-        content = content_of(path)
+        content = content_of(path, MOST_ARRAY_BYTES)
         with entries_in(content, len(content)) as packed:
-            return f"{STRUCTURE}.npy" in packed.namelist()
-    except (OSError, ValueError):
+            about = json_in(str(_array(packed, STRUCTURE, 0)))
+        return isinstance(about, dict) and about.keys() == {"task", "policy"}
+    except (OSError, ValueError, KeyError):
         return False
 
 

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
+from motorgrad._limits import MOST_MOTION_SECONDS
 from motorgrad._myosuite import is_of_myosuite, models
 from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
 from motorgrad.learning import Agent
@@ -271,6 +272,9 @@ def with_motion(setup: Setup, motion: Motion | Path | str, partial: bool = False
         motion = read_motion(motion, model, partial)
     fits = motion.position.shape[1] == model.nq and motion.activation.shape[1] == model.nu
     check(fits, "motion", f"of {motion.position.shape[1]} coordinates", f"of the model, which has {model.nq}")
+    check(
+        motion.seconds <= MOST_MOTION_SECONDS, "length of the motion", motion.seconds, f"<= {MOST_MOTION_SECONDS:,} s"
+    )
     return dataclasses.replace(setup, motion=dataclasses.replace(motion, model=model))
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._limits import MOST_MOTION_BYTES
-from motorgrad._reading import arrays_in, content_of
+from motorgrad._reading import arrays_in, content_of, numbers_in
 from motorgrad._tree import static
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
@@ -242,14 +242,18 @@ def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
         if file.suffix == ".npz":
             arrays = arrays_in(content, MOST_MOTION_BYTES)
             check({"time", "values"} <= set(arrays), "arrays", sorted(arrays), "time and values")
-            time, values = arrays["time"], arrays["values"]
+            time, values = (numbers_in(arrays[name], 8 * MOST) for name in ("time", "values"))
+            check(time.ndim == 1 and values.ndim > 0, "time", time.shape, "a list of moments, with values for each")
         else:
+            numbers = content.count(b",") + content.count(b"\n")
+            check(numbers <= 2 * MOST, "numbers", numbers, f"at most {MOST:,}")
             lines = content.decode().strip().splitlines()
             titled = bool(lines) and not _numeric(lines[0])
             table = np.array([[float(word) for word in line.split(",")] for line in lines[titled:]])
             time, values = table[:, 0], table[:, 1:]
     except (ValueError, OSError, IndexError) as error:
-        raise ValueError(f"file = {str(file)!r}: {error}") from None
+        raise ValueError(f"file = {str(file)!r}: {str(error)[:300]}") from None
+    check(len(time) == len(values) > 0, "file", str(file), "one with as many moments as rows of values")
     values = values.reshape(len(time), -1)
     return tuple(time.tolist()), tuple(tuple(row) for row in values.tolist())
 

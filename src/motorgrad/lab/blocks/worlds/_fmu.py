@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import hashlib
 import io
+import math
 import re
 import shutil
 import xml.parsers.expat as expat
@@ -14,7 +15,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import NotTrusted, check, choice, unknown
+from motorgrad._errors import NotTrusted, check, choice, shown, unknown
 from motorgrad._limits import MOST_UNIT_BYTES, MOST_UNIT_DESCRIPTION_BYTES
 from motorgrad._reading import content_of, entries_in, unpacked
 from motorgrad.lab.blocks._base import as_text, read_table
@@ -97,6 +98,7 @@ class Fmu(Foreign, HostBlock):
 
     name: ClassVar[str] = "fmu"
     category: ClassVar[str] = "bodies and worlds"
+    brings: ClassVar[str] = "file"
 
     file: Annotated[str, Setting("path of the unit (.fmu), relative to the working folder")]
     interface: Annotated[
@@ -144,6 +146,9 @@ class Fmu(Foreign, HostBlock):
         except Exception as error:  # it raises whatever a damaged archive or XML makes it raise
             raise ValueError(f"file = {self.file!r}: is not a Functional Mock-up Unit: {error}") from None
         choice("version of the unit", found.fmiVersion.partition("-")[0], ("2.0", "3.0"))
+        for each in filter(None, (found.coSimulation, found.modelExchange)):
+            inside = re.fullmatch(r"[\w.-]+", each.modelIdentifier)  # else it could name a library that was not read
+            check(inside, "modelIdentifier of the unit", each.modelIdentifier, "the name of a library in the unit")
         return hashlib.sha256(content).hexdigest(), found
 
     def _content(self) -> bytes:
@@ -242,7 +247,11 @@ def _port(variable: Any, is_input: bool) -> Port:
     shape = tuple(int(size) for size in variable.shape or ())
     start = str(variable.start).split() if variable.start is not None else []
     value = {"true": 1.0, "false": 0.0}.get(start[0]) if start else 0.0
-    default = (float(start[0]) if value is None else value) if is_input else None
+    try:
+        default = (float(start[0]) if value is None else value) if is_input else None
+    except ValueError:
+        raise ValueError(f"{variable.name} = {shown(variable.start)}: must be a number at the start") from None
+    check(default is None or math.isfinite(default), variable.name, variable.start, "finite at the start")
     return Port(
         shape,
         kind,

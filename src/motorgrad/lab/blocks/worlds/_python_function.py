@@ -110,6 +110,7 @@ class PythonFunction(Foreign, HostBlock):
 
     name: ClassVar[str] = "python function"
     category: ClassVar[str] = "mathematics"
+    brings: ClassVar[str] = "source"
 
     source: Annotated[str, Setting("Python with a function step")] = SOURCE
     takes: Annotated[tuple[str, ...], Setting("names of the inputs")] = ("u",)

@@ -1,0 +1,172 @@
+"""Reading tables of Parquet files that may be a stranger's, within the limits of `motorgrad._limits`."""
+
+from typing import TYPE_CHECKING
+
+from motorgrad._errors import check, shown
+from motorgrad._limits import MOST_TABLE_COLUMNS, MOST_TABLE_PARTS
+from motorgrad._reading import check_unpacked, told
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # loading it would slow down every command's start
+    from pyarrow import parquet as pq
+
+# Of Thrift's compact protocol, in which the heads of pages are written.
+_STOP = 0
+_BYTE = 3
+_OF_NONE = (1, 2)  # true and false, which are in the type
+_WHOLE = (4, 5, 6)
+_DOUBLE = 7
+_TEXT = 8
+_LISTS = (9, 10)
+_TABLE = 12
+_DEEPEST = 16  # tables within tables; a head has fewer than five
+_UNPACKED = 2  # the number of a head's field: the bytes of its page, unpacked
+_PACKED = 3
+
+
+def parquet_in(content: bytes, most: int) -> "pa.Table":
+    """The table of a Parquet file, of at most so many bytes where a number takes 8. A column has numbers or texts; one
+    may have as many numbers in each row.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        head = parquet.ParquetFile(pa.BufferReader(content))
+        about, schema = head.metadata, head.schema_arrow
+        check(about.num_columns <= MOST_TABLE_COLUMNS, "columns", about.num_columns, f"at most {MOST_TABLE_COLUMNS:,}")
+        parts = about.num_row_groups * about.num_columns
+        check(parts <= MOST_TABLE_PARTS, "groups of rows times columns", parts, f"at most {MOST_TABLE_PARTS:,}")
+        groups = [about.row_group(i) for i in range(about.num_row_groups)]
+        columns = [group.column(i) for group in groups for i in range(about.num_columns)]
+        numbers = sum(column.num_values for column in columns)
+        # what the file says of its columns may be a lie; pages are unpacked into the bytes that their own heads say
+        pages = sum(_page_bytes(content, column) for column in columns)
+        check_unpacked(max(pages, 8 * numbers, 8 * about.num_rows * about.num_columns), most)
+        for name in schema.names:
+            kind = schema.field(name).type
+            check(_is_plain(kind), f"type of column {shown(name)}", str(kind), "numbers or texts")
+        # texts as they are stored: a long one that many rows share would take its length in each
+        texts = [name for name in schema.names if pa.types.is_string(schema.field(name).type)]
+        reader = parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
+        # Arrow's threads live on after the last row, and Python crashes where its tracemalloc is stopped beside them
+        return _with_texts(reader.read(use_threads=False), schema, most)
+    except (pa.ArrowException, OSError, OverflowError, MemoryError, KeyError) as error:
+        raise ValueError(f"not a Parquet table: {told(error)}") from None
+
+
+def _is_plain(kind: "pa.DataType") -> bool:
+    """Whether a column holds numbers, as many in each row, or texts, which can be read as they are stored."""
+    import pyarrow.types as kinds
+
+    if kinds.is_fixed_size_list(kind):
+        kind = kind.value_type
+    elif kinds.is_dictionary(kind):
+        return kinds.is_string(kind.value_type)
+    elif kinds.is_string(kind):
+        return True
+    return kinds.is_primitive(kind) or kinds.is_null(kind)
+
+
+def _with_texts(table: "pa.Table", schema: "pa.Schema", most: int) -> "pa.Table":
+    """The table with its texts in the types of its schema."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    size = table.nbytes
+    for place, name in enumerate(table.column_names):
+        column, kind = table.column(place), schema.field(name).type
+        if column.type == kind or not pa.types.is_dictionary(column.type):
+            continue
+        for part in column.chunks:
+            lengths = pc.call_function("binary_length", [part.dictionary]).take(part.indices)
+            size += pc.call_function("sum", [lengths.cast(pa.int64())]).as_py() or 0
+        check_unpacked(size, most)
+        table = table.set_column(place, schema.field(name), column.cast(kind))
+    return table
+
+
+def _page_bytes(content: bytes, column: "pq.ColumnChunkMetaData") -> int:
+    """The bytes of a column's pages, unpacked, as the heads of the pages say. **Raises** `ValueError` for other heads.
+
+    A page follows the other, each with a head before it (Apache Parquet, `parquet.thrift`: `PageHeader`).
+    """
+    place = min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset)
+    check(place >= 0 and column.total_compressed_size >= 0, "place of a column", place, "within the file")
+    end = place + column.total_compressed_size
+    total = 0
+    while place < end:
+        try:
+            place, fields = _head(content, place)
+            total += _size(fields, _UNPACKED)
+            place += _size(fields, _PACKED)
+        except IndexError:
+            raise ValueError("a page ends beyond the end of the file") from None
+    return total
+
+
+def _size(fields: dict[int, int], number: int) -> int:
+    size = fields.get(number, -1)
+    check(size >= 0, "size of a page", size, "at least 0")
+    return size
+
+
+def _head(content: bytes, place: int, depth: int = 0) -> tuple[int, dict[int, int]]:
+    """Where a table of Thrift's compact protocol ends, and its whole numbers by the numbers of their fields."""
+    check(depth < _DEEPEST, "tables within the head of a page", depth, f"less than {_DEEPEST}")
+    fields: dict[int, int] = {}
+    number = 0
+    while (kind := content[place] & 15) != _STOP:
+        step = content[place] >> 4
+        place += 1
+        if step:
+            number += step
+        else:
+            place, number = _whole(content, place)
+        if kind in _WHOLE:
+            place, fields[number] = _whole(content, place)
+        elif kind not in _OF_NONE:
+            place = _after(content, place, kind, depth)
+    return place + 1, fields
+
+
+def _after(content: bytes, place: int, kind: int, depth: int) -> int:
+    """Where a value ends."""
+    if kind == _BYTE or kind in _OF_NONE:
+        return place + 1
+    if kind in _WHOLE:
+        return _whole(content, place)[0]
+    if kind == _DOUBLE:
+        return place + 8
+    if kind == _TEXT:
+        place, length = _count(content, place)
+        return place + length
+    if kind == _TABLE:
+        return _head(content, place, depth + 1)[0]
+    check(kind in _LISTS, "type in the head of a page", kind, "one of Thrift's")
+    first = content[place]
+    place += 1
+    count = first >> 4
+    if count == 15:
+        place, count = _count(content, place)
+    for _ in range(count):
+        place = _after(content, place, first & 15, depth + 1)
+    return place
+
+
+def _count(content: bytes, place: int) -> tuple[int, int]:
+    """Where a number of seven bits to a byte ends, and the number."""
+    number = 0
+    for shift in range(0, 70, 7):
+        byte = content[place]
+        place += 1
+        number |= (byte & 127) << shift
+        if byte < 128:
+            return place, number
+    raise ValueError("a number in the head of a page has more than 64 bits")
+
+
+def _whole(content: bytes, place: int) -> tuple[int, int]:
+    """Where a whole number with a sign ends, and the number (zigzag)."""
+    place, number = _count(content, place)
+    return place, (number >> 1) ^ -(number & 1)
