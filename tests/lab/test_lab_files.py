@@ -40,7 +40,7 @@ def level() -> Diagram:
     diagram.connect("sensor", "error.u2")
     diagram.connect("error", "level")
     diagram.connect("level", "sensor")
-    diagram.layout = {"blocks": {"level": [1, 2.5]}, "zoom": 1.25, "comments": [{"text": "x", "at": [0, 0]}]}
+    diagram.layout = {"blocks": {"level": [1, 2.5]}, "zoom": 1.25, "notes": [{"text": "x", "at": [0, 0]}]}
     return diagram
 
 
@@ -139,6 +139,30 @@ def test_a_layout_that_is_no_data_is_refused(layout):
     diagram.layout = layout
     with pytest.raises(ValueError, match="layout"):
         dumps(diagram)
+
+
+BOX = [0, 0, 9, 9]
+NO_PLACES = [
+    ({"positions": [1, 2]}, "positions = [1, 2]: must be a table"),
+    *(({"positions": {"a": place}}, "[x, y]") for place in ("xy", None, [1], [1, True], [1, 1e300], ["1", "2"])),
+    ({"comments": []}, "comments = []: must be a table"),
+    *(
+        ({"comments": {"1": {"text": "x", "box": box}}}, "[x, y, width, height]")
+        for box in (None, [0, 0], [0, 0, 0, 1])
+    ),
+    *(({"comments": {"1": own}}, "its text and its box") for own in ("x", {"box": BOX}, {"text": 5, "box": BOX})),
+]
+
+
+@pytest.mark.parametrize(("layout", "said"), NO_PLACES, ids=range(len(NO_PLACES)))
+@pytest.mark.parametrize("deep", [False, True])
+def test_places_that_no_page_could_show_are_refused_by_name(layout, said, deep):
+    data = json.loads(dumps(Diagram())) | {"layout": layout}
+    if deep:
+        data = data | {"layout": {}, "blocks": {"sub": {"type": "diagram", "layout": layout}}}
+    with pytest.raises(ValueError, match="sub: layout: " if deep else "layout: ") as error:
+        loads(json.dumps(data))
+    assert said in str(error.value)
 
 
 def test_python_builds_the_diagram_again():

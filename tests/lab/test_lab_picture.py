@@ -68,3 +68,9 @@ def test_wires_go_round_blocks_and_part_with_dots():
     assert paths["back"][1][0] > 500
     assert paths["back"][-2][0] < 0  # it leaves to the right, and comes from the left
     assert len(joints(paths, {name: wire[0] for name, wire in wires.items()})) == 1
+
+
+def test_control_characters_spoil_no_picture():
+    diagram = lab.Diagram(title="\0\x1b")
+    diagram.layout = {"comments": {"1": {"text": "a\b\uffffc", "box": [0, 0, 9, 9]}}}
+    assert texts(lab.to_svg(diagram)) == ["a\ufffd\ufffdc"]

@@ -126,3 +126,63 @@ def test_a_policy_of_many_inputs_is_laid_out_in_no_time():
     start = time.process_time()
     loads(text.replace('"observed": 2', '"observed": 10000'))
     assert time.process_time() - start < SLOWEST
+
+
+ENDLESS = {
+    "a name twice": ("1, ".join(f'"{n}": ' for n in range(30_000)) + '1, "29999": 1', "must occur once"),
+    "a long name": (f'"{"k" * 10**6}": [{"0, " * 50_000}0]', "format"),
+}
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_names_are_looked_at_once(kind):
+    inside, said = ENDLESS[kind]
+    start = time.process_time()
+    with pytest.raises(ValueError, match=said):
+        loads(f"{{{inside}}}")
+    assert time.process_time() - start < SLOWEST
+
+
+@pytest.mark.parametrize(
+    "block", [{"type": "constant", "shape": [2**23]}, {"type": "constant", "shape": [1000, 1000, 9]}]
+)
+def test_a_few_lines_do_not_take_gigabytes(block):
+    end = {"type": "outlet", "shape": block["shape"]}
+    data = json.loads(dumps(Diagram())) | {"blocks": {"huge": block, "end": end}, "wires": {"end.u": "huge"}}
+    (problem,) = problems(loads(json.dumps(data)))
+    assert problem.path == "huge"
+    assert "numbers in the ports of the diagram: must be at most 4,194,304" in problem.message
+
+
+def test_ticks_beyond_all_numbers_are_no_whole_number():
+    data = json.loads(dumps(Diagram())) | {"tick": 1e-300, "blocks": {"c": {"type": "constant", "period": 3e38}}}
+    (problem,) = problems(loads(json.dumps(data)))
+    assert "must be a whole number of ticks" in problem.message
+
+
+@pytest.mark.parametrize("way", ["tags", "subsystems"])
+def test_a_signal_passes_so_many_tags_and_subsystems(way):
+    """A longer way ended in a `RecursionError`, which no page showed."""
+    count, blocks, wires = 300, {"source": {"type": "constant"}, "end": {"type": "outlet"}}, {}
+    inner = {"blocks": {"in": {"type": "inlet"}, "out": {"type": "outlet"}}, "wires": {"out.u": "in"}}
+    last = "source"
+    for number in map(str, range(count)):
+        if way == "tags":
+            blocks |= {
+                f"to {number}": {"type": "goto", "tag": number},
+                f"from {number}": {"type": "from", "tag": number},
+            }
+            wires[f"to {number}.u"], last = last, f"from {number}"
+        else:
+            blocks[number] = {"type": "diagram", **inner}
+            wires[f"{number}.in"], last = last, f"{number}.out"
+    data = json.loads(dumps(Diagram())) | {"blocks": blocks, "wires": wires | {"end.u": last}}
+    found = problems(loads(json.dumps(data)))
+    assert "the signal passes more than 200 subsystems and tags" in found[0].message
+
+
+@pytest.mark.parametrize(("kind", "signs"), [("sum", "+-"), ("product", "*/")])
+def test_a_string_of_signs_is_no_longer_than_there_may_be_ports(kind, signs):
+    data = json.loads(dumps(Diagram())) | {"blocks": {"all": {"type": kind, "signs": signs * 10**6}}}
+    with pytest.raises(ValueError, match=r"all: signs = .* at most 1000"):
+        loads(json.dumps(data))

@@ -373,3 +373,64 @@ def test_a_title_with_another_end_of_line_cuts_nothing_off(start, tmp_path):
     after = Client(start())
     (found,) = after.last("recoverable")["list"]
     assert (found["changes"], found["title"]) == (3, "three\x85four")
+
+
+def add_lines(journal, *changes, **head):
+    """Write further changes to a journal, and other values to its first line."""
+    first, *rest = journal.read_text().splitlines()
+    lines = [json.dumps(json.loads(first) | head), *rest, *map(json.dumps, changes)]
+    journal.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("field", [[], {}, ["title"]])
+def test_a_title_of_another_type_hides_no_unsaved_work(start, tmp_path, field):
+    spoilt, sound = (journal_of(start, tmp_path, number) for number in (3, 2))
+    add_lines(spoilt, {"do": {"op": "set", "at": [], "field": field, "value": 1, "fields": {}}})
+    client = Client(start())
+    assert {each["id"] for each in client.last("recoverable")["list"]} == {spoilt.name, sound.name}
+    client.do("recover", id=spoilt.name)
+    assert len(client.session.diagram.nodes) == 3
+
+
+@pytest.mark.parametrize("trust", [False, True])
+def test_code_in_unsaved_work_does_not_run_unasked(start, tmp_path, trust):
+    """Not in a notebook, either, whose page may run what is written there: a journal may be a stranger's file."""
+    ran = tmp_path / "ran"
+    source = f"open({str(ran)!r}, 'w').close()\ndef step(memory, time):\n    return 1.0\n"
+    fields = {"source": source, "takes": []}
+    journal = journal_of(start, tmp_path, 1)
+    add_lines(
+        journal,
+        {"do": {"op": "remove", "at": [], "names": ["gain"]}},
+        {"do": {"op": "add", "at": [], "type": "python function", "name": "theirs", "fields": fields}},
+    )
+    client = Client(start(trust=trust))
+    client.do("recover", id=journal.name)
+    assert "nothing of it was run" in client.ask("tick", n=1)["message"]
+    assert not ran.exists()
+    (told,) = client.session._offers.of(client.session.diagram)
+    assert told["offered"] == trust
+    if trust:
+        client.do("trust", keys=[told["key"]])
+        client.do("tick", n=1)
+    assert ran.exists() == trust
+
+
+@pytest.mark.parametrize("name", ["..", ".hidden.json", "other", "\0", "link.json", "\udcff.json"])
+def test_unsaved_work_does_not_choose_a_file_that_could_not_be_saved(start, tmp_path, name):
+    (tmp_path / "link.json").symlink_to(os.devnull)
+    journal = journal_of(start, tmp_path, 1)
+    add_lines(journal, file=f"{tmp_path}/{name}")
+    client = Client(start())
+    client.do("recover", id=journal.name)
+    assert client.session._document.now.file is None
+
+
+@pytest.mark.parametrize("seeds", [["a"], [{}], [-1], [0, 0], [10**30]])
+def test_a_log_with_bad_seeds_leaves_those_of_the_run(start, seeds):
+    client = Client(start())
+    part = {"diagram": lab.dumps(lab.Diagram()), "from": 0, "until": 0, "changes": []}
+    log = {"format": "motorgrad log", "version": 1, "seeds": seeds, "tick": 0, "parts": [part]}
+    assert "seeds" in client.ask("replay", log=log)["message"]
+    client.do("pause")
+    assert client.last("run")["seeds"] == [0]

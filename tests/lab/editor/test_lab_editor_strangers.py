@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import json
 import logging
+import os
 import random
 import socket as sockets
 import time
@@ -16,6 +17,7 @@ from websockets.sync.client import connect
 
 from crowd import crowd, fair
 from motorgrad._gate import BACKLOG, COOKIE, STRANGERS
+from motorgrad.lab import dumps
 from motorgrad.lab.editor import Server, Session
 from motorgrad.lab.editor._server import LARGEST
 
@@ -223,3 +225,62 @@ def test_the_pages_own_browser_comes_with_a_ticket(server, tmp_path, monkeypatch
     assert status == 303
     assert get(server, headers["location"], Cookie=headers["set-cookie"].split(";")[0])[0] == 200
     assert get(server, f"/{ticket}/")[0] == 403
+
+
+HALVES = [
+    {"op": "comment", "at": [], "text": "\ud800", "box": [0, 0, 1, 1]},
+    {"op": "set", "at": [], "field": "title", "value": "\ud800"},
+    {"op": "move", "at": [], "positions": {"sine": [float("inf"), 0]}},
+    {"op": "paste", "at": [], "fragment": {"layout": {"positions": {"a": [1e308, 0], "b": [-1e308, 0]}}}},
+]
+
+
+@pytest.mark.parametrize("operation", HALVES, ids=range(len(HALVES)))
+def test_what_could_not_be_sent_on_is_refused(server, operation):
+    """Half a character, or a number without end, in the document would silence the page of everybody."""
+    if operation["op"] == "paste":
+        blocks = {name: {"type": "gain"} for name in "ab"}
+        whole = {"format": "motorgrad diagram", "version": 1, "blocks": blocks, **operation["fragment"]}
+        operation = operation | {"fragment": whole}
+    revision = server.session._document.revision
+    text = json.dumps({"client": f"half {time.monotonic()}", "sequence": 1, **operation}).replace("Infinity", "1e999")
+    with join(server) as connection:
+        connection.send(text)
+        while (event := json.loads(connection.recv(TIMEOUT)))["event"] != "refused":
+            pass
+        assert "must be" in event["message"]
+    assert server.session._document.revision == revision
+
+
+@pytest.mark.parametrize("sender", ['"client": NaN', '"client": "a", "sequence": 1e999', '"client": "\\ud800"'])
+def test_a_sender_of_no_name_is_answered(server, sender):
+    with join(server) as connection:
+        connection.send(f'{{{sender}, "op": "files"}}')
+        assert json.loads(connection.recv(TIMEOUT))["event"] == "refused"
+        assert ask(connection, client="sender", sequence=1, op="hello")["event"] in ("done", "refused")
+
+
+def test_names_that_are_no_text_silence_no_page(server):
+    folder = server.session._folder.folder
+    odd = folder / os.fsdecode(b"\xff.json")
+    try:
+        odd.write_text(dumps(wave()))
+    except OSError:
+        pytest.skip("this file system has no such names")
+    journal = folder / "states" / os.fsdecode(b"\xff.journal")
+    journal.parent.mkdir(exist_ok=True)
+    head = {"format": "motorgrad journal", "version": 1, "file": None, "diagram": dumps(wave())}
+    change = {"do": {"op": "set", "at": [], "name": None, "field": "title", "value": "\ud800", "fields": {}}}
+    journal.write_text(f"{json.dumps(head)}\n{json.dumps(change)}\n")
+    with join(server) as connection:
+        seen = []
+        for sequence, op in enumerate(("hello", "files")):
+            connection.send(json.dumps({"client": "odd", "sequence": sequence, "op": op}))
+            while not seen or seen[-1]["event"] not in ("done", "refused"):
+                seen.append(json.loads(connection.recv(TIMEOUT)))
+            assert seen.pop()["event"] == "done"
+    told = {event["event"]: event for event in seen}
+    assert odd.name in told["files"]["files"]
+    assert [each["id"] for each in told["recoverable"]["list"]] == [journal.name]
+    journal.unlink()
+    odd.unlink()

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 from motorgrad._errors import unknown
+from motorgrad._limits import MOST_DIAGRAM_SIGNALS, MOST_DIAGRAM_STATES
 from motorgrad.lab.diagram import (
     Block,
     Diagram,
@@ -15,6 +16,8 @@ from motorgrad.lab.diagram import (
     Source,
     flatten,
     in_precision,
+    numbers_at_ports,
+    numbers_in_state,
     shared,
     verify,
 )
@@ -156,7 +159,7 @@ def problems(diagram: Diagram) -> list[Problem]:
 
 def _checked(diagram: Diagram) -> tuple[Plan | None, list[Problem]]:
     flat, found = flatten(diagram)
-    found = found or [problem for placed in flat for problem in verify(placed)]
+    found = found or [problem for placed in flat for problem in verify(placed)] or _too_large(flat)
     if found:
         return None, found
     order, torn, found = evaluation_order(flat, diagram.loops == "solve")
@@ -167,6 +170,20 @@ def _checked(diagram: Diagram) -> tuple[Plan | None, list[Problem]]:
     moving = moving_blocks(flat, order, solver.adapts)
     parts = tuple(flat), tuple(order), frozenset(moving), frozenset(torn)
     return Plan(diagram.tick, solver, *parts, shared(diagram)), []
+
+
+def _too_large(flat: Sequence[Placed]) -> list[Problem]:
+    """The problem with a diagram that would take more memory than a few lines of a file should."""
+    limits = (("ports", numbers_at_ports, MOST_DIAGRAM_SIGNALS), ("states", numbers_in_state, MOST_DIAGRAM_STATES))
+    for where, count, most in limits:
+        sizes = [count(placed.block) for placed in flat]
+        if sum(sizes) > most:
+            largest = flat[sizes.index(max(sizes))].path
+            said = (
+                f"{max(sizes):,} of the {sum(sizes):,} numbers in the {where} of the diagram: must be at most {most:,}"
+            )
+            return [Problem(largest, None, said)]
+    return []
 
 
 WATCHED = "/"

@@ -28,6 +28,8 @@ from motorgrad.lab.diagram._files import (
     FORMAT,
     SCHEDULE,
     SUBSYSTEM,
+    check_data,
+    checked_layout,
     dumps,
     load,
     loads,
@@ -47,7 +49,14 @@ from motorgrad.lab.diagram._registering import block
 from motorgrad.lab.diagram._signals import wired_shapes
 from motorgrad.lab.diagram._subsystem import extract, group
 from motorgrad.lab.diagram._tags import From, Goto
-from motorgrad.lab.diagram._verify import crossings_of, function_problems, kind_of, verify
+from motorgrad.lab.diagram._verify import (
+    crossings_of,
+    function_problems,
+    kind_of,
+    numbers_at_ports,
+    numbers_in_state,
+    verify,
+)
 
 __all__ = [
     "BLOCKS",
@@ -87,6 +96,8 @@ __all__ = [
     "Trigger",
     "block",
     "blocks_of",
+    "check_data",
+    "checked_layout",
     "checked_shape",
     "clock",
     "crossings_of",
@@ -106,6 +117,8 @@ __all__ = [
     "make_block",
     "nested",
     "numbered_names",
+    "numbers_at_ports",
+    "numbers_in_state",
     "outline",
     "parameters_of",
     "required_fields",

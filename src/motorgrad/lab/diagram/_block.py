@@ -219,7 +219,7 @@ class Block:
 
 def whole_ticks(name: str, period: float, tick: float) -> int:
     """A period in ticks. **Raises** `ValueError` unless it is a whole number of ticks, to one part in a million."""
-    ticks = round(period / tick)
+    ticks = round(min(period / tick, 2**62))  # their quotient may be infinite
     whole = ticks >= 1 and abs(period / tick - ticks) <= 1e-6 * ticks
     check(whole, name, period, f"a whole number of ticks of {tick:g} s")
     return ticks

@@ -7,6 +7,8 @@ block types by name; no code is executed.
 import dataclasses
 import json
 import math
+import re
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,8 @@ SCHEDULE = {"every": 1, "period": None}
 """Fields that are written only where they differ from these defaults."""
 ALWAYS = ("title", "comment", "tick", "substeps")  # written even where they are at their defaults
 PARTS = ("blocks", "wires", "layout")
+FARTHEST = 1e9  # pixels from the origin of a drawing
+_HALF = re.compile("[\ud800-\udfff]")
 
 
 class _Lines(dict[str, Any]):
@@ -41,7 +45,7 @@ def dumps(diagram: Diagram) -> str:
     """
     head = {name: value for name, value in diagram.head.items() if name in ALWAYS or value != HEAD[name]}
     data = _Lines(format=FORMAT, version=VERSION, **head, **_content(diagram))
-    _check_plain(data, (), 0)
+    check_data(data)
     return _written(data, 1) + "\n"
 
 
@@ -70,7 +74,7 @@ def loads(text: str, trust: bool = False) -> Diagram:
         raise ValueError(f"file: must be JSON: {error}") from None
     except RecursionError:
         raise ValueError(f"file: must have at most {MOST_NESTED} nested lists and tables") from None
-    _check_plain(data, (), 0)
+    check_data(data)
     check(isinstance(data, dict), "file", data, "a table")
     check(data.get("format") == FORMAT, "format", data.get("format"), f"{FORMAT!r}")
     version = data.get("version")
@@ -142,7 +146,8 @@ def _read_diagram(data: Mapping[str, Any], path: str) -> Diagram:
     for target, source in data.get("wires", {}).items():
         with _error_context(f"wire to {path}{target}"):
             diagram.connect(source, target)
-    diagram.layout = data.get("layout", {})
+    with _error_context(path.rstrip("/") or "diagram"):
+        diagram.layout = checked_layout(data.get("layout", {}))
     return diagram
 
 
@@ -216,7 +221,7 @@ def _place_name(place: str) -> str:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
-        twice = next(name for name in table if sum(name == other for other, _ in pairs) > 1)
+        twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
         raise _PlacedError(f"{shown(twice)}: must occur once in its table")
     return table
 
@@ -227,21 +232,62 @@ def _check_keys(what: str, table: Mapping[str, Any], known: Any) -> None:
             raise unknown(f"setting of {what}", name, known)
 
 
-def _check_plain(data: Any, place: tuple[str, ...], depth: int) -> None:
+def check_data(data: Any, place: tuple[str, ...] = ()) -> None:
     """Refuse data that a file cannot or should not contain, naming its place."""
-    name = _place_name(".".join(place)) or "file"
-    check(depth <= MOST_NESTED, name, "…", f"in at most {MOST_NESTED} nested lists and tables")
-    check(data is None or isinstance(data, bool | int | float | str | list | tuple | dict), name, data, "plain data")
-    check(not isinstance(data, float) or math.isfinite(data), name, data, "finite")
-    small = not isinstance(data, int) or abs(data) < 10**MOST_DIGITS
-    check(small, name, data, f"a number of at most {MOST_DIGITS} digits")
-    if isinstance(data, str):
-        check(data.isascii() or not any("\ud800" <= sign <= "\udfff" for sign in data), name, data, "whole characters")
-    elif isinstance(data, dict):
+    depth = len(place)
+    if wanted := _wanted(data, depth):
+        name = _place_name(".".join(place)) or "file"
+        check(False, name, "…" if depth > MOST_NESTED else data, wanted)
+    if isinstance(data, dict):
         for key, value in data.items():
-            check(isinstance(key, str), name, key, "a table whose keys are strings")
-            _check_plain(key, place, depth)
-            _check_plain(value, (*place, key), depth + 1)
+            check(isinstance(key, str), _place_name(".".join(place)) or "file", key, "a table whose keys are strings")
+            check_data(key, place)
+            check_data(value, (*place, key))
     elif isinstance(data, list | tuple):
         for number, value in enumerate(data):
-            _check_plain(value, (*place, str(number)), depth + 1)
+            check_data(value, (*place, str(number)))
+
+
+def _wanted(data: Any, depth: int) -> str:
+    """What data must be instead, in words that complete "must be …"; empty if it may be as it is."""
+    if depth > MOST_NESTED:
+        return f"in at most {MOST_NESTED} nested lists and tables"
+    if isinstance(data, str):
+        return "whole characters" if _HALF.search(data) else ""
+    if isinstance(data, float):
+        return "" if math.isfinite(data) else "finite"
+    if isinstance(data, int):
+        return "" if abs(data) < 10**MOST_DIGITS else f"a number of at most {MOST_DIGITS} digits"
+    return "" if data is None or isinstance(data, list | tuple | dict) else "plain data"
+
+
+def checked_layout(layout: dict[str, Any]) -> dict[str, Any]:
+    """A layout whose `positions` by name and `comments` by id are as the editor writes them; the rest may be any data.
+
+    **Raises** `ValueError` that names the place.
+    """
+    for part, sound, wanted in (
+        ("positions", _is_position, "[x, y]"),
+        ("comments", _is_comment, "a table of its text and its box, [x, y, width, height]"),
+    ):
+        given = layout.get(part, {})
+        check(isinstance(given, dict), f"layout: {part}", given, "a table")
+        for name, own in given.items():
+            check(sound(own), f"layout: {part}: {_place_name(name)}", own, f"{wanted}, within {FARTHEST:g} pixels")
+    return layout
+
+
+def _is_position(value: Any) -> bool:
+    return _are_pixels(value, 2)
+
+
+def _is_comment(value: Any) -> bool:
+    if not isinstance(value, dict) or not isinstance(value.get("text"), str):
+        return False
+    box: Any = value.get("box")
+    return _are_pixels(box, 4) and min(box[2:]) > 0
+
+
+def _are_pixels(value: Any, count: int) -> bool:
+    listed = isinstance(value, list | tuple) and len(value) == count
+    return listed and all(type(x) in (int, float) and abs(x) <= FARTHEST for x in value)

@@ -40,6 +40,7 @@ class Problem(NamedTuple):
 
 
 DEEPEST = 32  # nested subsystems
+FARTHEST = 200  # subsystems and tags that a signal passes in a row
 
 
 class Source(NamedTuple):
@@ -146,6 +147,8 @@ class Scope:
         place = f"{self.path(name)}.{port}"
         if place in seen:
             raise Problem.error(self.path(name), port, "the wires form a loop that contains no block")
+        if len(seen) == FARTHEST:
+            raise Problem.error(self.path(name), port, f"the signal passes more than {FARTHEST} subsystems and tags")
         seen |= {place}
         if port not in block.outputs:
             raise Problem.error(self.path(name), port, "a wire starts at it, but there is no such output")

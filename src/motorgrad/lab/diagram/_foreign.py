@@ -5,7 +5,7 @@ import dataclasses
 import hashlib
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, ClassVar
 
 from motorgrad._errors import NotTrusted
 
@@ -38,6 +38,9 @@ class Foreign:
     appears in a block made in Python is the user's own. Code is known by its content, wherever it is kept.
     """
 
+    brings: ClassVar[str] = ""
+    """The field that names the code or holds it; empty where several do."""
+
     @property
     def key(self) -> str:
         """A hash of what would run."""
@@ -57,6 +60,12 @@ class Foreign:
         fields: Any = dataclasses.fields(self)  # pyright: ignore[reportArgumentType]
         values = {field.name: getattr(self, field.name) for field in fields}
         return _rebuild, (type(self), values, self.key if self.is_trusted else "")
+
+    def retuned(self, values: Mapping[str, Any]) -> Any:
+        """As that of any block. A library whose file was exchanged since is not trusted with it."""
+        named = not self.brings or self.brings in values
+        with contextlib.nullcontext() if named else from_a_file(trust=False):
+            return super().retuned(values)  # pyright: ignore[reportAttributeAccessIssue]
 
     def _meet(self) -> None:
         """Remember where this code was seen first. A subclass calls it when a block is made."""

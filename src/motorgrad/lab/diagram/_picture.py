@@ -1,6 +1,7 @@
 """Diagrams as pictures, in SVG: for notebooks, and wherever there is no editor."""
 
-from html import escape
+import html
+import re
 from typing import Any
 
 from motorgrad.lab.diagram._diagram import Diagram
@@ -15,6 +16,7 @@ HUES = {
     **{"dynamics": "#0072b2", "logic": "#a67c00"},
 }
 MARGIN = 30  # pixels
+_NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def to_svg(diagram: Diagram) -> str:
@@ -41,7 +43,7 @@ def to_svg(diagram: Diagram) -> str:
     return "".join(
         (
             f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="{left:g} {top:g} {width:g} {height:g}" ',
-            f'font-family="system-ui, sans-serif" role="img" aria-label="{escape(diagram.title or "diagram")}">',
+            f'font-family="system-ui, sans-serif" role="img" aria-label="{_escaped(diagram.title or "diagram")}">',
             f'<rect x="{left:g}" y="{top:g}" {size} fill="{PAGE}"/>',
             *map(_remark, remarks),
             *drawn,
@@ -142,7 +144,12 @@ def _at(place: Point, content: str) -> str:
 
 
 def _text(x: float, y: float, size: int, content: str, more: str) -> str:
-    return f'<text x="{x}" y="{y}" font-size="{size}" {more}>{escape(content)}</text>'
+    return f'<text x="{x}" y="{y}" font-size="{size}" {more}>{_escaped(content)}</text>'
+
+
+def _escaped(content: str) -> str:
+    """A text in XML, which has no way to write control characters."""
+    return html.escape(_NOT_XML.sub("\ufffd", content))
 
 
 def _fitting(content: str, width: float, letter: float) -> str:

@@ -3,6 +3,7 @@ computed.
 """
 
 import functools
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -119,6 +120,25 @@ def _crossings(one: _ByKind) -> int:
 
     numbers, own = Shape((1 + block.init_uniforms,), real), Shape((block.uniforms,), real)
     return jax.eval_shape(function, values, _signals(block.inputs), numbers, own).shape[0]
+
+
+def numbers_at_ports(block: Block) -> int:
+    """How many numbers a block takes and gives at a time."""
+    return sum(math.prod(port.shape) for ports in (block.inputs, block.outputs) for port in ports.values())
+
+
+def numbers_in_state(block: Block) -> int:
+    """How many numbers a block's state has; a host keeps its own."""
+    return 0 if isinstance(block, HostBlock) or type(block).init is Block.init else _numbers_in_state(_ByKind(block))
+
+
+@functools.lru_cache(4096)
+def _numbers_in_state(one: _ByKind) -> int:
+    block = one.block
+    values = {name: Shape(value.shape, value.dtype) for name, value in block.values().items()}
+    uniforms = Shape((block.init_uniforms,), jnp.result_type(float))
+    state = jax.eval_shape(lambda values, uniforms: block.bound(values).init(uniforms), values, uniforms)
+    return sum(math.prod(leaf.shape) for leaf in jax.tree.leaves(state))
 
 
 def _signals(ports: Mapping[str, Port]) -> dict[str, Shape]:

@@ -18,6 +18,7 @@ from motorgrad.lab.diagram import (
     Inlet,
     Node,
     Outlet,
+    checked_layout,
     dumps,
     loads,
     make_block,
@@ -50,6 +51,7 @@ class Edit(Change, op=""):
     def apply(self, document: Diagram) -> Diagram:
         scopes = opened(document, self.at)
         self.change(scopes[-1], scopes[0])
+        checked_layout(scopes[-1].layout)  # what is not allowed in a file could not be saved
         if len(scopes) > 1:
             self.follow(scopes[-2], self.at[-1])
         return scopes[0]

@@ -28,6 +28,7 @@ from typing import Any, ClassVar
 
 from motorgrad._errors import check, choice
 from motorgrad._settings import build
+from motorgrad.lab.diagram import check_data
 
 LARGEST = 50_000_000  # characters of a message
 OPERATIONS: "dict[str, type[Operation]]" = {}
@@ -231,14 +232,24 @@ def read_message(text: str) -> tuple[str, int, Operation]:
         raise ValueError("message: has too many nested lists") from None
     check(isinstance(data, dict), "message", data, "a JSON object")
     client, sequence = data.pop("client", None), data.pop("sequence", None)
-    check(isinstance(client, str) and 0 < len(client) <= 100, "client", client, "a string of 1 to 100 characters")
-    whole = isinstance(sequence, int) and not isinstance(sequence, bool)
-    check(whole and 0 <= sequence < 2**63, "sequence", sequence, "an integer from 0")
+    check(is_client(client), "client", client, "a string of 1 to 100 characters")
+    check(is_sequence(sequence), "sequence", sequence, "an integer from 0")
     return client, sequence, operation_from(data)
+
+
+def is_client(client: Any) -> bool:
+    """Whether this can be the name of a client."""
+    return isinstance(client, str) and 0 < len(client) <= 100
+
+
+def is_sequence(sequence: Any) -> bool:
+    """Whether this can be the number of a message."""
+    return type(sequence) is int and 0 <= sequence < 2**63
 
 
 def operation_from(data: dict[str, Any]) -> Operation:
     """The operation that a JSON object describes. **Raises** `ValueError` that names the wrong field."""
+    check_data(data)  # what no file may contain could neither be saved nor sent
     fields = dict(data)
     op = fields.pop("op", None)
     choice("op", op, OPERATIONS)
@@ -248,6 +259,15 @@ def operation_from(data: dict[str, Any]) -> Operation:
 def operation_data(operation: Operation) -> dict[str, Any]:
     """An operation as a JSON object, the inverse of `operation_from`."""
     return {"op": operation.op, **dataclasses.asdict(operation)}
+
+
+def event_text(event: dict[str, Any]) -> str:
+    """An event as a message. In place of one that is not JSON there is an error, so that the others still arrive."""
+    try:
+        text = json.dumps(event, ensure_ascii=False, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        return event_text({"event": "error", "message": f"{event['event']}: cannot be sent: {error}"})
+    return text.encode("utf-8", "backslashreplace").decode()  # names of files may hold bytes that are no text
 
 
 def _refuse_constant(constant: str) -> None:

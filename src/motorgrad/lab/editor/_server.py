@@ -5,7 +5,6 @@ The pages use relative paths; the WebSocket is `socket`.
 
 import asyncio
 import contextlib
-import json
 import socket
 import threading
 from collections import deque
@@ -24,6 +23,7 @@ from uvicorn.protocols.http.auto import AutoHTTPProtocol
 from motorgrad._browser import open_in_browser
 from motorgrad._errors import check
 from motorgrad._gate import BACKLOG, HEADERS, Gate, Lobby, Pace, Passed
+from motorgrad.lab.editor._protocol import event_text
 from motorgrad.lab.editor._session import Session
 from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
@@ -169,7 +169,7 @@ class _Outbox:
                 with self._lock:
                     event = self._events.popleft() if self._events else None
                 if event is not None:
-                    await send(json.dumps(event, ensure_ascii=False, allow_nan=False))
+                    await send(event_text(event))
             if self._behind:
                 self._behind = False
                 self._resend(self.put)
@@ -207,7 +207,7 @@ class _Guard:
         headers = [(name.decode("latin-1"), value.decode("latin-1")) for name, value in scope["headers"]]
         verdict = self._gate.judge(f"{scope['path']}{query and '?'}{query}", headers, upgrade)
         if isinstance(verdict, Passed):
-            self._lobby.leave(scope["client"])
+            self._lobby.leave((scope["client"], scope["server"]))
             await self._app({**scope, "path": verdict.path}, receive, send)
         elif upgrade:
             await send({"type": "websocket.close", "code": 1008})  # before accepting: status 403

@@ -186,7 +186,10 @@ class Session:
             case ask.Open():
                 document.open(*self._opened(operation))
             case ask.Recover():
-                diagram, own, bad = self._journal.recovered(operation.id)
+                with from_a_file(trust=False):  # a journal is a file, whatever else this session trusts
+                    diagram, own, bad = self._journal.recovered(operation.id)
+                if self._trust:
+                    self._offers.add(diagram)
                 if bad:
                     said = f"recovered up to line {bad} of {operation.id}, which makes no sense"
                     self._emit({"event": "error", "message": said})
@@ -216,7 +219,7 @@ class Session:
         """Write a change to the journal, and update the run and the list of problems."""
         try:
             self._journal.record(before, self._document.diagram, operation)
-        except OSError as error:
+        except (OSError, ValueError) as error:
             self._emit({"event": "error", "message": f"autosave: {error}"})
         if not isinstance(operation, edits.Move | edits.Comment):  # these do not affect the run
             self._runner.edit(self._document.diagram, isinstance(operation, ask.Open | ask.New))
@@ -281,9 +284,14 @@ class Session:
 
         def find() -> None:
             if revision == self._document.revision:
-                found = [problem._asdict() for problem in problems(diagram)]
-                quick = [] if found else [warning._asdict() for warning in warnings(diagram)]
-                about = {"list": found, "warnings": quick, "shapes": shapes(diagram)}
+                try:
+                    found = [problem._asdict() for problem in problems(diagram)]
+                    quick = [] if found else [warning._asdict() for warning in warnings(diagram)]
+                    about = {"list": found, "warnings": quick, "shapes": shapes(diagram)}
+                except Exception as error:  # a block's own code may raise anything; nobody would hear of it here
+                    said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+                    own = {"path": "", "port": None, "message": f"its problems cannot be found: {said}"}
+                    about = {"list": [own], "warnings": [], "shapes": {}}
                 about["foreign"] = self._offers.of(diagram)
                 self._problems = {"event": "problems", "revision": revision, **about}
                 self._emit(self._problems)
@@ -317,8 +325,8 @@ def _answer(own: Event, error: Exception | None) -> Event:
 def _refused(text: str, error: ValueError) -> Event:
     """The answer to a message that cannot be parsed, addressed to its sender if it names one."""
     try:
-        data = json.loads(text)
-        own = {name: data.get(name) for name in ("client", "sequence")}
+        data, known = json.loads(text), {"client": ask.is_client, "sequence": ask.is_sequence}
+        own = {name: data.get(name) if fits(data.get(name)) else None for name, fits in known.items()}
     except (ValueError, AttributeError, RecursionError):
         own = {}
     return {"event": "refused", **own, "message": " ".join(str(error).splitlines())}

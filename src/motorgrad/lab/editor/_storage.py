@@ -67,7 +67,10 @@ class Folder:
 
     def contains(self, path: Path) -> bool:
         """Whether the session may save a file at this path."""
-        return path.parent.resolve() == self.folder
+        try:
+            return path.parent.resolve() == self.folder and self._path(path.name).name == path.name
+        except (OSError, ValueError):  # its name is none, or it is a link that leads out of the folder
+            return False
 
     def mark_seen(self, path: Path) -> None:
         """Record the current content of a file as seen."""

@@ -5,7 +5,7 @@ from typing import Any
 
 from motorgrad._errors import check
 from motorgrad.lab.blocks import Constant
-from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Gate, Inlet, Node, Outlet, numbered_names
+from motorgrad.lab.diagram import LONGEST_NAME, Diagram, End, Gate, Inlet, Node, Outlet, checked_layout, numbered_names
 from motorgrad.lab.diagram import group as group_blocks
 
 
@@ -52,7 +52,7 @@ def group(scope: Diagram, document: Diagram, names: list[str], name: str | None)
     scope.wires = made.wires
     placed = {each: place for each, place in places.items() if each not in names}
     if any(each in places for each in names):
-        inner.layout = {"positions": own}
+        inner.layout = checked_layout({"positions": own})
         placed[title] = [(left + right) / 2, top]
     if "positions" in scope.layout:
         scope.layout = scope.layout | {"positions": placed}

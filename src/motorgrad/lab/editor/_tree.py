@@ -120,7 +120,7 @@ class Tree:
         before, self._seeds = self._seeds, chosen
         try:
             self.begin()
-        except ValueError:
+        except Exception:  # memory that there is not, too
             self._seeds = before
             raise
 
@@ -233,8 +233,8 @@ class Tree:
         """Replay a log. **Returns** `branch`, `tick`, and whether the state `matches` the log's digest bit for bit."""
         log = checked_log(log)
         parts = log["parts"]
-        self.diagram, self._seeds = loads(parts[0]["diagram"]), log["seeds"]
-        self.begin()
+        self.diagram = loads(parts[0]["diagram"])
+        self.reseed(log["seeds"])
         for part in parts:
             if part is not parts[0]:
                 self.diagram, self.stale = loads(part["diagram"]), True

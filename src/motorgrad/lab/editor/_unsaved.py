@@ -36,9 +36,11 @@ class Unsaved(NamedTuple):
                 title = _title(change["diagram"])
                 continue
             own = change["do"]
-            fields = own.get("fields")
-            if own.get("op") == "set" and own.get("at") == [] and own.get("name") is None and isinstance(fields, dict):
-                title = {**fields, own.get("field"): own.get("value")}.get("title", title)
+            if own.get("op") == "set" and own.get("at") == [] and own.get("name") is None:
+                fields = own.get("fields")
+                if isinstance(fields, dict):
+                    title = fields.get("title", title)
+                title = own.get("value") if own.get("field") == "title" else title
         return title if isinstance(title, str) else ""
 
     def diagram(self) -> tuple[Diagram, int]:

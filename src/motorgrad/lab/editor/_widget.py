@@ -15,6 +15,7 @@ except ImportError:
     raise missing("the editor in a notebook needs", "anywidget", "lab") from None
 
 from motorgrad.lab.diagram import Diagram
+from motorgrad.lab.editor._protocol import event_text
 from motorgrad.lab.editor._session import Session
 from motorgrad.lab.editor._static import NOT_BUILT, STATIC
 
@@ -57,7 +58,7 @@ class Editor(anywidget.AnyWidget):
     def _send_events(self) -> None:
         """Send events in order, from any thread."""
         while (event := self._events.get()) is not None:
-            self.send(json.dumps(event, ensure_ascii=False, allow_nan=False))
+            self.send(event_text(event))
 
     def _receive(self, widget: Any, content: Any, buffers: Any) -> None:
         if isinstance(content, str):
