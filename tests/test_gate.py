@@ -1,9 +1,12 @@
 """The gate of both pages: every way past it that a stranger could try, without a server."""
 
 import asyncio
+import contextlib
 import itertools
 import re
+import socket
 import stat
+import sys
 import webbrowser
 from pathlib import Path
 from types import SimpleNamespace
@@ -275,3 +278,38 @@ def test_a_crowd_of_strangers_is_limited_and_who_knows_gets_in():
 
     lobby = Lobby()
     assert asyncio.run(_visited(lobby, visit)) <= STRANGERS
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all of 127.0.0.0/8")
+def test_one_port_of_a_stranger_is_a_connection_to_each_address_of_the_page():
+    """A page that listens everywhere has many addresses; the client's alone does not tell connections apart."""
+
+    async def visit(port):
+        with contextlib.ExitStack() as held:
+            source = ("127.0.0.1", 0)
+            for last in range(1, 9):
+                stranger = held.enter_context(socket.socket())
+                stranger.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                stranger.bind(source)
+                stranger.setblocking(False)
+                await asyncio.get_running_loop().sock_connect(stranger, (f"127.0.0.{last}", port))
+                source = stranger.getsockname()
+            while len(transports) < 8:
+                await asyncio.sleep(0)
+            return len(lobby), sum(made.is_closing() for made in transports)
+
+    class Quiet(asyncio.Protocol):
+        def connection_made(self, transport):
+            lobby.enter(transport)
+            transports.append(transport)
+
+    async def all_of():
+        loop = asyncio.get_running_loop()
+        server = await loop.create_server(Quiet, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        others = await loop.create_server(Quiet, [f"127.0.0.{last}" for last in range(2, 9)], port)
+        async with server, others:
+            return await visit(port)
+
+    lobby, transports = Lobby(many=5), []
+    assert asyncio.run(all_of()) == (5, 3)

@@ -32,6 +32,10 @@ HEADERS = {
 """Headers of every answer. Without a referrer, no other server is told the address."""
 
 
+Ends = tuple[tuple[str, int], tuple[str, int]]
+"""Of a connection: address and port of the client, and those of the page."""
+
+
 class Passed(NamedTuple):
     """A request that is served.
 
@@ -191,43 +195,47 @@ class Lobby:
 
     def __init__(self, many: int = STRANGERS, patience: float = PATIENCE):
         self._many, self._patience = many, patience
-        self._waiting: dict[tuple[str, int], tuple[asyncio.Transport, asyncio.TimerHandle]] = {}
+        self._waiting: dict[Ends, tuple[asyncio.Transport, asyncio.TimerHandle]] = {}
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def enter(self, transport: asyncio.Transport) -> None:
         """Take in a new connection, within its event loop."""
-        client = _client(transport)
-        if client is None:  # it has gone already
+        ends = _ends(transport)
+        if ends is None:  # it has gone already
             transport.abort()
             return
-        self.leave(client)  # an earlier connection from there has ended
+        if ends in self._waiting:  # an earlier connection between them has ended
+            self._close(ends)
         if len(self._waiting) >= self._many:
             ended = (known for known, (other, _) in self._waiting.items() if other.is_closing())
             self._close(next(ended, next(iter(self._waiting))))
-        expiry = asyncio.get_running_loop().call_later(self._patience, self._close, client)
-        self._waiting[client] = transport, expiry
+        expiry = asyncio.get_running_loop().call_later(self._patience, self._close, ends)
+        self._waiting[ends] = transport, expiry
 
-    def leave(self, client: tuple[str, int] | None) -> None:
-        """Let a connection stay that has shown a token, or forget one that has ended. `client` is its address."""
-        if client in self._waiting:
-            self._waiting.pop(client)[1].cancel()
+    def leave(self, ends: Ends | None) -> None:
+        """Let a connection stay that has shown a token. `ends` are the addresses of the client and of the page."""
+        if ends in self._waiting:
+            self._waiting.pop(ends)[1].cancel()
 
     def left(self, transport: asyncio.Transport) -> None:
-        """As `leave`, for a transport."""
-        self.leave(_client(transport))
+        """As `leave`, for a transport; also to forget one that has ended, and no later one between the same ends."""
+        ends = _ends(transport)
+        if ends in self._waiting and self._waiting[ends][0] is transport:
+            self.leave(ends)
 
-    def _close(self, client: tuple[str, int]) -> None:
-        transport = self._waiting[client][0]
-        self.leave(client)
+    def _close(self, ends: Ends) -> None:
+        transport = self._waiting[ends][0]
+        self.leave(ends)
         transport.abort()
 
 
-def _client(transport: asyncio.BaseTransport) -> tuple[str, int] | None:
-    """The address and port of whoever has connected."""
-    peer = transport.get_extra_info("peername")
-    return None if peer is None else (str(peer[0]), int(peer[1]))
+def _ends(transport: asyncio.BaseTransport) -> Ends | None:
+    """The two ends of a connection: a page that listens everywhere has many addresses, to all of which a client may
+    connect from one port."""
+    peer, own = (transport.get_extra_info(name) for name in ("peername", "sockname"))
+    return None if peer is None or own is None else ((str(peer[0]), int(peer[1])), (str(own[0]), int(own[1])))
 
 
 def _lead(door: Door) -> Answer:

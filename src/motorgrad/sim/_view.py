@@ -90,6 +90,8 @@ def view(
     from motorgrad.sim.live import Session, Speed, setup_of, side_by_side
     from motorgrad.sim.page import Page, check_port, warn_of
 
+    for name, value in (("playing", playing), ("frozen", frozen), ("wait", wait), ("trust", trust)):
+        check(value is None or isinstance(value, bool), name, value, "True or False")
     Speed(speed)  # refuses an impossible one before anything starts
     check_port(host, port)
     first, label, others = side_by_side(run, seed, beside)

@@ -16,7 +16,7 @@ from viser import _messages as viser_messages
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from motorgrad._gate import COOKIE, STRANGERS
-from motorgrad.sim.page import ExposedWarning, warn_of
+from motorgrad.sim.page import ExposedWarning, check_port, warn_of
 from motorgrad.sim.page._server import KINDS, LARGEST_PICTURE, MOST, TOLERATED, read_message
 
 
@@ -341,6 +341,13 @@ def test_the_address_names_no_host_that_another_user_could_answer_for(page):
             assert "localhost" not in url
             assert f"http://127.0.0.1:{page.server.get_port()}/" in url
     assert alive(page)
+
+
+@pytest.mark.parametrize("host", ["", " ", 5, "x" * 300, "two words", "192.0.2.1"])
+def test_a_host_that_is_not_of_this_machine_is_refused(host):
+    """viser would wait for ever; and an empty name would stand for all that are not readable."""
+    with pytest.raises(ValueError, match=r"^host = .*: (must be|cannot listen there)"):
+        check_port(host, None)
 
 
 def test_connections_without_a_token_exhaust_nothing(page):

@@ -11,12 +11,20 @@ from motorgrad._gate import COOKIE
 from motorgrad.sim import live
 from motorgrad.sim.page._server import read_message
 from motorgrad.sim.scene import own, own_elements, watches
+from motorgrad.sim.scene._own import _own
 
 
 def of(page, connection):
-    """viser's handle of the only browser, once its elements are there."""
-    assert until(lambda: [*page.server.get_clients().values()])
-    (found,) = page.server.get_clients().values()
+    """viser's handle of a browser, once its elements are there; one that has gone may still be there, too."""
+
+    def handles():
+        known = dict(page.server._websock_server._live_connections)
+        port = connection.local_address[1]
+        numbers = [number for number, each in known.items() if each.remote_address[1] == port]
+        return [each for number, each in page.server.get_clients().items() if number in numbers]
+
+    assert until(handles)
+    (found,) = handles()
     assert until(lambda: page.view.cameras.chosen(found.client_id) and len(own_elements(found)) > 5)
     return found
 
@@ -254,3 +262,18 @@ def test_the_sky_of_who_drives_is_no_watchers(page):
         pose = page._pose
         sky.draw(pose)
         assert sky._far > 1.0
+
+
+def test_a_list_of_keys_that_is_asked_for_again_and_again_is_kept_once(page, quiet):
+    """viser keeps what a browser has opened until it leaves."""
+    with client(page, url=page.read_only_url) as connection:
+        found = of(page, connection)
+        assert until(lambda: any(getattr(each, "label", "") == "Keys (?)" for each in own_elements(found).values()))
+        button = next(each for each in own_elements(found).values() if getattr(each, "label", "") == "Keys (?)")
+        for _ in range(100):
+            update(connection, button, True)
+        send(connection, **{**CAMERA, "position": (1.0, 2.0, 4.0)})
+        assert until(lambda: tuple(found.camera.position) == (1.0, 2.0, 4.0))
+        assert len(found.gui._modal_handle_from_uuid) == 1
+        assert len(own_elements(found)) == len(_own[found])
+    assert quiet() == []

@@ -34,3 +34,28 @@ def test_what_was_saved_by_the_page_is_replaced_as_long_as_nobody_has_changed_it
     with pytest.raises(ValueError, match="take another name"):
         save_task(file, SETTINGS)
     assert file.read_text() == changed
+
+
+def test_a_file_of_a_term_is_read_in_the_folders_of_the_page_alone(tmp_path):
+    pytest.importorskip("viser")
+    from motorgrad.sim.panels._learn import confined_term
+
+    folder = tmp_path / "work"
+    folder.mkdir()
+    (tmp_path / "secret.csv").write_text("0,1\nsecret,2\n")
+    (folder / "out.csv").symlink_to(tmp_path / "secret.csv")
+    term = {"kind": "follow", "parts": "hand"}
+    assert confined_term(term, [folder]) == term
+    assert confined_term({**term, "file": "way.csv"}, [folder])["file"] == str(folder / "way.csv")
+    for file in (str(tmp_path / "secret.csv"), "../secret.csv", "out.csv", "/etc/passwd", ["way.csv", "other.csv"]):
+        with pytest.raises(ValueError, match=r"path = .* must be within|must be one path, without a comma"):
+            confined_term({**term, "file": file}, [folder])
+
+
+@pytest.mark.parametrize("text", ["inf", "-inf", "nan", "1e999", "", "1; rm"])
+def test_a_number_of_the_page_is_finite(text):
+    pytest.importorskip("viser")
+    from motorgrad.sim.panels._learn import _number
+
+    with pytest.raises(ValueError, match=r"Decisions = .*: must be a finite number"):
+        _number("Decisions", text)

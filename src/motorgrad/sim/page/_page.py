@@ -59,18 +59,22 @@ def warn_of(host: str) -> None:
 
 
 def check_port(host: str, port: int | None) -> None:
-    """Refuse a port that cannot be used. **Raises** `ValueError`."""
-    if port is None:
+    """Refuse a host and a port on which no page can listen; with None, any port. **Raises** `ValueError`."""
+    check(isinstance(host, str) and bool(host.strip()), "host", host, "an address or a name of this machine")
+    whole = isinstance(port, int) and not isinstance(port, bool)
+    check(port is None or (whole and 1 <= port <= 65535), "port", port, "from 1 to 65535")
+    named = HERE if host.lower() == "localhost" else host
+    if port is None and named == HERE:
         return
-    check(isinstance(port, int) and 1 <= port <= 65535, "port", port, "from 1 to 65535")
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            why = error.strerror or str(error)
-            raise ValueError(f"port = {port}: cannot listen on {host}: {why.lower()}") from None
+    try:  # viser would wait for ever for a server that cannot listen
+        family, kind, _, _, address = socket.getaddrinfo(named, port or 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except (OSError, UnicodeError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        given = f"host = {host!r}: cannot listen there" if port is None else f"port = {port}: cannot listen on {host}"
+        raise ValueError(f"{given}: {why.lower()}") from None
 
 
 FRAME = 1 / 30  # s
@@ -93,12 +97,12 @@ class Page:
     `motorgrad.sim.panels.Overlay`); `tour`: its guided tour, which takes steps of your own (see
     `motorgrad.sim.panels.Tours`).
 
-    **Raises** `ValueError` for a port that is in use.
+    **Raises** `ValueError` for a host or a port on which it cannot listen.
     """
 
     def __init__(self, session: Session, host: str = HERE, port: int | None = None, wait: bool = True):
-        host = HERE if host.lower() == "localhost" else host
         check_port(host, port)
+        host = HERE if host.lower() == "localhost" else host
         self.session, self.host = session, host
         self._recordings: list[FilmRecorder | SlowFilmRecorder | ReplayRecorder] = []
         self._gate = Gate(host, "`motorgrad sim`, or `page.url`,", watched=True)

@@ -25,7 +25,7 @@ from motorgrad._errors import check, choice, shown
 from motorgrad._gate import BACKLOG, HEADERS, Answer, Gate, Lobby, Pace, Passed
 from motorgrad.sim.page._additions import with_additions
 from motorgrad.sim.page._plots import PlotPages
-from motorgrad.sim.page._watching import SHARE, may_watch
+from motorgrad.sim.page._watching import RATE, SHARE, may_watch
 
 KINDS: dict[str, Any] = {
     kind.__name__: kind
@@ -190,10 +190,10 @@ class _Front:
         page.headers["Content-Length"] = str(len(page.body))
         page.headers["Content-Encoding"] = "gzip" if zipped else "identity"
 
-    def _check(self, raw: Any, watches: bool) -> bool:
+    def _check(self, raw: Any, sender: "_Client") -> bool:
         """Check a message before viser reads it; whether it may. **Raises** `ValueError`."""
         message = read_message(raw)
-        if watches and not may_watch(self.server, message):
+        if sender.watches and not may_watch(self._handle_of(sender), message):
             return False
         if isinstance(message, viser_messages.GuiUpdateMessage) and self.server is not None:
             apis = [self.server.gui, *(client.gui for client in self.server.get_clients().values())]
@@ -201,6 +201,14 @@ class _Front:
             for handle in filter(None, found):
                 check_value(handle, message.updates)
         return True
+
+    def _handle_of(self, sender: "_Client") -> viser.ClientHandle | None:
+        """viser's handle of a browser; None until it has sent its first message."""
+        if self.server is None:
+            return None
+        connections = self.server._websock_server._live_connections
+        number = next((number for number, known in connections.items() if known is sender), None)
+        return self.server.get_clients().get(number)  # type: ignore[arg-type]
 
 
 def _through(lobby: Lobby) -> type[websockets.asyncio.server.ServerConnection]:
@@ -224,9 +232,10 @@ class _Client:
     **Attributes:** `watches`: whether it may only watch; what it may not send is left out.
     """
 
-    def __init__(self, connection: Any, check: Callable[[Any, bool], bool], watches: bool):
+    def __init__(self, connection: Any, check: Callable[[Any, Any], bool], watches: bool):
         self._connection, self._check, self.watches = connection, check, watches
-        self._pace, self._size, self._refused, self._ignored = Pace(), 0, 0, False
+        self._pace = Pace(RATE) if watches else Pace()
+        self._size, self._refused, self._ignored = 0, 0, False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._connection, name)
@@ -238,7 +247,7 @@ class _Client:
             raw = await self._connection.recv()
             self._size = len(raw)
             try:
-                allowed = self._check(raw, self.watches)
+                allowed = self._check(raw, self)
             except ValueError as error:
                 self._refused += 1
                 log.warning("a browser's message was refused: %s", _line(error))

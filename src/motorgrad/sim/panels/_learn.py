@@ -5,8 +5,11 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import html
+import math
+import shlex
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -94,7 +97,9 @@ class LearnPanel(Panel):
 
     def settings(self) -> dict[str, Any]:
         """The settings of the task that the page describes, as a file has them. **Raises** `ValueError`."""
-        found: dict[str, Any] = {place: tables for place, each in self._lists.items() if (tables := each.tables())}
+        folders = self.session.folders
+        lists = {place: [confined_term(term, folders) for term in each.tables()] for place, each in self._lists.items()}
+        found: dict[str, Any] = {place: tables for place, tables in lists.items() if tables}
         found["actions"] = self._actions.value
         found["action_period"] = _number("Decision (s)", self._period.value)
         if self._limit.value.strip():
@@ -106,6 +111,11 @@ class LearnPanel(Panel):
         elif patterns != ["*"]:
             found["groups"] = self._anatomy.named("actuator", patterns)
         return found | {name: self._rest[name] for name in ("scaling", "commands") if name in self._rest}
+
+    def _decisions(self) -> int:
+        steps = round(_number("Decisions", self._steps.value.replace(",", "").replace("_", "")))
+        check(1 <= steps < 2**32, "Decisions", steps, "from 1 on")
+        return steps
 
     def _take(self, settings: dict[str, Any]) -> None:
         """Show these settings."""
@@ -129,8 +139,7 @@ class LearnPanel(Panel):
     def _setup(self) -> Setup:
         """A learner of the task."""
         task, session = self.task(), self.session
-        steps = round(_number("Decisions", self._steps.value.replace(",", "").replace("_", "")))
-        check(1 <= steps < 2**32, "Decisions", steps, "from 1 on")
+        steps = self._decisions()
         preset = None if self._preset.value == OWN else self._preset.value
         found = setup_of(
             task, agent_for(task, preset=preset, steps=steps), int(self._seed.value), stage=session.setup.stage
@@ -163,13 +172,13 @@ class LearnPanel(Panel):
         self._tell("drawing …")
 
     def _save(self) -> None:
-        task = self.task()
+        task, steps = self.task(), self._decisions()
         path = confined(self._path.value.strip(), self.session.folders)
         settings = {"body": table(task)["body"], **self.settings()}
         save_task(path, settings)
         preset = "" if self._preset.value == OWN else f" --preset {self._preset.value}"
-        steps = self._steps.value.replace(",", "")
-        self._tell(f"Saved. It is repeated by: motorgrad train {path.name} --steps {steps} --seeds 8{preset}")
+        name = shlex.quote(path.name)  # for a shell, into which it is copied
+        self._tell(f"Saved. It is repeated by: motorgrad train {name} --steps {steps} --seeds 8{preset}")
 
     def _tried(self, act: Any) -> None:
         """Do something, and show an error here, where it was made."""
@@ -194,6 +203,15 @@ def plain(task: Composed) -> dict[str, Any]:
     short = {full: name for name, full in Composed.aliases.items()}
     found = {short.get(name, name): value for name, value in table(task).items() if name not in ("body", "name")}
     return {name: value for name, value in found.items() if name in PLACES or name in SETTINGS}
+
+
+def confined_term(term: dict[str, Any], folders: Sequence[Path]) -> dict[str, Any]:
+    """A term whose file, if it names one, is in the folders that a page may read. **Raises** `ValueError`."""
+    file = term.get("file")
+    if file is None:
+        return term
+    check(isinstance(file, str), f"{term['kind']}: file", file, "one path, without a comma")
+    return {**term, "file": str(confined(file, folders))}
 
 
 def save_task(path: Path, settings: dict[str, Any]) -> None:
@@ -227,6 +245,8 @@ def _without_none(value: Any) -> Any:
 
 def _number(name: str, text: str) -> float:
     try:
-        return float(text)
+        found = float(text)
     except ValueError:
-        raise ValueError(f"{name} = {text!r}: must be a number") from None
+        found = math.nan
+    check(math.isfinite(found), name, text, "a finite number")
+    return found

@@ -26,7 +26,7 @@ def own(handle: Any) -> Any:
     client = handle._impl.gui_api._owner
     if not isinstance(client, viser.ClientHandle):
         raise TypeError("own: an element that all browsers share")
-    _own.setdefault(client, set()).add(handle._impl.uuid)
+    _own[client] = {*own_elements(client), handle._impl.uuid}  # without those that were removed
     return handle
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import threading
 from typing import Any, ClassVar
 
@@ -117,11 +118,19 @@ KEYS = {
 def add_help(client: Any) -> None:
     """Show a browser the list of keys on `?`, and by a button in the open container."""
     rows = "\n".join(f"| `{key}` | {meaning} |" for key, meaning in KEYS.items())
+    shown: list[Any] = []
 
-    def show(_: Any) -> None:
+    # coroutines, as viser's threads are for all browsers, and one that asks again and again must not fill them
+    async def close(_: Any) -> None:
+        while shown:
+            shown.pop().close()
+
+    async def show(event: Any) -> None:
+        await close(event)  # viser does not hear that a browser has closed a list, and would keep them all
         with client.gui.add_modal("Keys and mouse") as modal:
+            shown.append(modal)
             client.gui.add_markdown(f"| key | what it does |\n|---|---|\n{rows}")
-            own(client.gui.add_button("Close")).on_click(lambda _: modal.close())
+            own(client.gui.add_button("Close")).on_click(close)
 
     # missing in viser's type, but its client knows it: the character typed, which takes shift on most keyboards
     hotkey: Any = "?"
@@ -148,7 +157,8 @@ class View:
         if self._scene.draws:
             self.cameras.build(server, session)
         else:
-            server.gui.add_markdown(f"{session.name} has no picture, and so no cameras: its panels show what it does.")
+            words = f"{session.name} has no picture, and so no cameras: its panels show what it does."
+            server.gui.add_html(f'<p style="margin:0 12px 6px">{html.escape(words)}</p>')
         with server.gui.add_folder("Show"):
             for layer in self._scene.layers:
                 if layer.name and layer.applies:
