@@ -1,12 +1,14 @@
 """Names that matplotlib would read as formulas, in every figure that shows names."""
 
 import shutil
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import motorgrad as mg
 from motorgrad import sim
+from motorgrad._labels import literal
 from motorgrad.cli import main
 
 WRONG = r"$\frac{$ and $x_"  # no formula: to draw it as one is an error
@@ -25,6 +27,16 @@ def test_names_of_folders_are_shown_as_they_are(name, finished, tmp_path, monkey
         shutil.copytree(finished, each)
     assert main(["plot", name, "other", "--out", "out.svg"]) == 0
     assert name in (tmp_path / "out.svg").read_text()
+
+
+def test_a_name_with_control_characters_leaves_a_figure_that_can_be_read():
+    """As it did not: XML has no codes for them."""
+    from motorgrad.studies.comparison import _figures
+
+    svg = _figures.panel(lambda axes: axes.set_xlabel(literal("a\x1b[31m\0")), "b\x1b\ud800")
+    assert r"a\x1b[31m\x00" in svg
+    assert r"b\x1b\ud800" in svg
+    ElementTree.fromstring(_figures._with_key(svg, ["c\x07"]).replace("xlink:", ""))
 
 
 def test_names_of_blocks_are_shown_as_they_are():

@@ -106,6 +106,8 @@ def test_a_module_that_is_named_is_found_last(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [place for place in sys.path if place])
     before = [*sys.path]
+    assert main(["--import", "json", "--version"]) == 0
+    assert sys.path == before  # or what other libraries try to import would be looked for here
     (tmp_path / "named_here.py").write_text("import there_too\n")
     (tmp_path / "there_too.py").write_text("")
     assert main(["--import", "named_here", "--version"]) == 0
@@ -118,6 +120,8 @@ def test_a_module_that_is_named_is_found_last(tmp_path, monkeypatch, capsys):
     sys.modules.pop("colorsys", None)
     assert main(["--import", "folder/colorsys.py", "--version"]) == 2
     assert "cannot import 'colorsys': another module of this name is installed" in capsys.readouterr().err
+    assert main(["--import", ".x", "--version"]) == 2
+    assert "cannot import '.x': must be the name of a module" in capsys.readouterr().err
     for name in ("named_here", "there_too", "by_its_path"):
         del sys.modules[name]
 
@@ -147,7 +151,7 @@ def test_a_job_elsewhere_finds_modules_that_are_named_and_finds_them_last(mark, 
     assert not mark.exists()
     del sys.modules["my_job"]
     assert process_settings(2)["PYTHONSAFEPATH"] == "1"  # where Ray and Slurm start it
-    assert parcel(my_job.Job(), tmp_path, Work())[2] is False
+    assert parcel(my_job.Job(), tmp_path, Work())[2] == ()
 
 
 STARTS = re.compile(r"sys\.executable|get_context\(|ProcessPoolExecutor\(")

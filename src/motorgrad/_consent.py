@@ -3,6 +3,7 @@
 A name is allowed as a whole, such as `"module:Name-v0"`. That a module is loaded, or can be found, is no consent.
 """
 
+import os
 from collections.abc import Iterable
 
 HOW = "trust=True in Python, --trust on the command line, or mg.tasks.from_gymnasium with its id"
@@ -16,9 +17,13 @@ def allow(names: Iterable[str]) -> None:
 
 
 def allow_words(words: Iterable[str]) -> None:
-    """Let code run that the words of a command line name: a word, or the value of an option `--name=value`."""
+    """Let code run that the words of a command line name: a word, or the value of an option `--name=value`.
+
+    A word that is a path names a file, and no code, whatever a stranger has called it.
+    """
     for word in words:
-        allow((word, word.partition("=")[2]) if word.startswith("--") else (word,))
+        said = (word, word.partition("=")[2]) if word.startswith("--") else (word,)
+        allow(name for name in said if not os.path.lexists(name))
 
 
 def allowed() -> tuple[str, ...]:

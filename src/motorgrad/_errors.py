@@ -3,6 +3,7 @@
 import difflib
 import math
 import numbers
+import unicodedata
 from collections.abc import Iterable
 from typing import Any
 
@@ -12,7 +13,14 @@ OWN = "import the module that registers your own first, as motorgrad --import MO
 
 
 class NotTrusted(RuntimeError):
-    """A file names code that would run, and the user has not trusted it."""
+    """A file names code that would run, and the user has not trusted it.
+
+    `names`: the names that would allow it (`motorgrad._consent`), where the message shows all that they stand for.
+    """
+
+    def __init__(self, message: str, names: Iterable[str] = ()):
+        super().__init__(message)
+        self.names = tuple(names)
 
 
 def check(condition: Any, name: str, value: Any, allowed: str) -> None:
@@ -63,6 +71,14 @@ def shown(value: Any) -> str:
     except (ValueError, RecursionError):  # an integer of thousands of digits; deeply nested lists
         return f"{type(value).__name__} too large to show"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def plain(text: Any) -> str:
+    """A text as one line for a terminal: characters that would steer it, or turn letters around, are shown as codes."""
+    line = " ".join(str(text).splitlines())
+    if line.isprintable():
+        return line
+    return "".join(c if c.isprintable() or unicodedata.category(c) == "Zs" else ascii(c)[1:-1] for c in line)
 
 
 def unknown(

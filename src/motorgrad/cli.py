@@ -1,5 +1,6 @@
 """The command line. Every command is a typed dataclass and one call of the library."""
 
+import io
 import os
 import re
 import sys
@@ -8,14 +9,14 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from motorgrad._commands import COMMANDS, IMPORTED
-from motorgrad._consent import allow_words
-from motorgrad._errors import NotTrusted
+from motorgrad._consent import allow, allow_words
+from motorgrad._errors import NotTrusted, plain
 from motorgrad._processes import SAFE
 from motorgrad._signals import asked, interrupt_when_asked
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command. Returns the exit status: 0 done, 2 bad input, 130 stopped by Ctrl-C or SIGTERM."""
+    """Run a command. Returns the exit status: 0 done, 2 bad input, 130 stopped by Ctrl-C, SIGTERM or SIGHUP."""
     arguments = sys.argv[1:] if arguments is None else arguments
     name = "--import"
     try:
@@ -44,16 +45,17 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(name: str, rest: list[str]) -> int:
     """Run a command. Where it would run code that a file names, ask at a terminal."""
-    try:
-        return _command(name)(rest)
-    except NotTrusted as error:
-        if not (sys.stdin.isatty() and sys.stderr.isatty()):
-            raise
-        print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
-        print("Run it? [y/N] ", end="", file=sys.stderr, flush=True)
-        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-            return 2
-    return _command(name)([*rest, "--trust"])
+    while True:
+        try:
+            return _command(name)(rest)
+        except NotTrusted as error:
+            if not (error.names and sys.stdin.isatty() and sys.stderr.isatty()):
+                raise
+            print(f"motorgrad {plain(name)}: {plain(error)}", file=sys.stderr)
+            print("Run it? [y/N] ", end="", file=sys.stderr, flush=True)
+            if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+                return 2
+            allow(error.names)  # these alone: what else the files name is asked for in turn
 
 
 def _after_imports(arguments: list[str]) -> list[str]:
@@ -69,7 +71,10 @@ def _after_imports(arguments: list[str]) -> list[str]:
 
 
 def _import(name: str) -> None:
-    """Import a module of the user's: a file, a module of the working folder or an installed one."""
+    """Import a module of the user's: a file, an installed module or one of the working folder.
+
+    Only for the last is the working folder looked in, as it may hold what other libraries try to import.
+    """
     import importlib.util
     from pathlib import Path
 
@@ -86,7 +91,10 @@ def _import(name: str) -> None:
         name, found = file.stem, importlib.util.find_spec(file.stem)
         if found is None or Path(found.origin or "").resolve() != file:
             raise ValueError(f"cannot import {name!r}: another module of this name is installed, rename the file")
-    _look_in("")
+    elif not all(map(str.isidentifier, name.split("."))):
+        raise ValueError(f"cannot import {name!r}: must be the name of a module, or of a file that ends in .py")
+    elif importlib.util.find_spec(name.partition(".")[0]) is None:
+        _look_in("")
     try:
         importlib.import_module(name)
     except ImportError as error:
@@ -111,7 +119,7 @@ def _answer(name: str, error: BaseException) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     if isinstance(error, ValueError | OSError | RuntimeError):
-        print(f"motorgrad {name}: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        print(f"motorgrad {plain(name)}: {plain(error)}", file=sys.stderr)
         return 2
     raise error
 
@@ -143,13 +151,15 @@ def _help() -> str:
 def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
     """Show a warning as one line, without the place in the code and without colours."""
     words = " ".join(re.sub("\x1b\\[[0-9;]*m", "", str(message)).split())
-    print(f"motorgrad: warning: {words.removeprefix('WARN: ')}", file=sys.stderr)
+    print(f"motorgrad: warning: {plain(words.removeprefix('WARN: '))}", file=sys.stderr)
 
 
 def run() -> NoReturn:
     """Run the command line as a process."""
     os.environ.update(SAFE)
     warnings.showwarning = _warn
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files need not be text
     status = main()
     if status:
         # everything is saved, and libraries whose threads are still starting may abort the process at exit

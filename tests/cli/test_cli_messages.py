@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import os
 import subprocess
 import sys
 import tomllib
@@ -11,7 +12,7 @@ import pytest
 
 import motorgrad as mg
 from motorgrad._commands import COMMANDS
-from motorgrad._commands._results import summary, summary_text
+from motorgrad._commands._results import print_place, summary, summary_text
 from motorgrad._docstrings import attribute_texts, descriptions
 from motorgrad._errors import counted
 from motorgrad._settings import as_hinted, default_of
@@ -274,3 +275,39 @@ def test_the_text_of_an_option_breaks_only_at_the_edge(monkeypatch, capsys):
 
 def test_one_is_counted_in_the_singular():
     assert [counted(n, "seed") for n in (0, 1, 2000)] == ["0 seeds", "1 seed", "2,000 seeds"]
+
+
+STEERING = "\x1b]0;title\x07\x1b[2K\u202etxt"
+
+
+def test_nothing_that_a_file_or_a_folder_is_called_steers_the_terminal(tmp_path, monkeypatch, capsys):
+    """As names did that erased the line that warned of them, or turned its letters around."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / STEERING).mkdir()
+    for command in ([STEERING], ["evaluate", STEERING], ["sweep", f"{STEERING}.toml"]):
+        _, words = said(capsys, *command)
+        assert words.isprintable(), command
+    print_place(SimpleResults(tmp_path / STEERING), "", "study")
+    words = capsys.readouterr().out
+    assert words.replace("\n", "").isprintable()
+    assert r"set aside after 3 attempts: 0000-chain: \x1b]0;title\x07" in words
+
+
+class SimpleResults:
+    """What is told of a study's results."""
+
+    complete = True
+    failures = ({"attempts": 3, "job": "0000-chain", "message": STEERING},)
+
+    def __init__(self, path):
+        self.path = path
+
+
+def test_a_name_that_is_no_text_is_told_and_ends_nothing(tmp_path, compiled_environment):
+    """As it did after the work was done: the status said that it had failed."""
+    folder = os.path.join(os.fsencode(tmp_path), b"\xff\xfe")
+    os.mkdir(folder)
+    write = "import sys; from motorgrad import cli; cli.main = lambda: print(sys.argv[1]) or 0; cli.run()"
+    done = subprocess.run([sys.executable, "-c", write, folder], env=compiled_environment, capture_output=True)
+    assert done.returncode == 0
+    assert done.stdout.endswith(b"\\udcff\\udcfe\n")

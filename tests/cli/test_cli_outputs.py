@@ -72,6 +72,9 @@ REFUSED = [
     ("compare", "study = 'x.toml'\nout = 'folder'", "--out"),
     ("reproduce", "experiments = ['fig-2.2']\nout = 'folder'", "--out"),
     ("plot", "runs = ['x']\nout = 'mine.svg'", "--out"),
+    ("plot", "runs = ['x']\nout = 'photo'", "--out"),  # an ending is added
+    ("plot", "runs = ['x']\nout = 'photo'\nformat = 'png'", "--out"),
+    ("plot", "runs = ['x']\nout = 'site'", "--out"),  # the figure's name is added
     ("plot", "runs = ['x']\nanimate = ['mine.svg']", "--animate"),
     ("plot", "runs = ['x']\ntensorboard = ['folder']", "--tensorboard"),
     ("export", "run = 'x'\nfile = 'mine'", "--file"),
@@ -84,7 +87,8 @@ REFUSED = [
 @pytest.fixture
 def things():
     """What is not motorgrad's."""
-    for name in ("mine", "mine.svg", "mine.mp4", "mine.html"):
+    Path("site").mkdir()
+    for name in ("mine", "mine.svg", "mine.mp4", "mine.html", "photo.png", "site/config.toml", "site/reward.png"):
         write(name, MINE)
     write("mine.json", '{"name": "a package"}')
     Path("folder").mkdir()

@@ -69,6 +69,8 @@ def test_a_method_may_be_for_some_tasks_and_drawn_from_ranges():
         ({"tasks": []}, r"tasks = \[\]: must be at least one task"),
         ({"tasks": {"chain": {"metrc": "reward"}}}, "unknown setting of tasks.chain 'metrc': did you mean 'metric'"),
         ({"methods": ["olgrab"]}, "unknown method 'olgrab': did you mean 'olgarb'"),
+        ({"methods": [["olgarb"]]}, r"methods = \[\['olgarb'\]\]: must be a list of names"),
+        ({"tasks": {"x": {"task": {"name": ["chain"]}}}}, r"tasks.x: unknown task \['chain'\]"),
         ({"methods": {"mine": "olgrab"}}, "unknown methods.mine: method 'olgrab': did you mean 'olgarb'"),
         ({"methods": {"mine": {"tasks": ["chain"]}}}, "unknown methods.mine.tasks 'chain'"),
         ({"methods": {"mine": {"tasks": "short"}}}, "methods.mine.tasks = 'short': must be a list of at least one"),

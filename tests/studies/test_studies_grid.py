@@ -133,3 +133,24 @@ def test_the_points_of_a_study_that_is_read_again_have_the_same_order(agent, tmp
     file = tmp_path / "study.toml"
     file.write_text(tomli_w.dumps(study.as_table()))
     assert Study.read(file).points == study.points
+
+
+MANY = [n / 1000 for n in range(1, 401)]
+TOO_MANY = {
+    "a grid": {"agent": {"learning_rate": MANY, "decay": MANY}},
+    "tables": {"agent": [{"learning_rate": MANY, "decay": [n / 500 + k for n in range(100)]} for k in range(3)]},
+    "cases": {
+        "cases": [{"task": "chain", "agent": {"learning_rate": MANY, "decay": MANY[: 100 + k]}} for k in range(3)]
+    },
+    "draws": {"agent": {"learning_rate": {"low": 0.1, "high": 0.2}}, "design": {"kind": "random", "count": 10**6}},
+    "draws of a grid": {
+        "agent": {"learning_rate": {"low": 0.1, "high": 0.2}, "decay": MANY},
+        "design": {"kind": "random", "count": 300},
+    },
+}
+
+
+@pytest.mark.parametrize("given", TOO_MANY.values(), ids=TOO_MANY)
+def test_a_small_file_does_not_stand_for_more_settings_than_there_is_memory(given):
+    with pytest.raises(ValueError, match="100,000"):
+        _ = Study(**({} if "cases" in given else {"task": "three-state"}) | given).points

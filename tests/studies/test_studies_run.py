@@ -4,12 +4,15 @@ import json
 
 import jax
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from study_examples import assert_same_study, small
 
 import motorgrad as mg
 from motorgrad.studies import Study, _partition, run_study
 from motorgrad.studies._folder import StudyFolder
+from motorgrad.studies._page import write_page
 from motorgrad.training import RunDirectoryError, final_metrics
 
 
@@ -53,6 +56,56 @@ def test_the_index_is_made_again_from_the_run_directories(done):
     run_study(done.study, done.path, progress=False)
     assert file.read_bytes() == before
     assert Study.load(done.path).table.equals(done.table)
+
+
+STRANGE = {
+    "no columns": lambda table: pa.table({"a": [1]}),
+    "no rows": lambda table: table.slice(0, 0),
+    "few rows": lambda table: table.slice(0, 1),
+    "no status": lambda table: table.drop_columns("status"),
+    "words": lambda table: table.drop_columns("reward").append_column("reward", table["job"].cast(pa.string())),
+    "twice": lambda table: table.append_column("reward", table["reward"]),
+}
+
+
+@pytest.mark.parametrize("change", STRANGE.values(), ids=STRANGE)
+@pytest.mark.parametrize("marks", [None, [1], "x"])
+def test_an_index_that_somebody_else_made_is_made_again(change, marks, done):
+    file = done.path / "index.parquet"
+    before = file.read_bytes()
+    table = pq.read_table(file)
+    kept = table.schema.metadata[b"marks"] if marks is None else json.dumps(marks)
+    pq.write_table(change(table).replace_schema_metadata({"marks": kept}), file)
+    try:
+        assert Study.load(done.path).table.equals(done.table)
+    finally:
+        file.write_bytes(before)
+
+
+@pytest.mark.parametrize(
+    "content", ["[1]", '"x"', "{}", '{"job": ["a"], "attempts": 1, "message": "", "traceback": ""}']
+)
+def test_a_record_of_a_failure_that_says_nothing_is_refused_by_name(content, done):
+    file = done.path / "failures" / "zz.json"
+    file.write_text(content)
+    try:
+        with pytest.raises(ValueError, match=r"zz.json: damaged: must say which job failed, how often and why"):
+            _ = done.failures
+    finally:
+        file.unlink()
+
+
+def test_the_page_shows_words_that_are_no_text(done):
+    """As those of a file whose name is not UTF-8."""
+    file = done.path / "failures" / "zz.json"
+    file.write_text(json.dumps({"job": "zz", "attempts": 1, "message": "\udcff", "traceback": ""}))
+    page = (done.path / "index.html").read_bytes()
+    try:
+        write_page(StudyFolder(done.path), "reward", None)
+        assert rb"\udcff" in (done.path / "index.html").read_bytes()
+    finally:
+        file.unlink()
+        (done.path / "index.html").write_bytes(page)
 
 
 def test_a_study_that_has_run_is_not_run_again(done, monkeypatch):

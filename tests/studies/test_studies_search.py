@@ -1,10 +1,11 @@
 """Searches by Optuna: rounds of studies, the same whatever was killed."""
 
 import json
+import re
 
 import pytest
 
-from motorgrad.studies import Search, Study, _partition
+from motorgrad.studies import Search, Study, _partition, _search
 from motorgrad.training import RunDirectoryError
 
 pytest.importorskip("optuna", reason="searches need motorgrad[search]")
@@ -105,6 +106,27 @@ def test_a_job_that_fails_fails_its_trials_and_the_search_goes_on(tmp_path, monk
     assert len(found.rounds) == 2
     assert "no baseline, no luck" in found.failures[0]["message"]
     assert all(best.settings["agent.baseline"] == "mean" for best in found.best())
+
+
+@pytest.mark.parametrize(
+    ("search", "said"),
+    [
+        ("search = 3", "search = 3: must be a table of the search's settings"),
+        ("search = { study = 3 }", "search = {'study': 3}: must be a table"),
+        ("agent.decay = 1979-05-27", "1979-05-27: must not be a date or a time, unless it is a text, in quotes"),
+    ],
+)
+def test_a_file_that_describes_no_search_is_refused_by_name(search, said, tmp_path):
+    (tmp_path / "s.toml").write_text(f"task = 'chain'\n{search}\n")
+    with pytest.raises(ValueError, match=rf"s.toml: .*{re.escape(said)}"):
+        Search.read(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("content", ["3", "[]", '["x", "y", "z"]', "{}"])
+def test_what_a_round_asked_for_is_read_with_care(content, tmp_path):
+    (tmp_path / "trials.json").write_text(content)
+    with pytest.raises(ValueError, match=r"trials.json: damaged: must list the settings of 3 trials"):
+        _search._trials(tmp_path / "trials.json", 3)
 
 
 def test_impossible_searches_are_refused_before_any_work(done, tmp_path):

@@ -4,6 +4,7 @@ import sys
 import time
 from pathlib import Path
 
+from motorgrad._errors import plain
 from motorgrad.sim import live
 
 PATIENCE = 600.0
@@ -25,7 +26,7 @@ class Autosave:
             self._due = time.monotonic() + self._every
         for failure in self._outcomes(session, self._last.not_saved)[-1:]:
             if failure != self._told:
-                print(f"motorgrad sim: warning: {failure}", file=sys.stderr)
+                print(f"motorgrad sim: warning: {plain(failure)}", file=sys.stderr)
                 self._told = failure
 
     def finish(self, session: live.Session) -> None:

@@ -25,10 +25,14 @@ def check_outputs(cls: type, named: Mapping[str, Any], values: Mapping[str, Any]
         told = any(word == flag or word.startswith(f"{flag}=") for word in words)
         if name not in named or told or values[name] != named[name] or name in getattr(cls, "opened", ()):
             continue
+        allowed = f"new, or written by motorgrad, where a file names it; {flag} on the command line replaces it"
         for path in named[name] if isinstance(named[name], tuple) else (named[name],):
             if isinstance(path, Path) and str(path) != "-" and os.path.lexists(path):
-                allowed = f"new, or written by motorgrad, where a file names it; {flag} on the command line replaces it"
                 check(is_ours(path), name, str(path), allowed)
+        # a figure is a file in the folder, or has an ending that is added
+        if name == "out" and named[name] is not None and hasattr(cls, "figure"):
+            figure = cls.figure(values)
+            check(not os.path.lexists(figure), name, str(figure), allowed)
 
 
 def _is_result(path: Path) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from motorgrad import __version__
 from motorgrad._commands._outputs import MARK
+from motorgrad._errors import plain
 from motorgrad._files import write_atomically
 
 
@@ -56,8 +57,8 @@ def print_outcome(results: Any) -> None:
 def print_place(results: Any, files: str, kind: str) -> None:
     """Print which jobs were set aside, where the results and their further `files` are, and how to continue."""
     for failure in results.failures[:10]:
-        print(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
-    print(f"saved in {results.path}{files}")
+        print(plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}"))
+    print(plain(f"saved in {results.path}{files}"))
     if not results.complete:
         print(f"the same command continues this {kind}")
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
-from motorgrad._errors import counted
+from motorgrad._errors import counted, plain
 from motorgrad.studies import Comparison, ComparisonResults
 
 
@@ -56,5 +56,5 @@ def _print(results: ComparisonResults) -> None:
     if ranking:
         print("interquartile means of normalized scores over all tasks, with settings tuned for each:")
     for row in ranking:
-        print(f"  {row['value']:.4g} [{row['low']:.4g} … {row['high']:.4g}]: {row['method']}")
+        print(f"  {row['value']:.4g} [{row['low']:.4g} … {row['high']:.4g}]: {plain(row['method'])}")
     print_place(results, f"; its page is {results.path / 'index.html'}, its tables are in tables/", "comparison")

@@ -10,7 +10,7 @@ import tyro
 
 from motorgrad._commands._configuration import read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
-from motorgrad._errors import check
+from motorgrad._errors import check, plain
 from motorgrad._extras import FILM, installed, missing, require
 from motorgrad._files import check_writable
 from motorgrad._settings import table
@@ -113,7 +113,7 @@ def run(arguments: list[str]) -> int:
             short = (
                 "" if made.seconds > options.seconds - 0.05 else f" of {options.seconds:g}, for more take more --steps"
             )
-            print(f"filmed seed {seed}, {made.seconds:.1f} s{short}: {path}")
+            print(f"filmed seed {seed}, {made.seconds:.1f} s{short}: {plain(path)}")
             if made.note:
                 print(made.note)
     write_json(options.json, found)

@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 
 from motorgrad._commands._configuration import parse
+from motorgrad._errors import plain
 from motorgrad.training import load
 
 
@@ -30,5 +31,5 @@ def run(arguments: list[str]) -> int:
     options = parse(Export, arguments, "export")
     trained = load(options.run, allow_changed=options.allow_changed)
     path = trained.policy(options.seed).export(options.file, options.only)
-    print(f"{path}: {path.stat().st_size:,} bytes")
+    print(f"{plain(path)}: {path.stat().st_size:,} bytes")
     return 0

@@ -1,6 +1,7 @@
 """`motorgrad plot RUN…`: learning curves, and films of learning."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -8,11 +9,12 @@ import tyro
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._results import write_json
-from motorgrad._errors import check
+from motorgrad._errors import check, plain
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad.experiments import animate, course_of
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
+from motorgrad.training.plots import figure_file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +65,11 @@ class Plot:
         alone = self.seed is not None and self.animate is None
         check(not alone, "seed", self.seed, "given with --animate: the curves are of all seeds")
 
+    @staticmethod
+    def figure(values: Mapping[str, Any]) -> Path:
+        """The file of the figure, by the values of the options."""
+        return figure_file(values["out"], values.get("quantity", Plot.quantity), values.get("format"))[0]
+
 
 def run(arguments: list[str]) -> int:
     options = parse(Plot, arguments, "plot")
@@ -96,7 +103,7 @@ def run(arguments: list[str]) -> int:
         found["film"] = {"path": str(film.path), "frames": film.frames, "seconds": film.seconds}
         said.append(f"filmed to {film.path}")
     if str(options.json) != "-":
-        print("\n".join(said))
+        print("\n".join(map(plain, said)))
     write_json(options.json, found)
     return 0
 

@@ -10,7 +10,7 @@ import tyro
 from motorgrad._commands._configuration import Arguments, read_arguments, resolve
 from motorgrad._commands._places import Places
 from motorgrad._commands._results import write_json
-from motorgrad._errors import check
+from motorgrad._errors import check, plain
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad.experiments import (
@@ -122,5 +122,6 @@ def _print(made: Reproductions) -> None:
             print(f"  {MARKS[claim.verdict]} {claim.statement}")
             print(f"      expected {claim.criterion}; measured {claim.finding}")
     for failure in made.failures:
-        print(f"\nset aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
-    print(f"\nreport: {made.report}")
+        said = plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+        print(f"\n{said}")
+    print(f"\nreport: {plain(made.report)}")

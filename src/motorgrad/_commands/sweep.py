@@ -7,7 +7,7 @@ from typing import Any
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
-from motorgrad._errors import counted
+from motorgrad._errors import counted, plain
 from motorgrad._extras import require
 from motorgrad._files import read_toml
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
@@ -69,9 +69,9 @@ def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None
     print_outcome(results)
     for task, table in best:
         if table:
-            print(f"the best by {metric}{f' of {settings_text(task)}' if task else ''}:")
+            print(plain(f"the best by {metric}{f' of {settings_text(task)}' if task else ''}:"))
         for each in table:
-            print(f"  {each.value.words()}: {settings_text(each.settings, task)}")
+            print(f"  {each.value.words()}: {plain(settings_text(each.settings, task))}")
     page = "" if isinstance(results, SearchResults) else f"; its page is {results.path / 'index.html'}"
     print_place(results, page, "study")
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from motorgrad._commands._configuration import HELP, HELP_ALL, Arguments, pop_option, read_arguments, resolve
 from motorgrad._commands._results import summary, summary_text, write_json
 from motorgrad._commands._task_options import changes_from_task, command_with_learner, split_task
-from motorgrad._errors import check, counted
+from motorgrad._errors import check, counted, plain
 from motorgrad._files import check_writable
 from motorgrad._presets import PRESETS
 from motorgrad._settings import table
@@ -154,7 +154,7 @@ def run(arguments: list[str]) -> int:
     if changed := changes_from_task(options.task, options.agent, options.preset, options.steps):
         said, preset = ", ".join(f"{path} = {value}" for path, value in changed.items()), options.preset
         rest = f"the rest as the {'preset' if preset else 'task'} has it"
-        print(f"learner: that of {preset or name} with {said}; {rest}", file=sys.stderr)
+        print(plain(f"learner: that of {preset or name} with {said}; {rest}"), file=sys.stderr)
     task, agent, steps, seeds = options.learning
     result = train(
         task,
@@ -229,9 +229,9 @@ def _print(run: Run, found: dict[str, Any], out: Path) -> None:
         _print_means(found)
     if broken := found["broken"]:
         print(f"parameters of {broken} of {counted(run.lanes, 'learner')} are not finite: nothing is learned there")
-    print(f"saved in {out}")
+    print(plain(f"saved in {out}"))
     if run.complete:
-        print(f"next: motorgrad plot {out}    motorgrad evaluate {out}")
+        print(plain(f"next: motorgrad plot {out}    motorgrad evaluate {out}"))
     else:
         print("the same command continues this run")
 

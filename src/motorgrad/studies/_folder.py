@@ -23,7 +23,8 @@ import tomli_w
 
 from motorgrad._files import refuse_links, remove_partials, write_atomically
 from motorgrad._limits import MOST_TABLE_BYTES
-from motorgrad._reading import content_of, json_in, parquet_in
+from motorgrad._parquet import parquet_in
+from motorgrad._reading import content_of, json_in
 from motorgrad.studies._jobs import JobFolder
 from motorgrad.studies._partition import Job
 from motorgrad.studies._study import Study
@@ -138,9 +139,10 @@ class StudyFolder(JobFolder):
         for job in self.study.jobs:
             if self.saved(job) < job.steps or not job.is_measured(self.place(job)):
                 continue
-            mark = self._mark(job)
-            found = stored.get(job.name)
-            self._rows[job.name] = found[1] if found and found[0] == mark else job.rows(load(self.place(job)))
+            mark, rows = stored.get(job.name, (None, None))
+            lanes = len(job.points) * len(self.study.seed_list)
+            known = rows is not None and mark == self._mark(job) and rows.num_rows == lanes
+            self._rows[job.name] = rows if known else job.rows(load(self.place(job)))
 
     def read_begun(self) -> None:
         """Read what the unfinished jobs have saved so far."""
@@ -210,11 +212,14 @@ class StudyFolder(JobFolder):
         try:
             table = parquet_in(content_of(self.path / "index.parquet", MOST_TABLE_BYTES), MOST_TABLE_BYTES)
             marks = json_in((table.schema.metadata or {})[b"marks"])
+            names = table["job"].cast(pa.string()).to_numpy()
+            metrics = table.select(range(table.column_names.index("status") + 1, table.num_columns))
         except (OSError, ValueError, KeyError):  # missing or damaged: the run directories have everything
             return {}
-        names = table["job"].cast(pa.string()).to_numpy()
+        numbers = all(map(_is_number, metrics.schema.types)) and len({*metrics.column_names}) == metrics.num_columns
+        if not (isinstance(marks, dict) and len(names) and numbers):
+            return {}
         starts = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
-        metrics = table.select(table.column_names[table.column_names.index("status") + 1 :])
         found = {}
         for start, end in itertools.pairwise(starts):
             part = metrics.slice(start, end - start)
@@ -229,6 +234,10 @@ class StudyFolder(JobFolder):
         """What changes when a run directory does."""
         newest = self._newest(job)
         return None if newest is None else [newest.name, newest.stat().st_size, newest.stat().st_mtime_ns]
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)
 
 
 def _column(values: Sequence[Any]) -> pa.Array:

@@ -3,14 +3,14 @@
 import itertools
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from motorgrad._errors import check, check_finite, check_integer, unknown
 
-MAX_POINTS = 10_000_000
+MAX_POINTS = 100_000
 Point = dict[str, Any]
 """A table of settings without lists of choices."""
 
@@ -63,7 +63,15 @@ def draw(points: Sequence[Point], kind: Literal["random", "sobol"], count: int, 
     else:
         shares = np.random.default_rng(seed).random((count, len(found)))
     rows = [dict(zip(found, row, strict=True)) for row in shares.tolist()]
-    return [_drawn(point, row) for point in points for row in rows]
+    return bounded((_drawn(point, row) for point in points for row in rows), "design.count")
+
+
+def bounded(points: Iterable[Any], where: str) -> list[Any]:
+    """Points as a list. **Raises** `ValueError` where there are too many, before they take up the memory."""
+    found = list(itertools.islice(points, MAX_POINTS + 1))
+    if len(found) > MAX_POINTS:
+        raise ValueError(f"{where}: more settings than a study may have, {MAX_POINTS:,}")
+    return found
 
 
 def at_ends(points: Sequence[Point]) -> list[Point]:
@@ -121,7 +129,8 @@ def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
         return [value.item() if isinstance(value, np.generic) else value]
     items = value.tolist() if isinstance(value, np.ndarray) else list(value)
     check(items, path, items, "at least one value; a list is a grid")
-    found = [made for item in items for made in (_expand(item, path, ranges) if isinstance(item, Mapping) else [item])]
+    made = (one for item in items for one in (_expand(item, path, ranges) if isinstance(item, Mapping) else [item]))
+    found = bounded(made, path)
     found = [list(item) if isinstance(item, tuple) else item for item in found]
     distinct = len({repr(item) for item in found}) == len(found)
     check(distinct, path, items, "without a value that occurs twice; a setting that takes a list stands in a list")

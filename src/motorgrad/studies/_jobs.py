@@ -2,7 +2,7 @@
 
 import abc
 import contextlib
-import importlib
+import importlib.util
 import json
 import os
 import pickle
@@ -59,19 +59,20 @@ class AnyJob(Protocol):
         ...
 
 
-def parcel(job: AnyJob, path: Path, told: Work) -> tuple[bytes, str, bool]:
-    """What `work_parcel` is given in a process that knows nothing of this one: a job, the working folder, and whether
-    its modules are needed, also to read the job."""
+def parcel(job: AnyJob, path: Path, told: Work) -> tuple[bytes, str, tuple[str, ...]]:
+    """What `work_parcel` is given in a process that knows nothing of this one: a job, the working folder, and the
+    modules that are imported first, which may be there, and be needed to read the job."""
     import cloudpickle
 
-    return cloudpickle.dumps((job, path, told)), os.getcwd(), bool(told.imports)
+    return cloudpickle.dumps((job, path, told)), os.getcwd(), told.imports
 
 
-def work_parcel(content: bytes, folder: str, imports: bool) -> Outcome:
+def work_parcel(content: bytes, folder: str, imports: tuple[str, ...]) -> Outcome:
     """Do the job of a parcel."""
     with contextlib.suppress(OSError):  # another machine may not have it
         os.chdir(folder)
-    if imports and folder not in sys.path:
+    missing = any(importlib.util.find_spec(name.partition(".")[0]) is None for name in imports)
+    if missing and folder not in sys.path:
         sys.path.append(folder)  # last, so that no file there takes the place of another module
     return work(*pickle.loads(content))
 
@@ -135,7 +136,7 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
 
     def failures(self) -> list[dict[str, Any]]:
         """The jobs that were set aside: `job`, `attempts`, `message`, `traceback`, and what there is about them."""
-        return [read_json(file) for file in sorted((self.path / "failures").glob("[!.]*.json"))]
+        return [_failure(file) for file in sorted((self.path / "failures").glob("[!.]*.json"))]
 
     def set_aside(self, job: Any, attempts: int, error: BaseException, traceback: str) -> None:
         """Record why a job failed."""
@@ -147,3 +148,12 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
     def forgive(self, job: Any) -> None:
         """Forget that a job failed, before it is tried again."""
         (self.path / "failures" / f"{job.name}.json").unlink(missing_ok=True)
+
+
+def _failure(file: Path) -> dict[str, Any]:
+    """The record of a job that was set aside. **Raises** `ValueError` for a damaged one."""
+    found = read_json(file)
+    texts = isinstance(found, dict) and all(isinstance(found.get(key), str) for key in ("job", "message", "traceback"))
+    if not (texts and isinstance(found.get("attempts"), int)):
+        raise ValueError(f"{file}: damaged: must say which job failed, how often and why; delete it")
+    return found

@@ -30,7 +30,9 @@ def write_page(folder: StudyFolder, metric: str, learned: float | None) -> None:
     results = Results(folder)
     tables = [(task, _best(results, metric, task)) for task in results.tasks]
     drawn = _curves(results, metric, tables)
-    write_atomically(folder.path / "index.html", _page(results, metric, tables, drawn, learned).encode())
+    write_atomically(
+        folder.path / "index.html", _page(results, metric, tables, drawn, learned).encode(errors="backslashreplace")
+    )
 
 
 def settings_text(settings: Mapping[str, Any], leave_out: Mapping[str, Any] | None = None) -> str:

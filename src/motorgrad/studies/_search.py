@@ -81,7 +81,9 @@ class Search:
         values = read_toml(Path(path))
         study = Study.read(path, trust=trust)
         try:
-            return build(Search, {"study": study, **values.get("search", {})}, "search")
+            own = values.get("search", {})
+            check(isinstance(own, Mapping) and "study" not in own, "search", own, "a table of the search's settings")
+            return build(Search, {"study": study, **own}, "search")
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
@@ -214,7 +216,7 @@ class _Searching:
         search, samplers = self.search, self.optuna.samplers
         count = min(search.batch, search.trials - start)
         file = folder / "trials.json"
-        known = read_json(file) if file.exists() else [None] * count
+        known = _trials(file, count) if file.exists() else [None] * count
         found = []
         for number, parameters in enumerate(known, start):
             seed = int(np.random.SeedSequence([search.seed, number]).generate_state(1)[0])
@@ -248,6 +250,14 @@ class _Searching:
         if self.search.metric not in results.metrics:
             return np.full(len(results.study.points), np.nan)
         return results.choosing(results.values(self.search.metric))[0].mean(axis=1)
+
+
+def _trials(file: Path, count: int) -> list[dict[str, Any]]:
+    """What was asked for in a round. **Raises** `ValueError` for a damaged file."""
+    found = read_json(file)
+    if not (isinstance(found, list) and len(found) == count and all(isinstance(each, dict) for each in found)):
+        raise ValueError(f"{file}: damaged: must list the settings of {count:,} trials; delete the folder of its round")
+    return found
 
 
 def _suggest(trial: Any, value: Any, path: str) -> Any:

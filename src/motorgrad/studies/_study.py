@@ -9,7 +9,7 @@ from typing import Any, Literal
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_toml
 from motorgrad._settings import as_hinted, build, table
-from motorgrad.studies._grid import Point, distinctions, draw, expand, frozen, has_range
+from motorgrad.studies._grid import Point, bounded, distinctions, draw, expand, frozen, has_range
 from motorgrad.studies._partition import Job, Measure, partition
 from motorgrad.tasks import TASKS
 from motorgrad.training import check_imports
@@ -143,8 +143,8 @@ class Study:
         if self.cases is None:
             return points_of(self.tables[0], self.design)
         # a design is for the cases that have ranges
-        found = [p for case in self.cases for p in points_of(case, self.design if has_range(case["agent"]) else None)]
-        return list({frozen(point): point for point in found}.values())
+        found = (p for case in self.cases for p in points_of(case, self.design if has_range(case["agent"]) else None))
+        return list({frozen(point): point for point in bounded(found, "cases")}.values())
 
     @functools.cached_property
     def settings(self) -> list[dict[str, Any]]:

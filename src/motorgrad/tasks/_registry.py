@@ -4,7 +4,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from motorgrad._errors import choice, unknown
+from motorgrad._errors import choice
 from motorgrad._files import read_toml
 from motorgrad._settings import build
 from motorgrad._task_table import TASK_TABLE, Entry
@@ -30,8 +30,7 @@ def make(name: str, **settings: Any) -> Task:
 
     **Raises:** `ValueError` for an unknown name or setting, suggesting the nearest known one, and for invalid values.
     """
-    if name not in TASKS:
-        raise unknown("task", name, TASKS, registered=True)
+    choice("task", name, TASKS, registered=True)
     return build(TASKS[name], settings, name)
 
 

@@ -317,6 +317,7 @@ def _tasks(given: Any, comparison: Comparison) -> Iterator[tuple[str, JudgedTask
 def _methods(given: Any, tasks: Mapping[str, JudgedTask]) -> Iterator[tuple[str, dict[str, Any]]]:
     """The methods of a comparison by name, each as changes to a task's learner."""
     if isinstance(given, list | tuple):
+        check(all(isinstance(name, str) for name in given), "methods", given, "a list of names, or a table of them")
         given = {name: name for name in given}
     check(isinstance(given, Mapping) and given, "methods", given, "at least one method")
     for name, value in given.items():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from motorgrad._labels import literal
+from motorgrad._labels import drawable, literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,7 +108,7 @@ def _with_key(svg: str, methods: Sequence[str]) -> str:
     key = "".join(
         f'<line x1="12" x2="34" y1="{height + KEY * place + 8}" y2="{height + KEY * place + 8}" stroke-width="2" '
         f'stroke-dasharray="{STYLES[style(place)]}" style="stroke: var(--c{place % COLOURS})"/>'
-        f'<text x="40" y="{height + KEY * place + 11}" class="key">{html.escape(name)}</text>'
+        f'<text x="40" y="{height + KEY * place + 11}" class="key">{html.escape(drawable(name))}</text>'
         for place, name in enumerate(methods)
     )
     whole = height + KEY * len(methods) + 8
@@ -247,7 +247,7 @@ def _themed(svg: str, title: str) -> str:
         svg = svg.replace(colour(place), f"var(--c{place})")
     for code, variable in VARIABLES.items():
         svg = svg.replace(code, variable)
-    return svg.replace("<svg", f'<svg role="img" aria-label="{html.escape(title)}"', 1)
+    return svg.replace("<svg", f'<svg role="img" aria-label="{html.escape(drawable(title))}"', 1)
 
 
 def _short(number: float) -> str:

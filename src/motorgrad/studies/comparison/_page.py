@@ -22,7 +22,7 @@ DOING = {
 
 def write_page(results: ComparisonResults, running: str = "") -> None:
     """Write `index.html` of the folder. `running`: the stage that runs now."""
-    write_atomically(results.path / "index.html", page(results, running).encode())
+    write_atomically(results.path / "index.html", page(results, running).encode(errors="backslashreplace"))
 
 
 def page(results: ComparisonResults, running: str = "") -> str:

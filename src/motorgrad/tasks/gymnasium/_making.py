@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from motorgrad._consent import HOW, is_allowed
-from motorgrad._errors import NotTrusted, check, shown
+from motorgrad._errors import LONGEST, NotTrusted, check, shown
 from motorgrad._myosuite import composing, is_of_myosuite, register
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def module_of(env_id: str) -> str | None:
 
     **Raises** `ValueError` for anything else, before it can be taken for another id by another reader.
     """
-    found = _ID.fullmatch(env_id)
+    found = _ID.fullmatch(env_id) if len(env_id) <= LONGEST else None
     check(found, "env_id", env_id, "an id such as 'CartPole-v1', 'module:Name-v0' or 'module:name'")
     assert found is not None
     return found["module"]
@@ -94,7 +94,8 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
     if names := foreign_code(env_id, kwargs):
         raise NotTrusted(
             f"env_id = {shown(env_id)} imports {', '.join(map(shown, names))}, which can do anything; nothing was "
-            f"imported. If you trust it: {HOW}"
+            f"imported. If you trust it: {HOW}",
+            names if len(names) == 1 and shown(names[0]) == repr(names[0]) else (),
         )
     if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
         try:
