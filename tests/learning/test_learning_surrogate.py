@@ -55,6 +55,14 @@ def test_one_pass_over_a_batch_is_the_step_of_its_samples(trace, baseline):
     assert int(found.estimator.batch.waiting) == int(found.gradient.count) == 0
 
 
+@pytest.mark.parametrize(("worth", "wanted"), [([0.1] * 7, [0.0] * 7), ([0.0, 1.0, 1.0, 0.0], [-1.0, 1.0, 1.0, -1.0])])
+def test_equal_advantages_are_standardised_to_0(worth, wanted):
+    surrogate = ClippedSurrogate()
+    batch = surrogate.init(Softmax(WEIGHTS), len(worth), jax.random.key(0))
+    batch = batch._replace(worth=jnp.asarray(worth, jnp.float32), end=jnp.ones(len(worth), bool))
+    np.testing.assert_allclose(surrogate.advantages(batch, 0.0), wanted, rtol=1e-6)
+
+
 @pytest.mark.ci
 def test_what_diverged_is_no_part_of_a_batch():
     policy = Softmax(WEIGHTS)

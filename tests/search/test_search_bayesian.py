@@ -7,6 +7,7 @@ from scipy.stats import multivariate_normal, norm
 from search_examples import SPACE, needs_tinygp, noisy_sphere, sphere
 
 from motorgrad.search import BayesianOptimisation, Boltzmann, Range, Space, Uniform, WithGradients, search
+from motorgrad.search._bayesian import _standard
 from motorgrad.search._methods import Method
 
 pytestmark = needs_tinygp
@@ -96,6 +97,12 @@ def test_without_noise_the_mean_has_the_observed_scores_and_gradients():
     step = 1e-3 * np.eye(2)
     ahead, behind = (method.posterior(state, places[:, None] + sign * step)[0] for sign in (1, -1))
     np.testing.assert_allclose((ahead - behind) / 2e-3, slopes, atol=1e-2)
+
+
+def test_equal_scores_have_the_deviation_1():
+    assert _standard(np.array([0.1, np.nan, 0.1, 0.1])) == (pytest.approx(0.1), 1.0)
+    assert _standard(np.array([1.0, 3.0])) == (2.0, 1.0)
+    assert _standard(np.array([1.0, 5.0])) == (3.0, 2.0)
 
 
 def test_the_expected_improvement_is_that_of_numerical_integration():

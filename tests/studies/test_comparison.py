@@ -17,7 +17,7 @@ import motorgrad as mg
 from motorgrad.cli import main
 from motorgrad.statistics import distribution_scores, interquartile_mean, percentile_range
 from motorgrad.studies import Comparison, Study
-from motorgrad.training import RunDirectoryError
+from motorgrad.training import RunDirectoryError, RunWarning
 
 pytestmark = [pytest.mark.slow, pytest.mark.ci]
 
@@ -110,6 +110,31 @@ def test_the_command_prints_the_ranking(done, tmp_path, capsys):
     assert {row["method"] for row in found["ranking"]} == set(TABLE["methods"])
     with pytest.raises(RunDirectoryError, match="evaluate was 50 and is now 60"):
         made(evaluate=60).run(done.path)
+
+
+def test_a_method_that_breaks_has_no_score_and_ranks_last(tmp_path, capsys):
+    tables = {"tasks": {"call-admission": {}}, "agent": {}, "steps": 200, "window": 100}
+    methods = {"bursts": {"learning_rate": 3e38}, "learns": {"learning_rate": 0.01}}
+    file = tmp_path / "it.toml"
+    file.write_text(tomli_w.dumps({**TABLE, **tables, "methods": methods}))
+    out = tmp_path / "it"
+    with pytest.warns(RunWarning, match="not finite"):
+        assert main(["compare", str(file), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "  unknown: bursts (3 of 3 runs not finite: last)" in said
+    assert main(["compare", "--out", str(out), "--json", "-"]) == 0
+    rows = json.loads(capsys.readouterr().out)["ranking"]
+    assert [(row["method"], row["broken"], row["value"] is None) for row in rows] == [
+        ("learns", 0, False),
+        ("bursts", 3, True),
+    ]
+    assert "bursts 3 of 3 runs not finite unknown" in text_of(out / "index.html")
+    methods["learns"] = {"learning_rate": 3e38, "decay": 0.1}
+    with (
+        pytest.warns(RunWarning, match="not finite"),
+        pytest.raises(ValueError, match=r"tasks\.call-admission: no setting of any method has a finite reward"),
+    ):
+        made(**tables, methods=methods).run(tmp_path / "none", progress=False)
 
 
 def test_a_budget_in_seconds_becomes_decisions_that_are_kept(tmp_path):

@@ -10,10 +10,12 @@ import pytest
 from study_examples import assert_same_study, small
 
 import motorgrad as mg
+from motorgrad._errors import counted
+from motorgrad.cli import main
 from motorgrad.studies import Study, _partition, run_study
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._page import write_page
-from motorgrad.training import RunDirectoryError, final_metrics
+from motorgrad.training import RunDirectoryError, RunWarning, final_metrics
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +126,40 @@ def test_the_best_are_reported_over_seeds_that_did_not_choose_them(tmp_path):
     assert first.settings == study.settings[first.point]
     (worst,) = results.best("reward", 1, direction="minimize", held_out=False, statistic="median")
     assert worst.value.value == pytest.approx(np.median(values, axis=1).min())
+
+
+def test_settings_that_break_rank_last_and_it_is_said(tmp_path, capsys):
+    text = """
+    steps = 400
+    seeds = 4
+    window = 100
+    [task]
+    name = "linear-recruitment"
+    [agent]
+    learning_rate = [3e38, 0.001]
+    """
+    (tmp_path / "rates.toml").write_text(text)
+    out = tmp_path / "study"
+    with pytest.warns(RunWarning, match=r"of learning_rate = 3e\+38: parameters not finite"):
+        assert main(["sweep", str(tmp_path / "rates.toml"), "--out", str(out), "--json", "-"]) == 0
+    listed = json.loads(capsys.readouterr().out)["best"]
+    results = Study.load(out)
+    (count,) = results.broken.values()
+    assert list(results.broken) == [0]
+    assert [each["broken"] for each in listed] == [0, count]
+    assert listed[1]["value"]["value"] is None
+    for metric in ("reward", "error_count_total"):  # what is counted is known of them, too
+        for direction in ("maximize", "minimize"):
+            sound, broken = results.best(metric, direction=direction)
+            assert (sound.point, sound.broken) == (1, 0)
+            assert (broken.point, broken.broken) == (0, count)
+            assert np.isnan(broken.value.value)
+    page = (out / "index.html").read_text()
+    assert f"1 of 2 settings rank last, with seeds whose parameters are not finite: {count}." in page
+    assert f"{count} of 4 seeds not finite" in page
+    assert main(["sweep", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert f"  unknown, mean of none: learning_rate = 3e+38 ({counted(count, 'seed')} not finite)" in said
 
 
 def failing(monkeypatch, times, which="0001-three-state"):

@@ -1,12 +1,13 @@
 """Searches by Optuna: rounds of studies, the same whatever was killed."""
 
 import json
+import math
 import re
 
 import pytest
 
 from motorgrad.studies import Search, Study, _partition, _search
-from motorgrad.training import RunDirectoryError
+from motorgrad.training import RunDirectoryError, RunWarning
 
 pytest.importorskip("optuna", reason="searches need motorgrad[search]")
 
@@ -54,6 +55,24 @@ def test_optuna_knows_all_values(done):
     (study,) = (optuna.load_study(study_name=None, storage=storage),)
     assert [trial.state.name for trial in study.trials] == ["COMPLETE"] * 6
     assert study.best_value == done.best()[0].chosen_by.value
+
+
+@pytest.mark.ci
+def test_trials_that_break_fail_and_rank_last(tmp_path):
+    import optuna
+
+    study = Study(task="call-admission", agent={"learning_rate": [3e38, 0.01]}, steps=200, seeds=2, window=100)
+    search = Search(study=study, trials=4, batch=2, sampler="random")
+    with pytest.warns(RunWarning, match="parameters not finite"):
+        results = search.run(tmp_path / "search", progress=False)
+    sound, broken = results.best()
+    assert (sound.settings, sound.broken) == ({"agent.learning_rate": 0.01}, 0)
+    assert (broken.settings, broken.broken) == ({"agent.learning_rate": 3e38}, 2)
+    assert math.isnan(broken.chosen_by.value)
+    log = optuna.storages.journal.JournalFileBackend(str(results.path / "optuna.log"))
+    told = optuna.load_study(study_name=None, storage=optuna.storages.JournalStorage(log))
+    states = {trial.params["agent.learning_rate"]: trial.state.name for trial in told.trials}
+    assert [states[name] for name in sorted(states)] == ["COMPLETE", "FAIL"]
 
 
 @pytest.mark.ci

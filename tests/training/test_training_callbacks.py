@@ -71,13 +71,20 @@ def test_means_are_over_the_seeds_in_which_something_occurred():
         ({"patience": 2}, [1.0, 2.0, 2.0, 1.0], [False, False, False, True]),
         ({"patience": 2, "larger_is_better": False}, [2.0, 1.0, 1.0, 2.0], [False, False, False, True]),
         ({"patience": 2, "least_gain": 0.5}, [1.0, 1.4, 1.4], [False, False, True]),
-        ({"patience": 1}, [1.0, np.nan, 2.0, 1.0], [False, False, False, True]),
+        ({"patience": 2}, [1.0, np.nan, np.nan], [False, False, True]),  # no policy is finite
+        ({"patience": 1}, [np.nan], [True]),
     ],
 )
 def test_early_stopping(settings, values, ends):
     stop = EarlyStopping(**settings)
     assert [stop(report_of(value, value)) for value in values] == ends
     assert "reward" in stop.why
+
+
+def test_early_stopping_skips_records_in_which_a_reading_did_not_occur():
+    stop, one = EarlyStopping("apex", patience=1), np.ones(2)
+    reports = [Report("t", [0, 1], 100, 400, {"reward": one, "apex": apex * one}) for apex in (1.0, np.nan, 2.0, 1.0)]
+    assert [stop(report) for report in reports] == [False, False, False, True]
 
 
 @pytest.mark.parametrize(

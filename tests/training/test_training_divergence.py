@@ -1,12 +1,15 @@
 """A simulation that breaks while its learner learns: its sample is lost, it begins anew, and nobody else notices."""
 
+import dataclasses
+
 import jax
 import numpy as np
 import pytest
 from training_examples import assert_same, learner
 
 from motorgrad.learning import Exponential
-from motorgrad.training import BodyStepper, evaluate, train
+from motorgrad.training import BodyStepper, evaluate, final_metrics, learning_curves, train
+from motorgrad.training.engines import mean_reward
 from motorgrad.training.store import RunWarning
 
 SEEDS, HURT, OTHERS = [5, 2, 9], 1, [0, 2]
@@ -134,33 +137,82 @@ def test_the_metrics_of_a_run_tell_of_divergences(monkeypatch):
     assert np.isfinite(run.curve("reward")[1]).all()
 
 
+RATES = {"learning_rate": [3e38, 1e-3]}  # the broken one first: `max` keeps a first NaN
+
+
 @pytest.fixture(scope="module")
 def burst():
     """A run with a learning rate that is well and one that is not, and what it warned of."""
-    rates = {"learning_rate": [1e-3, 3e38]}
     with pytest.warns(RunWarning) as told:
-        run = train("linear-recruitment", None, 400, [3], sweep=rates, window=100, progress=False)
+        run = train("linear-recruitment", None, 400, [3], sweep=RATES, window=100, progress=False)
     return run, [str(each.message) for each in told]
 
 
 def test_parameters_that_are_not_finite_are_told_once(burst):
     run, told = burst
     (message,) = told
-    assert message.startswith("seed 3: parameters not finite by decision 100, ")
-    assert "(1 of 2 so far)" in message
-    np.testing.assert_array_equal(run.broken, [False, True])
+    assert message.startswith("seed 3 of learning_rate = 3e+38: parameters not finite by decision 100 (1 of 2 so far)")
+    np.testing.assert_array_equal(run.broken, [True, False])
     assert ", 1 broken" in repr(run)
 
 
 def test_they_are_not_evaluated_to_0(burst):
-    with pytest.warns(RunWarning, match="seed 3: parameters that are not finite"):
+    with pytest.warns(RunWarning, match="seed 3 of learning_rate = 3e\\+38: parameters that are not"):
         found = evaluate(burst[0], steps=20)
     np.testing.assert_array_equal(np.isnan(found.reward), burst[0].broken)
+    assert "median reward -" in repr(found)
+    assert "(of 1)" in repr(found)
     assert not np.isnan(evaluate(burst[0], steps=20, untrained=True).reward).any()
 
 
 @pytest.mark.parametrize("kind", [".c", ".npz", ".onnx"])
 def test_they_are_not_exported(kind, burst, tmp_path):
     with pytest.raises(ValueError, match=r"^policy\.\w+ = 'not all finite': must be finite numbers"):
-        burst[0].split()[1].policy(3).export(tmp_path / f"policy{kind}")
+        burst[0].split()[0].policy(3).export(tmp_path / f"policy{kind}")
     assert not list(tmp_path.iterdir())
+
+
+def test_they_have_no_rewards_and_no_readings(burst):
+    run = burst[0]
+    for name in ("reward", "error"):
+        every = run.curve(name)[1]
+        assert np.isnan(every[0]).all()
+        assert np.isfinite(every[1]).all()
+        np.testing.assert_array_equal(np.isnan(run.final(name)), run.broken)
+        np.testing.assert_array_equal(np.isnan(final_metrics(run)[name]), run.broken)
+
+
+def test_a_figure_says_how_many_broke(burst, tmp_path):
+    figure = learning_curves(burst[0].split(), path=tmp_path / "curves.svg", labels=["bursts", "learns"])
+    assert [curve.table()["broken"] for curve in figure.curves] == [1, 0]
+    drawn = (tmp_path / "curves.svg").read_text()
+    assert "bursts (1 of 1 seed not finite, and left out; reward never occurred)" in drawn
+
+
+@pytest.mark.parametrize("larger_is_better", [True, False])
+def test_they_rank_last_and_it_is_said(larger_is_better, burst):
+    with pytest.warns(RunWarning, match=r"ranked last, as reward is unknown: learning_rate = 3e\+38 \(1 of 1 seed not"):
+        ranked = burst[0].ranked(larger_is_better=larger_is_better)
+    assert [run.broken.any() for run in ranked] == [False, True]
+
+
+def test_a_run_that_continues_says_where_it_broke(tmp_path):
+    for steps in (100, 200):
+        with pytest.warns(RunWarning) as told:
+            train("linear-recruitment", None, steps, [3], tmp_path, sweep=RATES, window=100, progress=False)
+        (message,) = [str(each.message) for each in told]
+        assert message.startswith("seed 3 of learning_rate = 3e+38: parameters not finite by decision 100 (1 of 2 so")
+
+
+def test_a_mean_over_no_rewards_is_not_0():
+    record = {"reward": np.array([-3.0, -2.0, 0.0]), "diverged": np.array([0, 2, 4])}
+    np.testing.assert_array_equal(mean_reward(record, 4), [-0.75, -1.0, np.nan])
+
+
+def test_what_did_not_occur_does_not_count_in_a_mean(burst):
+    run = burst[0].split()[1]
+    gaps = run.metrics["reward"].to_numpy().copy()
+    gaps[1] = np.nan
+    column = run.metrics.column_names.index("reward")
+    with_gap = dataclasses.replace(run, metrics=run.metrics.set_column(column, "reward", [gaps]))
+    np.testing.assert_allclose(with_gap.final(share=1.0), gaps[[0, 2, 3]].mean(), rtol=1e-6)

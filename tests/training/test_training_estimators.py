@@ -51,6 +51,15 @@ def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):
     assert max(moved) > 1e-3
 
 
+def test_the_mean_of_no_gradient_samples_is_not_0(tmp_path):
+    changes = {"estimator": "gpomdp", "improve": 100}
+    for steps, known in ((150, True), (200, False)):  # after the step at decision 200 there is no sample yet
+        run = train("three-state", changes, steps=steps, seeds=2, out=tmp_path / "run", progress=False)
+        equal(load(tmp_path / "run").gradient, run.gradient)
+        assert np.isfinite(run.gradient.weights).all() == known
+        assert np.isnan(run.gradient.weights).all() != known
+
+
 def test_a_run_gives_the_averaged_policies_away_and_evaluates_them(tmp_path):
     agent = agent_for("three-state", averaging={"kind": "polyak", "start": 10})
     run = train("three-state", agent, steps=2_000, seeds=2, out=tmp_path / "run")

@@ -217,6 +217,16 @@ def test_another_configuration_is_refused_by_its_first_difference(named, made, t
     assert_same_run(mg.load(tmp_path), run)
 
 
+def test_more_steps_with_another_learner_are_refused_with_the_way_to_go_on(made, tmp_path):
+    run = made(FINITE)
+    shutil.copytree(run.path, tmp_path, dirs_exist_ok=True)
+    steps = run.config["run"]["steps"]
+    with pytest.raises(RunDirectoryError, match=r"learning_rate was 0\.01 and is now") as refused:
+        small(FINITE, steps + 20, out=tmp_path, agent=agent_for(mg.make(FINITE), learning_rate=0.1))
+    assert f"mg.resume({str(tmp_path)!r}, {steps + 20})" in str(refused.value)
+    assert mg.resume(tmp_path, steps + 20, progress=False).decision == steps + 20
+
+
 def chained(rate):
     return optax.chain(optax.clip(1.0), optax.scale(-rate))
 

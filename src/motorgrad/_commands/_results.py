@@ -1,6 +1,7 @@
 """Results of commands: summaries over seeds, as text and as JSON."""
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ def summary(values: Any) -> dict[str, Any]:
 def summary_text(name: str, found: dict[str, Any]) -> str:
     """A summary as one line."""
     if found["median"] is None:
-        return f"{name}: never occurred"
+        return f"{name}: {'unknown' if name == 'reward' else 'never occurred'}"
     low, high = found["quartiles"]
     seeds, seen = len(found["per_seed"]), sum(value is not None for value in found["per_seed"])
     over = f"{seeds}" if seen == seeds else f"{seen} of {seeds}"
@@ -46,6 +47,13 @@ def write_json(path: Path | None, result: dict[str, Any]) -> None:
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, text.encode())
+
+
+def finite_table(table: dict[str, Any]) -> dict[str, Any]:
+    """A table as JSON has it: `None` for numbers that are not finite."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in table.items()
+    }
 
 
 def print_outcome(results: Any) -> None:

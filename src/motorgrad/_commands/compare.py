@@ -1,12 +1,13 @@
 """`motorgrad compare STUDY`: compare methods on one machine or many."""
 
 import dataclasses
+import math
 import sys
 from typing import Any, ClassVar
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
-from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
+from motorgrad._commands._results import finite_table, listed_failures, print_outcome, print_place, write_json
 from motorgrad._errors import counted, plain
 from motorgrad.studies import Comparison, ComparisonResults
 
@@ -36,7 +37,12 @@ def run(arguments: list[str]) -> int:
     failures = listed_failures(results)
     write_json(
         options.json,
-        {"path": str(results.path), "complete": results.complete, "ranking": results.ranking, "failures": failures},
+        {
+            "path": str(results.path),
+            "complete": results.complete,
+            "ranking": [finite_table(row) for row in results.ranking],
+            "failures": failures,
+        },
     )
     return 0 if results.complete else 1 if failures else 130
 
@@ -56,5 +62,8 @@ def _print(results: ComparisonResults) -> None:
     if ranking:
         print("interquartile means of normalized scores over all tasks, with settings tuned for each:")
     for row in ranking:
-        print(f"  {row['value']:.4g} [{row['low']:.4g} … {row['high']:.4g}]: {plain(row['method'])}")
+        known = not math.isnan(row["value"])
+        value = f"{row['value']:.4g} [{row['low']:.4g} … {row['high']:.4g}]" if known else "unknown"
+        broken = f" ({row['broken']} of {counted(row['runs'], 'run')} not finite: last)" if row["broken"] else ""
+        print(f"  {value}: {plain(row['method'])}{broken}")
     print_place(results, f"; its page is {results.path / 'index.html'}, its tables are in tables/", "comparison")

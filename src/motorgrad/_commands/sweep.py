@@ -6,11 +6,11 @@ from typing import Any
 
 from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
-from motorgrad._commands._results import listed_failures, print_outcome, print_place, write_json
+from motorgrad._commands._results import finite_table, listed_failures, print_outcome, print_place, write_json
 from motorgrad._errors import counted, plain
 from motorgrad._extras import require
 from motorgrad._files import read_toml
-from motorgrad.studies import Best, Results, Search, SearchResults, Study, settings_text
+from motorgrad.studies import Best, Results, Search, SearchResults, Study, broken_text, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]
 
@@ -71,20 +71,25 @@ def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None
         if table:
             print(plain(f"the best by {metric}{f' of {settings_text(task)}' if task else ''}:"))
         for each in table:
-            print(f"  {each.value.words()}: {plain(settings_text(each.settings, task))}")
+            broken = f" ({counted(each.broken, 'seed')} not finite)" if each.broken else ""
+            print(f"  {each.value.words()}: {plain(settings_text(each.settings, task))}{broken}")
+    for stage in results.rounds if isinstance(results, SearchResults) else [results]:
+        if said := broken_text(stage).strip():
+            print(f"{stage.path.parent.name + ': ' if isinstance(results, SearchResults) else ''}{said}")
     page = "" if isinstance(results, SearchResults) else f"; its page is {results.path / 'index.html'}"
     print_place(results, page, "study")
 
 
 def _record(results: Results | SearchResults, metric: str, best: Ranking) -> dict[str, Any]:
     listed = [
-        {"point": each.point, "settings": each.settings, "value": _finite(dataclasses.asdict(each.value))}
+        {
+            "point": each.point,
+            "settings": each.settings,
+            "value": finite_table(dataclasses.asdict(each.value)),
+            "broken": each.broken,
+        }
         for _, table in best
         for each in table
     ]
     about = {"path": str(results.path), "complete": results.complete, "metric": metric}
     return {**about, "best": listed, "failures": listed_failures(results)}
-
-
-def _finite(table: dict[str, Any]) -> dict[str, Any]:
-    return {key: None if value in (float("inf"), float("-inf")) else value for key, value in table.items()}

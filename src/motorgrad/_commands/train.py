@@ -21,6 +21,7 @@ from motorgrad.training import (
     final_metrics,
     given_initial,
     saved_config,
+    setting_text,
     train,
 )
 
@@ -209,7 +210,8 @@ def _result(run: Run) -> dict[str, Any]:
     if not run.settings:
         return facts | _means(run)
     parts = zip(run.settings, run.split(), strict=True)
-    return facts | {"settings": [{"setting": setting, **_means(part)} for setting, part in parts]}
+    each = [{"setting": setting, "broken": int(part.broken.sum()), **_means(part)} for setting, part in parts]
+    return facts | {"settings": each}
 
 
 def _means(run: Run) -> dict[str, Any]:
@@ -223,7 +225,8 @@ def _print(run: Run, found: dict[str, Any], out: Path) -> None:
     print(f"{done} after {made} per seed; means over the last tenth of the records, and totals:")
     if run.settings:
         for each in found["settings"]:
-            print(f"{_setting_text(each['setting'])}:")
+            of = f" ({each['broken']} of {counted(len(run.seeds), 'seed')} not finite)" if each["broken"] else ""
+            print(f"{setting_text(each['setting'])}{of}:")
             _print_means(each)
     else:
         _print_means(found)
@@ -242,8 +245,3 @@ def _print_means(found: dict[str, Any]) -> None:
         quiet = name.endswith("_count_total") or (name == "diverged_total" and not any(value["per_seed"]))
         if isinstance(value, dict) and "median" in value and not quiet:
             print(f"  {summary_text(name.replace('_', ' '), value)}")
-
-
-def _setting_text(setting: dict[str, float]) -> str:
-    """A setting of a sweep in a few words."""
-    return ", ".join(f"{path.rpartition('.')[2]} = {value:g}" for path, value in setting.items())

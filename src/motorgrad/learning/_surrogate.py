@@ -55,7 +55,7 @@ class ClippedSurrogate(Part):
     - `epochs`: number of times that each decision is used, at least 1.
     - `minibatches`: into how many parts a batch is cut, each for a step of the parameters; a divisor of the estimator's
       `improve`.
-    - `standardise`: whether the advantages of a batch are made to have mean 0 and deviation 1.
+    - `standardise`: whether the advantages of a batch are made to have mean 0 and deviation 1; equal ones become 0.
 
     **Raises:** `ValueError` for a value out of range; in an `Estimator` with parts that do not go with it.
     """
@@ -112,7 +112,9 @@ class ClippedSurrogate(Part):
         if not self.standardise:
             return found
         spread = jnp.std(found)
-        return (found - jnp.mean(found)) / jnp.where(spread > 0, spread, 1)
+        # of equal numbers, deviations and their spread are rounding, and would be standardised to 1
+        flat = (jnp.max(found) == jnp.min(found)) | (spread == 0)
+        return jnp.where(flat, 0, (found - jnp.mean(found)) / jnp.where(flat, 1, spread))
 
     def gradient(self, policy: Policy, rows: Any, bonus: Any = None) -> PyTree[Array]:
         r"""$\nabla_\theta L$ at the parameters of `policy`, for the decisions in `rows`: observations, actions, their

@@ -150,4 +150,5 @@ class BayesianOptimisation(Method):
 
 def _standard(scores: Float[np.ndarray, " candidates"]) -> tuple[float, float]:
     """The mean of the scores that are known, and their standard deviation, or 1 where all are equal."""
-    return float(np.nanmean(scores)), float(np.nanstd(scores)) or 1.0
+    equal = np.nanmax(scores) == np.nanmin(scores)  # of equal numbers, the deviation is rounding
+    return float(np.nanmean(scores)), 1.0 if equal else float(np.nanstd(scores))

@@ -2,7 +2,7 @@
 
 from motorgrad.studies._driver import PLACES, On, drive, run_study
 from motorgrad.studies._jobs import AnyJob, JobFolder, Outcome, Work
-from motorgrad.studies._page import settings_text
+from motorgrad.studies._page import broken_text, settings_text
 from motorgrad.studies._partition import Job
 from motorgrad.studies._results import Best, Results
 from motorgrad.studies._scores import ScoreEach
@@ -31,6 +31,7 @@ __all__ = [
     "Seeds",
     "Study",
     "Work",
+    "broken_text",
     "compare",
     "drive",
     "run_study",

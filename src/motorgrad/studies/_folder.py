@@ -98,6 +98,11 @@ class StudyFolder(JobFolder):
         if found is None:
             raise RunDirectoryError(f"{self.path} is not the folder of a study: it has no study.toml")
         self.study = found
+        if stored is not None:
+            try:
+                stored.check()
+            except ValueError as error:
+                raise ValueError(f"{file}: {error}") from None
         self._rows: dict[str, pa.Table] = {}
         self._begun: dict[str, pa.Table] = {}
         self._lock = contextlib.ExitStack()
@@ -142,7 +147,7 @@ class StudyFolder(JobFolder):
             mark, rows = stored.get(job.name, (None, None))
             lanes = len(job.points) * len(self.study.seed_list)
             known = rows is not None and mark == self._mark(job) and rows.num_rows == lanes
-            self._rows[job.name] = rows if known else job.rows(load(self.place(job)))
+            self._rows[job.name] = rows if known else self._rows_of(job)
 
     def read_begun(self) -> None:
         """Read what the unfinished jobs have saved so far."""
@@ -150,8 +155,19 @@ class StudyFolder(JobFolder):
         for job in self.study.jobs:
             if not self.is_done(job) and self.saved(job):
                 with contextlib.suppress(RunDirectoryError):  # it has been begun again just now
-                    found[job.name] = job.rows(load(self.place(job)))
+                    found[job.name] = self._rows_of(job)
         self._begun = found
+
+    def _rows_of(self, job: Job) -> pa.Table:
+        """The rows of a job in the index, from its run directory. **Raises** `RunDirectoryError` where that is of
+        another job."""
+        rows, lanes = job.rows(load(self.place(job))), len(job.points) * len(self.study.seed_list)
+        if rows.num_rows != lanes:
+            raise RunDirectoryError(
+                f"{self.place(job)}: rows of settings and seeds = {rows.num_rows:,}: must be {lanes:,}, as study.toml "
+                "asks for; one of them was changed"
+            )
+        return rows
 
     def add(self, job: Job, result: pa.Table) -> None:
         """Record a job that is done."""
@@ -214,7 +230,12 @@ class StudyFolder(JobFolder):
             marks = json_in((table.schema.metadata or {})[b"marks"])
             names = table["job"].cast(pa.string()).to_numpy()
             metrics = table.select(range(table.column_names.index("status") + 1, table.num_columns))
-        except (OSError, ValueError, KeyError):  # missing or damaged: the run directories have everything
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            pa.ArrowException,
+        ):  # missing or damaged: the run directories have everything
             return {}
         numbers = all(map(_is_number, metrics.schema.types)) and len({*metrics.column_names}) == metrics.num_columns
         if not (isinstance(marks, dict) and len(names) and numbers):

@@ -100,7 +100,7 @@ aria-valuenow="{done}">{parts}</div>
 <p class="counts">{" · ".join(counts)}</p>
 {failures_text(failures)}
 <h2>Best settings by {html.escape(metric)}</h2>
-<p>{_how(results)}</p>
+<p>{_how(results)}{html.escape(broken_text(results))}</p>
 {"".join(_table(results, task, table) for task, table in tables)}
 {figure}"""
     return html_page(f"{done} of {jobs}: {name}", body, running=state == "running")
@@ -144,6 +144,14 @@ def _how(results: Results) -> str:
     )
 
 
+def broken_text(results: Results) -> str:
+    """How many settings rank last because a policy is not finite, in words; empty without any."""
+    if not (broken := results.broken):
+        return ""
+    of = counted(len(results.study.points), "setting")
+    return f" {len(broken):,} of {of} rank last, with seeds whose parameters are not finite: {sum(broken.values()):,}."
+
+
 def _table(results: Results, task: Mapping[str, Any], table: list[Best]) -> str:
     heading = f"<h3>{html.escape(settings_text(task))}</h3>" if task else ""
     if not table:
@@ -154,6 +162,8 @@ def _table(results: Results, task: Mapping[str, Any], table: list[Best]) -> str:
     for best in table:
         cells = "".join(f"<td>{html.escape(_value(best.settings.get(path, '')))}</td>" for path in paths)
         note = "" if best.done else " <small>so far</small>"
+        if best.broken:
+            note += f" <small>{best.broken} of {counted(len(results.study.seed_list), 'seed')} not finite</small>"
         rows.append(f"<tr>{cells}<td>{html.escape(best.value.words())}{note}</td></tr>")
     return f"{heading}<table><thead><tr>{head}<th>mean</th></tr></thead><tbody>{''.join(rows)}</tbody></table>"
 

@@ -69,14 +69,14 @@ class Job:
 
     def rows(self, run: Run) -> pa.Table:
         """The rows of a run in the index: the lanes in order, with their final metrics and the further measures; those
-        without learning where they are in its directory."""
+        without learning where they are in its directory; and whether the policy is not finite, `broken`."""
         found = final_metrics(run)
         if "online" in self.measures:
             online = final_metrics(run, share=1.0)
             found |= {f"{name}_online": values for name, values in online.items() if not name.endswith("_total")}
         if self._modes and run.path is not None and (run.path / FROZEN).exists():
             found |= read_arrays(run.path / FROZEN)
-        columns = {name: np.asarray(values, float) for name, values in found.items()}
+        columns = {name: np.asarray(values, float) for name, values in (found | {"broken": run.broken}).items()}
         return pa.table({"decision": np.full(run.lanes, run.decision, np.int64), **columns})
 
     def is_measured(self, path: Path) -> bool:

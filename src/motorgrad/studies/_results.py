@@ -1,6 +1,7 @@
 """The results of a study: its table, its runs, the best settings."""
 
 import functools
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -24,6 +25,7 @@ class Best(NamedTuple):
     - `chosen_by`: the metric over the seeds that did. The luck of the choice is in it. Without held-out seeds it is the
       same as `value`.
     - `done`: whether learning is over.
+    - `broken`: the number of seeds whose policy is not finite.
     """
 
     settings: dict[str, Any]
@@ -31,6 +33,7 @@ class Best(NamedTuple):
     value: Measured
     chosen_by: Measured
     done: bool
+    broken: int = 0
 
 
 class Results:
@@ -78,15 +81,15 @@ class Results:
     @functools.cached_property
     def table(self) -> pa.Table:
         """One row per setting and seed: `job`, `point`, `seed`, the settings by path, `status` (`"done"`, `"failed"`,
-        `"begun"` or `"waiting"`), `decision` and the final metrics as `final_metrics` has them; of jobs that have
-        begun, those so far."""
+        `"begun"` or `"waiting"`), `decision`, the final metrics as `final_metrics` has them, and whether the policy
+        is not finite, `broken`; of jobs that have begun, those so far."""
         return self._folder.index()
 
     @property
     def metrics(self) -> list[str]:
         """The metrics of the table."""
         names = self.table.column_names
-        return names[names.index("status") + 2 :]
+        return [name for name in names[names.index("status") + 2 :] if name != "broken"]
 
     @property
     def tasks(self) -> list[dict[str, Any]]:
@@ -111,6 +114,19 @@ class Results:
         column = self.table[metric].to_numpy(zero_copy_only=False).astype(float)
         if not so_far:
             column = np.where(np.asarray(self.table["status"].to_pylist()) == "done", column, np.nan)
+        return self._by_point(column)
+
+    @property
+    def broken(self) -> dict[int, int]:
+        """The settings with a seed whose policy is not finite, so far: the number of such seeds by point."""
+        if "broken" not in self.table.column_names:
+            return {}
+        lost = self.table["broken"].to_numpy(zero_copy_only=False) == 1
+        counts = self._by_point(lost).sum(axis=1)
+        return {int(point): int(counts[point]) for point in np.flatnonzero(counts)}
+
+    def _by_point(self, column: np.ndarray) -> np.ndarray:
+        """A column of the table as `(points, seeds)`."""
         column = column.reshape(-1, len(self.study.seed_list))
         found = np.empty_like(column)
         found[self.table["point"].to_numpy()[:: column.shape[1]]] = column
@@ -143,7 +159,8 @@ class Results:
           do not compare.
         - `so_far`: whether to count jobs that are not done, too.
 
-        Settings with a value that is not finite are left out.
+        Settings with a value that is not finite come last, with NaN: a seed whose policy is not finite, or in which the
+        metric never occurred. Those that have no values yet are left out.
         """
         for name, value, known in (
             ("direction", direction, ("maximize", "minimize")),
@@ -156,16 +173,27 @@ class Results:
                 raise unknown("setting of the study", path, {path for setting in settings for path in setting})
         wanted = [all(setting.get(path) == value for path, value in (where or {}).items()) for setting in settings]
         values = self.values(metric, so_far)
-        usable = np.flatnonzero(np.isfinite(values).all(axis=1) & np.array(wanted))
+        broken = self.broken
+        finite = np.isfinite(values).all(axis=1) & ~np.isin(np.arange(len(values)), list(broken))
+        usable = np.flatnonzero(finite & np.array(wanted))
         done = np.asarray(np.isfinite(self.values(metric)).all(axis=1))
         choosing, reporting = self.choosing(values) if held_out else (values, values)
         centre = np.mean if statistic == "mean" else np.median
         score = centre(choosing[usable], axis=1) * (1 if direction == "minimize" else -1)
         measured = mean_of if statistic == "mean" else median_of
-        return [
+        unknown_one = Measured(math.nan, math.nan, math.nan, 0, statistic, 1.0)
+        status = self._by_point(np.asarray(self.table["status"].to_pylist(), object))[:, 0]
+        learned = np.isin(status, ("done", "begun") if so_far else ("done",))
+        lacking = np.setdiff1d(np.flatnonzero(learned & np.array(wanted)), usable)
+        known = [
             Best(settings[point], int(point), measured(reporting[point]), measured(choosing[point]), bool(done[point]))
             for point in usable[np.argsort(score, kind="stable")[:count]]
         ]
+        last = [
+            Best(settings[point], int(point), unknown_one, unknown_one, status[point] == "done", broken.get(point, 0))
+            for point in lacking.tolist()
+        ]
+        return [*known, *last][:count]
 
     @staticmethod
     def choosing(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -84,6 +84,16 @@ class _Candidate:
         return Outcome(found)
 
 
+def _score_in(file: Path) -> float:
+    """The score that a candidate has, NaN where it has failed. **Raises** `ValueError` for a damaged file."""
+    found = read_json(file)
+    known = found.get("score", "") if isinstance(found, dict) else ""
+    right = known is None or (isinstance(known, int | float) and not isinstance(known, bool))
+    if not right:
+        raise ValueError(f"{file}: damaged: must say the score of a candidate; delete it")
+    return math.nan if known is None else float(known)
+
+
 class _Round(JobFolder):
     """The folder of a batch of candidates, named after what they are: the same batch finds its scores again."""
 
@@ -96,8 +106,7 @@ class _Round(JobFolder):
         self.scores: dict[str, float] = {}
         for job in jobs:
             if (file := self.place(job) / "score.json").exists():
-                known = read_json(file)["score"]
-                self.scores[job.name] = math.nan if known is None else known
+                self.scores[job.name] = _score_in(file)
 
     @property
     def jobs(self) -> list[_Candidate]:

@@ -11,6 +11,7 @@ numbers of its own. So neither workers nor kills change what is asked.
 
 import dataclasses
 import json
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -158,7 +159,9 @@ class SearchResults:
         sign = 1 if search.direction == "minimize" else -1
         # two rounds may have asked for the same
         each = {frozen(best.settings): best for best in found}
-        return sorted(each.values(), key=lambda best: sign * best.chosen_by.value)[:count]
+        order = [(math.isnan(best.chosen_by.value), sign * best.chosen_by.value) for best in each.values()]
+        ranked = sorted(zip(order, each.values(), strict=True), key=lambda pair: pair[0])
+        return [best for _, best in ranked[:count]]
 
 
 class _Searching:

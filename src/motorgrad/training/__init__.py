@@ -14,10 +14,11 @@ from motorgrad.training._arguments import check_training
 from motorgrad.training._callbacks import EarlyStopping, Report
 from motorgrad.training._evaluate import Evaluation, evaluate
 from motorgrad.training._load import given_initial, load, saved_config
+from motorgrad.training._metrics import final_metrics
 from motorgrad.training._policy_score import PolicyScore
-from motorgrad.training._run import Run, final_metrics, saved_agent
+from motorgrad.training._run import Run, saved_agent
 from motorgrad.training._saving import NotSaved
-from motorgrad.training._sweep import sweepable
+from motorgrad.training._sweep import setting_text, sweepable
 from motorgrad.training._train import resume, train
 from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import (
@@ -80,6 +81,7 @@ __all__ = [
     "resume",
     "saved_agent",
     "saved_config",
+    "setting_text",
     "stepper_for",
     "sweepable",
     "train",

@@ -14,7 +14,7 @@ from motorgrad._presets import PRESETS, STEPS
 from motorgrad._settings import as_hinted, build, full_path, table
 from motorgrad._tree import KINDS, Part, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Estimator, Optax
-from motorgrad.tasks import Task, make
+from motorgrad.tasks import Gymnasium, Task, make
 
 LARGEST = 100_000_000  # weights of a policy
 
@@ -186,7 +186,11 @@ def _built(task: Task, own: dict[str, Any], given: Mapping[str, Any]) -> Agent:
     for name, value in policies.IMPLIED.get(getattr(agent.policy, "kind", ""), {}).items():
         needed = f"set, such as {value!r}, for the policy {agent.policy.kind!r}"
         check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
-    jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
+    try:
+        jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
+    except ValueError as error:
+        advice = task.of_many_numbers if isinstance(task, Gymnasium) else ""
+        raise ValueError(f"{error}; {advice}" if advice else str(error)) from None
     check_rounded(agent, agent.precision)
     return agent
 

@@ -63,7 +63,8 @@ def check_callbacks(callbacks: Callback | Iterable[Callback]) -> tuple[Callback,
 class EarlyStopping:
     """A callback that ends training when a quantity reaches a goal, or no longer improves.
 
-    The quantity is its mean over the seeds, at each record. Records in which it did not occur are skipped.
+    The quantity is its mean over the seeds, at each record. Records in which it did not occur are skipped, except for
+    `patience` those without any reward, in which no policy is finite.
 
     **Arguments:**
 
@@ -100,15 +101,16 @@ class EarlyStopping:
 
     def __call__(self, report: Report) -> bool:
         value = report.mean(self.quantity)
-        if not np.isfinite(value):
+        if not np.isfinite(value) and np.isfinite(report.mean("reward")):
             return False
         sign = 1.0 if self.larger_is_better else -1.0
         if self.goal is not None and sign * value >= sign * self.goal:
             self.why = f"{self.quantity} reached {value:.4g} at decision {report.decision:,}"
-        if self.best is None or sign * (value - self.best) > self.least_gain:
+        if np.isfinite(value) and (self.best is None or sign * (value - self.best) > self.least_gain):
             self.best, self._since = value, 0
         else:
             self._since += 1
         if not self.why and self.patience is not None and self._since >= self.patience:
-            self.why = f"{self.quantity} has not improved on {self.best:.4g} for {counted(self._since, 'record')}"
+            before = "" if self.best is None else f" on {self.best:.4g}"
+            self.why = f"{self.quantity} has not improved{before} for {counted(self._since, 'record')}"
         return bool(self.why)

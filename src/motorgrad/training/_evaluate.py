@@ -12,9 +12,11 @@ import pyarrow as pa
 from motorgrad._errors import check_integer, choice, counted
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
+from motorgrad.training._broken import not_finite, told_lanes
 from motorgrad.training._load import load
-from motorgrad.training._run import Records, Run, not_finite, told_seeds
-from motorgrad.training.engines import MOST_AT_ONCE, BodyStepper, stepper_for
+from motorgrad.training._metrics import Records
+from motorgrad.training._run import Run
+from motorgrad.training.engines import MOST_AT_ONCE, BodyStepper, stepper_for, without_broken
 from motorgrad.training.store import RunWarning
 
 FRESH = 1_000_000_000
@@ -49,10 +51,16 @@ class Evaluation:
 
     def __repr__(self) -> str:
         means = {"reward": self.reward, **self.readings}
-        finite = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
-        medians = [f"median {name} {np.median(values):.4g}" for name, values in finite.items() if len(values)]
+        known = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
+        medians = [f"median {name} {_median(values, len(self.reward))}" for name, values in known.items()]
         size = f"{counted(len(self.reward), 'seed')}, {counted(len(self.time), 'decision')}"
         return f"Evaluation({size}, {', '.join(medians)})"
+
+
+def _median(known: np.ndarray, seeds: int) -> str:
+    """The median of what is known of some seeds, and of how many it is."""
+    of = "" if len(known) == seeds else f" (of {len(known)})"
+    return f"{np.median(known):.4g}{of}" if len(known) else "unknown"
 
 
 def evaluate(
@@ -100,13 +108,12 @@ def evaluate(
                 marks.append(np.where(renewed[:, None, None], before, marked_now()))
     else:
         stepper.advance(steps)
-    record = stepper.harvest()
+    record = without_broken(stepper.harvest())
     if (broken := not_finite(policies)).any():
-        found = told_seeds(np.asarray(lanes)[broken])
+        found = told_lanes(broken, run.seeds, run.settings)
         warnings.warn(
             f"{found}: parameters that are not finite; nothing is said of them (NaN)", RunWarning, stacklevel=2
         )
-        record |= {name: np.where(broken, np.nan, record[name]) for name in ("reward", *run.task.reports)}
     records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings))
     records.add(record, steps, 0, 0.0)
     metrics = records.take()
@@ -120,6 +127,9 @@ def evaluate(
     state = stepper.batch.unpack(np.stack([packed for packed, _ in motion], axis=1))
     activation = np.stack([a for _, a in motion], axis=1)
     measures = run.task.measures(state)
+    if broken.any():
+        unknown = {name: "unknown" if each.dtype.kind == "U" else np.nan for name, each in measures.items()}
+        measures = {name: np.where(broken, unknown[name], each) for name, each in measures.items()}
     moved = (state.position, state.sensors, activation)
     return Evaluation(
         metrics, reward, readings, time, *moved, measures, state.activation, np.stack(marks, axis=1) if marks else None

@@ -12,6 +12,7 @@ import pyarrow as pa
 from motorgrad._errors import check
 from motorgrad.policies import Policy, rebuild, trainable
 from motorgrad.tasks import Task
+from motorgrad.training._metrics import mean_of_samples
 from motorgrad.training._run import Run
 from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, name_of, release_changes, versions
 
@@ -51,9 +52,12 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     metrics = directory.metrics(about)
     if metrics is not None and metrics.num_rows % lanes:
         raise RunDirectoryError(f"{path}: {metrics.num_rows:,} rows of records: must be {lanes:,} for each record")
-    mean = "cycle.agent.gradient.mean."
-    estimated = any(name.startswith(mean) for name in arrays)
-    estimate = _filled(path, trainable(shapes), arrays, lanes, mean) if estimated else None
+    mean, estimate = "cycle.agent.gradient.mean.", None
+    if any(name.startswith(mean) for name in arrays):
+        single: Any = jax.ShapeDtypeStruct((), np.uint32)
+        count = _filled(path, single, arrays, lanes, "cycle.agent.gradient.count")
+        one = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), trainable(policies))
+        estimate = mean_of_samples(_filled(path, one, arrays, lanes, mean), count)
     return Run(
         config,
         about["decision"],

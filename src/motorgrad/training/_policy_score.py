@@ -18,7 +18,7 @@ from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task, make
-from motorgrad.training.engines import MOST_AT_ONCE, stepper_for, validate, validate_needs
+from motorgrad.training.engines import MOST_AT_ONCE, mean_reward, stepper_for, validate, validate_needs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class PolicyScore:
         stepper = stepper_for(self.task, agent, seeds, mode, initial=policies)
         stepper.advance(self.steps)
         found = stepper.harvest()
-        earned = found["reward"] / self.steps if self.of == "reward" else found[self.of]
+        earned = mean_reward(found, self.steps) if self.of == "reward" else found[self.of]
         earned = np.asarray(earned, float).reshape(len(rows), self.streams)
         known = np.isfinite(earned)
         some = known.any(axis=1) if self.of != "reward" else known.all(axis=1)

@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,16 +19,19 @@ from jaxtyping import Bool, Float
 
 from motorgrad._errors import check, counted, unknown
 from motorgrad.learning import Agent
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.policies import Policy, split
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._agents import agent_from_table
+from motorgrad.training._broken import not_finite
+from motorgrad.training._metrics import mean_of_known
+from motorgrad.training._sweep import setting_text
 from motorgrad.training._trust import check_imports
-from motorgrad.training.engines import Record
 from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves
 from motorgrad.training.store import (
     RunDirectory,
     RunDirectoryError,
+    RunWarning,
     fill_tree,
     name_of,
 )
@@ -46,7 +50,7 @@ class Run:
     - `policies`: the policies of all seeds, stacked along a leading axis, with averaged parameters where the learner
       has `PolyakAveraging`; `initial`, the same before learning.
     - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
-      `gpomdp`, the estimate itself. `None` for online learners.
+      `gpomdp`, the estimate itself; NaN where there are none. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
     - `broken`: which policies are not finite.
 
@@ -249,10 +253,35 @@ class Run:
         return decision, values
 
     def final(self, quantity: str = "reward", share: float = 0.25) -> np.ndarray:
-        """Mean of a quantity over the last `share` of the records, `(seeds,)`."""
+        """Mean of a quantity over the last `share` of the records, of those in which it occurred, `(seeds,)`; NaN where
+        it occurred in none, and for policies that are not finite."""
         check(0 < share <= 1, "share", share, "above 0, at most 1")
         values = self.curve(quantity)[1]
-        return values[:, -max(1, round(share * values.shape[1])) :].mean(axis=1)
+        last = values[:, -max(1, round(share * values.shape[1])) :]
+        return np.where(self.broken, np.nan, mean_of_known(last))
+
+    def ranked(self, quantity: str = "reward", *, share: float = 0.25, larger_is_better: bool = True) -> "list[Run]":
+        """The run of each of the `settings`, the best first.
+
+        Settings compare by the mean over seeds of `final(quantity, share)`. Those with a seed whose policy is not
+        finite, or in which the quantity did not occur, come last, which a `RunWarning` says.
+
+        ```python
+        swept = mg.train("three-state", steps=2_000, seeds=4, sweep={"learning_rate": [0.01, 0.1]}, progress=False)
+        best = swept.ranked()[0]
+        ```
+        """
+        runs = self.split()
+        means = np.array([run.final(quantity, share).mean() for run in runs])
+        if (lacking := np.flatnonzero(~np.isfinite(means))).size:
+            settings = self.settings or [{}]
+            said = [f"{setting_text(settings[place])} ({_why_unknown(runs[place])})" for place in lacking]
+            more = f" and {len(said) - 5} more" if len(said) > 5 else ""
+            warnings.warn(
+                f"ranked last, as {quantity} is unknown: {'; '.join(said[:5])}{more}", RunWarning, stacklevel=2
+            )
+        worth = np.where(np.isfinite(means), means if larger_is_better else -means, -np.inf)
+        return [runs[place] for place in np.argsort(-worth, kind="stable")]
 
     def first_time(
         self,
@@ -330,17 +359,10 @@ def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[s
     return found
 
 
-def not_finite(policies: Policy) -> Bool[np.ndarray, " lanes"]:
-    """Which of the policies along a leading axis have parameters that are not finite."""
-    learned = map(np.asarray, jax.tree.leaves(trainable(policies)))
-    return np.any([~np.isfinite(leaf).reshape(len(leaf), -1).all(axis=1) for leaf in learned], axis=0)
-
-
-def told_seeds(seeds: Iterable[int]) -> str:
-    """Some seeds in a few words."""
-    chosen = sorted({int(seed) for seed in seeds})
-    more = f" and {len(chosen) - 5} more" if len(chosen) > 5 else ""
-    return f"seed{'s' * (len(chosen) > 1)} {', '.join(map(str, chosen[:5]))}{more}"
+def _why_unknown(run: Run) -> str:
+    """Why a quantity of a run is unknown."""
+    broken = np.count_nonzero(run.broken)
+    return f"{broken} of {counted(run.lanes, 'seed')} not finite" if broken else "it did not occur with every seed"
 
 
 def saved_task(config: dict[str, Any], path: Any = None, trust: bool = False) -> Task:
@@ -359,7 +381,10 @@ def saved_task(config: dict[str, Any], path: Any = None, trust: bool = False) ->
             f"task {name!r} is not in the registry: in Python, give the task itself, as load(path, task); on the "
             "command line, import the module that registers it, as motorgrad --import MODULE evaluate RUN"
         )
-    return make(name, **settings)
+    try:
+        return make(name, **settings)
+    except ValueError as error:
+        raise ValueError(str(error) if path is None else f"{path}/config.toml: {error}") from None
 
 
 def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Agent:
@@ -368,76 +393,3 @@ def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Agent:
         return agent_from_table(task, settings, where)
     except ValueError as error:
         raise RunDirectoryError(f"{error}: train(task, agent, out=...)") from None
-
-
-class Records:
-    """The records since the last checkpoint: rows of a table, one per window, lane and setting.
-
-    `docs/training.md` lists the columns.
-    """
-
-    def __init__(self, seeds: np.ndarray, period: float, settings: int = 0):
-        self.seeds, self.period = seeds, period
-        self._setting = np.repeat(np.arange(settings), len(seeds) // settings) if settings else None
-        self._tables: list[pa.Table] = []
-
-    def add(self, record: Record, decision: int, since: int, wall: float, cpu: float = 0.0) -> float:
-        """Add the record of the window from `since` to `decision`. Returns its mean reward over the lanes."""
-        count = len(self.seeds)
-        lost = record.get("diverged", 0)
-        reward = record["reward"] / np.maximum(decision - since - lost, 1)
-        columns = {
-            **({} if self._setting is None else {"setting": self._setting}),
-            "seed": self.seeds,
-            "decision": np.full(count, decision, np.int64),
-            "simulated_time": np.full(count, decision * self.period),
-            "wall_time": np.full(count, wall),
-            "cpu_time": np.full(count, cpu),
-            "reward": reward.astype(np.float32),
-            **{name: values for name, values in record.items() if name not in ("reward", "parameters")},
-        }
-        parameters = pa.FixedSizeListArray.from_arrays(
-            pa.array(record["parameters"].ravel().astype(np.float32)), record["parameters"].shape[1]
-        )
-        self._tables.append(pa.table({**columns, "parameters": parameters}))
-        return float(np.mean(reward))
-
-    def newest(self) -> dict[str, np.ndarray]:
-        """The columns of the newest record but the parameters, `(lanes,)` each."""
-        table = self._tables[-1]
-        return {name: table[name].to_numpy() for name in table.column_names if name != "parameters"}
-
-    def take(self) -> pa.Table | None:
-        """Remove and return all rows."""
-        table = pa.concat_tables(self._tables) if self._tables else None
-        self._tables = []
-        return table
-
-
-CLOCKS = ("simulated_time", "wall_time", "cpu_time")
-NOT_FINAL = frozenset({"setting", "seed", "decision", *CLOCKS, "parameters", "baseline"})
-"""Columns of the metrics that say nothing about what learning has led to."""
-
-
-def final_metrics(run: Run, share: float = 0.1) -> dict[str, np.ndarray]:
-    """One number per lane for every column of a run's metrics: the results of learning.
-
-    **Arguments:** `share`: of the records, the last ones, at least one.
-
-    **Returns** means over these records, without those in which nothing occurred (NaN where nothing occurred in any);
-    of what is counted, such as episodes and divergences, the totals of the whole run as `NAME_total`. Empty for a run
-    without records.
-    """
-    check(0 < share <= 1, "share", share, "above 0, at most 1")
-    found: dict[str, np.ndarray] = {}
-    for name in run.metrics.column_names if run.metrics.num_rows else ():
-        if name in NOT_FINAL:
-            continue
-        values = run.curve(name)[1]
-        if name.endswith("_count") or name in ("episodes", "diverged"):
-            found[f"{name}_total"] = values.sum(axis=1)
-            continue
-        last = values[:, -max(1, int(values.shape[1] * share)) :]
-        with np.errstate(invalid="ignore"):
-            found[name] = np.nansum(last, axis=1) / np.isfinite(last).sum(axis=1)
-    return found

@@ -65,6 +65,11 @@ def numbers_by_lane(settings: Sequence[Setting], seeds: int) -> dict[str, np.nda
     return {path: np.repeat([setting[path] for setting in settings], seeds) for path in settings[0]}
 
 
+def setting_text(setting: Mapping[str, float]) -> str:
+    """A setting of a sweep in a few words."""
+    return ", ".join(f"{path.rpartition('.')[2]} = {value:g}" for path, value in setting.items()) or "the only setting"
+
+
 def sweepable(name: str, agent: Agent) -> bool:
     """Whether a setting of the agent, by its path or short name, is a number that a sweep can vary."""
     return full_path(type(agent), name) in _numbers(agent.hyperparameters)

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 import pyarrow as pa
+from jaxtyping import Bool
 
 from motorgrad._compiler import compilations
 from motorgrad._errors import check, counted
@@ -21,12 +22,14 @@ from motorgrad.policies import Policy, describe
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments, check_training
+from motorgrad.training._broken import not_all_finite, not_finite, told_lanes
 from motorgrad.training._callbacks import Callback, Report, check_callbacks
 from motorgrad.training._load import given_initial, memory_in, saved_config
-from motorgrad.training._run import Records, Run, saved_agent, saved_task, told_seeds
+from motorgrad.training._metrics import Records, mean_of_samples
+from motorgrad.training._run import Run, saved_agent, saved_task
 from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
 from motorgrad.training._sweep import numbers_by_lane
-from motorgrad.training.engines import Record, training_stepper_for
+from motorgrad.training.engines import training_stepper_for
 from motorgrad.training.plots import EventFiles, check_tensorboard, start_time
 from motorgrad.training.store import (
     CorruptCheckpoint,
@@ -239,6 +242,7 @@ class _Training:
             if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
                 state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
             self.stepper.restore(state)
+            self._look_for_broken(not_finite(self.stepper.policies()))
             self.recorded, self.wall, self.cpu = about["recorded"], about["wall"], about.get("cpu", 0.0)
             self.config["run"]["steps"] = max(steps, about["decision"])
         directory.write_config(self.config)
@@ -264,9 +268,17 @@ class _Training:
             key=lambda difference: difference.startswith("agent.initial"),
         )
         if changed:
+            steps, made = now["run"]["steps"], before["run"]["steps"]
+            own = ""
+            if steps != made and all(difference.startswith("agent.") for difference in changed):
+                own = (
+                    f"some learners scale with the steps, which were {made:,} and are now {steps:,}: go on with the "
+                    f"run's own learner by mg.resume({str(path)!r}, {steps}), or motorgrad train --resume {path} "
+                    f"--steps {steps}; or "
+                )
             raise RunDirectoryError(
-                f"{path} holds a run of another configuration: {changed[0]}; choose another directory, or the same "
-                "settings, or continue on purpose with allow_changed=True (--allow-changed)"
+                f"{path} holds a run of another configuration: {changed[0]}; {own}choose another directory, or the "
+                "same settings, or continue on purpose with allow_changed=True (--allow-changed)"
             )
         if about is not None and (changes := release_changes(about["versions"], versions(), ("motorgrad",))):
             raise RunDirectoryError(
@@ -345,6 +357,7 @@ class _Training:
     def _outcome(self) -> Run:
         saving, state = self.saving, self.stepper.state
         learner = state["cycle"].agent
+        batches = isinstance(learner.gradient, RunningMean)
         metrics = self.records.take() if saving is None else saving.metrics()
         return Run(
             self.config,
@@ -352,7 +365,7 @@ class _Training:
             pa.table({}) if metrics is None else metrics,
             self.stepper.policies(),
             self.initial,
-            learner.gradient.mean if isinstance(learner.gradient, RunningMean) else None,
+            mean_of_samples(learner.gradient.mean, learner.gradient.count) if batches else None,
             None if saving is None else saving.directory.path,
             self.task,
             _memory=memory_in(by_name(state)),
@@ -361,7 +374,7 @@ class _Training:
     def _record(self) -> dict[str, float]:
         """Add a record. Returns the means over the seeds of the reward and of the task's first reading."""
         record = self.stepper.harvest()
-        self._look_for_broken(record)
+        self._look_for_broken(not_all_finite(record["parameters"]))
         latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall, self.cpu)}
         for name in self.task.reports[:1]:
             seen = record[name][np.isfinite(record[name])]
@@ -370,15 +383,15 @@ class _Training:
         self._report()
         return latest
 
-    def _look_for_broken(self, record: Record) -> None:
+    def _look_for_broken(self, lost: Bool[np.ndarray, " lanes"]) -> None:
         """Warn of the lanes whose parameters have ceased to be finite since the last record."""
-        lost = ~np.isfinite(record["parameters"]).all(axis=1)
         if (new := lost & ~self.lost).any():
-            seeds, decision = told_seeds(self.stepper.seeds[new]), self.stepper.decision
+            lanes = told_lanes(new, self.config["run"]["seeds"], self.config.get("sweep", []))
             of = f"{np.count_nonzero(lost)} of {len(self.lost)}"
-            what = f"parameters not finite by decision {decision:,}, and from then on nothing is learned ({of} so far)"
+            when = f"parameters not finite by decision {self.stepper.decision:,}"
+            what = "from then on nothing is learned, and reward and readings are NaN"
             ways = "see what is observed and rewarded, or take a lower learning rate"
-            warnings.warn(f"{seeds}: {what}; {ways}", RunWarning, stacklevel=2)
+            warnings.warn(f"{lanes}: {when} ({of} so far): {what}; {ways}", RunWarning, stacklevel=2)
         self.lost |= lost
 
     def _report(self) -> None:

@@ -36,6 +36,22 @@ def test_a_watched_learner_learns_what_a_headless_one_does(task, driven):
         assert np.array_equal(seen["position"][0].astype(np.float32), alone.batch.packed[0, :6])
 
 
+def test_a_policy_that_breaks_stops_the_run_and_has_no_rewards(driven):
+    hopper = driven(live.setup_of("hopper", seed=3))
+    hopper(live.Step(100), live.Edit("agent.optimizer.learning_rate", 3e38))
+    hopper.worker.clock.play()
+    said = [each for _ in range(10) for each in hopper(live.Step(50))]
+    (broke,) = [text for kind, text in said if kind == "lost"]
+    assert broke.startswith("parameters not finite by decision ")
+    assert not hopper.worker.clock.playing
+    assert not np.isfinite(hopper.seen()["parameters"][0]).all()
+    hopper.worker.subject.tally()
+    hopper(live.Step(50))
+    (found,) = hopper.worker.subject.tally()
+    assert np.isnan(found.values[0])
+    assert found.counts[0] == 0
+
+
 def test_going_back_and_on_again_is_the_same_to_the_last_bit(hopper):
     hopper(live.Reset(), live.Step(300))
     hopper.worker._keep()

@@ -19,6 +19,7 @@ from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 from motorgrad.tasks import EnvironmentPictures, Task
 from motorgrad.training import Stepper, stepper_for
+from motorgrad.training.engines import mean_reward, without_broken
 
 ROOM = 20.0  # simulated seconds of the trail
 MOST_ENGINES = 4  # kept, so that going back to a setting makes nothing anew
@@ -108,11 +109,11 @@ class Learner:
 
     def _tallied(self, record: Any, count: int) -> Tally:
         """What an engine recorded over a number of decisions."""
-        reports = self.task.reports
+        reports, record = self.task.reports, without_broken(record)
         lost = int(record["diverged"][0]) if "diverged" in record else 0
-        values = [record["reward"][0] / max(count - lost, 1), *(record[name][0] for name in reports)]
-        counts = [count, *(record[f"{name}_count"][0] for name in reports)]
-        return Tally(np.asarray(values, float), np.asarray(counts, float))
+        values = np.array([mean_reward(record, count)[0], *(record[name][0] for name in reports)], float)
+        counts = np.array([count - lost, *(record[f"{name}_count"][0] for name in reports)], float)
+        return Tally(values, np.where(np.isfinite(values), counts, 0.0))
 
     @property
     def state(self) -> Any:

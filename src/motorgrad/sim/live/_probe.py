@@ -70,7 +70,8 @@ def gradient_norm(before: Probed, after: Probed) -> np.ndarray:
     if not np.isnan(after["batch"]).any():
         return np.linalg.norm(after["batch"], axis=-1)
     rates = np.where(after["rates"] > 0, after["rates"], np.nan)
-    steps = (after["parameters"].astype(float) - before["parameters"]) / rates
+    with np.errstate(invalid="ignore"):  # between parameters that are not finite there is no step
+        steps = (after["parameters"].astype(float) - before["parameters"]) / rates
     known = np.isfinite(steps)
     norm = np.sqrt(np.sum(np.where(known, steps, 0.0) ** 2, axis=-1))
     return np.where(known.any(axis=-1), norm, np.nan)

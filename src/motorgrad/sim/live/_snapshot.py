@@ -94,6 +94,12 @@ class Curve(NamedTuple):
     values: dict[str, Float[np.ndarray, " points"]]
     frozen: Bool[np.ndarray, " points"]
 
+    def until(self, decision: int) -> "Curve":
+        """What was known at a decision: of a run that went back, the curve also has what followed."""
+        count = int(np.searchsorted(self.decision, decision, side="right"))
+        values = {name: column[:count] for name, column in self.values.items()}
+        return Curve(self.decision[:count], self.seconds[:count], self.reward[:count], values, self.frozen[:count])
+
 
 Sample = dict[str, np.ndarray]
 """One moment, by the names of `Snapshot`'s arrays and `action` and `contacts`, with a leading axis of bodies."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import cloudpickle
 import mujoco
+import numpy as np
 
 from motorgrad._playback import Clock, Playback
 from motorgrad._signals import leave_to_parent
@@ -103,6 +104,7 @@ class Worker:
         self._guard = InterventionGuard()
         self._latest = self.subject.tick, self._sampled()
         self._told: object = None
+        self._broken = False  # whether the learner's parameters are not finite
         self._publish()
         self._tell_branches()
 
@@ -425,6 +427,12 @@ class Worker:
         seen, sample = self._latest
         if seen != subject.tick:
             sample = self._sampled()
+        broken = not np.isfinite(sample["parameters"][0]).all()
+        if broken and not self._broken:
+            self.clock.pause()
+            told = f"parameters not finite by decision {subject.tick:,}: nothing is learned, and rewards are unknown"
+            self.send(f"{told}; Undo, or reset with a lower learning rate", "lost")
+        self._broken = broken
         numbers: dict[str, float] = {
             "decision": subject.tick,
             "seconds": subject.tick * subject.period,

@@ -87,15 +87,15 @@ def standing_alone(results: "ComparisonResults") -> dict[str, str]:
     ranked = [row["method"] for row in rows]
     found = {
         "ranking": intervals(rows, methods, ranked, "Interquartile mean over all tasks"),
-        "profiles": profiles(tables["profiles"], methods),
-        "plane": plane(tables["sensitivity"], methods),
+        "profiles": profiles(tables.get("profiles", ()), methods),
+        "plane": plane(tables.get("sensitivity", ()), methods),
         "tuning": tuning(tables["tuning"], methods),
     }
     for task in results.comparison.tasks:
         if own := [row for row in tables.get("curves", ()) if row["task"] == task]:
             words = results.comparison.metric_of(task).replace("_", " ")
             found[f"curves-{task}"] = curves(own, methods, task, "decision", AXES["decision"], words)
-    if judged := [row for row in tables["sensitivity"] if row["scores"]]:
+    if judged := [row for row in tables.get("sensitivity", ()) if row["scores"]]:
         found["dimension"] = dimensions(judged, methods)
     return {name: _with_key(svg, methods) for name, svg in found.items()}
 

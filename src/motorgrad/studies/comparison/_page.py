@@ -1,6 +1,7 @@
 """The page of a comparison: one HTML file with its figures and tables."""
 
 import html
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -72,7 +73,8 @@ def _found(results: ComparisonResults, tables: Mapping[str, list[Row]]) -> list[
         for kind, words in SCORED.items()
         if any(r["scored"] == kind for r in tuned)
     ]
-    judged = [row for row in tables["sensitivity"] if row["scores"]]
+    felt = tables.get("sensitivity", [])
+    judged = [row for row in felt if row["scores"]]
     return [
         "<h2>Ranking</h2>",
         f"<p>Scores of the judging seeds, {SCORED[scored]}, with settings tuned for each task. 0 and 1 are the ends of "
@@ -84,7 +86,7 @@ def _found(results: ComparisonResults, tables: Mapping[str, list[Row]]) -> list[
         _grid(four),
         "<h2>Run by run</h2>",
         '<div class="grid halves">',
-        f"<figure>{figures.profiles(tables['profiles'], methods)}</figure>",
+        f"<figure>{figures.profiles(tables.get('profiles', []), methods)}</figure>",
         "<div><h3>Probability of improvement</h3><p>How probable it is that a run of the row's method scores "
         "higher than a run of the column's, on a task taken at random. Bold: the interval leaves out one half.</p>",
         _improvement(tables.get("improvement", []), ranked),
@@ -92,7 +94,7 @@ def _found(results: ComparisonResults, tables: Mapping[str, list[Row]]) -> list[
         "<h2>What tuning does</h2>",
         _grid(
             [
-                figures.plane(tables["sensitivity"], methods),
+                figures.plane(felt, methods),
                 figures.tuning(tables["tuning"], methods),
                 *([figures.dimensions(judged, methods)] if judged else []),
             ]
@@ -109,15 +111,21 @@ def _ranking(results: ComparisonResults, tables: Mapping[str, list[Row]], ranked
         (r["method"], r["statistic"]): r for r in tables["summary"] if r["chosen"] == "tuned" and r["scored"] == scored
     }
     share = {r["method"]: r for r in tables["summary"] if r["statistic"] == "share"}
-    sensitivity, cost = ({r["method"]: r for r in tables[name]} for name in ("sensitivity", "cost"))
+    sensitivity, cost = ({r["method"]: r for r in tables.get(name, ())} for name in ("sensitivity", "cost"))
     rows = []
     for method in ranked:
-        felt = sensitivity[method]
+        felt: Row = {
+            "dimension": None,
+            **dict.fromkeys(("sensitivity", "sensitivity_low", "sensitivity_high"), math.nan),
+        }
+        felt |= sensitivity.get(method, {})
         dimension = "–" if felt["dimension"] is None else f"{felt['dimension']} of {len(felt['scores'].split()) - 1}"
+        row = of[method, "interquartile mean"]
+        lost = f" <small>{row['broken']} of {counted(row['runs'], 'run')} not finite</small>" if row["broken"] else ""
         rows.append(
             [
-                _chip(method, results),
-                _interval(of[method, "interquartile mean"]),
+                _chip(method, results) + lost,
+                _interval(row),
                 _interval(of[method, "median"]),
                 _interval(share[method]),
                 _interval(
@@ -248,6 +256,8 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _interval(row: Row, name: str = "value", sign: int = 1) -> str:
+    if math.isnan(row[name]):
+        return "unknown"
     ends = ("low", "high") if name == "value" else (f"{name}_low", f"{name}_high")
     low, high = sorted(sign * row[end] for end in ends)
     return f"{_number(sign * row[name])} <small>[{_number(low)} … {_number(high)}]</small>"

@@ -129,6 +129,13 @@ class ComparisonResults:
         found = {}
         for task, pool in self.pools.items():
             given = self.comparison.tasks[task].scale
+            if given is None and not np.isfinite(pool.mean(axis=1)).any():
+                metric, lost = self.comparison.metric_of(task), sum(self.stages["tuning"].broken.values())
+                raise ValueError(
+                    f"tasks.{task}: no setting of any method has a finite {metric} with every tuning seed, so none can "
+                    f"be chosen ({counted(lost, 'run')} of tuning ended with parameters that are not finite): take "
+                    "other settings, such as lower learning rates, in another folder"
+                )
             low, high = percentile_range(pool.mean(axis=1)) if given is None else (self.sign * end for end in given)
             found[task] = (float(low), float(high))
         return found
@@ -186,14 +193,20 @@ class ComparisonResults:
 
     def earned(self, pair: Pair, scored: Scored = "final", chosen: Choice = "tuned") -> Float[np.ndarray, " seeds"]:
         """What a method earned on a task with the chosen settings, for each judging seed; greater is better. Where the
-        metric never occurred, it is the worst that was earned on the task."""
+        metric never occurred, or the policy is not finite, it is the worst that was earned on the task; NaN where that
+        is so with every seed."""
         choice("scored", scored, SCORED)
         choice("chosen", chosen, CHOICES)
         values = self._goodness("judging", pair[1], scored)
         known = [point for other in self.comparison.pairs if other[1] == pair[1] for point in self._known(other)]
         worst = np.nanmin(values[known]) if np.isfinite(values[known]).any() else np.nan
         row = values[self.judged_point(pair, chosen)]
-        return np.where(np.isfinite(row), row, worst)
+        return np.where(np.isfinite(row), row, worst if np.isfinite(row).any() else np.nan)
+
+    def broken(self, method: str, chosen: Choice = "tuned") -> int:
+        """The number of judging runs of a method, with the chosen settings on its tasks, whose policy is not finite."""
+        lost = self.stages["judging"].broken
+        return sum(lost.get(self.judged_point((method, task), chosen), 0) for task in self.tasks_of(method))
 
     def scores(
         self, method: str, scored: Scored = "final", chosen: Choice = "tuned"
@@ -259,7 +272,8 @@ class ComparisonResults:
     @property
     def summary(self) -> pa.Table:
         """A row for every method, score, statistic and choice of settings: `method`, `chosen`, `scored`, `statistic`,
-        `value`, `low`, `high`, `runs`. The interval is a stratified bootstrap over the tasks.
+        `value`, `low`, `high`, `runs`, `broken`. The interval is a stratified bootstrap over the tasks; NaN where a
+        method earned nothing on a task. `broken` counts the runs whose policy is not finite.
 
         **Raises** `ValueError` as long as no method is judged on all tasks.
         """
@@ -269,10 +283,12 @@ class ComparisonResults:
     @property
     def ranking(self) -> list[dict[str, Any]]:
         """The interquartile means by which methods are ranked, the best first: those rows of `summary` with settings
-        tuned for each task, by the score that chooses. Empty as long as no method is judged on all tasks."""
+        tuned for each task, by the score that chooses. Methods with `broken` runs come last. Empty as long as no method
+        is judged on all tasks."""
         wanted = {"chosen": "tuned", "scored": self.comparison.choose_by, "statistic": "interquartile mean"}
         rows = self.tables["summary"].to_pylist() if "summary" in self.tables else []
-        return sorted((row for row in rows if wanted.items() <= row.items()), key=lambda row: -row["value"])
+        rows = [row for row in rows if wanted.items() <= row.items()]
+        return sorted(rows, key=lambda row: (row["broken"] > 0, np.isnan(row["value"]), -row["value"]))
 
     @property
     def figures(self) -> dict[str, str]:

@@ -68,19 +68,28 @@ def _summary(results: ComparisonResults) -> Iterator[dict[str, Any]]:
     for method in results.methods:
         for chosen in ("tuned", "shared"):
             for scored in SCORED:
-                scores = results.scores(method, scored, chosen)
-                if not np.isfinite(scores).all():
+                scores, broken = results.scores(method, scored, chosen), results.broken(method, chosen)
+                if not (np.isfinite(scores).all() or broken):
                     continue
                 for name, statistic in STATISTICS.items():
                     about = {"method": method, "chosen": chosen, "scored": scored, "statistic": name}
-                    yield {**about, **_interval(statistic, scores)}
+                    yield {**about, **_interval(statistic, scores), "broken": broken}
         about = {"method": method, "chosen": "benchmark", "scored": results.comparison.choose_by, "statistic": "share"}
-        yield {**about, **_interval(mean_over_tasks, results.shares(method))}
+        broken = results.broken(method, "benchmark")
+        yield {**about, **_interval(mean_over_tasks, results.shares(method)), "broken": broken}
 
 
 def _interval(statistic: Callable[..., Any], scores: Float[np.ndarray, "tasks seeds"]) -> dict[str, float]:
-    value, low, high = map(float, stratified_bootstrap(statistic, scores))
+    """A statistic with its interval; NaN where a score is."""
+    known = bool(np.isfinite(scores).all())
+    value, low, high = map(float, stratified_bootstrap(statistic, scores)) if known else [np.nan] * 3
     return {"value": value, "low": low, "high": high, "runs": scores.size}
+
+
+def _scores(results: ComparisonResults) -> dict[str, Float[np.ndarray, "tasks seeds"]]:
+    """The scores by which methods are ranked, of those that have one for every run."""
+    scores = {method: results.scores(method, results.comparison.choose_by) for method in results.methods}
+    return {method: each for method, each in scores.items() if np.isfinite(each).all()}
 
 
 def _tasks(results: ComparisonResults) -> Iterator[dict[str, Any]]:
@@ -98,8 +107,8 @@ def _tasks(results: ComparisonResults) -> Iterator[dict[str, Any]]:
 
 
 def _improvement(results: ComparisonResults) -> Iterator[dict[str, Any]]:
-    scores = {method: results.scores(method, results.comparison.choose_by) for method in results.methods}
-    for one, other in itertools.combinations(results.methods, 2):
+    scores = _scores(results)
+    for one, other in itertools.combinations(scores, 2):
         found = improvement_of(scores[one], scores[other])
         yield {"method": one, "over": other, "probability": found.value, "low": found.low, "high": found.high}
         back = (1 - found.value, 1 - found.high, 1 - found.low)
@@ -107,7 +116,7 @@ def _improvement(results: ComparisonResults) -> Iterator[dict[str, Any]]:
 
 
 def _profiles(results: ComparisonResults) -> Iterator[dict[str, Any]]:
-    scores = {method: results.scores(method, results.comparison.choose_by) for method in results.methods}
+    scores = _scores(results)
     if not scores:
         return
     every = np.concatenate([each.ravel() for each in scores.values()])
@@ -158,8 +167,10 @@ def _recorded(values: Float[np.ndarray, "seeds records"]) -> Iterator[tuple[np.n
 
 def _sensitivity(results: ComparisonResults) -> Iterator[dict[str, Any]]:
     scored = results.comparison.choose_by
-    for method in results.methods:
-        tuned, shared = (results.scores(method, scored, chosen) for chosen in ("tuned", "shared"))
+    for method, tuned in _scores(results).items():
+        shared = results.scores(method, scored, "shared")
+        if not np.isfinite(shared).all():
+            continue
         dimension = dimension_of(results, method)
         value, low, high = map(float, stratified_bootstrap(mean_over_tasks, tuned))
         yield {

@@ -11,7 +11,15 @@ from motorgrad.training.engines._host import BodyStepper, HostStepper
 from motorgrad.training.engines._programs import clear_programs
 from motorgrad.training.engines._side_by_side import MOST, SideBySide
 from motorgrad.training.engines._sparse import SparseStepper
-from motorgrad.training.engines._stepper import Record, Stepper, validate, validate_needs, validate_score
+from motorgrad.training.engines._stepper import (
+    Record,
+    Stepper,
+    mean_reward,
+    validate,
+    validate_needs,
+    validate_score,
+    without_broken,
+)
 from motorgrad.training.engines._world import WorldStepper
 
 __all__ = [
@@ -26,11 +34,13 @@ __all__ = [
     "Stepper",
     "WorldStepper",
     "clear_programs",
+    "mean_reward",
     "stepper_for",
     "training_stepper_for",
     "validate",
     "validate_needs",
     "validate_score",
+    "without_broken",
 ]
 
 

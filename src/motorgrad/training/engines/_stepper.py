@@ -24,6 +24,20 @@ Record = dict[str, np.ndarray]
 """What happened since the last record, by name; every array has a leading axis of seeds."""
 
 
+def mean_reward(record: Record, decisions: int) -> Float[np.ndarray, " seeds"]:
+    """The mean reward of a record's `decisions`, without diverged ones; NaN where all did."""
+    kept = decisions - np.asarray(record.get("diverged", 0), np.int64)
+    return np.where(kept > 0, record["reward"] / np.maximum(kept, 1), np.nan)
+
+
+def without_broken(record: Record) -> Record:
+    """A record in which reward and readings of policies that are not finite are NaN: what such a policy does is an
+    accident of the compiler, and often looks good."""
+    broken = ~np.isfinite(record["parameters"]).all(axis=1)
+    earned = [name for name in record if name == "reward" or f"{name}_count" in record]
+    return record | {name: np.where(broken, np.nan, record[name]) for name in earned} if broken.any() else record
+
+
 class Program:
     """The compiled functions of an engine. It has no state, so engines of the same structure share one.
 

@@ -29,7 +29,8 @@ def learning_curves(
     """Compare runs: every run a colour, the median over its seeds a line, the quartiles a band.
 
     Single seeds are thin lines where there are at most three runs of at most 64 seeds. Where a quantity did not occur,
-    the line has a gap; median and quartiles are over the seeds in which it did.
+    the line has a gap; median and quartiles are over the seeds in which it did. The legend says how many policies are
+    not finite, and so have no values.
 
     **Arguments:**
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 import pyarrow as pa
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from motorgrad._errors import check, choice
 
@@ -40,6 +40,9 @@ class Plotted(Protocol):
     @property
     def seeds(self) -> list[int]: ...
 
+    @property
+    def broken(self) -> Bool[np.ndarray, " seeds"]: ...
+
     def curve(self, quantity: str) -> tuple[np.ndarray, np.ndarray]: ...
 
 
@@ -53,6 +56,7 @@ class Curve:
     - `values`: each seed's, after smoothing; NaN where nothing occurred.
     - `window`: decisions per record.
     - `done`: the share of its decisions that the run has made.
+    - `broken`: the number of seeds whose policy is not finite in the end, and has no values from then on.
     """
 
     label: str
@@ -61,6 +65,7 @@ class Curve:
     values: Float[np.ndarray, "seeds records"]
     window: int
     done: float
+    broken: int = 0
 
     @property
     def seen(self) -> Int[np.ndarray, " records"]:
@@ -88,6 +93,7 @@ class Curve:
             "lower_quartile": low,
             "upper_quartile": high,
             "seeds_seen": self.seen.tolist(),
+            "broken": self.broken,
         }
 
 
@@ -99,7 +105,8 @@ def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, labe
     if smooth is not None:
         values = trailing_mean(x, values, _weights(run, quantity, decision), smooth)
     window, steps = run.config["run"]["window"], run.config["run"]["steps"]
-    return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps))
+    broken = int(np.count_nonzero(run.broken))
+    return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps), broken)
 
 
 def trailing_mean(

@@ -153,6 +153,8 @@ def _legend(figure: Figure, all_axes: Sequence[Axes], panels: Sequence[Sequence[
             notes.append(f"records of {counted(curve.window, 'decision')}")
         if curve.done < 1:
             notes.append(f"unfinished, {int(100 * curve.done)} %")
+        if curve.broken:
+            notes.append(f"{curve.broken} of {counted(len(curve.values), 'seed')} not finite, and left out")
         never = [panel[place].quantity for panel in panels if not panel[place].seen.any()]
         notes += [f"{quantity.replace('_', ' ')} never occurred" for quantity in never if len(first) > 1]
         labels.append(literal(curve.label + (f" ({'; '.join(notes)})" if notes else "")))

@@ -1,0 +1,101 @@
+"""The metrics of a run: records while it learns, means and totals at the end."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import jax
+import numpy as np
+import pyarrow as pa
+from jaxtyping import Float
+
+from motorgrad._errors import check
+from motorgrad.policies import Policy
+from motorgrad.training.engines import Record, mean_reward, without_broken
+
+if TYPE_CHECKING:
+    from motorgrad.training._run import Run
+
+
+class Records:
+    """The records since the last checkpoint: rows of a table, one per window, lane and setting.
+
+    `docs/training.md` lists the columns.
+    """
+
+    def __init__(self, seeds: np.ndarray, period: float, settings: int = 0):
+        self.seeds, self.period = seeds, period
+        self._setting = np.repeat(np.arange(settings), len(seeds) // settings) if settings else None
+        self._tables: list[pa.Table] = []
+
+    def add(self, record: Record, decision: int, since: int, wall: float, cpu: float = 0.0) -> float:
+        """Add the record of the window from `since` to `decision`. Returns its mean reward over the lanes where it is
+        known, NaN where it is in none."""
+        count, record = len(self.seeds), without_broken(record)
+        reward = mean_reward(record, decision - since)
+        columns = {
+            **({} if self._setting is None else {"setting": self._setting}),
+            "seed": self.seeds,
+            "decision": np.full(count, decision, np.int64),
+            "simulated_time": np.full(count, decision * self.period),
+            "wall_time": np.full(count, wall),
+            "cpu_time": np.full(count, cpu),
+            "reward": reward.astype(np.float32),
+            **{name: values for name, values in record.items() if name not in ("reward", "parameters")},
+        }
+        parameters = pa.FixedSizeListArray.from_arrays(
+            pa.array(record["parameters"].ravel().astype(np.float32)), record["parameters"].shape[1]
+        )
+        self._tables.append(pa.table({**columns, "parameters": parameters}))
+        known = reward[np.isfinite(reward)]
+        return float(known.mean()) if len(known) else math.nan
+
+    def newest(self) -> dict[str, np.ndarray]:
+        """The columns of the newest record but the parameters, `(lanes,)` each."""
+        table = self._tables[-1]
+        return {name: table[name].to_numpy() for name in table.column_names if name != "parameters"}
+
+    def take(self) -> pa.Table | None:
+        """Remove and return all rows."""
+        table = pa.concat_tables(self._tables) if self._tables else None
+        self._tables = []
+        return table
+
+
+CLOCKS = ("simulated_time", "wall_time", "cpu_time")
+NOT_FINAL = frozenset({"setting", "seed", "decision", *CLOCKS, "parameters", "baseline"})
+"""Columns of the metrics that say nothing about what learning has led to."""
+
+
+def final_metrics(run: "Run", share: float = 0.1) -> dict[str, np.ndarray]:
+    """One number per lane for every column of a run's metrics: the results of learning.
+
+    **Arguments:** `share`: of the records, the last ones, at least one.
+
+    **Returns** means over these records, without those in which nothing occurred (NaN where nothing occurred in any,
+    and for policies that are not finite); of what is counted, such as episodes and divergences, the totals of the whole
+    run as `NAME_total`. Empty for a run without records.
+    """
+    check(0 < share <= 1, "share", share, "above 0, at most 1")
+    found: dict[str, np.ndarray] = {}
+    for name in run.metrics.column_names if run.metrics.num_rows else ():
+        if name in NOT_FINAL:
+            continue
+        values = run.curve(name)[1]
+        if name.endswith("_count") or name in ("episodes", "diverged"):
+            found[f"{name}_total"] = values.sum(axis=1)
+            continue
+        last = values[:, -max(1, int(values.shape[1] * share)) :]
+        found[name] = np.where(run.broken, np.nan, mean_of_known(last))
+    return found
+
+
+def mean_of_known(values: Float[np.ndarray, "lanes records"]) -> Float[np.ndarray, " lanes"]:
+    """The mean over the records in which something occurred; NaN where it occurred in none."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nansum(values, axis=1) / (~np.isnan(values)).sum(axis=1)
+
+
+def mean_of_samples(mean: Policy, count: Any) -> Policy:
+    """The mean of some number of gradient samples of each lane: NaN of none, not 0, at which learning would be over."""
+    none = np.asarray(count) == 0
+    return jax.tree.map(lambda leaf: np.where(none.reshape(-1, *[1] * (np.ndim(leaf) - 1)), np.nan, leaf), mean)
