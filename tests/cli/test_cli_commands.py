@@ -373,6 +373,7 @@ REFUSED = [
     (["plot", "{runs[chain]}", "--quantity", "apex"], "unknown quantity 'apex'"),
     (["plot", "{runs[chain]}", "--out", "curve.bmpp"], "bmpp"),
     (["demo", "--seconds", 0], "seconds = 0.0"),
+    (["sim", "chain", "--record", "a.html", "--seconds", 121], "seconds = 121.0: must be at most 120"),
     (["demo", "--seconds", "nan"], "seconds = nan"),
     (["demo", "--seeds", 0], "seeds = "),
     (["demo", "--film-seconds", 0], "film_seconds = 0.0"),

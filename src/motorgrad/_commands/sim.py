@@ -23,7 +23,7 @@ from motorgrad.bodies import BODIES
 from motorgrad.sim import live
 from motorgrad.sim.film import ENDINGS
 from motorgrad.sim.page import HERE, Page, check_port, warn_of
-from motorgrad.sim.panels import TourStep
+from motorgrad.sim.panels import LONGEST_RECORDING, TourStep
 from motorgrad.sim.planet import Planet
 from motorgrad.tasks import TASKS, Composed
 from motorgrad.training import agent_table, load, saved_config
@@ -82,7 +82,8 @@ class Options:
     record: Path | None = None
     """Record the simulation from its start to this file: a film (.mp4, .gif, .webp), or a replay (.html)."""
     seconds: float | None = None
-    """End after this many seconds of wall time; by default with Ctrl-C."""
+    """End after this many seconds of the recording, or without one of wall time since the run started; by default with
+    Ctrl-C. A replay's seconds are simulated."""
     common: ClassVar[tuple[str, ...]] = (
         "run",
         "seed",
@@ -112,6 +113,9 @@ class Options:
             check_writable("record", self.record)
             if self.record.suffix == ".mp4":
                 require(*FILM)
+            if self.record.suffix == ".html" and self.seconds is not None:
+                longest = LONGEST_RECORDING
+                check(self.seconds <= longest, "seconds", self.seconds, f"at most {longest:g}, the longest replay")
         if self.autosave is not None:
             live.Save(str(self.autosave))
             check_writable("autosave", self.autosave)
@@ -195,7 +199,6 @@ def _setup(options: Any, place: Place) -> Any:
 
 def _show(setup: Any, options: Options) -> int:
     warn_of(options.host)
-    until = math.inf if options.seconds is None else time.monotonic() + options.seconds
     print(f"{setup.name}: starting …", file=sys.stderr)
     # a model that nobody drives would fall before anyone has seen it
     moving = setup.task is not None or setup.motion is not None or options.record is not None
@@ -215,11 +218,15 @@ def _show(setup: Any, options: Options) -> int:
         gc.freeze()
         if steps := options.scene.get("tour"):
             page.tour(steps)
-        film = None if options.record is None else page.record(options.record)
+        film = None if options.record is None else _recording(page, options.record, options.seconds)
+        most, begin = options.seconds or math.inf, time.monotonic()
         save = None if options.autosave is None else Autosave(options.autosave, options.autosave_every)
         try:
-            while time.monotonic() < until and not page.session.ended:
-                time.sleep(min(0.2, max(0.0, until - time.monotonic())))
+            while not page.session.ended and (film is None or film.running):
+                left = most - (time.monotonic() - begin if film is None else film.seconds)
+                if left <= 0:
+                    break
+                time.sleep(min(0.2, left))
                 if save is not None:
                     save.go_on(page.session)
         except KeyboardInterrupt:
@@ -235,6 +242,11 @@ def _show(setup: Any, options: Options) -> int:
         if page.session.ended:
             raise RuntimeError(page.last_words)
     return 0
+
+
+def _recording(page: Page, path: Path, seconds: float | None) -> Any:
+    """The recorder of a film, or of a replay of at most so many seconds."""
+    return page.record(path, **({"longest": seconds} if path.suffix == ".html" else {}))
 
 
 def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], Arguments]:

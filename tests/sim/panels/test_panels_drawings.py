@@ -84,7 +84,7 @@ def test_a_raster_is_red_where_a_muscle_fires_and_empty_where_nobody_looked():
     level = np.zeros((20, 2))
     level[:5, 0] = 1.0
     level[-5:, 1] = 1.0
-    made = draw_raster(seconds, level, ["upper", "lower"], period)
+    made = draw_raster(seconds, level, ["upper", "lower"], period, seconds[-1])
     shown, _ = pixels(made)
     end = seconds[-1] + period
 
@@ -103,10 +103,10 @@ def test_a_raster_is_red_where_a_muscle_fires_and_empty_where_nobody_looked():
 
 @pytest.mark.parametrize("count", [1, 24, 90])
 def test_a_raster_has_room_for_any_number_of_muscles(count):
-    made = draw_raster(np.arange(50) / 25, np.ones((50, count)), [f"muscle {k}" for k in range(count)], 0.04)
+    made = draw_raster(np.arange(50) / 25, np.ones((50, count)), [f"muscle {k}" for k in range(count)], 0.04, 2.0)
     _, box = pixels(made)
     assert box[3] <= 230
-    assert draw_raster(np.zeros(0), np.zeros((0, count)), ["a"] * count, 0.04)
+    assert draw_raster(np.zeros(0), np.zeros((0, count)), ["a"] * count, 0.04, 0.0)
 
 
 def test_arrows_tell_sign_and_size():
@@ -203,7 +203,7 @@ def test_a_footfall_has_a_bar_for_every_stance():
     seconds = 1.0 + np.arange(100) * 0.02
     contact = np.zeros((100, 2), bool)
     contact[10:20, 0] = contact[50:90, 0] = contact[60:, 1] = True
-    made = draw_footfall(seconds, contact, ["left", "right"], [True, False], 0.02)
+    made = draw_footfall(seconds, contact, ["left", "right"], [True, False], 0.02, seconds[-1])
     bars = [bar for bar in shapes(made, "rect") if bar.get("fill") in (FIRST, SECOND)]
     assert [bar.get("fill") for bar in bars] == [FIRST, FIRST, SECOND]
     lengths = np.array([float(bar.get("width")) for bar in bars])
@@ -214,7 +214,7 @@ def test_a_footfall_has_a_bar_for_every_stance():
 
 def test_a_footfall_does_not_bridge_what_was_not_seen():
     seconds = np.concatenate([np.arange(10) * 0.02, 2 + np.arange(10) * 0.02])
-    made = draw_footfall(seconds, np.ones((20, 1), bool), ["left"], [True], 0.02)
+    made = draw_footfall(seconds, np.ones((20, 1), bool), ["left"], [True], 0.02, seconds[-1])
     assert len([bar for bar in shapes(made, "rect") if bar.get("fill") == FIRST]) == 2
-    assert draw_footfall(np.zeros(0), debounced(np.zeros((0, 1), bool), 0.02), ["left"], [True], 0.02)
+    assert draw_footfall(np.zeros(0), debounced(np.zeros((0, 1), bool), 0.02), ["left"], [True], 0.02, 0.0)
     assert re.search("now", made)

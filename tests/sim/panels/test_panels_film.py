@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from patience import until
 
+from motorgrad.cli import main
 from motorgrad.sim import Viewpoint
-from motorgrad.sim.live import Compare, Session, setup_of
-from motorgrad.sim.panels import FilmRecorder, Overlay, SlowFilmRecorder
+from motorgrad.sim.live import Compare, Edit, Session, setup_of
+from motorgrad.sim.panels import FilmRecorder, Overlay, SlowFilmRecorder, _film_recorder
 
 needs_gl = pytest.mark.needs("OpenGL")
 
@@ -117,12 +118,62 @@ def test_both_bodies_are_filmed_side_by_side(hopping, tmp_path):
         assert until(lambda: len(hopping.snapshot().position) == 2)
         film = FilmRecorder(hopping, tmp_path / "two.mp4", width=96, height=96, fps=10)
         assert until(lambda: film.painted >= 2)
+        hopping.order(Compare(False))
+        assert until(lambda: len(hopping.snapshot().position) == 1)
+        painted = film.painted
+        assert until(lambda: film.painted >= painted + 2)
         film.stop()
         frames, fps = read(film.path)
         assert fps == 10
         assert frames.shape[1:] == (96, 196, 3)
+        there = [np.ptp(frame[:, 104:].astype(int)) > 100 for frame in frames]
+        assert there[0]
+        assert not there[-1]  # rather than a picture of long ago
     finally:
         hopping.order(Compare(False))
+
+
+@pytest.mark.ci
+@needs_gl
+def test_the_seconds_of_a_command_are_those_of_its_film(tmp_path):
+    path = tmp_path / "hop.mp4"
+    assert main(["sim", "hopper", "--no-browser", "--record", str(path), "--seconds", "0.5"]) == 0
+    frames, fps = read(path)
+    assert len(frames) / fps >= 0.5  # starting takes far longer
+
+
+@pytest.mark.ci
+@needs_gl
+def test_a_film_shows_an_edited_body_and_a_recording_says_that_it_cannot(hopping, tmp_path):
+    name = "body.load.radius"
+    before = hopping.settings[name]
+    slow = SlowFilmRecorder(hopping, tmp_path / "slow.mp4", speed=1.0, width=64, height=64)
+    film = FilmRecorder(hopping, tmp_path / "run.mp4", width=160, height=120, camera=VIEW, titles=False)
+    assert until(lambda: film.painted >= 2 and slow.seconds > 0.1)
+    try:
+        hopping.order(Edit(name, 4 * before))
+        assert until(lambda: hopping.settings[name] == 4 * before)
+        painted = film.painted
+        assert until(lambda: film.painted >= painted + 2)
+        film.stop()
+        frames = read(film.path)[0].astype(int)
+        dark = [int(np.sum(frame.max(axis=2) < 70)) for frame in (frames[0], frames[-1])]  # the load, nearly black
+        assert dark[1] > 5 * dark[0]
+        with pytest.warns(UserWarning, match="recording of hopper: sizes were edited meanwhile"):
+            slow.stop()
+    finally:
+        hopping.order(Edit(name, before))
+
+
+@pytest.mark.ci
+@needs_gl
+def test_a_film_in_memory_that_is_full_ends_and_says_so(hopping, tmp_path, monkeypatch):
+    monkeypatch.setattr(_film_recorder, "ROOM", 3 * 64 * 64 * 3)
+    film = FilmRecorder(hopping, tmp_path / "run.gif", width=64, height=64)
+    assert until(lambda: not film.running)
+    with pytest.warns(UserWarning, match=r"run\.gif: full after 0\.[1-9] s"):
+        film.stop()
+    film.stop()  # which does nothing
 
 
 @pytest.mark.ci

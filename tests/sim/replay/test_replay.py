@@ -12,6 +12,7 @@ from patience import until
 from PIL import Image
 
 import motorgrad as mg
+from motorgrad.cli import main
 from motorgrad.sim import Motion, Plot, write_replay
 from motorgrad.sim.film import Annotations, Arrow, Curve
 from motorgrad.sim.replay import _replay
@@ -154,6 +155,13 @@ def test_what_cannot_be_replayed_is_refused(hop, tmp_path, name, settings, said)
     with pytest.raises(ValueError, match=r"values\.shape of 'reward'"):
         Plot("reward", hop.time, hop.time[1:])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.ci
+def test_the_seconds_of_a_command_are_those_of_its_replay(tmp_path):
+    path = tmp_path / "hop.html"
+    assert main(["sim", "hopper", "--no-browser", "--record", str(path), "--seconds", "0.5"]) == 0
+    assert unpacked(path)[1]["moments"][-1] == pytest.approx(0.5, abs=0.03)  # starting takes far longer
 
 
 @pytest.mark.ci

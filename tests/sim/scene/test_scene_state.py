@@ -13,9 +13,11 @@ from motorgrad.sim.film import FIRING, SILENT, ground_height
 from motorgrad.sim.live._numbers import editable_numbers, write_numbers
 from motorgrad.sim.live._snapshot import Sizes
 from motorgrad.sim.scene import Pose
+from motorgrad.sim.scene._annotations import Ghost, Trail
+from motorgrad.sim.scene._beside import Labels, Readings
 from motorgrad.sim.scene._bodies import Bodies, Targets
 from motorgrad.sim.scene._contacts import Balance, touches
-from motorgrad.sim.scene._muscles import SILENT_OPACITY, Muscles, peak_force, tendon_tension
+from motorgrad.sim.scene._muscles import Muscles, peak_force, tendon_tension
 from motorgrad.sim.scene._surroundings import height_field_glb
 from motorgrad.tasks import Composed
 
@@ -28,10 +30,10 @@ def as_light(srgb):
     return np.round(255 * np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4))
 
 
-def test_muscles_change_colour_thickness_and_opacity_when_they_fire(hopper, staged):
+def test_muscles_change_colour_and_thickness_when_they_fire(hopper, staged):
     scene, pose = staged(hopper)
     start = hopper.key_qpos[0]
-    tubes, joints = layer_of(scene, Muscles).pools
+    tubes, _ = layer_of(scene, Muscles).pools
     shown = []
     for decision, level in enumerate((0.0, 0.5, 1.0)):
         snapshot = moment(start, control=level, decision=decision, model=hopper)
@@ -39,12 +41,9 @@ def test_muscles_change_colour_thickness_and_opacity_when_they_fire(hopper, stag
         scene.update(snapshot, pose)
         real = tubes.handle.batched_scales[:, 2] > 1e-5
         colour, thick = tubes.handle.batched_colors[real], tubes.handle.batched_scales[real, 0]
-        shown.append((colour, thick, tubes.handle.batched_opacities[real]))
-        assert joints.handle.batched_opacities.max() == pytest.approx(np.sqrt(level))
+        shown.append((colour, thick))
     for colour, expected in zip((shown[0][0], shown[2][0]), (SILENT, FIRING), strict=True):
         np.testing.assert_array_equal(colour, np.tile(as_light(expected), (len(colour), 1)))
-    np.testing.assert_allclose(shown[0][2], SILENT_OPACITY, atol=1e-6)
-    np.testing.assert_allclose(shown[2][2], 1.0)
     assert np.all(shown[2][1] > shown[1][1])
     assert np.all(shown[1][1] > shown[0][1])
     np.testing.assert_allclose(shown[0][1], shown[0][1][0])  # no force, all as thin
@@ -66,9 +65,10 @@ def test_one_muscle_of_many_fires(hexapod, staged):
     np.testing.assert_allclose(middle.mean(0), ends.mean(0), atol=1e-6)
 
 
-def test_nothing_is_added_again_as_a_body_moves(hexapod, staged):
+def test_nothing_is_added_or_made_again_as_a_body_moves(hexapod, staged):
+    """viser's client makes a batched mesh again, and meanwhile leaves it out, for another opacity or shape."""
     scene, pose = staged(hexapod)
-    handles = None
+    handles = kept = None
     for decision in range(12):
         position, velocity, control = walk(hexapod, 40 * decision, decision)
         snapshot = moment(position, velocity=velocity, control=control, decision=decision, model=hexapod)
@@ -77,6 +77,9 @@ def test_nothing_is_added_again_as_a_body_moves(hexapod, staged):
         now = [pool.handle for layer in scene.layers for pool in layer.pools]
         assert handles is None or all(a is b for a, b in zip(handles, now, strict=True))
         handles = now
+        shapes = [(h.batched_opacities, h.opacity, h.vertices, h.faces, h.material, h.side, h.lod) for h in now]
+        assert kept is None or all(a is b for a, b in zip(sum(kept, ()), sum(shapes, ()), strict=True))
+        kept = shapes
 
 
 def test_targets_stand_beside_each_body(hopper, server):
@@ -236,3 +239,56 @@ def test_edited_sizes_and_the_chosen_part_are_drawn_although_the_run_stands_stil
     write_numbers(model, numbers, values)
     for now, before in zip(drawn(), (sizes, colours), strict=True):
         np.testing.assert_array_equal(now, before)
+
+
+def test_a_ghost_is_of_half_a_second_ago_or_there_is_none(hexapod, staged):
+    scene, pose = staged(hexapod, [Ghost()])
+
+    def ahead(decision, resets=0):
+        """How far the body is ahead of its ghost, in m; None without one. It goes by a metre a second."""
+        position = hexapod.key_qpos[0].copy()
+        position[0] += decision / 50
+        snapshot = moment(position, decision=decision, model=hexapod)._replace(reset_count=resets)
+        pose.place(snapshot)
+        scene.update(snapshot, pose)
+        pool, pieces = next(part for part in scene.layers[0]._parts if part[0].handle.name == "/ghost/blocks")
+        if pool.handle.batched_scales.max() < 1e-5:
+            return None
+        return float(np.mean(pose.bodies[0].geom_xpos[pieces.geom] - pool.handle.batched_positions, axis=0)[0])
+
+    assert [ahead(decision) for decision in range(40)][25:] == pytest.approx([0.5] * 15, abs=1e-5)
+    assert ahead(200, resets=1) is None  # it went there at once
+    assert [ahead(decision, resets=1) for decision in range(201, 240)][24:] == pytest.approx([0.5] * 15, abs=1e-5)
+    assert [ahead(decision, resets=1) for decision in range(300, 600, 50)] == [None] * 6  # too fast
+
+
+def test_a_trail_gets_thinner_with_age(hexapod, staged):
+    scene, pose = staged(hexapod, [Trail()])
+    for decision in range(60):
+        position = hexapod.key_qpos[0].copy()
+        position[0] += decision / 50
+        snapshot = moment(position, decision=decision, model=hexapod)
+        pose.place(snapshot)
+        scene.update(snapshot, pose)
+    handle = scene.layers[0].pools[0].handle
+    real = handle.batched_scales[:, 2] > 1e-5
+    assert (np.diff(handle.batched_scales[real, 0]) > 0).all()  # the oldest first
+    assert np.ptp(handle.batched_positions[real, 0]) > 0.9
+
+
+def test_a_label_is_of_the_moment_at_which_the_run_is_paused(hexapod):
+    session: Any = SimpleNamespace(model=hexapod, agent=None)
+    readings, labels, pose = Readings(session), Labels(), Pose(hexapod)
+
+    def words(decision, speed, playing):
+        position = hexapod.key_qpos[0].copy()
+        position[0] += speed * decision / 50
+        pose.place(moment(position, decision=decision, model=hexapod)._replace(playing=playing))
+        return readings.words(pose)
+
+    words(0, 1.0, True)
+    words(50, 1.0, True)
+    before = labels.renew(pose)
+    assert words(50, 1.0, False) == ["1.00 m/s"]
+    assert labels.renew(pose) != before  # so that it is drawn once more
+    assert words(100, 2.0, False) == ["2.00 m/s"]  # a single step, at once

@@ -7,6 +7,7 @@ Each panel is a tab that adds its own elements and updates them. Panels do not k
 from motorgrad.sim.panels._clicks import ClickSelect
 from motorgrad.sim.panels._figures import Figures
 from motorgrad.sim.panels._film_recorder import FilmRecorder, SlowFilmRecorder
+from motorgrad.sim.panels._motion_recorder import LONGEST_RECORDING
 from motorgrad.sim.panels._overlay import Overlay
 from motorgrad.sim.panels._panel import Panel, notify
 from motorgrad.sim.panels._panels import PANELS, Panels
@@ -16,6 +17,7 @@ from motorgrad.sim.panels._tour import Tours
 from motorgrad.sim.panels._tours import TourStep, read_tour
 
 __all__ = [
+    "LONGEST_RECORDING",
     "PANELS",
     "ClickSelect",
     "DragPush",

@@ -16,13 +16,13 @@ from motorgrad.sim.film import Motion, still
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels._film_folder import FilmFolder
 from motorgrad.sim.panels._film_recorder import painting_of
+from motorgrad.sim.panels._motion_recorder import LONGEST_RECORDING as LONGEST
 from motorgrad.sim.panels._panel import Panel, notify, send, table
 from motorgrad.sim.panels._replay_recorder import ReplayRecorder
 from motorgrad.sim.panels._watcher import Annotating, no_annotations
 from motorgrad.sim.scene import Pose, viewpoint_of
 
 LICENCES = Path(__file__).with_name("viser-licences.txt")  # made by tools/viser_licences.py
-LONGEST = 120.0  # s after which a recording, which is kept in memory, ends by itself
 
 
 class BodyRecording:
@@ -34,12 +34,17 @@ class BodyRecording:
     def __init__(self, session: Session, annotations: Annotating = no_annotations) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="motorgrad-")
         path = Path(self._folder.name) / "replay.html"
-        self._recorder = ReplayRecorder(session, path, annotations=annotations)
+        self._recorder = ReplayRecorder(session, path, annotations=annotations, longest=LONGEST)
 
     @property
     def seconds(self) -> float:
         """The recorded simulated time so far."""
         return self._recorder.seconds
+
+    @property
+    def full(self) -> bool:
+        """Whether it has ended by itself."""
+        return self._recorder.full
 
     def tick(self) -> None:
         """Do nothing: the recorder keeps the time itself."""
@@ -68,6 +73,11 @@ class SceneRecording:
     def seconds(self) -> float:
         """The duration so far."""
         return self._last - self._begin
+
+    @property
+    def full(self) -> bool:
+        """Whether it is to end, as it is kept in memory."""
+        return self.seconds >= LONGEST
 
     def tick(self) -> None:
         """Advance the recording's time to the present."""
@@ -121,7 +131,7 @@ class CapturePanel(Panel):
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
         if self._scene is not None:
             self._scene.tick()
-            if self._scene.seconds >= LONGEST:
+            if self._scene.full:
                 self._end_scene(self._asked)
         if (self._film is not None and self._film.at_work) or self._scene is not None:
             self.renew_at_rate()

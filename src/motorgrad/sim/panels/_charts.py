@@ -263,6 +263,11 @@ class NamedPlot(Plot):
         self.put(seconds, (values,))
 
 
+def time_before(last: float, now: float, period: float) -> str:
+    """The label of an axis that ends with the `last` decision sampled, in s; of a fast run it may be long past."""
+    return "time before now (s)" if now - last < 1.5 * period else f"time (s) before {last:.2f} s of the run"
+
+
 def smoothed(values: np.ndarray) -> np.ndarray:
     """Running means over a share of all points, and over fewer at the ends."""
     reach = max(1, round(SMOOTH * len(values) / 2))

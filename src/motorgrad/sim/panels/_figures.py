@@ -42,6 +42,7 @@ class Figures:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._trails: dict[int, Trail] = {}
+        self._decision = 0  # up to which figures are drawn
         found: list[Figure] = []
         if session.agent is not None:
             best = main_reading(session.readings)
@@ -83,15 +84,18 @@ class Figures:
         for name, side in (("width", width), ("height", height)):
             check(SMALLEST <= side <= LARGEST, name, side, f"from {SMALLEST} to {LARGEST}")
         moment = self._session.snapshot()
-        self._trails = {}
+        self._trails, self._decision = {}, moment.decision
         drawn = {str(number): self._svg(self.all[number], len(moment.labels), width, height) for number in chosen}
         bodies = [
             {"label": label, "colour": BODY_COLOURS[row % len(BODY_COLOURS)]} for row, label in enumerate(moment.labels)
         ]
         return {"seconds": moment.seconds, "playing": moment.playing, "bodies": bodies, "drawn": drawn}
 
-    def curves(self, name: str, labels: Sequence[str]) -> str:
-        """The learning curves of all bodies in view in one figure as wide as its place, with their labels."""
+    def curves(self, name: str, labels: Sequence[str], decision: int) -> str:
+        """The learning curves up to a decision of all bodies in view in one figure as wide as its place, with their
+        labels.
+        """
+        self._decision = decision
         figure = Figure(with_unit(name), "Learning", lambda row: self._curve(row, name), True)
         drawn = self._svg(figure, len(labels), 425, 230)
         fluid = drawn.replace(' width="425" height="230"', ' style="width:100%;display:block"', 1)
@@ -132,7 +136,7 @@ class Figures:
         )
 
     def _curve(self, row: int, name: str) -> Line:
-        curve = self._session.curve(row)
+        curve = self._session.curve(row).until(self._decision)
         return curve.seconds, curve.values[name]
 
     def _trail(self, row: int) -> Trail:

@@ -7,6 +7,7 @@ import math
 import os
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -33,7 +34,7 @@ from motorgrad.sim.film import (
     write_frames,
 )
 from motorgrad.sim.live import Session, Snapshot
-from motorgrad.sim.panels._motion_recorder import PLOTS, MotionRecorder, trail_plots
+from motorgrad.sim.panels._motion_recorder import PLOTS, MotionRecorder, path_until, trail_plots
 from motorgrad.sim.panels._watcher import Annotating, Watcher, no_annotations
 from motorgrad.sim.plane import PlanePicture, has_local_units
 from motorgrad.sim.scene import Pose
@@ -71,7 +72,7 @@ class FilmRecorder:
       "Capture" give what programs add by `page.overlay`.
 
     **Attributes:** `path`; `frames` of the film; `painted`: how many of them were painted; `busy`: seconds spent
-    painting.
+    painting; `full`: whether it has ended by itself, of which `stop` warns.
 
     **Raises** `ValueError` for a session that cannot be filmed, or a file that cannot be written; `stop` raises any
     later error.
@@ -106,7 +107,7 @@ class FilmRecorder:
         self._strip = _LiveStrip(session, plots, height) if plots else None
         self._annotations = annotations
         self.frames = self.painted = 0
-        self.busy = 0.0
+        self.busy, self.full = 0.0, False
         self._stop = threading.Event()
         self._failed: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="motorgrad sim film", daemon=True)
@@ -129,6 +130,10 @@ class FilmRecorder:
         failed, self._failed = self._failed, None
         if failed is not None:
             raise failed
+        if self.full:
+            self.full = False
+            text = f"{self.path}: full after {self.seconds:.1f} s; what followed is not in it: film to an .mp4"
+            warnings.warn(text, stacklevel=2)
 
     def _run(self) -> None:
         try:
@@ -151,7 +156,7 @@ class FilmRecorder:
         if self._strip is None:
             return picture
         gap = np.full((len(picture), GAP, 3), 255, np.uint8)
-        return np.concatenate([picture, gap, self._strip.paint()], axis=1)
+        return np.concatenate([picture, gap, self._strip.paint(moment)], axis=1)
 
     def _pictures(self, painting: Painting, most: float) -> Iterator[np.ndarray]:
         begin = time.monotonic()
@@ -170,6 +175,7 @@ class FilmRecorder:
                 yield picture
             self.frames = due
             self._stop.wait(max(0.0, begin + self.frames / self._fps - time.monotonic()))
+        self.full = not self._stop.is_set()
 
 
 class SlowFilmRecorder:
@@ -248,14 +254,14 @@ class _LiveStrip:
     def __init__(self, session: Session, names: Sequence[str], height: int) -> None:
         self._session, self._names, self._height = session, names, height
         self._strip: PlotStrip | None = None
-        self._due = 0.0
+        self._due, self._resets = 0.0, -1
 
-    def paint(self) -> np.ndarray:
-        """The picture of the current moment."""
+    def paint(self, moment: Snapshot) -> np.ndarray:
+        """The picture of a moment."""
         now = time.monotonic()
-        if now >= self._due:
-            self._due = now + RENEW
-            plots = self._present()
+        if now >= self._due or moment.reset_count != self._resets:
+            self._due, self._resets = now + RENEW, moment.reset_count
+            plots = self._present(moment)
             if self._strip is None:
                 self._strip = PlotStrip(plots, self._height)
             else:
@@ -263,13 +269,12 @@ class _LiveStrip:
         assert self._strip is not None
         return self._strip.at(math.nan)
 
-    def _present(self) -> list[Plot]:
-        session, trail = self._session, self._session.trail()
-        end = session.snapshot().seconds
-        recent = trail.seconds > end - RECENT
+    def _present(self, moment: Snapshot) -> list[Plot]:
+        session, trail, end = self._session, self._session.trail(), moment.seconds
+        recent = (trail.seconds > end - RECENT) & (trail.decision <= moment.decision)
         shown = type(trail)(*(column[recent] for column in trail))
         known = trail_plots(session, shown, shown.seconds) if recent.any() else {}
-        curve = session.curve() if session.agent is not None else None
+        curve = session.curve().until(moment.decision) if session.agent is not None else None
         if curve is not None and len(curve.seconds) > 1:
             name = next((each for each in ("return", *session.readings) if each in curve.values), "reward")
             known[CURVE] = Plot(f"{CURVE}: {name}", curve.seconds, curve.values[name])
@@ -316,16 +321,25 @@ class _Bodies(Painting):
         self._camera: Any = camera
         self._together = callable(camera) or isinstance(camera, Viewpoint)
         count = 1 if self._together else len(snapshot.position)
-        model: Any = copy.copy(session.model)
-        model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
-        look: Any = {"width": width, "height": height, "camera": None if callable(camera) else camera}
-        self._painters = [Painter(model, ground=ground, **look) for _ in range(count)]
-        self._labels = snapshot.labels if count > 1 else (session.name,)
+        self._look: Any = {"width": width, "height": height, "camera": None if callable(camera) else camera}
+        self._look["ground"] = ground
+        self._painters: list[Painter] = []
+        self._open(count)
+        self._name = session.name
         self._canvas = np.full((height, count * (width + GAP) - GAP, 3), 255, np.uint8)
         self._width, self._titles = width, titles
 
+    def _open(self, count: int) -> None:
+        """Open painters of the body as it is now; they keep a copy of its model."""
+        self.close()
+        model: Any = copy.copy(self._pose.model)
+        model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
+        self._painters, self._edits = [Painter(model, **self._look) for _ in range(count)], self._pose.edits
+
     def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
         self._pose.place(snapshot)
+        if self._pose.edits != self._edits:
+            self._open(len(self._painters))
         marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
         pose, clock = self._pose, f"{snapshot.seconds:.2f} s" if self._titles else ""
         viewpoint: Any = self._camera(snapshot.seconds) if callable(self._camera) else None
@@ -333,7 +347,9 @@ class _Bodies(Painting):
         if self._together:
             others = zip(pose.bodies[1:], pose.activation[1:], pose.offset[1:], strict=True)
             beside = [(data.qpos, activation, shift) for data, activation, shift in others]
-        shown = zip(self._painters, pose.bodies, pose.activation, self._labels, marks, strict=False)
+        labels = snapshot.labels if len(self._painters) > 1 else (self._name,)
+        self._canvas[:] = 255  # a body that was filmed may be there no more
+        shown = zip(self._painters, pose.bodies, pose.activation, labels, marks, strict=False)
         for index, (painter, data, activation, label, marked) in enumerate(shown):
             left = index * (self._width + GAP)
             label = label if self._titles else ""
@@ -371,7 +387,7 @@ class _Plane(Painting):
         del arrows  # the plane has none
         policy = self._session.policy(snapshot)
         if policy is not None:
-            drawn = self._picture.paint(policy, self._session.trail().position[:, :2])
+            drawn = self._picture.paint(policy, path_until(self._session.trail(), snapshot))
             top, left = self._corner
             self._canvas[top : top + len(drawn), left : left + len(drawn)] = drawn
         if not self._titles:

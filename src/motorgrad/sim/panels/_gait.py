@@ -33,17 +33,18 @@ FIRST, SECOND = "#3b6fb6", "#c8452f"  # colours of the two tripods
 
 
 def draw_footfall(
-    seconds: np.ndarray, contact: np.ndarray, names: Sequence[str], tripod: Sequence[bool], period: float
+    seconds: np.ndarray, contact: np.ndarray, names: Sequence[str], tripod: Sequence[bool], period: float, now: float
 ) -> str:
     """The footfalls of the last seconds as SVG: a bar for each leg while its foot is on the ground.
 
     **Arguments:** `seconds` `(n,)` at which `contact` `(n, legs)` begins; `names` of the legs from above; `tripod`:
-    whether each is in the first tripod; `period` of a decision in s.
+    whether each is in the first tripod; `period` of a decision in s; `now`: the moment shown, in s.
     """
     end = (float(seconds[-1]) if len(seconds) else 0.0) + period
     count = len(names)
     box = (86.0, 6.0, _charts.WIDTH - 8, 6 + ROW * count)
-    chart = _charts.Chart((-SECONDS, 0.0), (0.0, float(count)), "time before now (s)", "", box, [*reversed(names)])
+    words = _charts.time_before(end - period, now, period)
+    chart = _charts.Chart((-SECONDS, 0.0), (0.0, float(count)), words, "", box, [*reversed(names)])
     recent = seconds >= end - SECONDS - period
     time, touching = seconds[recent] - end, contact[recent]
     for leg in range(count):
@@ -147,18 +148,19 @@ class GaitPanel(Panel):
         self._reader = GaitReader(self.model, self.session.period, self.session.feet)
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
-        del snapshot, pose
-        trail = self.session.trail()
+        del pose
+        trail, period = self.session.trail(), self.session.period
         names = [leg.replace("_", " ") for leg in LEGS]
         first = [leg in TRIPODS[0] for leg in LEGS]
         contact = self._reader.contacts(trail)
-        self._diagram.content = draw_footfall(trail.seconds, contact, names, first, self.session.period)
+        self._diagram.content = draw_footfall(trail.seconds, contact, names, first, period, snapshot.seconds)
         gait = self._reader.gait(trail)
         if gait is None:
             self._summary.content = table([("gait", "unknown: too few decisions in a row")])
             return
         self._summary.content = table(
             [
+                ("measured up to", f"{trail.seconds[-1]:,.2f} s"),
                 ("gait", str(gait.kind[0])),
                 ("speed", f"{brief(float(gait.speed[0]))} m/s"),
                 ("phase between tripods", f"{brief(float(gait.phase[0]), 2)} of a cycle"),

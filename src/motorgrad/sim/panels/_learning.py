@@ -73,18 +73,19 @@ class LearningPanel(Panel):
 
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
-        curve = self.session.curve()
+        curve = self.session.curve().until(snapshot.decision)
         self._curve.show(curve.seconds, curve.values[self._which.value], with_unit(self._which.value))
         several = len(snapshot.labels) > 1
         if self._several.visible != several:
             self._several.visible = several
         if several:
-            drawn = self._figures.curves(self._which.value, snapshot.labels)
+            drawn = self._figures.curves(self._which.value, snapshot.labels, snapshot.decision)
             self._several.content = f'<div style="padding:0 8px 6px">{drawn}</div>'
         moments = np.array(self._moments).reshape(-1, 4)
         self._traces[0].show(moments[:, 0], moments[:, 1:3])
         self._traces[1].show(moments[:, 0], moments[:, 3:])
         recent = curve.reward[-max(1, len(curve.reward) // 20) :]
+        recent = recent[np.isfinite(recent)]
         self._said.content = table(
             [
                 ("learning", "frozen" if snapshot.frozen else "yes"),

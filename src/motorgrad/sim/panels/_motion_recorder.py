@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import threading
-from typing import NamedTuple
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.sim.film import Motion, Plot
-from motorgrad.sim.live import Session, Trail
+from motorgrad.sim.live import Session, Snapshot, Trail
 
 EVERY = 0.25  # s between two readings of the trail, which holds about 20 s
-LONGEST = 120.0  # s of simulated time; what comes later is not recorded
+LONGEST_RECORDING = 120.0  # s of simulated time; what comes later is not recorded
 
 
 class Recorded(NamedTuple):
@@ -29,16 +30,24 @@ class MotionRecorder:
     """Records every decision of a session's body from now on, until it is stopped.
 
     A run that goes back in time discards what was recorded after that moment. Of a fast run (`speed` "max"), the
-    stretches of consecutive decisions that the panels show follow one another. At most 120 simulated seconds are kept.
-    Targets are read four times a second.
+    stretches of consecutive decisions that the panels show follow one another. Targets are read four times a second.
 
-    **Raises** `ValueError` for a session without a body; `stop` raises any later error.
+    **Arguments:** `session`; `longest`: simulated seconds after which it ends by itself, above 0, at most 120; None for
+    120, of which `stop` then warns.
+
+    **Attributes:** `full`: whether it has ended by itself.
+
+    **Raises** `ValueError` for a session without a body, or another length; `stop` raises any later error.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, longest: float | None = None) -> None:
         check(session.model is not None, "recording of", session.name, "a task or model with a body")
-        self._session = session
+        fine = longest is None or 0 < longest <= LONGEST_RECORDING
+        check(fine, "longest", longest, f"above 0 s, at most {LONGEST_RECORDING:g} s")
+        self._session, self._asked, self.full = session, longest is not None, False
+        self._most = max(1, round((longest or LONGEST_RECORDING) / session.period))  # decisions
         self._rows: list[tuple[Trail, np.ndarray]] = []
+        self._shape = _sizes(session.model)
         self._next = session.snapshot().decision
         self._resets = session.snapshot().reset_count
         self._failed: BaseException | None = None
@@ -64,7 +73,16 @@ class MotionRecorder:
             raise self._failed
         session = self._session
         rows = [(trail, marks) for trail, marks in self._rows if len(trail.decision)]
-        check(rows, "recording", "nothing recorded", "at least one decision: the run is paused")
+        check(rows, "recording", "nothing recorded", f"at least one decision: {self._why_nothing()}")
+        if self.full and not self._asked:
+            text = (
+                f"recording of {session.name}: full after {LONGEST_RECORDING:g} simulated seconds, at "
+                f"{rows[-1][0].seconds[-1]:.2f} s of the run; what followed is not in it: record it apart"
+            )
+            warnings.warn(text, stacklevel=3)
+        if not np.array_equal(_sizes(session.model), self._shape):
+            text = f"recording of {session.name}: sizes were edited meanwhile; it shows the last ones: record anew"
+            warnings.warn(text, stacklevel=3)
         whole = Trail(*map(np.concatenate, zip(*(trail for trail, _ in rows), strict=True)))
         good = np.all(np.isfinite(whole.position), axis=1)
         whole = Trail(*(column[good] for column in whole))
@@ -75,13 +93,19 @@ class MotionRecorder:
         motion = Motion(session.model, time, whole.position, activation, session.name, marks)
         return Recorded(motion, whole.seconds, trail_plots(session, whole, time))
 
+    def _why_nothing(self) -> str:
+        if self._session.ended:
+            return "the run has ended"
+        playing = self._session.snapshot().playing
+        return "the run made none while it was recorded" if playing else "the run is paused"
+
     def _run(self) -> None:
         try:
-            while not self._session.ended:
-                if self.seconds < LONGEST:
-                    self._read()
+            while not self._session.ended and not self.full:
+                self._read()
                 if self._stop.wait(EVERY):
-                    self._read()
+                    if not self.full:
+                        self._read()
                     return
         except RuntimeError as error:  # the recording ends with the run
             self._failed = None if self._session.ended else error
@@ -91,14 +115,35 @@ class MotionRecorder:
     def _read(self) -> None:
         """Add the decisions made since the last reading."""
         moment, trail = self._session.snapshot(), self._session.trail()
-        if moment.reset_count != self._resets:  # the run went back
+        if moment.reset_count != self._resets:
             self._resets = moment.reset_count
-            self._rows = [(_before(trail, moment.decision), marks) for trail, marks in self._rows]
-            self._next = min(self._next, moment.decision)
-        new = trail.decision >= self._next
-        if new.any():
+            self._go_back(trail)
+        room = self._most - sum(len(rows.decision) for rows, _ in self._rows)
+        new = np.flatnonzero(trail.decision >= self._next)[:room]
+        if new.size:
             self._rows.append((Trail(*(column[new] for column in trail)), moment.marks[0].reshape(-1, 4)))
-            self._next = int(trail.decision[-1]) + 1
+            self._next = int(trail.decision[new[-1]]) + 1
+        self.full = new.size == room
+
+    def _go_back(self, trail: Trail) -> None:
+        """Drop what the run has left by going back, from which it may have gone on since: what is later than its trail,
+        and what that has otherwise.
+        """
+        end = int(trail.decision[-1]) if len(trail.decision) else 0
+        left = end + 1
+        for rows, _ in self._rows:
+            both, here, there = np.intersect1d(rows.decision, trail.decision, return_indices=True)
+            other = both[np.any(rows.position[here] != trail.position[there], axis=1)]
+            left = min([left, *other.tolist()])
+        kept = [(_before(rows, left), marks) for rows, marks in self._rows]
+        self._rows = [(rows, marks) for rows, marks in kept if len(rows.decision)]
+        self._next = min(self._next, left if self._rows else end)
+
+
+def path_until(trail: Trail, snapshot: Snapshot) -> np.ndarray:
+    """The places `(n, 2)` of a particle up to a moment, which a trail may not reach, or pass."""
+    before = trail.position[trail.decision < snapshot.decision, :2]
+    return np.concatenate([before, snapshot.position[:1, :2]])
 
 
 PLOTS = ("reward", "activations", "contact forces")
@@ -114,6 +159,11 @@ def trail_plots(session: Session, trail: Trail, time: np.ndarray) -> dict[str, P
     if trail.contacts.shape[1]:
         found["contact forces"] = Plot("contact forces", time, trail.contacts, session.feet, "N")
     return found
+
+
+def _sizes(model: Any) -> np.ndarray:
+    """The numbers of a model that may be edited and change its shape."""
+    return np.concatenate([model.geom_size.ravel(), model.hfield_size.ravel()])
 
 
 def _before(trail: Trail, decision: int) -> Trail:

@@ -28,12 +28,14 @@ ROW, LOW = 15.0, 216.0
 """Height of a row, and of all rows where there are many, in the diagram's units."""
 
 
-def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, chosen: int = -1) -> str:
+def draw_raster(
+    seconds: np.ndarray, level: np.ndarray, names: Sequence[str], period: float, now: float, chosen: int = -1
+) -> str:
     """The activations of the last seconds as SVG: the stronger the red, the more active; blank where the run was not
     sampled.
 
     **Arguments:** `seconds` `(n,)` at which `level` `(n, muscles)`, in [0, 1], begins; `names` of the muscles; `period`
-    of a decision in s; `chosen`: the row to mark.
+    of a decision in s; `now`: the moment shown, in s; `chosen`: the row to mark.
     """
     count = len(names)
     row = min(ROW, max(LOW / count, 2.5))
@@ -44,9 +46,8 @@ def draw_raster(seconds: np.ndarray, level: np.ndarray, names: Sequence[str], pe
     box = (left, 6.0, _charts.WIDTH - 8, 6 + row * count)
     side = "" if named else f"{counted(count, 'muscle')}, the first at the top"
     labels = [*reversed(names)] if named else [""]
-    chart = _charts.Chart(
-        (start - end, 0.0), (0.0, float(count)), "time before now (s)", side, box, labels, min(row, 10.5)
-    )
+    words = _charts.time_before(end - period, now, period)
+    chart = _charts.Chart((start - end, 0.0), (0.0, float(count)), words, side, box, labels, min(row, 10.5))
     chart.image(_pixels(seconds, level, start, end, period))
     if 0 <= chosen < count:
         height = float(count - chosen)
@@ -187,7 +188,7 @@ class MusclesPanel(Panel):
         mark = seen.index(row) if row in seen else -1
         level = self._share(trail.activation)[:, seen]
         named = [names[each] for each in seen]
-        shown = draw_raster(trail.seconds, level, named, self.session.period, mark) if seen else ""
+        shown = draw_raster(trail.seconds, level, named, self.session.period, snapshot.seconds, mark) if seen else ""
         self._raster.content = shown + self._finder.note(len(seen))
         if not pose.bodies:
             return

@@ -16,7 +16,7 @@ import viser
 
 from motorgrad._docstrings import description_of
 from motorgrad._errors import check
-from motorgrad.sim.film import Annotations, Arrow, Curve
+from motorgrad.sim.film import FIRING, SILENT, Annotations, Arrow, Curve
 from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.panels import _charts
 from motorgrad.sim.panels._panel import brief
@@ -54,6 +54,12 @@ class Item:
         while self.seen[0][0] < moment.seconds - SECONDS:
             self.seen.popleft()
 
+    def _until(self, moment: Moment) -> np.ndarray:
+        """The numbers of a plot's function up to a moment, which the page may not have shown: times and values."""
+        assert callable(self.plot)
+        before = [point for point in [*self.seen] if point[0] < moment.seconds]
+        return np.array([*before, (moment.seconds, float(self.plot(moment)))]).T
+
     def html(self, name: str, moment: Moment) -> str:
         """The entry as HTML; empty for an arrow alone."""
         if self.failed:
@@ -72,7 +78,7 @@ class Item:
         if self.text is not None:
             found.append(self.text(moment) if callable(self.text) else self.text)
         if self.plot is not None:
-            x, y = np.array(self.seen).reshape(-1, 2).T if callable(self.plot) else map(np.asarray, self.plot)
+            x, y = self._until(moment) if callable(self.plot) else map(np.asarray, self.plot)
             step = max(1, -(-len(x) // POINTS))
             title = f"{name} ({self.unit})" if self.unit else name
             found.append(Curve(title, x[::-1][::step][::-1], y[::-1][::step][::-1], self.colour))
@@ -201,7 +207,7 @@ class Overlay:
     def _html(self, items: dict[str, Item], snapshot: Snapshot, pose: Pose) -> str:
         added = "".join(_tried(item, item.html, name, snapshot) or "" for name, item in items.items())
         corners = {
-            "top-left": _card(self._state(snapshot)) + self._curve(snapshot.labels),
+            "top-left": _card(self._state(snapshot)) + self._curve(snapshot),
             "top-right": added,
             "bottom-left": self._legend(pose),
         }
@@ -220,12 +226,12 @@ class Overlay:
             lines.append(f'<span class="value">reward {brief(float(snapshot.reward[0]))}</span>')
         return "<br>".join(lines)
 
-    def _curve(self, labels: Sequence[str]) -> str:
+    def _curve(self, snapshot: Snapshot) -> str:
         if self._session.agent is None:
             return ""
         name, lines = main_reading(self._session.readings), []
-        for row in range(len(labels)):
-            curve = self._session.curve(row)
+        for row in range(len(snapshot.labels)):
+            curve = self._session.curve(row).until(snapshot.decision)
             known = np.isfinite(curve.values[name])
             if np.count_nonzero(known) >= 3:
                 colour = BODY_COLOURS[row % len(BODY_COLOURS)] if row else "var(--line)"
@@ -233,13 +239,14 @@ class Overlay:
         if not lines:
             return ""
         words = with_unit("reward of a decision" if name == "reward" else name)
-        return _card(small_plot(lines, words) + _bodies(labels))
+        return _card(small_plot(lines, words) + _bodies(snapshot.labels))
 
     def _legend(self, pose: Pose) -> str:
         model = self._session.model
         if model is None or not self._session.muscles:
             return ""
-        colours = "linear-gradient(90deg, #f2d3cf, #d0021b)"
+        ends = (f"rgb({', '.join(f'{255 * part:.0f}' for part in shade)})" for shade in (SILENT, FIRING))
+        colours = f"linear-gradient(90deg, {', '.join(ends)})"
         bar = f'<span style="display:inline-block;width:44px;height:8px;border-radius:4px;background:{colours}"></span>'
         words = [f"activation 0 {bar} 1"]
         if model.ngeom:

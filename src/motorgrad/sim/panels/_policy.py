@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from motorgrad.sim.live import Session, Snapshot
+from motorgrad.sim.panels._motion_recorder import path_until
 from motorgrad.sim.panels._panel import Numbers, Panel, columns_of
 from motorgrad.sim.panels._policy_diagrams import Field, draw_arrows, weights_of
 from motorgrad.sim.panels._portrait import Portrait
@@ -58,7 +59,7 @@ class PolicyPanel(Panel):
         if self._arrows is not None and policy is not None:
             self._show_weights(weights_of(policy), snapshot.probability[0])
         if self._units is not None and policy is not None:
-            self._plane.image = self._units.paint(policy, self.session.trail().position[:, :2])
+            self._plane.image = self._units.paint(policy, path_until(self.session.trail(), snapshot))
         unit = self.session.actions.index(self._unit.value)
         kind = "" if policy is None else policy.actions if isinstance(policy.actions, str) else policy.actions[unit]
         what = MEANING.get(kind, "probability that {} fires").format(self._unit.value)

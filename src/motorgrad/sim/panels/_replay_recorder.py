@@ -20,12 +20,15 @@ class ReplayRecorder:
     """Records every decision of a session's body from now on, until it is stopped, and writes it as a replay.
 
     A run that goes back in time discards what was recorded after that moment. Of a fast run (`speed` "max"), the
-    stretches of consecutive decisions that the panels show are replayed one after the other. At most 120 simulated
-    seconds are kept. Targets are read four times a second.
+    stretches of consecutive decisions that the panels show are replayed one after the other. Targets are read four
+    times a second.
 
-    **Arguments:** `session`; `path`, ending in ".html"; `annotations`, read 30 times a second, as of `FilmRecorder`.
+    **Arguments:** `session`; `path`, ending in ".html"; `annotations`, read 30 times a second, as of `FilmRecorder`;
+    `longest`: simulated seconds after which it ends by itself, above 0, at most 120; None for 120, of which `stop` then
+    warns.
 
-    **Attributes:** `path`; `seconds` recorded; `replay`: what was written, None before `stop`.
+    **Attributes:** `path`; `seconds` recorded, of simulated time; `running`: whether it is recording; `full`: whether
+    it has ended by itself; `replay`: what was written, None before `stop`.
 
     **Raises** `ValueError` for a session without a body, or a file that cannot be written; `stop` raises any later
     error.
@@ -37,12 +40,17 @@ class ReplayRecorder:
     """
 
     def __init__(
-        self, session: Session, path: str | os.PathLike[str], *, annotations: Annotating = no_annotations
+        self,
+        session: Session,
+        path: str | os.PathLike[str],
+        *,
+        annotations: Annotating = no_annotations,
+        longest: float | None = None,
     ) -> None:
         self.path: Path = output_path(path, ".html")
         check_writable("path", self.path)
         check(session.model is not None, "replay of", session.name, "a task or model with a body")
-        self._session, self._recorder = session, MotionRecorder(session)
+        self._session, self._recorder = session, MotionRecorder(session, longest)
         self._watcher = Watcher(session, annotations)
         self.replay: Replay | None = None
         self._stopped = False
@@ -51,6 +59,16 @@ class ReplayRecorder:
     def seconds(self) -> float:
         """Simulated seconds recorded so far."""
         return self._recorder.seconds
+
+    @property
+    def running(self) -> bool:
+        """Whether it is recording."""
+        return self._recorder.running
+
+    @property
+    def full(self) -> bool:
+        """Whether it has ended by itself."""
+        return self._recorder.full
 
     def stop(self) -> None:
         """End the recording and write the file. A second call does nothing."""

@@ -77,7 +77,7 @@ class Waiting:
             return snapshot.seconds - self._first.seconds
         if self._step.reading is None:
             return None
-        curve = self._session.curve().values[self._step.reading]
+        curve = self._session.curve().until(snapshot.decision).values[self._step.reading]
         known = curve[np.isfinite(curve)]
         return float(known[-1]) if len(known) else None
 

@@ -21,19 +21,20 @@ from motorgrad.sim.scene._pose import Pose
 LINKS = 30  # rods of a trail
 SECONDS = 1.5  # of simulated time that a trail shows
 AGO = 0.5  # s of simulated time between a body and its ghost
+NEAR = 0.2  # s: of a fast run so few moments are seen that none may be nearer to that time; then there is no ghost
 TRAIL, GHOST, BAR = (0.95, 0.45, 0.05), (0.35, 0.45, 0.60), (0.12, 0.14, 0.17)
 FAINT = 0.22  # opacity of a ghost
 
 
 class Trail(Layer):
-    """Draws the path of the first body's centre of mass over the last seconds, fading with age."""
+    """Draws the path of the first body's centre of mass over the last seconds, thinner with age."""
 
     name = "Trail"
 
     def build(self, server: viser.ViserServer, session: Session) -> None:
         if session.model is not None:
             self.applies = True
-            self.pools = [MeshPool(server.scene, "/trail", rod(), LINKS, shadow=False, faded=True)]
+            self.pools = [MeshPool(server.scene, "/trail", rod(), LINKS, shadow=False)]
         self._points: deque[tuple[float, np.ndarray]] = deque(maxlen=LINKS + 1)
         self._resets = -1
 
@@ -51,8 +52,8 @@ class Trail(Layer):
             points.popleft()
         place = np.array([point for _, point in points] + [pose.centre])
         age = np.array([snapshot.seconds - seconds for seconds, _ in points])
-        colour = np.tile(TRAIL, (len(age), 1))
-        self.pools[0].show_rods(place[:-1], place[1:], 0.004 * pose.size, colour, 0.9 * (1 - age / SECONDS))
+        radius = 0.004 * pose.size * (1 - age / SECONDS)
+        self.pools[0].show_rods(place[:-1], place[1:], radius, np.tile(TRAIL, (len(age), 1)))
 
 
 class Ghost(Layer):
@@ -66,9 +67,9 @@ class Ghost(Layer):
         if model is None:
             return
         self._data, self._past = mujoco.MjData(model), deque[tuple[float, np.ndarray]](maxlen=500)
-        self._parts, self._edits = [], 0
+        self._parts, self._edits, self._resets = [], 0, -1
         for kind, shape, pieces in _moving(model):
-            pool = MeshPool(server.scene, f"/ghost/{kind}", shape, len(pieces.geom), shadow=False, faded=True)
+            pool = MeshPool(server.scene, f"/ghost/{kind}", shape, len(pieces.geom), shadow=False, opacity=FAINT)
             self._parts.append((pool, pieces))
         self.pools = [pool for pool, _ in self._parts]
         self.applies = bool(self.pools)
@@ -82,18 +83,23 @@ class Ghost(Layer):
             self._parts = [
                 (pool, pieces) for (pool, _), (_, _, pieces) in zip(self._parts, _moving(model), strict=True)
             ]
-        if past and snapshot.seconds < past[-1][0]:
+        if snapshot.reset_count != self._resets:  # from one moment to another, between which the run was not
+            self._resets = snapshot.reset_count
             past.clear()
         past.append((snapshot.seconds, snapshot.position[0].copy()))
-        while len(past) > 1 and past[1][0] <= snapshot.seconds - AGO:
+        when = snapshot.seconds - AGO
+        while len(past) > 1 and abs(past[1][0] - when) <= abs(past[0][0] - when):
             past.popleft()
-        if not np.isfinite(past[0][1]).all():
+        seconds, position = past[0]
+        if abs(seconds - when) > NEAR or not np.isfinite(position).all():
+            for pool, _ in self._parts:
+                pool.show(*(np.empty((0, columns)) for columns in (3, 4, 3, 3)))
             return
-        self._data.qpos[:] = past[0][1]
+        self._data.qpos[:] = position
         mujoco.mj_kinematics(model, self._data)
         for pool, pieces in self._parts:
             place, turn, size = placed_pieces(self._data, pose.offset[0], pieces)
-            pool.show(place, turn, size, np.tile(GHOST, (len(place), 1)), np.full(len(place), FAINT))
+            pool.show(place, turn, size, np.tile(GHOST, (len(place), 1)))
 
 
 def _moving(model: mujoco.MjModel) -> list[tuple[str, Shape, Pieces]]:

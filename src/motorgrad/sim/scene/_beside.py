@@ -64,7 +64,7 @@ class Readings:
         self._began = -1, 0
 
     def words(self, pose: Pose) -> list[str]:
-        """One text for each body, updated twice a second."""
+        """One text for each body, updated twice a second; of a run that is paused, at once."""
         snapshot = pose.snapshot
         assert snapshot is not None
         began = snapshot.reset_count, len(snapshot.position)
@@ -75,21 +75,23 @@ class Readings:
             self._past.append((snapshot.seconds, pose.centres))
             while len(self._past) > 2 and self._past[1][0] <= snapshot.seconds - SPAN:
                 self._past.popleft()
-        if time.monotonic() >= self._due:
+        if time.monotonic() >= self._due or not snapshot.playing:
             self._due = time.monotonic() + 1 / RATE
             speeds = self._speeds()
             self._words = [
-                " · ".join(filter(None, [self._reading(row), speeds[row]])) for row in range(len(snapshot.position))
+                " · ".join(filter(None, [self._reading(row, snapshot.decision), speeds[row]]))
+                for row in range(len(snapshot.position))
             ]
         return self._words
 
-    def _reading(self, row: int) -> str:
+    def _reading(self, row: int, decision: int) -> str:
         if self._session.agent is None:
             return ""
         name = main_reading(self._session.readings)
-        values = self._session.curve(row).values[name]
+        curve = self._session.curve(row).until(decision)
+        values = curve.values[name]
         known = values[np.isfinite(values)]
-        if not len(known):
+        if not len(known) or not np.isfinite(curve.reward[-1]):  # what was, before the policy broke, is no news
             return ""
         return f"{name} {known[-1]:.3g} {UNITS.get(name, '')}".replace("-", "−").rstrip()
 
@@ -110,6 +112,11 @@ class Labels(Layer):
         self.applies, self._scene = session.model is not None, server.scene
         self._readings = Readings(session)
         self._texts: list[Any] = []
+
+    def renew(self, pose: Pose) -> int:
+        """The last words while it plays are older than the moment at which it is paused."""
+        assert pose.snapshot is not None
+        return int(pose.snapshot.playing)
 
     def draw(self, pose: Pose) -> None:
         assert pose.snapshot is not None

@@ -70,7 +70,8 @@ class Bodies(Layer):
                 if not some.size:
                     continue
                 node = f"/bodies/{kind}{'/clear' if clear else ''}"
-                pool = MeshPool(server.scene, node, shape, some.size, shadow=not clear, faded=clear)
+                opacity = self._colours[pieces.geom[some], 3] if clear else None
+                pool = MeshPool(server.scene, node, shape, some.size, shadow=not clear, opacity=opacity)
                 self._parts.append((pool, kind, some))
         self.pools = [pool for pool, *_ in self._parts]
         self.applies = bool(self.pools)
@@ -90,17 +91,15 @@ class Bodies(Layer):
             self._copies = []
             for _, kind, some in self._parts:
                 copies = pieces[kind].take(some)
-                rgba = colours[copies.geom]
-                self._copies.append(
-                    (copies, rgba, *map(unchanging, (copies.size, sent_colour(rgba[:, :3]), rgba[:, 3])))
-                )
-        for (pool, *_), (copies, rgba, size, colour, opacity) in zip(self._parts, self._copies, strict=True):
+                rgb = colours[copies.geom, :3]
+                self._copies.append((copies, rgb, *map(unchanging, (copies.size, sent_colour(rgb)))))
+        for (pool, *_), (copies, rgb, size, colour) in zip(self._parts, self._copies, strict=True):
             if len(pose.bodies) == 1:
                 place, turn, _ = placed_pieces(pose.bodies[0], pose.offset[0], copies)
-                pool.show(place, turn, size, colour, opacity)
+                pool.show(place, turn, size, colour)
                 continue
             rows = [
-                (*placed_pieces(data, offset, copies)[:2], size, tinted_beside(rgba[:, :3], row), opacity)
+                (*placed_pieces(data, offset, copies)[:2], size, tinted_beside(rgb, row))
                 for row, (data, offset) in enumerate(zip(pose.bodies, pose.offset, strict=True))
             ]
             pool.show(*(np.concatenate(column) for column in zip(*rows, strict=True)))
@@ -249,15 +248,14 @@ class Targets(Layer):
         self.applies = session.task is not None and session.model is not None and session.sizes.marks > 0
         if self.applies:
             room = 2 * session.sizes.marks // 4
-            self.pools = [MeshPool(server.scene, "/targets", ball(), room, shadow=False, faded=True)]
+            self.pools = [MeshPool(server.scene, "/targets", ball(), room, shadow=False, opacity=MARK_OPACITY)]
 
     def draw(self, pose: Pose) -> None:
         snapshot = pose.snapshot
         assert snapshot is not None
         marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
         place = (marks[..., :3] + pose.offset[:, None]).reshape(-1, 3)
-        opacity = np.full(len(place), MARK_OPACITY)
-        self.pools[0].show_balls(place, marks[..., 3].ravel(), MARK, opacity)
+        self.pools[0].show_balls(place, marks[..., 3].ravel(), MARK)
 
 
 class Sites(Layer):

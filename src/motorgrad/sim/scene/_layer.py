@@ -19,11 +19,15 @@ AWAY = 1e-6  # the size of an unused copy: invisible, but with an invertible mat
 class MeshPool:
     """A batched mesh with room for `room` copies; unused ones are shrunk to nothing.
 
-    The mesh is sent once; after that only changes of positions, rotations, sizes, colours and opacities are. When more
-    copies are needed than there is room for, the pool is added again with twice the room.
+    The mesh is sent once; after that only changes of positions, rotations, sizes and colours are. When more copies are
+    needed than there is room for, the pool is added again with twice the room.
+
+    Opacities stay as they are: viser's client makes the material of a batched mesh, and with it the whole mesh, again
+    whenever one changes, and until that is done the mesh is missing from the picture.
 
     **Arguments:** `scene`: viser's; `name` of the node; `shape`: the mesh; `room`; `shadow`: whether it casts shadows;
-    `faded`: whether each copy has an opacity of its own.
+    `opacity`: in [0, 1] of all copies, or `(n,)` of each copy, repeated when there are more; None where nothing is seen
+    through.
     """
 
     def __init__(
@@ -34,9 +38,9 @@ class MeshPool:
         room: int,
         *,
         shadow: bool = True,
-        faded: bool = False,
+        opacity: float | np.ndarray | None = None,
     ) -> None:
-        self._scene, self._name, self._shape, self._faded = scene, name, shape, faded
+        self._scene, self._name, self._shape, self._opacity = scene, name, shape, opacity
         self._shadow, self._visible = shadow, True
         self._room = max(room, 1)
         self._handle: Any = None
@@ -57,19 +61,11 @@ class MeshPool:
         """viser's handle; None before the first `show`."""
         return self._handle
 
-    def show(
-        self,
-        position: np.ndarray,
-        turn: np.ndarray | None,
-        size: np.ndarray,
-        colour: np.ndarray,
-        opacity: np.ndarray | None = None,
-    ) -> None:
+    def show(self, position: np.ndarray, turn: np.ndarray | None, size: np.ndarray, colour: np.ndarray) -> None:
         """Show as many copies as there are rows.
 
         **Arguments:** `position` `(n, 3)`; quaternions `turn` `(n, 4)`, or None where copies are never turned; `size`
-        `(n, 3)`; `colour` `(n, 3)` as RGB in [0, 1], or as the bytes of `sent_colour`; and `opacity` `(n,)` where
-        copies have their own.
+        `(n, 3)`; and `colour` `(n, 3)` as RGB in [0, 1], or as the bytes of `sent_colour`.
         """
         count = len(position)
         if count > self._room or self._handle is None:
@@ -86,8 +82,6 @@ class MeshPool:
             colours = np.zeros((room, 3), np.uint8)
             colours[:count] = colour if colour.dtype == np.uint8 else sent_colour(colour)
             self._send("colors", colours)
-        if self._faded and (opacity is None or self._is_new("opacities", opacity)):
-            self._send("opacities", _filled(np.ones(count) if opacity is None else opacity, (room,), 0.0))
 
     def _is_new(self, name: str, values: np.ndarray) -> bool:
         """Whether an array may differ from the one before: the same array, if it is `unchanging`, does not."""
@@ -105,20 +99,18 @@ class MeshPool:
                 setattr(self._handle._impl.props, f"batched_{name}", values)
                 self._handle._queue_update(f"batched_{name}", values)
 
-    def show_balls(self, position: np.ndarray, radius: Any, colour: Any, opacity: np.ndarray | None = None) -> None:
+    def show_balls(self, position: np.ndarray, radius: Any, colour: Any) -> None:
         """Show copies of a unit sphere; `radius` `(n,)` and `colour` `(n, 3)` may be the same for all."""
         count = len(position)
         size = np.broadcast_to(np.reshape(radius, (-1, 1)), (count, 3))
-        self.show(position, None, size, np.broadcast_to(colour, (count, 3)), opacity)
+        self.show(position, None, size, np.broadcast_to(colour, (count, 3)))
 
-    def show_rods(
-        self, start: np.ndarray, end: np.ndarray, radius: Any, colour: np.ndarray, opacity: np.ndarray | None = None
-    ) -> None:
+    def show_rods(self, start: np.ndarray, end: np.ndarray, radius: Any, colour: np.ndarray) -> None:
         """Show copies of a unit rod from `start` `(n, 3)` to `end` `(n, 3)`, of `radius` `(n,)` or one for all."""
         along = end - start
         radius = np.broadcast_to(radius, len(along))
         size = np.stack([radius, radius, np.linalg.norm(along, axis=1)], axis=1)
-        self.show((start + end) / 2, quaternions_from_z(along), size, colour, opacity)
+        self.show((start + end) / 2, quaternions_from_z(along), size, colour)
 
     def _add(self) -> Any:
         room, shape = self._room, self._shape
@@ -132,7 +124,7 @@ class MeshPool:
             np.zeros((room, 3), np.float32),
             batched_scales=np.full((room, 3), AWAY, np.float32),
             batched_colors=np.zeros((room, 3), np.uint8),
-            batched_opacities=np.ones(room, np.float32) if self._faded else None,
+            batched_opacities=None if self._opacity is None else np.resize(self._opacity, room).astype(np.float32),
             lod="off",
             cast_shadow=self._shadow,
             visible=self._visible,

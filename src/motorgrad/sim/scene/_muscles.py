@@ -1,4 +1,4 @@
-"""Muscles as tubes along their wrapped path: colour and opacity by activation, thickness by tension."""
+"""Muscles as tubes along their wrapped path: colour by activation, thickness by tension."""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
@@ -148,7 +148,6 @@ def tendon_tension(model: mujoco.MjModel, force: np.ndarray) -> np.ndarray:
 
 
 SLICES = 12  # facets around a tube
-SILENT_OPACITY = 0.45
 
 
 class Muscles(Layer):
@@ -166,8 +165,8 @@ class Muscles(Layer):
         most, ends = most_segments(model)
         self.applies, self._tendons = True, np.zeros(0, int)
         self.pools = [
-            MeshPool(server.scene, "/muscles/tubes", tube(SLICES), most, faded=True),
-            MeshPool(server.scene, "/muscles/joints", ball(SLICES), most + ends, faded=True),
+            MeshPool(server.scene, "/muscles/tubes", tube(SLICES), most),
+            MeshPool(server.scene, "/muscles/joints", ball(SLICES), most + ends),
         ]
 
     def clickable(self) -> list[tuple[Any, np.ndarray]]:
@@ -183,15 +182,12 @@ class Muscles(Layer):
             run = segments(model, data)
             level = tendon_activation(model, activation)
             thick = radius * muscle_width(tendon_tension(model, data.actuator_force))
-            colour, solid = sent_colour(muscle_colour(level)), np.nan_to_num(level, nan=1.0)
-            fade = SILENT_OPACITY + (1 - SILENT_OPACITY) * solid
-            of = run.tendon
+            colour, of = sent_colour(muscle_colour(level)), run.tendon
             tendons.append(of)
-            tubes.append((run.start + offset, run.end + offset, thick[of], colour[of], fade[of]))
+            tubes.append((run.start + offset, run.end + offset, thick[of], colour[of]))
             knots = np.concatenate([run.start, run.end[run.last]]) + offset
             at = np.concatenate([of, of[run.last]])
-            # a ball would show through a transparent tube, so balls appear only as the muscle fires
-            joints.append((knots, thick[at], colour[at], np.sqrt(solid[at])))
+            joints.append((knots, thick[at], colour[at]))
         self._tendons = np.concatenate(tendons)
         self.pools[0].show_rods(*(np.concatenate(column) for column in zip(*tubes, strict=True)))
         self.pools[1].show_balls(*(np.concatenate(column) for column in zip(*joints, strict=True)))

@@ -14,7 +14,7 @@ from motorgrad.sim.live import Session, Snapshot
 from motorgrad.sim.plane import Animation, direction_colours, draw_reward, shapes_of
 from motorgrad.sim.scene._beside import rgb_of_body
 from motorgrad.sim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
-from motorgrad.sim.scene._layer import Layer, MeshPool
+from motorgrad.sim.scene._layer import AWAY, Layer, MeshPool
 from motorgrad.sim.scene._pose import Pose
 from motorgrad.sim.scene._surroundings import floor_glb
 from motorgrad.tasks import ParticleTask
@@ -74,6 +74,7 @@ LEARNING = (0.82, 0.01, 0.11)  # of the particle that learns; those beside it ha
 TRAIL = 80  # decisions of the path that are shown
 BALL, LINE = 0.018, 0.0035  # m
 MOST = 1_000  # units that are drawn at most
+FILLED = 0.6  # opacity of the filled part of a unit
 PERIOD = 0.25  # s between two updates of the units, which take some milliseconds
 
 
@@ -141,8 +142,8 @@ class Plane(Layer):
 
 
 class PlaneUnits(Layer):
-    """Draws the units of a local policy: an ellipse of each unit's width, filled as it fires, and an arrow of its
-    force.
+    """Draws the units of a local policy: an ellipse of each unit's width, of whose area the share is filled with which
+    it fires, and an arrow of its force.
     """
 
     name = "Units of the policy"
@@ -163,23 +164,29 @@ class PlaneUnits(Layer):
         room, scene = min(len(self._forces), MOST), server.scene
         self.pools = [
             MeshPool(scene, "/units/rims", ring(), room, shadow=False),
-            MeshPool(scene, "/units/discs", rod(), room, shadow=False, faded=True),
+            MeshPool(scene, "/units/discs", rod(), room, shadow=False, opacity=FILLED),
             MeshPool(scene, "/units/forces", arrow(), room, shadow=False),
         ]
         self._due = 0.0
 
+    def renew(self, pose: Pose) -> int:
+        """The units drawn last while it plays are older than the moment at which it is paused."""
+        assert pose.snapshot is not None
+        return int(pose.snapshot.playing)
+
     def draw(self, pose: Pose) -> None:
         snapshot, now = pose.snapshot, time.monotonic()
         assert snapshot is not None
-        if now >= self._due:
+        if now >= self._due or not snapshot.playing:
             self._due = now + PERIOD
             self._look(snapshot)
         firing = np.nan_to_num(snapshot.probability[0])[: len(self._forces)][self._there]
         count = len(firing)
         turn = np.tile(FACING, (count, 1))
-        flat = np.column_stack([self._half, np.full(count, 0.002)])
+        share = np.maximum(np.sqrt(firing), AWAY)[:, None]  # of the half axes
+        flat = np.column_stack([share * self._half, np.full(count, 0.002)])
         self.pools[0].show(self._at, turn, np.column_stack([self._half, np.full(count, 0.1)]), self._colours)
-        self.pools[1].show(self._at, turn, flat, self._colours, 0.08 + 0.8 * firing)
+        self.pools[1].show(self._at, turn, flat, self._colours)
 
     def _look(self, snapshot: Snapshot) -> None:
         """Update the positions of the units."""
