@@ -68,6 +68,11 @@ def test_any_table_makes_an_instance_or_is_refused_by_name(name, data):
     assert any(key in refused for key in [*drawn, *keys])
 
 
+def test_an_unknown_actuator_is_refused_with_the_name_of_its_setting():
+    with pytest.raises(ValueError, match="composed: groups: unknown actuator 'a': known are biarticular"):
+        build(CLASSES["composed"], {"groups": ["a"]}, "composed")
+
+
 @pytest.mark.parametrize("name", TASKS)
 def test_a_task_survives_its_own_table_in_toml(name):
     task = TASKS[name]()

@@ -52,10 +52,11 @@ def test_an_interrupt_that_a_library_swallowed_is_remembered():
 
 def test_the_end_of_the_terminal_stops_what_does_not_ignore_it(monkeypatch):
     monkeypatch.setattr(_signals, "_asked", threading.Event())  # later tests train in this process
-    with pytest.raises(KeyboardInterrupt), _signals.interrupt_when_asked():
-        signal.raise_signal(signal.SIGHUP)
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     try:
+        with pytest.raises(KeyboardInterrupt), _signals.interrupt_when_asked():
+            signal.raise_signal(signal.SIGHUP)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as `nohup` does
         with _signals.interrupt_when_asked():
             signal.raise_signal(signal.SIGHUP)
         assert not _signals.asked()

@@ -54,7 +54,10 @@ def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binar
     else:
         check(groups, "groups", groups, "at least one unit")
         named = [(each,) if isinstance(each, str) else each for each in groups]
-        driven = {" + ".join(each): scene.groups(each) for each in named}
+        try:
+            driven = {" + ".join(each): scene.groups(each) for each in named}
+        except ValueError as error:
+            raise ValueError(f"groups: {error}") from None
         check(len(driven) == len(named), "groups", groups, "all different")
     if not driven:
         raise ValueError(f"{scene.body!r} has no muscles and no other actuators: it needs at least one to act")

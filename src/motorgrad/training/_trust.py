@@ -43,4 +43,5 @@ def _place(module: str) -> str:
         found = importlib.util.find_spec(package)
     except (ImportError, ValueError):
         found = None
-    return "not found" if found is None else f"from {shown(found.origin or found.name)}"
+    # in full, as the end of a path is what tells it from others
+    return "not found" if found is None else f"from {(found.origin or found.name)!r}"
