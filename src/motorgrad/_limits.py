@@ -63,8 +63,10 @@ MOST_MODEL_FILES_DEEP = 20
 """Files that include each other, or models within models."""
 MOST_MODEL_RANGE_STEPS = 1_000_000
 """Of physics, to find the range of an actuator's length."""
+MOST_MODEL_RESERVED_BYTES = 2**33
+"""For contacts and constraints of each simulation: memory that MuJoCo reserves, and touches as far as it uses it."""
 MOST_MODEL_ARENA_BYTES = 2**31
-"""For contacts and constraints, which are reserved but not touched before they are used."""
+"""Of that, what the contacts and constraints that are possible would use."""
 MOST_MODEL_BODIES_DEEP = 1_000
 """Bodies within bodies, about what MuJoCo can compile."""
 MOST_MODEL_OCTREE_LEVELS = 8

@@ -58,6 +58,7 @@ def touch_grid(size):
 
 
 FLAT = 'builtin="flat"'
+RESERVING = '<size njmax="8000" nconmax="4000"/>'  # 3 GiB by MuJoCo's rule
 GRID = '<flexcomp name="f" type="grid" dim="3" spacing=".1 .1 .1" mass="1" '
 CELL = '<body name="c"><freejoint/><geom size="0.1"/></body>'
 CAMERA = '<camera name="c" resolution="30000 30000" output="depth"/>'
@@ -86,11 +87,15 @@ DOCUMENTS = {  # what is attacked: (document or file, what the message says)
     "user data of geoms": (mjcf(head='<size nuser_geom="2000000000"/>'), "nuser_geom = 2000000000"),
     "memory": (
         mjcf(head='<size memory="50G"/>'),
-        "memory = 53687091200: must be such that the model takes at most 2",
+        "memory = 53687091200: must be such that the model takes at most 8",
     ),
     "stack": (mjcf(head='<size nstack="2000000000"/>'), "nstack = 2000000000"),
     "constraints": (mjcf(head='<size njmax="2000000"/>'), "njmax = 2000000"),
     "contacts": (mjcf(head='<size nconmax="2000000000"/>'), "nconmax = 2000000000"),
+    "pile": (
+        mjcf(copied(CELL, 100), head=f'{RESERVING}<option solver="PGS"/>'),
+        "without <size memory=...>, = 8601: must be such that the model takes at most 2 GiB, not 2.",
+    ),
     "replicate": (mjcf(copied(CELL, 3_000_000)), "<replicate> in line 1: count = '3000000': must be at most 2,000"),
     "replicate nested": (
         mjcf(copied(CELL, 200, 200, 200)),
@@ -383,6 +388,23 @@ def test_a_body_of_ones_own_has_the_limits(monkeypatch):
     for entry in (compile_model, live.setup_of, to_mjcf):
         with pytest.raises(ValueError, match="nkey = 2000000000"):
             entry(Hopper())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the resident memory as Linux tells it")
+def test_memory_that_is_reserved_and_not_touched_is_no_reason_to_refuse_a_model():
+    """As in rodent.xml of dm_control."""
+
+    def resident():
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    before = resident()
+    model = read_model(mjcf(copied(CELL, 10), head=RESERVING))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 10)
+    assert data.maxuse_con == 55  # all spheres are at one place
+    assert data.narena > 2**31
+    assert data.maxuse_arena < 2**20
+    assert resident() - before < 2**26
 
 
 def stored(model):

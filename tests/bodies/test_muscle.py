@@ -9,6 +9,8 @@ import pytest
 
 from motorgrad import bodies
 from motorgrad.bodies import Attachment, Hopper, Muscle, Wrap
+from motorgrad.bodies.muscles._layout import place_of_array
+from motorgrad.bodies.muscles._machine_code import probe
 
 
 def one_muscle(muscle_model: str = "thesis", **changes) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -79,6 +81,24 @@ def test_foreign_callback_is_an_error():
             with pytest.raises(RuntimeError, match=r"mjcb_act_gain = .*not motorgrad's muscle law"):
                 attempt()
         bodies.check_muscle_callback(bodies.compile_model(Hopper(muscle_model="native")))  # needs none
+
+
+def test_arrays_are_where_mujoco_describes_them():
+    """Their addresses are those that MuJoCo's Python module gives, by another way."""
+    for callback in ("mjcb_act_gain", "mjcb_act_bias"):
+        for struct in probe(callback, 3, "tendon"):
+            for name in ("actuator_length", "actuator_gainprm", "actuator_biasprm", "ctrl", "qvel", "qpos0"):
+                if hasattr(struct, name):
+                    pointer = struct._address + place_of_array(struct, name) * ctypes.sizeof(ctypes.c_void_p)
+                    found = ctypes.c_void_p.from_address(pointer).value
+                    assert found == getattr(struct, name).ctypes.data
+
+
+def test_a_place_that_does_not_hold_what_it_should_is_an_error():
+    """These numbers are within the struct, which holds no pointer to them."""
+    _, data = probe("mjcb_act_gain", 1, "joint")
+    with pytest.raises(RuntimeError, match=r"MjData.solver_fwdinv is not where.*cannot be installed"):
+        place_of_array(data, "solver_fwdinv")
 
 
 def test_batch_notices_a_callback_that_vanishes():

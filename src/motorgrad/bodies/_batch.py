@@ -193,22 +193,27 @@ class BodyBatch:
         - `position` (rows, nq), `velocity` (rows, nv), `activation` (rows, na): the state of each, in the order of
           `rows`; by default that of the start pose. A fiber of length 0 is put in balance with its tendon, at rest.
 
-        **Raises:** `ValueError` for rows that do not exist, and for arrays of another shape.
+        **Raises:** `ValueError` for rows that do not exist, for arrays of another shape, and for numbers that are not
+        finite.
         """
         rows, order = _rows(np.arange(self.seeds) if rows is None else rows, self.seeds)
         if not rows.size:
             return
         given = {"qpos": position, "qvel": velocity, "act": activation}
         chosen = {name: np.asarray(values, float) for name, values in given.items() if values is not None}
+        targets = {name: self._batch.bind(name) for name in chosen}
+        for name, values in chosen.items():
+            wanted = (len(order), targets[name].shape[1])
+            check(values.shape == wanted, f"{name}.shape", values.shape, f"(rows, {name}) = {wanted}")
+            # MuJoCo would put the row into the reference pose instead, and say nothing
+            right = np.abs(values) <= mujoco.mjMAXVAL
+            check(right.all(), name, values[~right][:1].tolist(), f"finite and at most {mujoco.mjMAXVAL:g} in size")
         if not chosen:
             self._batch.reset(rows, self._start)
         else:
             self._batch.reset(rows, self._start, mujoco.mjtStage.mjSTAGE_NONE)
             for name, values in chosen.items():
-                target = self._batch.bind(name)
-                wanted = (len(order), target.shape[1])
-                check(values.shape == wanted, f"{name}.shape", values.shape, f"(rows, {name}) = {wanted}")
-                target[rows] = values[order]
+                targets[name][rows] = values[order]
             self._batch.forward(rows)
         if self._lengths is not None:
             states = self._batch.bind("act")

@@ -78,7 +78,7 @@ def test_a_file_is_read_with_what_lies_beside_it(tmp_path):
         ({"file": "nowhere.xml"}, r"file = '.*nowhere.xml'.*: must be an existing MJCF file"),
         (
             {"xml": CART.replace("<mujoco>", "<mujoco><size memory='50G'/>")},
-            "xml: memory = 53687091200: must be such that the model takes at most 2 GiB",
+            "xml: memory = 53687091200: must be such that the model takes at most 8 GiB",
         ),
         (
             {"xml": CART.replace("<geom", "<replicate count='1e9'><geom/></replicate><geom")},

@@ -126,15 +126,15 @@ class Anatomy:
 
     @property
     def control_range(self) -> Float[np.ndarray, "groups 2"]:
-        """The lowest and highest control of each group: the range in the model; 0 to 1 for a muscle without one, and −1
-        to 1 for anything else."""
+        """The lowest and highest control of each group: the range in the model, and −1 to 1 where there is none; for a
+        muscle the part of it between 0 and 1, or all of that where there is none."""
         model, found = self.model, np.tile((-1.0, 1.0), (len(self.body.groups), 1))
         for each, place in zip(actuators_of(self.body), group_places(self.body), strict=True):
             i = model.actuator(each.name).id
             if model.actuator_ctrllimited[i]:
                 found[place] = model.actuator_ctrlrange[i]
-            elif model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:
-                found[place] = (0.0, 1.0)
+            if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_MUSCLE:  # MuJoCo cuts excitations off there
+                found[place] = np.clip(found[place], 0.0, 1.0)
         return found
 
     @property

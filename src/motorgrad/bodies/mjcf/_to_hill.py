@@ -4,6 +4,7 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 import fnmatch
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from motorgrad._errors import check, unknown
 from motorgrad.bodies.muscles._hill import SPAN, Hill, set_hill
 
+_MUSCLE = (mujoco.mjtGain.mjGAIN_MUSCLE, mujoco.mjtBias.mjBIAS_MUSCLE, mujoco.mjtDyn.mjDYN_MUSCLE)
 _LEAST_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
 
 
@@ -26,12 +28,25 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = 
 
     **Arguments:** a compiled model; the number of the actuator; `tendon` and `curves` of the Hill-type muscle.
 
-    **Raises:** `ValueError` for an actuator that is no `muscle`, and for one whose path changes its length too much.
+    **Raises:** `ValueError` for an actuator that is no `muscle`, for one whose path changes its length too much, and
+    for one with numbers that no `Hill` has.
     """
     name = model.actuator(actuator).name
-    is_muscle = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE
+    kinds = (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
+    is_muscle = all(kind[actuator] == muscle for kind, muscle in zip(kinds, _MUSCLE, strict=True))
     check(is_muscle, "actuator", name, "a muscle of MuJoCo, with dynamics, gain and bias of that type")
+    if smooth := float(model.actuator_dynprm[actuator, 2]):
+        warnings.warn(f"tausmooth of the muscle {name!r} = {smooth:g}: a Hill-type muscle has none", stacklevel=2)
+    try:
+        return _resembling(model, actuator, tendon, curves)
+    except ValueError as error:
+        raise ValueError(f"muscle {name!r}: {error}; give its numbers by `hill`") from None
+
+
+def _resembling(model: Any, actuator: int, tendon: Any, curves: Any) -> Hill:
     numbers, (low, high) = model.actuator_gainprm[actuator], model.actuator_lengthrange[actuator]
+    check(0 <= numbers[0] < numbers[1], "range", numbers[:2].tolist(), "rising, from 0 on")
+    check(0 <= low < high, "lengthrange", [float(low), float(high)], "rising, from 0 on (m)")
     given, scale, fastest = (float(numbers[place]) for place in (2, 3, 6))
     force = given if given >= 0 else scale / float(model.actuator_acc0[actuator])
     rise, fall = (float(x) for x in model.actuator_dynprm[actuator, :2])
@@ -49,8 +64,7 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = 
                 tendon=tendon,
                 curves=curves,
             )
-    wanted = "less variable, so that there is room for a tendon; give its numbers by `hill`"
-    raise ValueError(f"path of the muscle {name!r} = {low:.4g} to {high:.4g} m: must be {wanted}")
+    raise ValueError(f"path = {low:.4g} to {high:.4g} m: must be less variable, so that there is room for a tendon")
 
 
 def to_hill(spec: mujoco.MjSpec, model: Any, numbers: Sequence[tuple[str, Hill]], tendon: Any, curves: Any) -> None:

@@ -3,6 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import math
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
@@ -17,6 +18,7 @@ from motorgrad._limits import (
     MOST_MODEL_BODIES_DEEP,
     MOST_MODEL_OCTREE_LEVELS,
     MOST_MODEL_RANGE_STEPS,
+    MOST_MODEL_RESERVED_BYTES,
 )
 from motorgrad._reading import content_of
 from motorgrad.bodies.models._scan import check_bytes, file_size, files_of, product
@@ -27,6 +29,14 @@ _MESH = 8  # bytes of a compiled mesh or skin per byte of its file
 _PIXEL = 8  # bytes while an image is read, at 16 bits per channel
 _INERTIA = 64  # bytes for each pair of degrees of freedom along one branch, in all sparse matrices
 _CONTACT = 600  # bytes
+_PAIR_CONTACTS = 8  # of two geoms, at most, but for those of the next line
+_MANY_CONTACTS = (mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_SDF)
+_ROWS = {1: 1, 3: 4, 4: 6, 6: 10}  # of the constraints of a contact, by its dimensions
+_EQUALITY_ROWS = 7
+_SPARSE = 60  # degrees of freedom from which MuJoCo's Jacobians are sparse
+_ROW = 600  # bytes for a row of the constraints, without its entries
+_ENTRY = 60  # bytes for each entry of a row, with all copies in the solver
+_DUAL = 24  # bytes for each pair of rows, in solvers that need the inverse inertia of constraints
 _ZIPPED = 1032  # bytes that a byte of a compressed chunk can become, at most
 _MOMENT = 16  # bytes of a sparse matrix per entry
 _DATA_OF_CONTACT = 17  # numbers for each contact of a contact sensor
@@ -51,9 +61,11 @@ def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
 
     **Raises:** `ValueError` that names what is too large, the number given, and the limit.
     """
-    dofs, pairs = _branches(spec)
+    dofs, pairs, deepest = _branches(spec)
+    possible = _possible(spec, dofs, deepest)
     for what, value, size in _arena(spec, dofs):
-        check_bytes(what, value, size, MOST_MODEL_ARENA_BYTES)
+        check_bytes(what, value, size, MOST_MODEL_RESERVED_BYTES)
+        check_bytes(what, value, min(size, possible), MOST_MODEL_ARENA_BYTES)
     total = 0.0
     for what, value, size in _sizes(spec, dofs, pairs, [Path(spec.modelfiledir), *folders]):
         total += max(0.0, size)
@@ -97,9 +109,11 @@ def _sizes(spec: Any, dofs: int, pairs: int, folders: list[Path]) -> Iterator[tu
     yield from _assets(spec, folders)
 
 
-def _branches(spec: Any) -> tuple[int, int]:
-    """The degrees of freedom, and the pairs of them of which one moves the other: entries of the mass matrix."""
-    dofs = pairs = 0
+def _branches(spec: Any) -> tuple[int, int, int]:
+    """The degrees of freedom; the pairs of them of which one moves the other, entries of the mass matrix; and the most
+    that move one body.
+    """
+    dofs = pairs = deepest = 0
     todo = [(spec.worldbody, 0, 0)]
     while todo:
         body, above, depth = todo.pop()
@@ -107,12 +121,35 @@ def _branches(spec: Any) -> tuple[int, int]:
         for inner in body.bodies:
             own = sum(_DOFS.get(joint.type, 1) for joint in inner.joints)
             dofs, pairs = dofs + own, pairs + own * above + own * (own + 1) // 2
+            deepest = max(deepest, above + own)
             todo.append((inner, above + own, depth + 1))
-    return dofs, pairs
+    return dofs, pairs, deepest
+
+
+def _possible(spec: Any, dofs: int, deepest: int) -> float:
+    """The bytes that contacts and constraints use if everything touches everything at once, whatever is reserved."""
+    if spec.flexes:
+        return math.inf
+    solid = [each for each in spec.geoms if each.contype or each.conaffinity]
+    fields = sum(each.type in _MANY_CONTACTS for each in solid)
+    pairs = len(solid) * (len(solid) - 1) / 2 + len(spec.pairs)
+    contacts = _PAIR_CONTACTS * pairs + int(mujoco.mjMAXCONPAIR) * fields * len(solid)
+    condim = max((each.condim for each in (*solid, *spec.pairs)), default=1)
+    rows = contacts * _ROWS.get(condim, max(_ROWS.values())) + 2 * (dofs + len(spec.tendons))
+    rows += _EQUALITY_ROWS * len(spec.equalities)
+    option = spec.option
+    sparse = option.jacobian == mujoco.mjtJacobian.mjJAC_SPARSE
+    sparse = sparse or (option.jacobian == mujoco.mjtJacobian.mjJAC_AUTO and dofs >= _SPARSE)
+    # a contact moves two branches; an equality or a tendon may join all
+    joined = bool(spec.equalities or spec.tendons)
+    width = min(dofs, 2 * deepest) if sparse and not joined else dofs
+    used = _CONTACT * contacts + rows * (_ROW + _ENTRY * width) + _ENTRY * float(dofs) ** 2
+    dual = option.solver == mujoco.mjtSolver.mjSOL_PGS or option.noslip_iterations > 0
+    return used + (_DUAL * rows**2 if dual else 0.0)
 
 
 def _arena(spec: Any, dofs: int) -> Iterator[tuple[str, Any, float]]:
-    """The memory of contacts and constraints, by MuJoCo's own rule."""
+    """The memory that MuJoCo reserves for contacts and constraints, by its own rule."""
     if spec.memory != -1:
         yield "memory", spec.memory, spec.memory
         return

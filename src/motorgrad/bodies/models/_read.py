@@ -13,9 +13,9 @@ import mujoco
 
 from motorgrad._errors import check, check_finite
 from motorgrad.bodies.models._bounds import asset_files, check_size
+from motorgrad.bodies.models._meaning import check_meaning, check_user_types
 from motorgrad.bodies.models._scan import Documents, read_bytes, scan
 from motorgrad.bodies.muscles._callback import check_muscle_callback, install_muscle_callback
-from motorgrad.bodies.muscles._hill import check_hill
 
 T = TypeVar("T")
 _MUSCLE, _BIAS = mujoco.mjtGain.mjGAIN_MUSCLE, mujoco.mjtBias.mjBIAS_MUSCLE
@@ -102,15 +102,17 @@ def compile_spec(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.Mj
     install_muscle_callback(spec)
     model = compile_bare(spec, folders)
     check_muscle_callback(model)
-    check_hill(model)
+    check_user_types(model)
     return model
 
 
 def compile_bare(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.MjModel:
-    """Compile a description within the limits, whatever its muscles do."""
+    """Compile a description within the limits, of which every number has a meaning, whatever its muscles do."""
     check_size(spec, folders)
     _check_ranges(spec)
-    return _guarded("compile", spec.compile)
+    model = _guarded("compile", spec.compile)
+    check_meaning(model)
+    return model
 
 
 def _check_ranges(spec: Any) -> None:

@@ -1,9 +1,10 @@
 """The size of an MJCF document after MuJoCo expands it, counted without expanding it."""
 
+import contextlib
 import math
 import os
 import xml.parsers.expat as expat
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +27,10 @@ _DIMENSIONS = {"cone": 1, "wedge": 2, "plate": 2}  # numbers of `params` that mu
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
 _UNCOPIED = ("asset", "compiler", "custom", "default", "extension", "keyframe", "option", "size", "visual", "worldbody")
 _SQUARED = ("supersphere", "supertorus")
+_NAMES = ("name", "class", "childclass", "file", "user")
+"""Attributes that may say "nan"."""
+_MUSCLE = ("timeconst", "range", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
+"""Numbers of a `muscle` in whose place MuJoCo takes its own if they are negative. A negative force means `scale`."""
 
 
 class Documents(NamedTuple):
@@ -151,6 +156,7 @@ class _Document:
         deep = len(self._open)
         limit = f"at most {MOST_MODEL_ELEMENTS_DEEP}"
         check(deep < MOST_MODEL_ELEMENTS_DEEP, "elements within elements", deep + 1, limit)
+        _check_numbers(tag, given)
         copies = product(given.get("count", "1"))
         if tag == "flexcomp":
             points = len(given.get("point", "").split()) / 3
@@ -165,11 +171,15 @@ class _Document:
         if tag == "include" and "file" in given:
             for path in self._found(given["file"], folder):
                 self._reading.files.add(path)
-                self._read(read_bytes(path), path.parent)
+                text = read_bytes(path)
+                with _named(path):
+                    self._read(text, path.parent)
         elif tag == "model" and "file" in given:
             for path in self._found(given["file"], folder):
                 self._reading.files.add(path)
-                parts = _Document(self._reading, path.parent).count(read_bytes(path), path.parent)
+                text = read_bytes(path)
+                with _named(path):
+                    parts = _Document(self._reading, path.parent).count(text, path.parent)
                 self._models[given.get("name", "")] = parts
                 inside += parts
         elif tag == "attach":
@@ -223,6 +233,15 @@ class _Document:
                 self._open[-1].refers.update(element.refers)
 
 
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Let errors name a file that belongs to a document."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from None
+
+
 def check_parts(parts: float) -> None:
     """Refuse too many parts."""
     number = int(parts) if parts < 1e18 else parts
@@ -266,6 +285,23 @@ def product(words: str, change: Callable[[float], float] = float) -> float:
         return math.prod(max(1.0, change(float(word))) for word in words.split())
     except ValueError:
         raise ValueError(f"{words!r}: must be whole numbers") from None
+
+
+def _check_numbers(tag: str, given: Mapping[str, str]) -> None:
+    """Refuse numbers that MuJoCo would read, and put its own in their place."""
+    for name, value in given.items():
+        if name not in _NAMES and "nan" in value.lower():
+            check(not any(map(math.isnan, _floats(value))), name, value, "a number, or left out")
+        if tag == "muscle" and name in _MUSCLE:
+            check(not any(number < 0 for number in _floats(value)), name, value, "at least 0, or left out")
+
+
+def _floats(words: str) -> list[float]:
+    """The numbers of an attribute; none for a text."""
+    try:
+        return [float(word) for word in words.split()]
+    except ValueError:
+        return []
 
 
 def _vertices(kind: str, params: str) -> float:

@@ -163,6 +163,8 @@ def set_hill(actuator: Any, hill: Hill) -> None:
     actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
     actuator.actdim = 2 if hill.tendon == "compliant" else 1
     actuator.ctrllimited, actuator.ctrlrange = True, (0.0, 1.0)
+    # limits of what was an activation would hold the fiber's length
+    actuator.actlimited, actuator.actearly = False, False
     actuator.gainprm[:] = 0.0
     actuator.dynprm[:] = _filled(hill.activation_time_constant, hill.deactivation_time_constant, size=mujoco.mjNDYN)
     actuator.biasprm[:] = _filled(
@@ -195,14 +197,31 @@ def check_hill(model: Any) -> None:
     """
     user = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER) | hill_actuators(model)
     for i in np.flatnonzero(user):
-        force, optimal, slack, _, fastest = model.actuator_biasprm[i, :5]
-        states, right = int(model.actuator_actnum[i]), min(force, optimal, fastest) > 0 and slack >= 0
-        right = right and hill_actuators(model)[i] and states in (1, 2) and (slack > 0 or states == 1)
-        right = right and model.actuator_biasprm[i, 7] in range(len(CURVES))
         wanted = (
             "a Hill-type muscle, as `set_hill` makes it: other dynamics or biases of type 'user' are not known here"
         )
-        check(right, "actuator", model.actuator(i).name, wanted)
+        check(_is_hill(model, int(i)), "actuator", model.actuator(i).name, wanted)
+
+
+def _is_hill(model: Any, i: int) -> bool:
+    """Whether the callbacks can serve an actuator: it has all that `set_hill` sets, within the ranges of `Hill`."""
+    numbers, constants = model.actuator_biasprm[i], model.actuator_dynprm[i]
+    states, curves, stiffness = int(model.actuator_actnum[i]), numbers[7], numbers[6]
+    right = hill_actuators(model)[i] and model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_USER
+    right = right and model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED and not model.actuator_gainprm[i].any()
+    right = right and model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON and model.actuator_gear[i, 0] == 1
+    right = right and states in (1, 2) and curves in range(len(CURVES)) and 0 < stiffness < math.inf
+    right = right and not model.actuator_actlimited[i] and not numbers[8:].any()
+    if not right:
+        return False
+    force, optimal, slack, pennation, fastest, damping = map(float, numbers[:6])
+    rise, fall = map(float, constants[:2])
+    try:
+        tendon = "compliant" if states == 2 else "rigid"
+        Hill(force, optimal, slack, pennation, fastest, rise, fall, damping, tendon)
+    except ValueError:
+        return False
+    return True
 
 
 def _curves_of(model: Any, actuator: int) -> str:

@@ -1,7 +1,7 @@
 """The laws of muscles in machine code, as the C functions that MuJoCo calls.
 
 A function in machine code (compiled by numba) runs without the interpreter, as a thread pool requires. It receives
-pointers to mjModel and mjData, and reads these structs as tables of pointers, at places that `_places_of` finds.
+pointers to mjModel and mjData, and reads these structs as tables of pointers, at places that `_layout` finds.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -17,15 +17,10 @@ from typing import Any
 import mujoco
 
 from motorgrad.bodies.muscles._curve_sets import CURVES, hill_curves, with_curves
+from motorgrad.bodies.muscles._layout import place_of_array, place_of_timestep
 from motorgrad.bodies.muscles._muscle import tension
 
-_POINTER = ctypes.sizeof(ctypes.c_void_p)
-# mjData has large fixed tables (timers, solver statistics) before its array pointers; this many bytes cover them.
-_SCAN_LIMIT = 1 << 20
-# An empty array has the address of the next one, so the neighbours of a match are candidates too.
-_NEIGHBOURS = 64
-
-# Slides whose position is the length, each with a fixed tendon, so that no array near those in question is empty.
+# Slides whose position is the length, each with a fixed tendon.
 _PROBE = '<mujoco><option timestep="{}"/><worldbody>{}</worldbody><tendon>{}</tendon><actuator>{}</actuator></mujoco>'
 _PROBE_BODY = '<body><joint name="j{i}" type="slide" ref="{length}"/><geom size=".1" contype="0"/></body>'
 _PROBE_TENDON = '<fixed name="t{i}"><joint joint="j{i}" coef="1"/></fixed>'
@@ -128,7 +123,7 @@ def _dynamics() -> Any:
     MuJoCo adds each, times its time step, to the state. A rate here is the difference to the state after the step,
     divided by the step: so a state after MuJoCo's step is what `next_activation` and `next_fiber` compute.
     """
-    whole, real, step = _cast("int32"), _cast("float64"), _timestep()
+    whole, real, step = _cast("int32"), _cast("float64"), place_of_timestep(probe("mjcb_act_bias", 1, "joint")[0])
     shift, steady = map(_with_any_curves, ("next_fiber", "steady_fiber"))
     advance = compiled_hill("de-groote").next_activation  # the same with all curves
     dynamics, parameters, address, count, controls, lengths, velocities, states, rates, control = _places(
@@ -179,54 +174,9 @@ def _cast(kind: str) -> Any:
 
 
 def _places(callback: str, model: Sequence[str], data: Sequence[str]) -> list[int]:
-    """Where mjModel and mjData keep arrays, counted in pointers from the struct's start.
-
-    The addresses of the arrays are known, so their places are found by searching the structs of several small models.
-    One place must fit all of them. An array that is empty in all, such as that of the states of plugins, has the
-    address of the next one that is not; so the last of consecutive places is meant.
-    """
-    probes = [probe(callback, 1, "joint"), probe(callback, 2, "joint"), probe(callback, 3, "tendon")]
-    found = []
-    for which, attribute in [*((0, name) for name in model), *((1, name) for name in data)]:
-        fitting = set.intersection(*(_fitting(each[which], attribute) for each in probes))
-        first = min(fitting, default=0)
-        found.append(
-            _only(
-                {max(fitting)} if fitting and fitting == {*range(first, first + len(fitting))} else fitting, attribute
-            )
-        )
-    return found
-
-
-def _timestep() -> int:
-    """Where mjModel keeps its time step, which is a number and no pointer, counted likewise."""
-    probes = [probe("mjcb_act_bias", count, "joint")[0] for count in (1, 2, 3)]
-    holding = []
-    for model in probes:
-        words = (ctypes.c_double * (_SCAN_LIMIT // _POINTER // 64)).from_address(model._address)
-        holding.append({place for place, word in enumerate(words) if word == model.opt.timestep})
-    return _only(set.intersection(*holding), "timestep")
-
-
-def _only(fitting: set[int], attribute: str) -> int:
-    if len(fitting) != 1:
-        raise RuntimeError(
-            f"MuJoCo {mujoco.__version__}: {attribute} is at {len(fitting)} places of its struct instead of 1, so "
-            "the muscle law cannot be installed; use mujoco>=4.0,<4.1, or muscle_model='native'"
-        )
-    return fitting.pop()
-
-
-def _fitting(struct: Any, attribute: str) -> set[int]:
-    """The indices of the struct's words that hold the address of the array `attribute`."""
-    address = getattr(struct, attribute).ctypes.data
-
-    def holds(index: int) -> bool:
-        return ctypes.c_void_p.from_address(struct._address + index * _POINTER).value == address
-
-    first = next(filter(holds, range(_SCAN_LIMIT // _POINTER)), None)
-    # both structs have hundreds of further pointers after these arrays
-    return set() if first is None else set(filter(holds, range(first, first + _NEIGHBOURS)))
+    """Where mjModel and mjData keep arrays, counted in pointers from the struct's start."""
+    probes = probe(callback, 2, "tendon")
+    return [place_of_array(each, name) for each, names in zip(probes, (model, data), strict=True) for name in names]
 
 
 def probe(callback: str, actuators: int, of: str) -> tuple[mujoco.MjModel, mujoco.MjData]:

@@ -180,6 +180,21 @@ def set_native_gain(actuator: Any, muscle: Muscle) -> None:
     actuator.gainprm[:9] = (0.0, 1.0, muscle.strength, 1.0, 1.0 - width, 1.0 + width, _MAX_VELOCITY, 1.0, 1.0)
 
 
+def check_thesis(model: Any) -> None:
+    """Refuse actuators whose gain is the user's, and that are no muscles of this library: its callback would take them
+    for such.
+
+    **Raises:** `ValueError` naming the actuator.
+    """
+    for i in np.flatnonzero(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
+        numbers, others = model.actuator_gainprm[i, :3], model.actuator_gainprm[i, 3:]
+        right = np.isfinite(numbers).all() and numbers[0] < 0 and numbers[1] > 0 and numbers[2] > 0 and not others.any()
+        right = right and model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON and model.actuator_gear[i, 0] == 1
+        right = right and model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE
+        wanted = "a muscle, as `add_muscles` makes it: other gains of type 'user' are not known here"
+        check(right, "actuator", model.actuator(i).name, wanted)
+
+
 def native_force_length(length: Any, rest_length: Any, shape: Any = 0.5) -> np.ndarray:
     """The force–length factor that `muscle_model="native"` uses in place of the Gaussian of `tension`.
 
