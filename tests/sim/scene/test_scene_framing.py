@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scene_moments import moment
 
-from motorgrad.bodies import Arm, compile_model
+from motorgrad.bodies import Arm, Mjcf, compile_model
+from motorgrad.sim.film import Viewpoint, camera_axes, natural_angles
 from motorgrad.sim.film._gl import backend, make_context
+from motorgrad.sim.live import setup_of
 from motorgrad.sim.scene import Pose
 from motorgrad.sim.scene import _cameras as cameras
 from motorgrad.sim.scene._framing import History
@@ -225,3 +227,60 @@ def test_f_frames_again_what_the_user_has_lost_by_zooming(hopper, silhouette):
     assert whole(sight.of(pose.bodies[0], camera))
     again = camera.position - camera.look_at
     np.testing.assert_allclose(again / np.linalg.norm(again), towards, atol=1e-6)  # seen from the same side
+
+
+BENT = """<mujoco><worldbody><body><joint axis="0 0 {0}"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/>
+<body pos=".3 0 0"><joint axis="0 0 1"/><geom type="capsule" fromto="0 0 0 0 .2 0" size=".02"/></body></body>
+</worldbody></mujoco>"""
+
+
+@pytest.fixture(params=["arm6", BENT.format(1), BENT.format(-1)], ids=["arm6", "bent", "turned"])
+def planar(request):
+    """An arm whose joints all turn about z."""
+    return Mjcf(request.param).model
+
+
+def picture_of(camera, up):
+    """The directions of the world that are right and up in a camera's picture."""
+    return Viewpoint(tuple(camera.position), tuple(camera.look_at), 45.0, tuple(up)).axes[:2]
+
+
+def test_a_planar_arm_is_seen_upright_along_z_in_films_and_on_the_page(planar, server):
+    upright = [[1, 0, 0], [0, 1, 0]]
+    np.testing.assert_allclose(camera_axes(*natural_angles(planar))[:2], upright, atol=1e-12)
+    cameras.Cameras().build(server, setup_of(planar))
+    first = server.initial_camera
+    np.testing.assert_allclose(picture_of(first, first.up), upright, atol=1e-12)
+
+
+def test_a_spatial_body_is_seen_with_z_up_on_the_page(hexapod, hopper, server):
+    for model in (hexapod, hopper):
+        cameras.Cameras().build(server, setup_of(model))
+        first = server.initial_camera
+        right, up = picture_of(first, first.up)
+        assert right[2] == pytest.approx(0.0, abs=1e-12)
+        assert up[2] > 0.9
+
+
+def test_a_planar_arm_is_upright_again_after_every_other_camera(planar, server):
+    page = cameras.Cameras()
+    page.build(server, setup_of(planar))
+    first, pose = server.initial_camera, Pose(planar)
+    pose.place(moment(planar.qpos0, model=planar))
+    page._history.add(pose)
+    camera = types.SimpleNamespace(
+        **{"position": first.position, "look_at": first.look_at, "up_direction": np.array(first.up)},
+        **{"fov": first.fov, "aspect": WIDE / HIGH, "update_timestamp": 0.0},
+    )
+    viewer = cameras.Viewer(types.SimpleNamespace(camera=camera), "Follow", 1.0)
+    for name in ("Follow", "Walk", "Follow", "Walk", "Orbit", "Follow"):
+        viewer.wanted = name
+        page._switch(viewer, pose)
+        for _ in range(2):
+            viewer.mode.move(camera, pose)
+        right, up = picture_of(camera, camera.up_direction)
+        if name == "Walk":  # on the ground, with the horizon level
+            assert right[2] == pytest.approx(0.0, abs=1e-12)
+            assert up[2] > 0.5
+        else:
+            np.testing.assert_allclose([right, up], [[1, 0, 0], [0, 1, 0]], atol=1e-9)

@@ -32,7 +32,7 @@ from motorgrad.sim.film._film import (
     write_gif,
     write_mp4,
 )
-from motorgrad.sim.film._framing import Outline, bounding_box, camera_axes, natural_angles, visible_geoms
+from motorgrad.sim.film._framing import ABOVE, Outline, bounding_box, camera_axes, natural_angles, visible_geoms
 from motorgrad.sim.film._gl import Ground, gl_problem
 from motorgrad.sim.film._motion import Motion, resample
 from motorgrad.sim.film._motion_file import read_activations, read_motion
@@ -42,6 +42,7 @@ from motorgrad.sim.film._scenery import nice_step
 from motorgrad.sim.film._viewpoint import Viewpoint
 
 __all__ = [
+    "ABOVE",
     "ENDINGS",
     "FIRING",
     "GAP",

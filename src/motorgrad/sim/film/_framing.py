@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 # The share of half the picture that motion may fill: the top is kept for the caption, the rest is a margin.
 SIDEWAYS, DOWNWARDS, UPWARDS = 0.90, 0.84, 0.72
 FOLLOW = 3.0  # a path longer than this many body sizes is followed; framed whole, the body would be too small
+ABOVE = 90.0, -90.0  # azimuth and elevation of a camera that looks along z at x and y: x to the right, y up
 LAST_VISIBLE_GROUP = 2  # MuJoCo's convention: geom groups 3 to 5 are hidden
 
 
@@ -176,8 +177,8 @@ def _survey(
 
 
 def natural_angles(model: mujoco.MjModel) -> tuple[float, float]:
-    """Azimuth and elevation: along the hinges where all are parallel (a planar body), else from the side and slightly
-    above.
+    """Azimuth and elevation: along the hinges where all are parallel (a planar body; along z with y up, `ABOVE`), else
+    from the side and slightly above.
     """
     import mujoco
 
@@ -189,7 +190,7 @@ def natural_angles(model: mujoco.MjModel) -> tuple[float, float]:
         return (115.0, -14.0) if turning else (90.0, -6.0)
     axis = np.abs(hinges).min(0)  # near 1 only where all hinges are parallel to it
     if axis[2] > 0.98:
-        return 90.0, -90.0
+        return ABOVE
     return (180.0, -6.0) if axis[0] > 0.98 else (90.0, -6.0)
 
 

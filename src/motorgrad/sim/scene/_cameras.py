@@ -16,9 +16,9 @@ import viser
 from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
 
 from motorgrad._errors import check, unknown
-from motorgrad.sim.film import Viewpoint, camera_axes, ground_height, natural_angles
+from motorgrad.sim.film import ABOVE, Viewpoint, camera_axes, ground_height, natural_angles
 from motorgrad.sim.live import Session, Snapshot
-from motorgrad.sim.scene._framing import Framing, History
+from motorgrad.sim.scene._framing import UPWARDS, History, framing_of
 from motorgrad.sim.scene._guard import Guard
 from motorgrad.sim.scene._own import own
 from motorgrad.sim.scene._pose import Pose
@@ -38,7 +38,11 @@ class CameraMode:
     """One way to move a camera. `begin` takes over a client's camera, `move` is called every frame, `end` returns it.
 
     The browser itself moves the camera by viser's mouse and keys, and reports its position about 20 times a second.
+
+    **Attributes:** `awaited`: whether a browser that has just connected has yet to report what it was sent.
     """
+
+    awaited = False
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
         """Take the camera over."""
@@ -53,14 +57,14 @@ class CameraMode:
 class Orbit(CameraMode):
     """Lets the user turn the camera about a fixed target.
 
-    **Arguments:** `history` of the motion, in the middle of which the target is.
+    **Arguments:** `history` of the motion, in the middle of which the target is; `travels` and `up` as of `Follow`.
     """
 
-    def __init__(self, history: History, travels: bool) -> None:
-        self._history, self._travels = history, travels
+    def __init__(self, history: History, travels: bool, up: np.ndarray = UPWARDS) -> None:
+        self._history, self._travels, self._up = history, travels, up
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
-        aim(camera, camera.position, framing_of(self._history, pose, self._travels).target)
+        aim(camera, camera.position, framing_of(self._history, pose, self._travels, self._up).target)
 
 
 class Follow(CameraMode):
@@ -69,14 +73,15 @@ class Follow(CameraMode):
     A body that goes far is followed, with damping, so that the camera does not shake with it, but never by more than
     the margin of the picture. Where the motion grows, the camera moves away; what the user zooms, it keeps.
 
-    **Arguments:** `history` of the motion so far; `travels`: whether the body is free to go away.
+    **Arguments:** `history` of the motion so far; `travels`: whether the body is free to go away; `up` `(3,)`: the
+    direction that is up in the picture.
     """
 
-    def __init__(self, history: History, travels: bool) -> None:
-        self._history, self._travels = history, travels
+    def __init__(self, history: History, travels: bool, up: np.ndarray = UPWARDS) -> None:
+        self._history, self._travels, self._up = history, travels, up
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
-        self._framing = framing_of(self._history, pose, self._travels)
+        self._framing = framing_of(self._history, pose, self._travels, self._up)
         self._target = self._framing.target.copy()
         away = camera.position - camera.look_at
         self._towards = away / max(float(np.linalg.norm(away)), 1e-9)
@@ -118,6 +123,9 @@ class Follow(CameraMode):
         if camera.update_timestamp != told:
             return
         self._told = told
+        if self.awaited and np.linalg.norm(away - distance * self._towards) > 1e-3 * distance:
+            return  # from before the browser has heard where to look
+        self.awaited = False
         reached = [place for place, sent in enumerate(self._sent) if abs(distance / sent - 1) < 1e-3]
         for _ in range(reached[-1] if reached else 0):  # reports come in order: what was sent before it has passed
             self._sent.popleft()
@@ -134,15 +142,6 @@ class Follow(CameraMode):
             self._sent.append(self._distance)
         aim(camera, self._target + self._distance * self._towards, self._target)
         self._told = camera.update_timestamp
-
-
-def framing_of(history: History, pose: Pose, travels: bool) -> Framing:
-    """The frame of a motion so far."""
-    framing = Framing(pose.size, travels)
-    framing.target = pose.centre
-    for moment in history:
-        framing.see(moment)
-    return framing
 
 
 class Walk(CameraMode):
@@ -165,8 +164,8 @@ class Walk(CameraMode):
 
     def begin(self, camera: viser.CameraHandle, pose: Pose) -> None:
         # at a distance from which the body is seen as a whole
-        away = camera.position - pose.centre
-        flat = away - (away @ camera.up_direction) * camera.up_direction
+        away, (_, upright) = camera.position - pose.centre, self.ground_at(pose.centre)
+        flat = away - (away @ upright) * upright
         length = float(np.linalg.norm(flat))
         flat = flat / length if length > 1e-9 else np.array([0.0, -1.0, 0.0])
         ground, up = self.ground_at(pose.centre + max(length, self.START * pose.size) * flat)
@@ -174,8 +173,8 @@ class Walk(CameraMode):
         ahead = pose.centre - eye
         ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
         reach = max(self.REACH * self.height, 2 * NEAREST)
-        camera.up_direction = up
         aim(camera, eye, eye + reach * ahead)
+        camera.up_direction = up
         camera.min_orbit_distance, camera.max_orbit_distance = 0.99 * reach, 1.01 * reach
 
     def move(self, camera: viser.CameraHandle, pose: Pose) -> None:
@@ -200,7 +199,6 @@ class Walk(CameraMode):
 
     def end(self, camera: viser.CameraHandle) -> None:
         camera.max_orbit_distance, camera.min_orbit_distance = FARTHEST, NEAREST
-        camera.up_direction = (0.0, 0.0, 1.0)
 
 
 class Fixed(CameraMode):
@@ -230,7 +228,6 @@ class Fixed(CameraMode):
 
     def end(self, camera: viser.CameraHandle) -> None:
         camera.fov = self._fov
-        camera.up_direction = (0.0, 0.0, 1.0)
 
 
 def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
@@ -286,6 +283,7 @@ KEYS = {ORBIT: "O", WALK: "G", FOLLOW: "F"}
 """W, A, S, D, Q, E and the arrows are viser's."""
 FIELD_OF_VIEW = 45.0  # degrees
 LEAST_SLOPE = -12.0  # degrees; any lower, the ground looks too flat
+LEAST_UPRIGHT = 0.5  # cosine of the angle between what was up and what is
 LOWEST, TALLEST = 0.05, 3.0  # m, of a walker's height
 
 
@@ -376,24 +374,32 @@ class Cameras:
         if not viewer.name:  # it has just connected, and the body may have gone far
             aim(camera, pose.centre + self._away, pose.centre)
         viewer.mode.end(camera)
+        if camera.up_direction @ self._up < LEAST_UPRIGHT:  # the picture would roll, or have no upright
+            target = framing_of(self._history, pose, self._travels).target
+            aim(camera, target + self._away, target)
+        camera.up_direction = self._up
+        fresh = not viewer.name
         viewer.name, viewer.mode = name, self._make(name, viewer.height)
+        viewer.mode.awaited = fresh
         viewer.mode.begin(camera, pose)
 
     def _make(self, name: str, height: float) -> CameraMode:
         if name == WALK:
             return Walk(self._ground_at, height)
         if name in (ORBIT, FOLLOW):
-            return (Orbit if name == ORBIT else Follow)(self._history, self._travels)
+            return (Orbit if name == ORBIT else Follow)(self._history, self._travels, self._up)
         return Fixed(self.names.index(name) - 3)
 
     def _start(self, server: viser.ViserServer, pose: Pose) -> None:
-        """Set the initial view: obliquely from the side, with the body in the middle of the picture."""
+        """Set the initial view: obliquely from the side with z up, or along z with y up, of a body in that plane."""
         azimuth, elevation = (95.0, -4.0) if pose.model is None else natural_angles(pose.model)
-        towards = camera_axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2]
+        towards, self._up = camera_axes(azimuth - 20, min(elevation, LEAST_SLOPE))[2], UPWARDS
+        if elevation == ABOVE[1]:
+            towards, self._up = UPWARDS, camera_axes(*ABOVE)[1]
         self._away = 1.9 * pose.size * towards
         first = server.initial_camera
         first.look_at, first.position = pose.middle, pose.middle + self._away
-        first.up, first.fov = np.array([0.0, 0.0, 1.0]), np.radians(FIELD_OF_VIEW)
+        first.up, first.fov = self._up, np.radians(FIELD_OF_VIEW)
 
     def _keep_start(self, pose: Pose) -> None:
         """Let the view of the next browser, and viser's "Reset view", begin where the body is."""

@@ -71,19 +71,23 @@ CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
 """The corners of a box, `(8, 3)`, as signs."""
 
 
+UPWARDS = np.array([0.0, 0.0, 1.0])
+
+
 class Framing:
     """The frame of a motion so far.
 
     Along each axis it is the whole range of the motion while that is short. A body that goes farther, or `travels`, is
     followed, and its frame is what it needs around its centre of mass.
 
-    **Arguments:** `size` of one body, in m; `travels`: whether the body is free to go away.
+    **Arguments:** `size` of one body, in m; `travels`: whether the body is free to go away; `up` `(3,)`: the direction
+    that is up in the picture.
 
     **Attributes:** `target` `(3,)`, the middle of the frame; `half` `(3,)`, half its sides, in m.
     """
 
-    def __init__(self, size: float, travels: bool) -> None:
-        self._size, self._travels, self._count = size, travels, 0
+    def __init__(self, size: float, travels: bool, up: np.ndarray = UPWARDS) -> None:
+        self._size, self._travels, self._up, self._count = size, travels, up, 0
         self.target, self.half = np.zeros(3), np.full(3, size / 2)
         self._asked: tuple[Any, ...] = ()
         self._needed = 0.0
@@ -110,10 +114,19 @@ class Framing:
         asked = (towards.tobytes(), self.half.tobytes(), fov, aspect)
         if asked != self._asked:  # in most frames neither the range nor the view changes
             near = towards / np.linalg.norm(towards)
-            right = np.cross([0.0, 0.0, 1.0], near)
+            right = np.cross(self._up, near)
             right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-6 else np.array([1.0, 0.0, 0.0])
             across, up, depth = (CORNERS * self.half @ np.stack([right, np.cross(near, right), near]).T).T
             slope = FILL * np.tan(fov / 2)
             self._needed = float(np.max(depth + np.maximum(np.abs(up), np.abs(across) / aspect) / slope))
             self._asked = asked
         return self._needed
+
+
+def framing_of(history: History, pose: Pose, travels: bool, up: np.ndarray = UPWARDS) -> Framing:
+    """The frame of a motion so far."""
+    framing = Framing(pose.size, travels, up)
+    framing.target = pose.centre
+    for moment in history:
+        framing.see(moment)
+    return framing
