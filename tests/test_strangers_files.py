@@ -3,7 +3,10 @@
 import io
 import json
 import os
+import re
 import struct
+import subprocess
+import sys
 import tracemalloc
 import zipfile
 
@@ -406,3 +409,36 @@ def test_an_entry_is_unpacked_piece_by_piece():
     content = that_says(zipped({"x": bytes(50 * 2**20)}), 100)
     with entries_in(content, MOST) as packed:
         assert "CRC" in refusal(unpacked, packed, "x", MOST, little=20 * 2**20)
+
+
+def test_a_foot_that_arrow_cannot_survive_is_refused():
+    """Arrow ends the process where a column has more counts of levels than it can have."""
+    content = parquet(pa.table({"x": ["a", "b"]}))
+    length = int.from_bytes(content[-8:-4], "little")
+    foot = content[-8 - length : -8]
+    # of the sizes of the column: the counts of levels, field 3, a list of two numbers, and one of three in its place
+    place = foot.index(bytes([0x19, 0x26, 0, 4]))
+    more = foot[:place] + bytes([0x19, 0x36, 0]) + foot[place + 2 :]
+    spoilt = content[: -8 - length] + more + len(more).to_bytes(4, "little") + b"PAR1"
+    code = (
+        "import sys\nfrom motorgrad._parquet import parquet_in\n"
+        "try:\n    parquet_in(sys.stdin.buffer.read(), 1000)\n"
+        "except ValueError as error:\n    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], input=spoilt, capture_output=True, timeout=600)
+    assert done.returncode == 0
+    assert done.stdout.startswith(b"not a Parquet table: "), done.stdout
+    assert parquet_in(content, 1000)["x"].to_pylist() == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"PAR1PAR1", "not a Parquet table"),
+        (parquet(pa.table({"x": np.arange(3.0)}))[:-40] + bytes(32) + b"\x20\0\0\0PAR1", "not a Parquet table"),
+        (parquet(pa.table({"x": ["ab"] * 3})).replace(b"ab", b"\xff\xfe"), "not a Parquet table: .*UTF8"),
+    ],
+    ids=["no foot", "a foot of zeros", "texts that are none"],
+)
+def test_a_damaged_table_is_no_error_of_arrow(content, told):
+    assert re.search(told, refusal(parquet_in, content, MOST))

@@ -1,7 +1,7 @@
 """Coverage-guided fuzzing of the readers of strangers' files (atheris): `python -m tools.fuzz READER --seconds 3600`.
 
 An input is found that makes a reader raise anything but a refusal, do anything but read (tests/audit.py), hang, or
-crash. The readers are those of tests/test_readers.py. Needs atheris, which no extra installs.
+crash. The readers are those of tests/reader_examples.py. Needs atheris, which no extra installs.
 """
 
 import argparse
@@ -39,15 +39,15 @@ def main() -> None:
     atheris: Any = importlib.import_module("atheris")
     sys.path.insert(0, str(ROOT / "tests"))
     with atheris.instrument_imports(include=["motorgrad"]):
-        import test_readers  # type: ignore[import-not-found]
+        import reader_examples  # type: ignore[import-not-found]
     import audit  # type: ignore[import-not-found]
 
-    reader = test_readers.READERS[given.reader]
+    reader = reader_examples.READERS[given.reader]
     corpus = (given.corpus / given.reader.replace(" ", "-")).absolute()
     corpus.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     os.chdir(folder)
-    test_readers.written("m.xml", test_readers.MODEL)(folder)
+    reader_examples.written("m.xml", reader_examples.MODEL)(folder)
     warnings.simplefilter("ignore")
     sink = open(os.devnull, "w")  # noqa: SIM115 - what commands say is nobody's; as long as the process
     file = reader.make(folder)
@@ -59,14 +59,13 @@ def main() -> None:
 
     def write(data: bytes) -> None:
         file.write_bytes(closed(data))
-        if file.suffix == ".state":
-            test_readers.with_right_checksum(file)
+        reader.finish(file)
 
     def read() -> None:
         told = sys.stdout, sys.stderr
         sys.stdout = sys.stderr = sink
         try:
-            with contextlib.suppress(*test_readers.REFUSALS):
+            with contextlib.suppress(*reader_examples.REFUSALS):
                 reader.read(file)
         finally:
             sys.stdout, sys.stderr = told

@@ -1,5 +1,6 @@
 """Reading tables of Parquet files that may be a stranger's, within the limits of `motorgrad._limits`."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from motorgrad._errors import check, shown
@@ -8,9 +9,8 @@ from motorgrad._reading import check_unpacked, told
 
 if TYPE_CHECKING:
     import pyarrow as pa  # loading it would slow down every command's start
-    from pyarrow import parquet as pq
 
-# Of Thrift's compact protocol, in which the heads of pages are written.
+# Of Thrift's compact protocol, in which the foot of a file and the heads of pages are written.
 _STOP = 0
 _BYTE = 3
 _OF_NONE = (1, 2)  # true and false, which are in the type
@@ -22,6 +22,13 @@ _TABLE = 12
 _DEEPEST = 16  # tables within tables; a head has fewer than five
 _UNPACKED = 2  # the number of a head's field: the bytes of its page, unpacked
 _PACKED = 3
+_GROUPS = 4  # of the foot of a file: its groups of rows
+_COLUMNS = 1  # of a group of rows
+_ABOUT = 3  # of a column
+_VALUES = 5  # of what is said about a column: how many values it has
+_COLUMN_PACKED = 7
+_DATA_PAGES = 9
+_TEXT_PAGES = 11
 
 
 def parquet_in(content: bytes, most: int) -> "pa.Table":
@@ -37,9 +44,9 @@ def parquet_in(content: bytes, most: int) -> "pa.Table":
         check(about.num_columns <= MOST_TABLE_COLUMNS, "columns", about.num_columns, f"at most {MOST_TABLE_COLUMNS:,}")
         parts = about.num_row_groups * about.num_columns
         check(parts <= MOST_TABLE_PARTS, "groups of rows times columns", parts, f"at most {MOST_TABLE_PARTS:,}")
-        groups = [about.row_group(i) for i in range(about.num_row_groups)]
-        columns = [group.column(i) for group in groups for i in range(about.num_columns)]
-        numbers = sum(column.num_values for column in columns)
+        columns = list(_columns(content))
+        check(len(columns) == parts, "columns of all groups of rows", len(columns), f"{parts:,}, as many in each")
+        numbers = sum(column[_VALUES] for column in columns)
         # what the file says of its columns may be a lie; pages are unpacked into the bytes that their own heads say
         pages = sum(_page_bytes(content, column) for column in columns)
         check_unpacked(max(pages, 8 * numbers, 8 * about.num_rows * about.num_columns), most)
@@ -50,7 +57,9 @@ def parquet_in(content: bytes, most: int) -> "pa.Table":
         texts = [name for name in schema.names if pa.types.is_string(schema.field(name).type)]
         reader = parquet.ParquetFile(pa.BufferReader(content), read_dictionary=texts)
         # Arrow's threads live on after the last row, and Python crashes where its tracemalloc is stopped beside them
-        return _with_texts(reader.read(use_threads=False), schema, most)
+        found = _with_texts(reader.read(use_threads=False), schema, most)
+        found.validate(full=True)  # texts, which are else looked at where they are used
+        return found
     except (pa.ArrowException, OSError, OverflowError, MemoryError, KeyError) as error:
         raise ValueError(f"not a Parquet table: {told(error)}") from None
 
@@ -86,18 +95,48 @@ def _with_texts(table: "pa.Table", schema: "pa.Schema", most: int) -> "pa.Table"
     return table
 
 
-def _page_bytes(content: bytes, column: "pq.ColumnChunkMetaData") -> int:
+def _columns(content: bytes) -> Iterator[dict[int, int]]:
+    """What the foot of a file says about each column of each group of rows (`parquet.thrift`: `FileMetaData`).
+
+    Arrow is not asked: what it makes of a damaged one ends the process.
+    """
+    try:
+        _, _, foot = _table(content, len(content) - 8 - int.from_bytes(content[-8:-4], "little"))
+        for group in _items(content, foot.get(_GROUPS)):
+            for column in _items(content, _table(content, group)[2].get(_COLUMNS)):
+                kind, place = _table(content, column)[2].get(_ABOUT, (_STOP, 0))
+                about = _table(content, place)[1] if kind == _TABLE else {}
+                there = about.keys() >= {_VALUES, _COLUMN_PACKED, _DATA_PAGES}
+                check(there and about[_VALUES] >= 0, "what the file says about a column", about, "its size and place")
+                yield about
+    except IndexError:
+        raise ValueError("its foot ends beyond the end of the file") from None
+
+
+def _items(content: bytes, found: tuple[int, int] | None) -> Iterator[int]:
+    """The places of the tables in a list, of which the kind and the place are given."""
+    if found is None or found[0] not in _LISTS:
+        return
+    place, count, kind = _list(content, found[1])
+    check(kind == _TABLE, "type in the foot of a file", kind, "a table")
+    for _ in range(count):
+        yield place
+        place = _table(content, place)[0]
+
+
+def _page_bytes(content: bytes, column: dict[int, int]) -> int:
     """The bytes of a column's pages, unpacked, as the heads of the pages say. **Raises** `ValueError` for other heads.
 
     A page follows the other, each with a head before it (Apache Parquet, `parquet.thrift`: `PageHeader`).
     """
-    place = min(column.data_page_offset, column.dictionary_page_offset or column.data_page_offset)
-    check(place >= 0 and column.total_compressed_size >= 0, "place of a column", place, "within the file")
-    end = place + column.total_compressed_size
+    place = min(column[_DATA_PAGES], column.get(_TEXT_PAGES) or column[_DATA_PAGES])
+    size = column[_COLUMN_PACKED]
+    check(place >= 0 and size >= 0, "place of a column", place, "within the file")
+    end = place + size
     total = 0
     while place < end:
         try:
-            place, fields = _head(content, place)
+            place, fields, _ = _table(content, place)
             total += _size(fields, _UNPACKED)
             place += _size(fields, _PACKED)
         except IndexError:
@@ -111,10 +150,12 @@ def _size(fields: dict[int, int], number: int) -> int:
     return size
 
 
-def _head(content: bytes, place: int, depth: int = 0) -> tuple[int, dict[int, int]]:
-    """Where a table of Thrift's compact protocol ends, and its whole numbers by the numbers of their fields."""
-    check(depth < _DEEPEST, "tables within the head of a page", depth, f"less than {_DEEPEST}")
-    fields: dict[int, int] = {}
+def _table(content: bytes, place: int, depth: int = 0) -> tuple[int, dict[int, int], dict[int, tuple[int, int]]]:
+    """Where a table of Thrift's compact protocol ends; its whole numbers, and the kinds and places of its other values,
+    by the numbers of their fields."""
+    check(depth < _DEEPEST, "tables within a table", depth, f"less than {_DEEPEST}")
+    wholes: dict[int, int] = {}
+    others: dict[int, tuple[int, int]] = {}
     number = 0
     while (kind := content[place] & 15) != _STOP:
         step = content[place] >> 4
@@ -124,10 +165,11 @@ def _head(content: bytes, place: int, depth: int = 0) -> tuple[int, dict[int, in
         else:
             place, number = _whole(content, place)
         if kind in _WHOLE:
-            place, fields[number] = _whole(content, place)
+            place, wholes[number] = _whole(content, place)
         elif kind not in _OF_NONE:
+            others[number] = kind, place
             place = _after(content, place, kind, depth)
-    return place + 1, fields
+    return place + 1, wholes, others
 
 
 def _after(content: bytes, place: int, kind: int, depth: int) -> int:
@@ -142,16 +184,23 @@ def _after(content: bytes, place: int, kind: int, depth: int) -> int:
         place, length = _count(content, place)
         return place + length
     if kind == _TABLE:
-        return _head(content, place, depth + 1)[0]
-    check(kind in _LISTS, "type in the head of a page", kind, "one of Thrift's")
+        return _table(content, place, depth + 1)[0]
+    check(kind in _LISTS, "type of a value", kind, "one of Thrift's")
+    place, count, kind = _list(content, place)
+    for _ in range(count):
+        place = _after(content, place, kind, depth + 1)
+    return place
+
+
+def _list(content: bytes, place: int) -> tuple[int, int, int]:
+    """Where the items of a list begin, their number and their kind."""
     first = content[place]
-    place += 1
     count = first >> 4
+    place += 1
     if count == 15:
         place, count = _count(content, place)
-    for _ in range(count):
-        place = _after(content, place, first & 15, depth + 1)
-    return place
+    check(count <= len(content), "items in a list", count, "at most as many as there are bytes")
+    return place, count, first & 15
 
 
 def _count(content: bytes, place: int) -> tuple[int, int]:

@@ -119,7 +119,8 @@ def _answer(name: str, error: BaseException) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     if isinstance(error, ValueError | OSError | RuntimeError):
-        print(f"motorgrad {plain(name)}: {plain(error)}", file=sys.stderr)
+        told = "; ".join(map(plain, (error, *getattr(error, "__notes__", ()))))
+        print(f"motorgrad {plain(name)}: {told}", file=sys.stderr)
         return 2
     raise error
 

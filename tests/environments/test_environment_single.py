@@ -9,7 +9,8 @@ import pytest
 from environment_examples import HOPPER, assert_equal, break_body, hopping
 
 from motorgrad import _gymnasium_ids
-from motorgrad.environments import TaskEnv
+from motorgrad.environments import TaskEnv, TaskVectorEnv
+from motorgrad.environments._spaces import check_action
 from motorgrad.tasks import Chain, Hopper
 
 IDS = sorted(_gymnasium_ids.TASK_OF)
@@ -129,6 +130,8 @@ def test_a_divergence_truncates_and_says_so():
     [
         (HOPPER, [1], r"action.shape = \(1,\): must be \(2,\)"),
         (HOPPER, [0, 2], r"action = \[0, 2\]: must be zeros and ones"),
+        (HOPPER, [0, [1]], r"action = \[0, \[1\]\]: must be numbers, as many in each row"),
+        (HOPPER, [0, 1j], "action.dtype = .* must be a number's"),
         (HOPPER, [0.5, 1], "must be zeros and ones"),
         (HOPPER, [np.nan, 1], "must be zeros and ones"),
         (HOPPER, ["on", "off"], "action.dtype = .* must be a number's"),
@@ -251,3 +254,25 @@ def test_statistics_are_recorded():
     assert truncated
     assert info["episode"]["l"] == 10
     assert info["episode"]["r"] == pytest.approx(sum(rewards))
+
+
+@pytest.mark.parametrize(
+    "action", [np.int8([-128, 0]), np.uint64([2**63, 0]), [1 + 1e-6, 0], [np.nan, 0], [-np.inf, 0]]
+)
+def test_the_range_of_graded_actions_is_checked_in_the_type_that_comes(action):
+    space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    with pytest.raises(ValueError, match=r"action = .* must be numbers from -1 to 1"):
+        check_action(space, action)
+    np.testing.assert_array_equal(check_action(space, np.int8([-1, 1])), np.float32([-1, 1]))
+
+
+def test_options_and_seeds_of_other_types_are_refused_by_name():
+    environment = gymnasium.make("motorgrad/Chain-v0").unwrapped
+    with pytest.raises(ValueError, match="options = 5: must be a dictionary, or None"):
+        environment.reset(options=5)
+    vector = TaskVectorEnv(2, "chain")
+    for seed in (1.5, {1, 2}):
+        with pytest.raises(ValueError, match=r"seed = .*: must be one number, or 2 of them"):
+            vector.reset(seed=seed)
+    with pytest.raises(ValueError, match=r"reset_mask = .*: must be numbers, as many in each row"):
+        vector.reset(options={"reset_mask": [[True], [True, False]]})

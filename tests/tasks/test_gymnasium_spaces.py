@@ -244,3 +244,81 @@ def test_an_observation_of_any_shape_is_flattened(told):
     np.testing.assert_array_equal(batch.packed[0, :6], np.arange(6))
     batch.step(np.zeros((1, 1), np.float32))
     np.testing.assert_array_equal(batch.packed[0, :6], np.arange(6))
+
+
+# bounds in the space's own type
+
+
+@pytest.mark.parametrize("code", CODES["Box"])
+@pytest.mark.parametrize("low", [-np.inf, 0])
+def test_infinite_bounds_of_whole_numbers_are_refused(told, code, low):
+    """A space of whole numbers has the ends of its type in place of infinite bounds."""
+    space = spaces.Box(low, np.inf, (2,), np.int32)
+    with pytest.raises(ValueError, match=r"actions in a Box\(2,\) space: must be a Box with finite bounds"):
+        from_gymnasium(told(action=space), code=code)
+
+
+@pytest.mark.parametrize(
+    "space",
+    [
+        spaces.Box(-(2**62), 2**62, (1,), np.int64),
+        spaces.Box(0, 2**64 - 1, (1,), np.uint64),
+        spaces.Box(-(2**31), 2**31 - 1, (1,), np.int32),
+        spaces.Box(-3e38, 3e38, (1,), np.float32),
+        spaces.Box(-1e300, 1e300, (1,), np.float64),
+        spaces.Box(1, 1 + 1e-12, (1,), np.float64),
+        spaces.Box(3, 3, (1,), np.int8),
+    ],
+    ids=str,
+)
+def test_bounds_between_which_single_precision_has_not_every_number_are_reached_only(told, space):
+    name = told(action=space)
+    with pytest.raises(ValueError, match=rf"code = 'graded': .* for number 0 of the actions of {name}: must be a low"):
+        from_gymnasium(name)
+    for code, units, wanted in (("each", [0.0], space.low), ("each", [1.0], space.high)):
+        found = from_gymnasium(name, code=code)._facts.code.decode(np.array([units], np.float32))[0]
+        assert found.dtype == space.dtype
+        np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("number", [3e38, -3e38, np.inf, -np.inf, np.nan, 0.4])
+def test_whatever_a_policy_draws_becomes_a_whole_number_of_the_space(told, number):
+    space = spaces.Box(-5, 2**24, (2,), np.int32)
+    with np.errstate(all="raise"):
+        action = from_gymnasium(told(action=space))._facts.code.decode(np.full((1, 2), number, np.float32))[0]
+    assert space.contains(action)
+
+
+@pytest.mark.parametrize(
+    ("space", "code", "units", "wanted"),
+    [
+        (spaces.Discrete(2**60, start=2**60), "bits", 60, 2**61 - 1),
+        (spaces.Discrete(3, start=2**60), "count", 2, 2**60 + 2),
+        (spaces.Discrete(3, start=2**60 + 1), "choice", 1, 2**60 + 1),
+        (spaces.MultiDiscrete(np.array([64], np.int8), np.int8), "bits", 6, [63]),
+    ],
+)
+def test_sums_of_units_are_exact(told, space, code, units, wanted):
+    on = np.zeros((1, units)) if code == "choice" else np.ones((1, units))
+    assert decoded(from_gymnasium(told(action=space), code=code), *on) == [wanted]
+
+
+def test_too_many_units_are_refused_before_they_are_made(told):
+    for space, code in ((spaces.Discrete(2**40), "count"), (spaces.MultiBinary(70_000), "auto")):
+        with pytest.raises(ValueError, match=r"needs .* units, at most 65,536; use "):
+            from_gymnasium(told(action=space), code=code)
+
+
+def test_bounds_that_single_precision_cannot_tell_apart_scale_nothing():
+    space = spaces.Box(np.array([0.0, 1e5, -1.0]), np.array([1e-320, 1e5 + 1e-9, 1.0]), dtype=np.float64)
+    found = mg.tasks.gymnasium._spaces.observation_scaling(space, "auto", "X")
+    np.testing.assert_array_equal(found.running, [True, True, False])
+    assert (found.half > 0).all()
+
+
+@pytest.mark.parametrize("goal", [spaces.Dict({"a": spaces.Text(3)}), spaces.Tuple([spaces.Discrete(2, start=3)])])
+def test_an_environment_with_goals_is_told_how_to_become_numbers(told, goal):
+    box = spaces.Box(-1, 1, (2,))
+    space = spaces.Dict({"observation": box, "achieved_goal": box, "desired_goal": goal})
+    with pytest.raises(ValueError, match=r"observations in a Dict.*: must be Box; gymnasium\.wrappers\.FlattenObserva"):
+        from_gymnasium(told(observation=space))

@@ -168,7 +168,7 @@ def test_an_error_in_a_step_says_where(register):
     batch = from_gymnasium(name).batch([5])
     with pytest.raises(IndexError, match="out of road") as error:
         batch.step(np.zeros((1, 1), np.float32))
-    assert any(f"in a step of {name} of seed 5" in note for note in error.value.__notes__)
+    assert any(f"in step 1 of {name} of seed 5" in note for note in error.value.__notes__)
 
 
 def test_an_environment_is_seeded_exactly():

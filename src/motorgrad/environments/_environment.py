@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.environments._picture import Picture
 from motorgrad.environments._rows import Outcome, Rows
-from motorgrad.environments._spaces import check_action, check_options, metadata_of, spaces_of, task_of
+from motorgrad.environments._spaces import as_array, check_action, check_options, metadata_of, spaces_of, task_of
 from motorgrad.tasks import Task, scale_action
 
 ALL = np.ones(1, bool)
@@ -177,13 +177,16 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         numbers.
         """
         count = self.num_envs
-        mask = np.asarray(check_options(options, ("reset_mask",)).get("reset_mask", self._every))
+        mask = as_array("reset_mask", check_options(options, ("reset_mask",)).get("reset_mask", self._every))
         check(mask.dtype == bool and mask.shape == (count,), "reset_mask", mask, f"a boolean array ({count},)")
         check((mask | self._begun).all(), "reset_mask", mask.tolist(), "true in every row the first time")
         if seed is None:
             seeds: list[int | None] = [None] * count
+        elif isinstance(seed, int | np.integer):
+            seeds = [int(seed) + row for row in range(count)]
         else:
-            seeds = [int(seed) + row for row in range(count)] if isinstance(seed, int | np.integer) else list(seed)
+            check(isinstance(seed, Sequence | np.ndarray), "seed", seed, f"one number, or {count} of them")
+            seeds = list(seed)
         check(len(seeds) == count, "seed", seed, f"one number, or {count} of them")
         anew = mask & np.array([number is not None for number in seeds])
         for row in np.flatnonzero(anew):

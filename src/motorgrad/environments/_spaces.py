@@ -1,11 +1,12 @@
 """Spaces, metadata and actions of an environment."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, choice, shown
 from motorgrad.environments._picture import screen_problem
 from motorgrad.tasks import BodyTask, FiniteTask, Task, make
 
@@ -59,7 +60,7 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
 
     **Raises:** `ValueError` naming what is wrong: shape, dtype or range.
     """
-    array = np.asarray(action)
+    array = as_array("action", action)
     shape = (*rows, *(space.shape or ()))
     check(array.shape == shape, "action.shape", array.shape, str(shape))
     if isinstance(space, spaces.Discrete):
@@ -69,14 +70,24 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
     if isinstance(space, spaces.Box):
-        check((np.abs(array) <= 1).all(), "action", array.tolist(), "numbers from -1 to 1")
+        # the absolute value of the lowest whole number of a type is that number
+        check(((array >= -1) & (array <= 1)).all(), "action", array.tolist(), "numbers from -1 to 1")
         return array.astype(np.float32)
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
 
 
+def as_array(name: str, value: Any) -> np.ndarray:
+    """An argument as an array. **Raises** `ValueError` where it cannot become one."""
+    try:
+        return np.asarray(value)
+    except Exception:  # lists of different lengths; another library's array, whose conversion may raise anything
+        raise ValueError(f"{name} = {shown(value)}: must be numbers, as many in each row") from None
+
+
 def check_options(options: dict[str, Any] | None, known: tuple[str, ...] = ()) -> dict[str, Any]:
     """Check the options of `reset` and return them."""
+    check(options is None or isinstance(options, Mapping), "options", options, "a dictionary, or None")
     for name in options or {}:
         choice("option of reset", name, known)
     return options or {}

@@ -176,7 +176,11 @@ def _read(file: Path, mark: str, space: Space) -> tuple[State, np.ndarray, np.nd
     stored = read_arrays(file)
     check(str(stored.get("mark")) == mark, "out", str(file), "new, or of a search with this space, method and seed")
     state = {name.removeprefix("state."): value for name, value in stored.items() if name.startswith("state.")}
-    return state, stored["candidates"], stored["scores"]
+    candidates, scores = (stored.get(name, np.zeros(())) for name in ("candidates", "scores"))
+    whole = scores.ndim == 1 and candidates.shape == (len(scores), space.size)
+    if not (whole and candidates.dtype.kind == scores.dtype.kind == "f"):
+        raise ValueError(f"{file}: damaged: must hold scores and as many candidates; delete it, and it is made again")
+    return state, candidates, scores
 
 
 def _mark(space: Space, method: Method, seed: int) -> str:

@@ -17,7 +17,8 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._files import read_arrays, write_atomically
-from motorgrad._reading import json_in
+from motorgrad._limits import MOST_ARRAY_BYTES
+from motorgrad._reading import json_in, numbers_in
 from motorgrad._settings import build, table
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies.arm._arm import Arm
@@ -139,13 +140,23 @@ class LiftTable:
     def load(cls, path: Path) -> "LiftTable":
         """Read a table from a file.
 
-        **Raises:** `ValueError` if it was made for another duration, or for another range of loads.
+        **Raises:** `ValueError` that names the file if it was made for another duration, or for another range of loads,
+        and if it is no such table.
         """
         file = read_arrays(path)
-        made = json_in(str(file["made"]))
-        for name, value in _meaning().items():
-            check(made.get(name) == value, f"{path}: {name}", made.get(name), f"{value:g}")
-        return cls(build(Arm, made["arm"]), file["effort"], file["height"], str(made.get("mujoco", "unknown")))
+        try:
+            check({"made", "effort", "height"} <= file.keys(), "arrays", sorted(file), "made, effort and height")
+            made = json_in(str(file["made"]))
+            check(isinstance(made, dict) and isinstance(made.get("arm"), dict), "made", made, "how the table was made")
+            for name, value in _meaning().items():
+                check(made.get(name) == value, name, made.get(name), f"{value:g}")
+            effort, height = (numbers_in(file[name], MOST_ARRAY_BYTES) for name in ("effort", "height"))
+            grid = effort.ndim == 1 and height.ndim == 2 and len(height) == len(effort) >= 2 and height.shape[1] >= 2
+            check(grid, "shapes", (effort.shape, height.shape), "(loads,) and (loads, shares), at least 2 of each")
+            check(np.isfinite(effort).all() and np.isfinite(height).all(), "numbers", "not finite", "finite")
+            return cls(build(Arm, made["arm"]), effort, height, str(made.get("mujoco", "unknown")))
+        except ValueError as error:
+            raise ValueError(f"{path}: not a table of lifts: {error}") from None
 
 
 def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTable:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check
+from motorgrad._errors import check, shown
 from motorgrad.tasks.gymnasium._making import make_environment, one_line
+from motorgrad.tasks.gymnasium._outcomes import first_observation, misfit, one_number, stacked, step_outcome
 from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
 
@@ -43,6 +44,12 @@ class EnvironmentState(NamedTuple):
 class EnvironmentBatch:
     """One environment per seed, which seeds its random numbers; they are stepped one after the other.
 
+    **Arguments:** the environment's id and its arguments; the `seeds`; the `shape` of an observation; the `code` of the
+    actions; `repeat`, steps per decision; whether states can be `saved`; the keys of `info` that are read.
+
+    **Raises** `ValueError` that names environment, step and value where one returns anything but what Gymnasium says.
+    The environment's own errors are raised with a note that names environment and step.
+
     For each seed, `packed` holds the observation, reward, terminated, truncated, steps, the sums and counts of what is
     read from `info`, and a flag: 1 if an observation or reward was not finite. Such a row keeps its previous
     observation, with reward 0.
@@ -53,7 +60,7 @@ class EnvironmentBatch:
         env_id: str,
         kwargs: Mapping[str, Any],
         seeds: Sequence[int],
-        size: int,
+        shape: tuple[int, ...],
         code: ActionCode,
         repeat: int,
         saved: bool,
@@ -63,7 +70,11 @@ class EnvironmentBatch:
         self.seeds = [int(seed) for seed in seeds]
         self.repeat = repeat
         self.saved = saved
-        self._env_id, self._decode, self._size = env_id, code.decode, size
+        self._env_id, self._decode, self._shape = env_id, code.decode, tuple(shape)
+        self._size = size = math.prod(self._shape)
+        self._decisions = 0
+        self._begun = [0] * len(self.seeds)  # the decisions before each episode
+        self._outcomes: list[tuple[Any, ...]] = []  # of the last decision: reward, ends, steps made, what was read
         self._environments = [make_environment(env_id, kwargs) for _ in self.seeds]
         self._close = weakref.finalize(self, _close_all, self._environments)
         self.packed = np.zeros((len(self.seeds), size + 5 + 2 * len(self.info)), np.float32)
@@ -75,26 +86,45 @@ class EnvironmentBatch:
     def step(self, actions: Float[np.ndarray, "seeds size"]) -> None:
         np.copyto(self._before, self.packed)
         repeat, keys = self.repeat, self.info
+        chosen = self._decode(actions)
         seen: list[Any] = []
         outcomes: list[tuple[Any, ...]] = []
-        for row, (environment, action) in enumerate(zip(self._environments, self._decode(actions), strict=True)):
-            try:
-                observation, reward, terminated, truncated, info = environment.step(action)
-                made, read = 1, numbers_in(info, keys) if keys else ()
-                while made < repeat and not (terminated or truncated):
-                    observation, more, terminated, truncated, info = environment.step(action)
-                    reward, made = float(reward) + float(more), made + 1
-                    if keys:
-                        read = [a + b for a, b in zip(read, numbers_in(info, keys), strict=True)]
-            except Exception as error:
-                error.add_note(f"in a step of {self._env_id} of seed {self.seeds[row]}, action {action!r}")
-                self._fail(error)
-                raise
+        read: Sequence[float] = ()
+        sums = read
+        reward: Any
+        total: Any = 0.0
+        for row, (environment, action) in enumerate(zip(self._environments, chosen, strict=True)):
+            made = 0
+            while True:
+                made += 1
+                try:
+                    returned = environment.step(action)
+                except Exception as error:
+                    self._note(error, f"in {self._step(row, made, action)}")
+                    raise
+                try:
+                    observation, reward, terminated, truncated, info = returned
+                    usual = type(reward) is float and type(terminated) is bool and type(truncated) is bool
+                    if keys or not usual or type(info) is not dict:  # a call takes as long as all of this
+                        observation, reward, terminated, truncated, read = step_outcome(returned, keys)
+                except (TypeError, ValueError):
+                    raise self._refusal(returned, self._step(row, made, action)) from None
+                if made > 1:
+                    reward += total
+                    read = [a + b for a, b in zip(sums, read, strict=True)]
+                if made == repeat or terminated or truncated:
+                    break
+                total, sums = reward, read
             seen.append(observation)
             outcomes.append((reward, terminated, truncated, made, *read, 0.0))
+        self._decisions += 1
+        self._outcomes = outcomes
         packed, size = self.packed, self._size
+        observations = stacked(seen, self._shape)
+        if observations is None:
+            raise self._misfit(seen, chosen)
         with np.errstate(over="ignore"):  # numbers beyond single precision become infinite, which is detected below
-            packed[:, :size] = np.asarray(seen).reshape(len(seen), size)
+            packed[:, :size] = observations.reshape(len(seen), size)
             packed[:, size:] = outcomes
         self.lost = not np.isfinite(packed).all()
         if self.lost:
@@ -132,41 +162,64 @@ class EnvironmentBatch:
                 read_state(each, environment)
                 self._restored = True
         np.copyto(self.packed, snapshot["packed"])
-
-    def _fail(self, error: Exception) -> None:
-        """Blame the stored state for an error of an environment that was restored: its numbers may be of any type."""
-        if self._restored:
-            told = f"{type(error).__name__}: {one_line(error)}"
-            raise RuntimeError(f"{self._env_id} fails after it was restored from a checkpoint: {told}") from error
+        self._begun = [self._decisions] * len(self.seeds)
 
     def _begin(self, row: int, seed: int | None) -> None:
+        place = f"the first reset of {self._env_id} of seed {self.seeds[row]}"
+        if seed is None:
+            place = f"the reset after {self._last_step(row)}"
         try:
-            observation, _ = self._environments[row].reset(seed=seed)
+            returned = self._environments[row].reset(seed=seed)
         except Exception as error:
-            self._fail(error)
+            self._note(error, f"in {place}")
             raise
-        check(np.size(observation) == self._size, f"{self._env_id}: observation", observation, f"{self._size} numbers")
+        try:
+            observation = first_observation(returned, self._shape)
+        except ValueError as error:
+            raise self._unfit(error, place) from None
         self.packed[row] = 0.0
-        with np.errstate(over="ignore"):
-            self.packed[row, : self._size] = np.ravel(observation)
-        finite = np.isfinite(self.packed[row]).all()
-        check(finite, f"{self._env_id}: observation after reset", observation, "finite in single precision")
+        self.packed[row, : self._size] = np.ravel(observation)
+        self._begun[row] = self._decisions
 
+    def _step(self, row: int, made: int, action: Any = None, before: int = 0) -> str:
+        """A step of an environment in words, from the number of it in the decision, which is by default the current
+        one, or so many `before`."""
+        since = " since it was restored" if self._restored else ""
+        number = (self._decisions - before - self._begun[row]) * self.repeat + made
+        step = f"step {number} of {self._env_id} of seed {self.seeds[row]}{since}"
+        return step if action is None else f"{step}, action {shown(action)}"
 
-def numbers_in(info: Mapping[str, Any], keys: Sequence[str]) -> list[float]:
-    """The numbers of these keys in a step's `info`, 0 where one is missing or not finite; then 1 for each that is
-    there, else 0."""
-    values = [_number(info[key]) if key in info else None for key in keys]
-    return [0.0 if value is None else value for value in values] + [0.0 if value is None else 1.0 for value in values]
+    def _last_step(self, row: int, action: Any = None) -> str:
+        """The last step of the decision before, in words; step 0 before an episode's first decision."""
+        some = self._decisions > self._begun[row]
+        return self._step(row, self._outcomes[row][3] if some else 0, action, int(some))
 
+    def _misfit(self, seen: Sequence[Any], chosen: np.ndarray) -> Exception:
+        """The error for the first observation that does not fit the observation space."""
+        row, error = next((row, found) for row, one in enumerate(seen) if (found := misfit(one, self._shape)))
+        return self._unfit(error, self._last_step(row, chosen[row]))
 
-def _number(value: Any) -> float | None:
-    """A number, a flag, or an array of one, as a finite number in single precision; `None` for anything else."""
-    try:
-        found = float(np.float32(np.asarray(value).item()))
-    except (TypeError, ValueError):  # an array of several, text, an object
-        return None
-    return found if math.isfinite(found) else None
+    def _refusal(self, returned: Any, place: str) -> Exception:
+        """The error for what a step returned."""
+        try:
+            step_outcome(returned, self.info)
+        except ValueError as error:
+            return self._unfit(error, place)
+        raise AssertionError(returned)  # it was refused before
+
+    def _note(self, error: Exception, place: str) -> None:
+        """Add to an environment's own error where it was raised."""
+        error.add_note(place)
+        if self._restored:
+            raise self._unfit(error, place) from error
+
+    def _unfit(self, error: Exception, place: str) -> Exception:
+        """The error for what an environment does not do as it should. A stored state is blamed for that of an
+        environment that was restored: its numbers may be of any type."""
+        if not self._restored:
+            return ValueError(f"{place}: {error}")
+        told = f"{type(error).__name__}: {one_line(error)}"
+        return RuntimeError(f"{self._env_id} fails after it was restored from a checkpoint: {place}: {told}")
 
 
 class Info(NamedTuple):
@@ -185,8 +238,9 @@ def find_info(environment: "gymnasium.Env", wanted: Collection[str]) -> Info:
     environment.reset(seed=0)
     for _ in range(1000 if wanted else 1):
         _, _, terminated, truncated, info = environment.step(environment.action_space.sample())
-        keys |= dict.fromkeys(map(str, info))
-        numbers |= dict.fromkeys(str(key) for key, value in info.items() if _number(value) is not None)
+        known = {key: one_number(value) for key, value in info.items() if isinstance(key, str)}
+        keys |= dict.fromkeys(known)
+        numbers |= dict.fromkeys(key for key, number in known.items() if number is not None and math.isfinite(number))
         if terminated or truncated or numbers.keys() >= set(wanted):
             break
     return Info(tuple(numbers), tuple(keys))
@@ -265,8 +319,8 @@ def _trial(environment: "gymnasium.Env", actions: list[Any]) -> list[np.ndarray]
     """The results of these actions, and the first observations of the next two episodes."""
     seen = []
     for action in actions:
-        observation, reward, terminated, truncated, _ = environment.step(action)
-        seen.append(np.append(np.ravel(observation), (float(reward), terminated, truncated)))
+        observation, reward, terminated, truncated, _ = step_outcome(environment.step(action), ())
+        seen.append(np.append(np.ravel(observation), (reward, terminated, truncated)))
         if terminated or truncated:
             seen.append(np.ravel(environment.reset()[0]))
     return seen + [np.ravel(environment.reset()[0]) for _ in range(2)]

@@ -1,5 +1,6 @@
 """Any Gymnasium environment as a task."""
 
+import contextlib
 import dataclasses
 import functools
 import math
@@ -44,6 +45,8 @@ SUCCESS = ("solved", "success", "is_success")
 TAKEN = ("return", "length", "reward", "episodes", "diverged", "baseline", "parameters", "seed", "decision")
 TAKEN += ("simulated_time", "wall_time", "cpu_time", "setting", "units", "adding")  # other columns of the metrics
 
+MANY = 1000  # observed numbers, with which the preset's matrices become too large
+
 
 class EnvironmentMemory(NamedTuple):
     """The memory of a task on an environment: return and length of the current episode, running mean and variance of
@@ -59,6 +62,8 @@ class EnvironmentMemory(NamedTuple):
 
 
 class _Facts(NamedTuple):
+    shape: tuple[int, ...]
+    """Of an observation."""
     scaling: ObservationScaling
     code: ActionCode
     period: float
@@ -140,18 +145,21 @@ class Gymnasium(HostTask):
         try:
             scaling = observation_scaling(environment.observation_space, self.scaling, self.env_id)
             code = action_code(environment.action_space, self.code, self.env_id)
-            step: Any = getattr(environment.unwrapped, "dt", None)
+            shape = environment.observation_space.shape
+            assert shape is not None  # it is a Box
+            step = _duration(environment)
             limit = environment.spec.max_episode_steps if environment.spec else None
             info = self._info(environment)
             doc = type(environment.unwrapped).__doc__
             inputs = documented_names(doc, "observation", len(scaling.centre))
             outputs = documented_names(doc, "action", code.size)
         finally:
-            environment.close()
+            with contextlib.suppress(Exception):  # it is no longer needed
+                environment.close()
         timed = isinstance(step, int | float | np.number) and 0 < step < np.inf
         period = self.repeat * float(step) if timed else 1.0
         longest = None if limit is None else math.ceil(limit / self.repeat)
-        return _Facts(scaling, code, period, longest, info, any(key in SUCCESS for key in info), inputs, outputs)
+        return _Facts(shape, scaling, code, period, longest, info, any(key in SUCCESS for key in info), inputs, outputs)
 
     def _info(self, environment: "gymnasium.Env") -> tuple[str, ...]:
         """The keys of `info` to be read, that of success first. **Raises** `ValueError` for one that is not there."""
@@ -204,6 +212,17 @@ class Gymnasium(HostTask):
         return named if len(named) == self.observation_size else (*named, "constant")
 
     @property
+    def of_many_numbers(self) -> str:
+        """What to do where a learner cannot take so many observed numbers as those of a picture; empty for few."""
+        if self.observation_size <= MANY:
+            return ""
+        return (
+            f"{self.env_id} shows {math.prod(self._facts.shape):,} numbers, {self._facts.shape}: make fewer of them "
+            "with gymnasium.wrappers.GrayscaleObservation, ResizeObservation or TransformObservation, or take the "
+            "preset 'ppo', which keeps no matrix of all parameters"
+        )
+
+    @property
     def action_size(self) -> int:
         return self._facts.code.size
 
@@ -240,8 +259,8 @@ class Gymnasium(HostTask):
     def batch(self, seeds: Sequence[int], threads: int = 0, workers: int = 0) -> EnvironmentBatch | WorkerBatch:
         """One environment per seed, stepped one after the other in this process, or in worker processes (`workers`)."""
         del threads
-        facts, size = self._facts, len(self._facts.scaling.centre)
-        settings = (size, facts.code, self.repeat, self._not_saved is None, facts.info)
+        facts = self._facts
+        settings = (facts.shape, facts.code, self.repeat, self._not_saved is None, facts.info)
         kind = functools.partial(WorkerBatch, workers) if workers else EnvironmentBatch
         return kind(self.env_id, self._kwargs, seeds, *settings)
 
@@ -298,6 +317,14 @@ class Gymnasium(HostTask):
             told = state.told[index]
             found[name] = (state.info[index] / jnp.maximum(told, 1), told > 0)
         return found
+
+
+def _duration(environment: "gymnasium.Env") -> Any:
+    """What an environment says of the duration of a step, if anything."""
+    try:
+        return getattr(environment.unwrapped, "dt", None)
+    except Exception:  # a property of its own, which may raise anything before the first reset
+        return None
 
 
 def _again(env_id: str, kwargs: Mapping[str, Any] | None, *settings: Any) -> Gymnasium:

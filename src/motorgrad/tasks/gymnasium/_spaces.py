@@ -24,6 +24,8 @@ CODES = {  # the first is what "auto" stands for
     "Box": ("graded", "each", "antagonists"),
 }
 MOST = 4096  # alternatives of one choice
+MOST_UNITS = 65_536
+MOST_WHOLE = 2**24  # up to which single precision, in which policies compute, has every whole number
 USABLE = 1e6  # a bound beyond this carries no information about the observations
 
 
@@ -56,6 +58,7 @@ def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
         return _bounds(chosen, space, env_id)
     if isinstance(space, spaces.MultiBinary):
         shape, kind = space.shape, space.dtype
+        _check_units(chosen, math.prod(shape), env_id, "fewer actions")
         return ActionCode("binary", math.prod(shape), lambda units: units.astype(kind).reshape(-1, *shape))
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     counts = [int(space.n)] if isinstance(space, spaces.Discrete) else [int(n) for n in np.ravel(space.nvec)]
@@ -68,8 +71,8 @@ def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> Acti
     size = math.prod(counts)
     if size > MOST:
         raise ValueError(f"code = {code!r}: {env_id} has {size} combined actions, at most {MOST}; use 'count'")
-    combined = np.stack(np.unravel_index(np.arange(size), counts), axis=-1) + np.ravel(space.start)
-    table = combined.astype(space.dtype).reshape(size, *space.shape)
+    combined = np.stack(np.unravel_index(np.arange(size), counts), axis=-1).astype(space.dtype)
+    table = (combined + np.ravel(space.start).astype(space.dtype)).reshape(size, *space.shape)
     return ActionCode("discrete", size, lambda numbers: table[numbers[:, 0].astype(np.intp)])
 
 
@@ -79,29 +82,37 @@ def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
         raise ValueError(
             f"code = 'bits': {env_id} has {counts} actions: must be powers of two; use 'count' or 'choice'"
         )
-    parts = [2 ** np.arange(n.bit_length() - 1)[::-1] if code == "bits" else np.ones(n - 1, int) for n in counts]
+    lengths = [n.bit_length() - 1 if code == "bits" else n - 1 for n in counts]
+    fewer = "'bits', if the numbers of actions are powers of two" if code == "count" else "fewer actions"
+    _check_units(code, sum(lengths), env_id, fewer)
+    parts = [2 ** np.arange(n)[::-1] if code == "bits" else np.ones(n, int) for n in lengths]
     size, part_of = sum(map(len, parts)), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if not size:
         raise ValueError(f"code = {code!r}: {env_id} has a single action, which no unit can choose; use 'choice'")
-    weights = np.zeros((size, len(parts)))
+    shape, kind = space.shape, space.dtype
+    weights, start = np.zeros((size, len(parts)), kind), np.ravel(space.start).astype(kind)
     weights[np.arange(size), part_of] = np.concatenate(parts)
-    start, shape, kind = np.ravel(space.start), space.shape, space.dtype
-    return ActionCode("binary", size, lambda units: (units @ weights + start).astype(kind).reshape(-1, *shape))
+    # in the space's own type, as floating-point numbers round the sums of large ones
+    return ActionCode("binary", size, lambda units: (units.astype(kind) @ weights + start).reshape(-1, *shape))
 
 
 def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
     """Units that are the numbers of the action, or drive them to the bounds of their ranges."""
     low, high, shape = np.ravel(space.low), np.ravel(space.high), space.shape
-    if not (np.isfinite(low) & np.isfinite(high)).all():
+    # a space of whole numbers has the ends of its type in place of infinite bounds
+    if not (space.is_bounded("both") and np.isfinite(low).all() and np.isfinite(high).all()):
         refuse_space(
             env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some"
         )
+    _check_units(code, low.size * (1 if code != "antagonists" else 2), env_id, "fewer actions")
+    whole = low.dtype.kind in "biu"
     if code == "graded":
-        whole = np.issubdtype(low.dtype, np.integer)
+        _check_graded(low, high, whole, env_id)
 
         def within(units: Float[np.ndarray, "seeds numbers"]) -> np.ndarray:
-            numbers = np.rint(units) if whole else units
-            return np.clip(numbers, low, high).astype(low.dtype).reshape(-1, *shape)
+            # of what is not a number there is no whole one: the policy of such a seed is told to be broken elsewhere
+            numbers = np.fmax(np.fmin(np.rint(units), high), low) if whole else np.clip(units, low, high)
+            return numbers.astype(low.dtype).reshape(-1, *shape)
 
         bounds = tuple(zip(low.tolist(), high.tolist(), strict=True))
         return ActionCode("graded", low.size, within, bounds)
@@ -115,6 +126,25 @@ def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
         return np.where(net > 0, high, np.where(net < 0, low, rest)).reshape(-1, *shape)
 
     return ActionCode("binary", len(pull), decode)
+
+
+def _check_graded(low: np.ndarray, high: np.ndarray, whole: bool, env_id: str) -> None:
+    """Refuse bounds between which a policy, which computes in single precision, could not choose every number."""
+    with np.errstate(over="ignore"):
+        wide = high.astype(np.float32) - low.astype(np.float32)
+    right, wanted = (wide > 0) & np.isfinite(wide), "a low bound below a high one, both of single precision"
+    if whole:
+        right &= (low >= -MOST_WHOLE) & (high <= MOST_WHOLE)
+        wanted = f"a low bound below a high one, both whole numbers within ±{MOST_WHOLE:,}"
+    if not right.all():
+        number = int(np.flatnonzero(~right)[0])
+        given = f"{low[number]} to {high[number]} for number {number} of the actions of {env_id}"
+        raise ValueError(f"code = 'graded': {given}: must be {wanted}; code 'each' takes any finite bounds")
+
+
+def _check_units(code: str, size: int, env_id: str, fewer: str) -> None:
+    if size > MOST_UNITS:
+        raise ValueError(f"code = {code!r}: {env_id} needs {size:,} units, at most {MOST_UNITS:,}; use {fewer}")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -139,7 +169,8 @@ def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> Observ
     low, high = np.ravel(space.low).astype(float), np.ravel(space.high).astype(float)
     if not low.size:
         refuse_space(env_id, "observations", space, "Box with at least one number")
-    usable = (np.abs(low) < USABLE) & (np.abs(high) < USABLE) & (low < high)
+    different = low.astype(np.float32) < high.astype(np.float32)  # the precision of what is scaled
+    usable = (np.abs(low) < USABLE) & (np.abs(high) < USABLE) & different
     if scaling == "bounds" and not usable.all():
         which = np.flatnonzero(~usable).tolist()
         raise ValueError(
