@@ -156,7 +156,7 @@ class LiftTable:
             check(np.isfinite(effort).all() and np.isfinite(height).all(), "numbers", "not finite", "finite")
             return cls(build(Arm, made["arm"]), effort, height, str(made.get("mujoco", "unknown")))
         except ValueError as error:
-            raise ValueError(f"{path}: not a table of lifts: {error}") from None
+            raise ValueError(f"{path}: {error}") from None
 
 
 def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTable:
