@@ -219,6 +219,16 @@ def test_what_cannot_be_exported_is_named(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_what_is_known_is_computed_in_its_own_precision():
+    def function(x):
+        with jax.enable_x64(True):
+            known = jnp.float32(1) + jnp.zeros((), jnp.float64) + 1e-12  # more digits than single precision has
+            return {"y": x.astype(jnp.float64) * known}
+
+    program = traced(function, {"x": np.ones((), np.float32)})
+    assert 1 + 1e-12 in [operation.attributes.get("value") for operation in program.operations]
+
+
 @pytest.mark.parametrize("name", ["erf", "erfc", "expm1", "log1p"])
 def test_special_functions_that_a_target_lacks(name, tmp_path):
     x = np.concatenate([[0.0, 1e-7, -1e-7, 0.5], np.linspace(-0.9, 9, 41)]).astype(np.float32)

@@ -250,6 +250,23 @@ def test_trajectories_from_numbers_and_files(tmp_path):
             terms.Follow(**({"joints": joints, "time": time, "values": values} | changes))
 
 
+def test_a_trajectory_is_where_it_is_at_the_time_of_a_decision():
+    """At the first decision and at later ones: what is observed, and what the reward compares with the body."""
+    time, values = (0.0, 0.1, 0.3), ((0.0, 1.0), (1.0, 1.0), (3.0, 0.0))
+    follow = terms.Follow(joints=("shoulder", "elbow"), time=time, values=values, repeats=True)
+    made = task(targets=[follow], observe=["target", terms.Clock(0.3)], reward=["distance"])
+    start = made.init(jnp.zeros(made.init_uniforms))
+    target = made._bound.scene.targets["target"]
+    for decisions in (0, 1, 4, 14, 15, 45, 10**6 + 7, 50_000_003, 2**31 - 8):
+        now = made._now(start._replace(decisions=jnp.asarray(decisions)), None)  # wherever the body is
+        passed = decisions * 2 % 30 / 100
+        expected = [np.interp(passed, time, column) for column in np.transpose(values)]
+        np.testing.assert_allclose(target.at(now, "target"), expected, atol=2e-6)
+        _, clock = made._bound.observe[1]
+        angle = 2 * np.pi * passed / 0.3
+        np.testing.assert_allclose(clock.read(now), [np.sin(angle), np.cos(angle)], atol=2e-6)
+
+
 def test_episodes_begin_where_the_resets_say():
     made = task(reset=[terms.Keyframe(("high",)), terms.Noise(("shoulder",), position=0.1, velocity=0.2)])
     uniforms = np.random.default_rng(2).random((400, made.init_uniforms))

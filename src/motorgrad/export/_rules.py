@@ -41,6 +41,12 @@ def _elementwise(b: Any, operands: list[int], equation: Any) -> int:
     return b.elementwise(equation.primitive.name, *operands, dtype=out_of(equation).dtype)
 
 
+@rule("lt_to", "le_to")
+def _ordered(b: Any, operands: list[int], equation: Any) -> int:
+    """The orders by which JAX searches and sorts: the usual ones but for NaN, which they place last, and for zeros."""
+    return b.elementwise(equation.primitive.name[:2], *operands, dtype=out_of(equation).dtype)
+
+
 @rule(*IDENTITIES.split())
 def _identity(b: Any, operands: list[int], equation: Any) -> list[int]:
     return operands

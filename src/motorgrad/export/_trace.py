@@ -148,8 +148,9 @@ class Builder:
 
 
 def _computed(equation: Any, values: list[Any]) -> list[np.ndarray]:
-    """What an equation makes of known values."""
-    made = equation.primitive.bind(*map(jax.numpy.asarray, values), **equation.params)
+    """What an equation makes of known values, in their own precision."""
+    with jax.enable_x64(True):
+        made = equation.primitive.bind(*map(jax.numpy.asarray, values), **equation.params)
     return [np.asarray(each) for each in (made if equation.primitive.multiple_results else [made])]
 
 

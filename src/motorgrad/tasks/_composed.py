@@ -385,14 +385,15 @@ class Composed(BodyTask):
         now, found = self._now(memory, state), [jnp.zeros((0, 4))]
         for name, target in self._bound.scene.targets.items():
             if target.marked:
-                at = target.wanted(now.drawn[name], now.time).reshape(-1, 3)
+                at = target.at(now, name).reshape(-1, 3)
                 terms = [term for term in (*self.rewards, *self.recorded) if getattr(term, "target", None) == name]
                 radius = min((getattr(term, "tolerance", math.inf) for term in terms), default=math.inf)
                 found.append(jnp.column_stack([at, jnp.full(len(at), radius if radius < math.inf else MARK)]))
         return jnp.concatenate(found)
 
     def _now(self, memory: ComposedMemory, state: BodyState) -> Now:
-        return Now(state, memory.control, memory.decisions * self.action_period, memory.drawn)
+        n, period = memory.decisions, self.action_period
+        return Now(state, memory.control, n * period, memory.drawn, decisions=n, period=period)
 
     def _looks(self, memory: ComposedMemory, state: BodyState) -> Any:
         """A function that reads a term, with what the term remembers."""

@@ -204,6 +204,20 @@ def test_pid_with_limits_does_not_wind_up(name):
     assert level.max() < 1.1 < wound.max()  # without it the loop overshoots
 
 
+@pytest.mark.parametrize("name", ["PID controller", "discrete PID controller"])
+def test_what_does_not_integrate_is_not_led_back_from_a_limit(name):
+    """A controller of one part alone has its gain times the error again once it is within its limits."""
+    block = of(name, 2.0, (0.0, 1.0), initial=(0.1, 0.0), tracking=0.5, limited=True, shape=(2,))
+    diagram = Diagram(0.01)
+    diagram.add("error", of("step", at=5.0, before=3.0, after=0.05, shape=(2,)))
+    diagram.add("controller", block)
+    diagram.connect("error", "controller")
+    y = Run(diagram, watch=["controller.y"]).advance(502)["controller.y"][0]
+    np.testing.assert_allclose(y[:500], 1.0, atol=1e-6)
+    np.testing.assert_allclose(y[-1, 0], 2 * 0.05 + 0.1, atol=1e-6)
+    assert y[-1, 1] == -1  # led back to 3 · (T − 2) + 1, far below the limits: T makes wind-up the other way
+
+
 def test_discrete_pid_is_a_linear_filter():
     h, p, i, d, tau = 0.1, 1.5, 0.8, 0.3, 0.25
     block = of("discrete PID controller", p, i, d, tau)

@@ -17,6 +17,7 @@ from units import built, needs_compiler
 from motorgrad import lab
 from motorgrad._errors import NotTrusted
 from motorgrad.lab import Diagram, DiagramError, Fmu, Run
+from motorgrad.lab.diagram import HostMoment
 from motorgrad.lab.editor import Session
 
 pytestmark = [needs_compiler, pytest.mark.needs("motorgrad[fmi]")]
@@ -228,13 +229,55 @@ def test_bad_settings_are_named(settings, message, balls):
         Fmu(**{"file": balls["3.0"], **settings})
 
 
-def test_a_refusal_of_the_unit_names_it(balls):
-    # the ball refuses an input that is no finite number
+def test_a_refusal_of_the_unit_names_it_and_the_time(balls):
+    # the ball refuses an input that is no finite number, as the logarithm is from the fourth tick on
     made = Diagram(tick=TICK)
-    made.add("u", lab.Inlet(0.0))
-    made.add("log", lab.Expression("log(u)", ("u",)))
+    made.add("ramp", lab.Ramp())
+    made.add("log", lab.Expression("log(0.12 - t)", ("t",)))
     made.add("ball", Fmu(balls["2.0"]))
-    made.connect("u", "log.u")
+    made.connect("ramp", "log.t")
     made.connect("log", "ball.u")
-    with pytest.raises(RuntimeError, match="the unit ball: fmi2SetReal failed"):
-        Run(made).advance(1)
+    message = r"the unit ball at 0\.15 s: fmi2SetReal failed with status 3 \(error\)\."
+    with pytest.raises(RuntimeError, match=message):
+        Run(made).advance(10)
+
+
+REFUSES = {  # a call that the unit lacks returns the status of an error
+    "fmi2EnterInitializationMode": ("co-simulation", (" fmi2EnterInitializationMode(", " other(")),
+    "fmi2DoStep": ("co-simulation", (" fmi2DoStep(", " other(")),
+    "fmi2GetReal": ("co-simulation", (" fmi2GetReal(", " other(")),
+    "fmi2GetDerivatives": ("model exchange", (" fmi2GetDerivatives(", " other(")),
+    "fmi2NewDiscreteStates": ("model exchange", (" fmi2NewDiscreteStates(", " other(")),
+}
+
+
+@pytest.mark.parametrize("call", REFUSES)
+def test_every_call_that_is_refused_is_named_with_its_status(call, tmp_path):
+    interface, change = REFUSES[call]
+    block = Fmu(str(built(tmp_path, "2.0", change=change)), interface=interface)
+    message = rf"^the unit ball at 0 s: {call} failed with status 3 \(error\)\.$"
+    with pytest.raises(RuntimeError, match=message):
+        stepped(block)
+
+
+SETTLES = "*a = *t = *n = *v = *d = 0;"
+ENDS = {
+    "*t = 1;": "it asks to end the simulation",
+    "*a = 1;": "its discrete states still change after 1000 updates",
+}
+
+
+@pytest.mark.parametrize("flag", ENDS)
+def test_a_unit_that_ends_or_never_settles_is_refused(flag, tmp_path):
+    block = Fmu(str(built(tmp_path, "3.0", change=(SETTLES, f"{SETTLES} {flag}"))))
+    with pytest.raises(RuntimeError, match=f"^the unit ball at 0 s: {ENDS[flag]}$"):
+        stepped(block)
+
+
+def stepped(block):
+    """The unit of a block after a step."""
+    host = block.start(np.arange(1), np.zeros((1, 0)))
+    try:
+        host.update(block, {"u": np.zeros(1)}, HostMoment(0, 0.0, TICK, np.zeros((1, 0))))
+    finally:
+        host.close()

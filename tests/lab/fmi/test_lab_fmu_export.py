@@ -5,7 +5,8 @@ import pytest
 from units import needs_compiler
 
 import motorgrad.lab as lab
-from motorgrad.lab import Diagram, Fmu, Run, write_fmu
+from motorgrad.lab import Diagram, Fmu, Interpreter, Run, write_fmu
+from motorgrad.lab.blocks.worlds._fmu_instance import CoSimulation
 from motorgrad.lab.compiler import draw_span
 from motorgrad.lab.engine import MOST_TICKS
 from motorgrad.lab.fmi._random import draw
@@ -14,14 +15,14 @@ pytestmark = [needs_compiler, pytest.mark.needs("motorgrad[fmi]")]
 VERSIONS = ("2.0", "3.0")
 
 
-def simulated(path, ticks, tick, inputs=None):
-    """What fmpy records of a unit after each of its steps, by the names of outputs."""
+def simulated(path, ticks, tick):
+    """What fmpy records of a unit at the start and after each of its steps, by the names of outputs."""
     import fmpy
     from fmpy.validation import validate_fmu
 
-    record = fmpy.simulate_fmu(str(path), stop_time=ticks * tick, output_interval=tick, step_size=tick, input=inputs)
+    record = fmpy.simulate_fmu(str(path), stop_time=ticks * tick, output_interval=tick, step_size=tick)
     assert validate_fmu(str(path)) == []
-    return {name: record[name][1 : ticks + 1] for name in record.dtype.names}
+    return {name: record[name][: ticks + 1] for name in record.dtype.names}
 
 
 def mixed():
@@ -46,7 +47,7 @@ def mixed():
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_unit_gives_what_the_diagram_gives(version, tmp_path):
     found = simulated(write_fmu(mixed(), tmp_path / "mixed.fmu", version), 10, 0.02)
-    record = Run(mixed()).advance(10)
+    record = Run(mixed()).advance(11)
     y = np.stack([found["y[0]"], found["y[1]"]], axis=1) if version == "2.0" else found["y"]
     np.testing.assert_array_equal(y, record["y.u"][0])
     np.testing.assert_array_equal(found["z"], record["z.u"][0])
@@ -55,12 +56,85 @@ def test_a_unit_gives_what_the_diagram_gives(version, tmp_path):
     assert len(set(found["z"])) > 5
 
 
+def waves(**settings):
+    """A sine of 1 Hz, its integral, and the integral of an inlet at 1."""
+    made = Diagram(tick=0.05, **settings)
+    for name, block in {
+        "one": lab.Inlet(1.0),
+        "sine": lab.Sine(),
+        "area": lab.Integrator(),
+        "way": lab.Integrator(),
+    }.items():
+        made.add(name, block)
+    for source, name in (("sine", "y"), ("area", "a"), ("way", "w")):
+        made.add(name, lab.Outlet())
+        made.connect(source, name)
+    made.connect("sine", "area")
+    made.connect("one", "way")
+    return made
+
+
+def check_waves(times, y, a, w, near):
+    np.testing.assert_allclose(y, np.sin(2 * np.pi * times), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(a, (1 - np.cos(2 * np.pi * times)) / (2 * np.pi), rtol=0, atol=near)
+    np.testing.assert_allclose(w, times, rtol=0, atol=near)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_outputs_belong_to_the_end_of_a_step(version, tmp_path):
+    import fmpy
+
+    path = str(write_fmu(waves(), tmp_path / "waves.fmu", version))
+    found = fmpy.simulate_fmu(path, stop_time=1.0, output_interval=0.1, step_size=0.1)  # of two ticks
+    np.testing.assert_allclose(found["time"], 0.1 * np.arange(11), atol=1e-12)
+    check_waves(found["time"], found["y"], found["a"], found["w"], 1e-5)
+    outer = Diagram(tick=0.05)
+    outer.add("unit", Fmu(path))
+    record = Run(outer, watch=["unit.y", "unit.a", "unit.w"]).advance(21)
+    y, a, w = (record[f"unit.{name}"][0] for name in "yaw")
+    check_waves(record.times("unit.y"), y, a, w, 1e-5)
+    for start, step in ((5.0, 0.05), (0.0, 0.07)):
+        with pytest.raises(Exception, match="fmi"):
+            fmpy.simulate_fmu(path, start_time=start, stop_time=start + 1.0, output_interval=step, step_size=step)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_outputs_for_model_exchange_belong_to_their_time(version, tmp_path):
+    import fmpy
+
+    made = waves(solver="tsit5", precision="double")
+    path = str(write_fmu(made, tmp_path / "waves.fmu", version, interface="model exchange"))
+    found = fmpy.simulate_fmu(path, start_time=5.0, stop_time=6.0, output_interval=0.1, relative_tolerance=1e-9)
+    check_waves(found["time"], found["y"], found["a"], found["w"] + 5.0, 1e-6)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_step_begins_where_the_last_ended(version, tmp_path):
+    unit, variables = running(write_fmu(waves(), tmp_path / "waves.fmu", version), tmp_path)
+    given, shown = [(variables["one"], 1.0)], [variables["w"]]
+    unit.step(given, 0.0, 0.05)
+    unit.step(given, 0.05, 0.1)
+    np.testing.assert_allclose(unit.read(shown), [0.15], atol=1e-6)
+    with pytest.raises(RuntimeError, match="DoStep"):
+        unit.step(given, 0.4, 0.05)
+    unit.close()
+
+
+def running(path, folder):
+    """A unit in co-simulation, and its variables by name."""
+    import fmpy
+
+    unit = fmpy.read_model_description(str(path))
+    inside = fmpy.extract(str(path), str(folder / "unpacked"))
+    return CoSimulation(unit, inside, [], 1), {variable.name: variable for variable in unit.modelVariables}
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_unit_makes_no_tick_after_the_last(version, tmp_path):
     run = Run(mixed())
     run.restore({**run.state, "tick": MOST_TICKS - 4})
     path = write_fmu(run, tmp_path / "late.fmu", version)
-    assert len(simulated(path, 3, 0.02)["z"]) == 3
+    assert len(simulated(path, 3, 0.02)["z"]) == 4
     with pytest.raises(Exception, match="DoStep"):
         simulated(path, 6, 0.02)
 
@@ -82,23 +156,21 @@ def learned():
 def test_a_learned_controller_acts_elsewhere_as_here(version, learned, tmp_path):
     policy, observations = learned
     path = write_fmu(policy, tmp_path / "chain.fmu", version)
-    tick, size = policy.plan.tick, observations.shape[1]
-    names = [(f"world[{n}]", float) for n in range(size)] if version == "2.0" else [("world", float, (size,))]
-    inputs = np.zeros(len(observations), [("time", float), *names])
-    inputs["time"] = tick * np.arange(len(observations))
-    for n in range(size):
-        place = inputs[f"world[{n}]"] if version == "2.0" else inputs["world"][:, n]
-        place[:] = observations[:, n]
-    # an input is interpolated between its samples, so each holds until just before the next
-    held = np.repeat(inputs, 2)[:-1]
-    held["time"][1::2] = inputs["time"][1:] - 1e-9
-    found = simulated(path, len(observations), tick, held)
-    own, outlet = policy.fork(), "policy action"
-    actions = []
-    for observation in observations:
+    tick, outlet = policy.plan.tick, "policy action"
+    unit, variables = running(path, tmp_path)
+    names = [f"world[{n}]" for n in range(observations.shape[1])] if version == "2.0" else ["world"]
+    own = policy.fork()
+    actions, found = [], []
+    for k, observation in enumerate(observations):
+        parts = observation if version == "2.0" else [observation]
+        given = list(zip([variables[name] for name in names], parts, strict=True))
+        unit._write(given)
+        found.append(unit.read([variables[outlet]])[0])
+        unit.step(given, k * tick, tick)
         own["world.value"] = observation.tolist()
         actions.append(own.advance(1)[f"{outlet}.u"][0, 0])
-    np.testing.assert_array_equal(found[outlet], actions)
+    unit.close()
+    np.testing.assert_array_equal(found, actions)
     assert 0 < np.mean(actions) < 1
 
 
@@ -113,7 +185,7 @@ def learner():
 def test_a_learner_learns_elsewhere(tmp_path):
     made = learner()
     found = simulated(write_fmu(made, tmp_path / "learner.fmu"), 600, made.tick)
-    rewards = Run(made).advance(600)["reward.u"][0]
+    rewards = Run(made).advance(601)["reward.u"][0]
     np.testing.assert_array_equal(found["reward"], rewards)
 
 
@@ -124,12 +196,68 @@ def test_a_unit_of_ours_is_a_block_again(version, tmp_path):
     outer.add("unit", Fmu(str(path)))
     run = Run(outer, watch=["unit.z"])
     record = run.advance(8)
-    np.testing.assert_array_equal(record["unit.z"][0, 1:], Run(mixed()).advance(7)["z.u"][0])
+    np.testing.assert_array_equal(record["unit.z"][0], Run(mixed()).advance(8)["z.u"][0])
     state = run.state
     first = run.advance(5)["unit.z"]
     run.restore(state)
     np.testing.assert_array_equal(run.advance(5)["unit.z"], first)
     run.close()
+
+
+def test_an_unwired_input_has_all_its_start_values(tmp_path):
+    made = Diagram(tick=0.1)
+    for name, inlet in (
+        ("u", lab.Inlet([1.0, 2.0, 3.0], shape=(3,))),
+        ("on", lab.Inlet([True, False], shape=(2,), kind="bool")),
+        ("n", lab.Inlet(7, kind="int")),
+    ):
+        made.add(name, inlet)
+        made.add(f"{name} out", lab.Outlet(inlet.shape, inlet.kind))
+        made.connect(name, f"{name} out")
+    path = str(write_fmu(made, tmp_path / "unit.fmu", "3.0"))
+    outer = Diagram(tick=0.1)
+    outer.add("unit", Fmu(path))
+    outer.add("other", Fmu(path, start_values="u = [4.0, 5.0, 6.0]\non = true\nn = 8"))
+    watch = [f"{name}.{port}_out" for name in ("unit", "other") for port in ("u", "on", "n")]
+    for run in (Run(outer, watch=watch), Interpreter(outer, watch=watch)):
+        record = run.advance(3)
+        for name, u, on, n in (("unit", [1, 2, 3], [1, 0], 7), ("other", [4, 5, 6], [1, 1], 8)):
+            np.testing.assert_array_equal(record[f"{name}.u_out"][0], np.tile(u, (3, 1)))
+            np.testing.assert_array_equal(record[f"{name}.on_out"][0], np.tile(on, (3, 1)))
+            np.testing.assert_array_equal(record[f"{name}.n_out"][0], [n] * 3)
+    for start, told in (("[1.0, 2.0]", "u = .*: must be one value at the start, or 3"), ("[nan, 1, 1]", "finite")):
+        with pytest.raises(ValueError, match=told):
+            Fmu(path, start_values=f"u = {start}")
+
+
+@pytest.mark.ci
+def test_a_unit_keeps_its_time_as_the_run_does(tmp_path):
+    np.savez(tmp_path / "table.npz", when=[0.0, 0.25, 0.26, 1.0], y=[3.0, 1.0, 4.0, 2.0])
+    table = {"columns": ("y",), "time": "when", "after": "repeat", "between": "linear"}
+    made = Diagram(tick=0.01)
+    blocks: dict[str, lab.Block] = {
+        "wave": lab.Sine(frequency=0.1),
+        "chirp": lab.Chirp(1.0, 0.1, 1.6, 2e6),
+        "pulse": lab.Pulse(10.0),
+        "jump": lab.Step(1e6 + 0.25),
+        "ramp": lab.Ramp(0.7, 1e6),
+        "formula": lab.Expression("sin(2*pi*3*t) + floor(10*t)", ()),
+        "table": lab.DataFile(str(tmp_path / "table.npz"), **table),
+        "mode": lab.StateMachine(transitions=(("*", "since >= 0.1", "on"), ("on", "t < 1000000.3", "off"))),
+    }
+    for name, block in blocks.items():
+        (port, given), *_ = block.outputs.items()
+        made.add(name, block)
+        made.add(f"{name} out", lab.Outlet(kind=given.kind))
+        made.connect(f"{name}.{port}", f"{name} out")
+    made.connect("wave", "mode.u")
+    run = Run(made)
+    run.restore({**run.state, "tick": 10**8})
+    path = write_fmu(run, tmp_path / "late.fmu")
+    record, found = run.advance(51), simulated(path, 50, 0.01)
+    for name in (f"{name} out" for name in blocks):
+        np.testing.assert_allclose(found[name], record[f"{name}.u"][0], rtol=2e-7, atol=2e-7, err_msg=name)
+        assert len(set(found[name])) > 1
 
 
 def test_its_random_numbers_are_jaxs():

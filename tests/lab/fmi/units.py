@@ -15,8 +15,8 @@ OTHERS = {"fmi3ActivateModelPartition", "fmi3InstantiateScheduledExecution"}
 SAVES = 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"'
 
 
-def built(folder, version, saves=True):
-    """A unit of a bouncing ball, in a folder: `ball2.c` or `ball3.c`."""
+def built(folder, version, saves=True, change=("", "")):
+    """A unit of a bouncing ball, in a folder: `ball2.c` or `ball3.c`, with another text in place of one in its code."""
     import fmpy
     from fmpy.fmi2 import FMU2Model, FMU2Slave
     from fmpy.fmi3 import FMU3Model, FMU3Slave
@@ -24,7 +24,8 @@ def built(folder, version, saves=True):
     headers = Path(fmpy.__file__).parent / "c-code"
     place = fmpy.platform if version == "2.0" else fmpy.platform_tuple
     name, library = f"ball{version[0]}", folder / "ball.so"
-    source, rest = FOLDER / f"{name}.c", folder / "rest.c"
+    source, rest = folder / f"{name}.c", folder / "rest.c"
+    source.write_text((FOLDER / source.name).read_text().replace(*change))
     # fmpy wants all functions of the standard: those that the ball does not have refuse
     prefix, kinds = ("fmi2", (FMU2Slave, FMU2Model)) if version == "2.0" else ("fmi3", (FMU3Slave, FMU3Model))
     names = {each for kind in kinds for each in dir(kind) if each.startswith(prefix)} | OTHERS

@@ -36,14 +36,18 @@ class _PID(Elementwise):
     def _clipped(self, value: Any) -> Any:
         return jnp.clip(value, self.low, self.high) if self.limited else value
 
+    def _correction(self, wanted: Any) -> Any:
+        """How far the limits lead an integral back; what does not integrate does not wind up."""
+        return jnp.where(self.integral_gain == 0, 0.0, self._clipped(wanted) - wanted)
+
 
 @dataclasses.dataclass(frozen=True)
 class PID(_PID):
     r"""PID controller in continuous time; `u` is the error $e$, reference minus measurement.
 
     $y = \mathrm{clip}(v)$ with $v = k_P e + I + k_D\,(e - f)/\tau$, where $\tau \dot f = e - f$ filters the derivative
-    and $\dot I = k_I e + (y - v)/T$ avoids wind-up at a limit. The filter starts at $f = 0$. RK4 is stable for $\tau$
-    and the tracking time $T$ above 0.4 of its steps.
+    and $\dot I = k_I e + (y - v)/T$ avoids wind-up at a limit. Where $k_I = 0$, $I$ stays as it is. The filter starts
+    at $f = 0$. RK4 is stable for $\tau$ and the tracking time $T$ above 0.4 of its steps.
     """
 
     name: ClassVar[str] = "PID controller"
@@ -59,7 +63,7 @@ class PID(_PID):
     def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
         error = inputs["u"]
         wanted = self._unclipped(state, error)
-        correction = (self._clipped(wanted) - wanted) / self.tracking
+        correction = self._correction(wanted) / self.tracking
         return self.integral_gain * error + correction, (error - state[1]) / self.filter
 
 
@@ -69,7 +73,8 @@ class DiscretePID(_PID):
 
     $y = \mathrm{clip}(v)$ with $v_t = k_P e_t + I_t + D_t$. The derivative is that of a filtered error, stable for
     every $\tau$: $D_t = (\tau D_{t-1} + k_D\,(e_t - e_{t-1}))/(\tau + h)$ from $e_{-1} = D_{-1} = 0$. The integral
-    $I_{t+1} = I_t + h\,k_I e_t + \min(1, h/T)\,(y_t - v_t)$ avoids wind-up at a limit.
+    $I_{t+1} = I_t + h\,k_I e_t + \min(1, h/T)\,(y_t - v_t)$ avoids wind-up at a limit; where $k_I = 0$, it stays as it
+    is.
     """
 
     name: ClassVar[str] = "discrete PID controller"
@@ -90,7 +95,7 @@ class DiscretePID(_PID):
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         error = inputs["u"]
         wanted, slope = self._parts(state, error, now)
-        correction = jnp.minimum(1.0, now.step / self.tracking) * (self._clipped(wanted) - wanted)
+        correction = jnp.minimum(1.0, now.step / self.tracking) * self._correction(wanted)
         return state[0] + now.step * self.integral_gain * error + correction, error, slope
 
 
@@ -154,7 +159,9 @@ class Relay(Elementwise):
     """Relay with hysteresis: switches on at an input of at least `high`, off at an input of at most `low`, and stays in
     between.
 
-    A solver that adapts its steps switches it at the instant. Otherwise it is evaluated once at each of its ticks.
+    A solver that adapts its steps switches it at the instant. Where it would switch without end, as at `low` = `high`,
+    its output is the mean that keeps the input at the threshold (Filippov, 1988). Otherwise it is evaluated once at
+    each of its ticks.
     """
 
     name: ClassVar[str] = "relay"
@@ -174,15 +181,23 @@ class Relay(Elementwise):
         return jnp.full(self.shape, self.begins_on)
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        on = self.update(state, inputs, now) if now.above is None else state
-        return {"y": jnp.where(on, self.on, self.off)}
+        on = state if now.above is not None else now.unless_held(self.update(state, inputs, now), state)
+        return {"y": now.between(jnp.where(on, self.on, self.off), jnp.where(on, self.off, self.on))}
+
+    @property
+    def slides(self) -> slice:
+        return slice(None)
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         return (inputs["u"] >= self.high) | (state & (inputs["u"] > self.low))
 
     def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
         """How far the input is behind the threshold at which it switches next."""
-        return jnp.where(state, self.low - inputs["u"], inputs["u"] - self.high).ravel()
+        u = inputs["u"]
+        below = self.low - u
+        # without hysteresis it is on at the threshold itself: it must not wait there for the other threshold
+        below = jnp.where((self.low == self.high) & (u == self.low), -jnp.finfo(below.dtype).tiny, below)
+        return jnp.where(state, below, u - self.high).ravel()
 
     def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
         return state ^ now.rising.reshape(self.shape)

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from motorgrad._errors import shown, unknown
+from motorgrad.lab.diagram import as_written
 
 
 class Function(NamedTuple):
@@ -172,23 +173,48 @@ def is_condition(tree: Tree) -> bool:
     return tree.name in OPERATORS and OPERATORS[tree.name].condition
 
 
-def evaluate(tree: Tree, values: Mapping[str, Any], beside: Mapping[str, Any] | None = None) -> Any:
+def evaluate(
+    tree: Tree, values: Mapping[str, Any], beside: Mapping[str, Any] | None = None, compared: Any = None
+) -> Any:
     """The value of a formula for these values of names, element by element; 1 or 0 for a condition.
 
-    The parts that may jump, and read no other names than those in `beside`, are evaluated for its values.
+    The parts that may jump, and read no other names than those in `beside`, are evaluated for its values; others
+    compare numbers rounded to the dtype `compared`.
     """
     if beside is not None and tree.name in JUMPING and names_read(tree) <= set(beside):
         return evaluate(tree, beside)
     if not tree.parts:
         given = values[tree.name] if tree.name in values else CONSTANTS.get(tree.name, tree.number)
         return jnp.asarray(given, float)
-    parts = [evaluate(part, values, beside) for part in tree.parts]
+    parts = [evaluate(part, values, beside, compared) for part in tree.parts]
+    if compared is not None and tree.name in COMPARISONS:
+        parts = [part.astype(compared) for part in parts]
     if tree.name == "^" and not tree.parts[1].name:
         power = tree.parts[1].number
         if power.is_integer() and abs(power) <= 64:  # exact, and correct for negative bases
             return jnp.power(parts[0], int(power))
     function = OPERATORS.get(tree.name) or FUNCTIONS[tree.name]
     return jnp.asarray(function.apply(*parts), float)
+
+
+def evaluate_at(
+    tree: Tree, times: Mapping[str, tuple[Any, Any]], constants: Mapping[str, Any], inputs: Mapping[str, Any]
+) -> Any:
+    """The value of a formula at a moment, in the precision of signals; in double precision on the way if it reads one
+    of the `times`, in seconds: each the time itself, and the time at which what jumps in time alone is evaluated.
+
+    A constant or an input hides a time of its name, and an input a constant.
+    """
+    hidden = {*constants, *inputs}
+    if not names_read(tree) & (set(times) - hidden):
+        return evaluate(tree, {**constants, **inputs})
+    real = jnp.result_type(float)
+    with jax.enable_x64(True):
+        known = {name: as_written(value) for name, value in constants.items()}
+        given = {name: jnp.asarray(value).astype(jnp.float64) for name, value in inputs.items()}
+        values, beside = ({name: each[n] for name, each in times.items()} | known for n in (0, 1))
+        beside = {name: value for name, value in beside.items() if name not in inputs}
+        return evaluate(tree, values | given, beside, real).astype(real)
 
 
 def _name_nodes(tree: Tree) -> Iterable[Tree]:

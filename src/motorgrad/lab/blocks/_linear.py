@@ -38,7 +38,8 @@ class Integrator(_Memory):
     - `reset`: on these changes of the condition `reset`, $y$ starts again at $y_0$, or if `external` at the input
       `initial`, which may depend on $y$ itself. Before the first tick the condition counts as false.
 
-    A solver that adapts its steps resets and limits at the instant; with RK4, resets happen at ticks.
+    A solver that adapts its steps resets and limits at the instant; with RK4, resets happen at ticks. Where resets
+    would follow each other without end, it rests where they lead to, until the condition would change without it.
 
         height = Integrator(1.0)
         speed = Integrator(reset="rising", external=True)  # reset: height <= 0; initial: -0.8 * speed
@@ -77,6 +78,10 @@ class Integrator(_Memory):
         return jnp.concatenate(
             [jnp.zeros(0), *(self.filled(each).ravel() for each in levels), *map(jnp.ravel, condition)]
         )
+
+    @property
+    def slides(self) -> slice:
+        return slice(-1, None) if self.reset != "none" else slice(0, 0)
 
     def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
         u = inputs["u"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from motorgrad._errors import check, unknown
 from motorgrad.lab.blocks._base import Shaped, check_names
-from motorgrad.lab.blocks._formulas import COMPARISONS, OPERATORS, RESERVED, evaluate, formula
+from motorgrad.lab.blocks._formulas import COMPARISONS, OPERATORS, RESERVED, evaluate_at, formula
 from motorgrad.lab.blocks._maths import MOST_PORTS, named_values
 from motorgrad.lab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
 
@@ -293,18 +293,21 @@ class StateMachine(Block):
         return {"state": Port(self.shape, "int"), **{name: Port(self.shape) for name in self.gives}}
 
     def init(self, uniforms: Any) -> Any:
-        """The states, and the seconds spent in them."""
+        """The states, and the number of evaluations since they were entered: their sum in seconds would drift."""
         number = {"": 0} | {state: place for place, state in enumerate(self.states)}
         first = np.vectorize(number.__getitem__, otypes=[np.int32])(np.asarray(self.initial, object))
-        return jnp.broadcast_to(jnp.asarray(first), self.shape), jnp.zeros(self.shape)
+        return jnp.broadcast_to(jnp.asarray(first), self.shape), jnp.zeros(self.shape, jnp.uint32)
 
     def _after(self, state: Any, inputs: Signals, now: Moment) -> Any:
-        before, since = state
-        values = {"t": now.time, "since": since, **named_values(self.constants, self.numbers), **inputs}
+        before, spent = state
+        constants = named_values(self.constants, self.numbers)
+        times = {"t": now.doubled(lambda time: time), "since": now.spent(spent)}
+        nearly = {name: now.doubled(lambda _, time=time: time + now.blur) for name, time in times.items()}
+        both = {name: (times[name], nearly[name]) for name in times}
         after = before
         # in reverse, so that the first matching transition is applied last and wins
         for start, condition, end in reversed(self.transitions):
-            holds = evaluate(formula("condition", condition, self._names), values) != 0
+            holds = evaluate_at(formula("condition", condition, self._names), both, constants, inputs) != 0
             here = holds if start == ANY else holds & (before == self.states.index(start))
             after = jnp.where(here, self.states.index(end), after)
         return after.astype(jnp.int32)
@@ -316,4 +319,4 @@ class StateMachine(Block):
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         after = self._after(state, inputs, now)
-        return after, jnp.where(after == state[0], state[1] + now.step, now.step)
+        return after, jnp.where(after == state[0], state[1] + jnp.uint32(1), jnp.uint32(1))

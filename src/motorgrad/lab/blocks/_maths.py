@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.lab.blocks._base import Elementwise, OneShape, Shaped, check_names
-from motorgrad.lab.blocks._formulas import FUNCTIONS, RESERVED, evaluate, formula, is_condition, names_read
+from motorgrad.lab.blocks._formulas import FUNCTIONS, RESERVED, evaluate_at, formula, is_condition, names_read
 from motorgrad.lab.diagram import (
     Block,
     Moment,
@@ -19,7 +19,6 @@ from motorgrad.lab.diagram import (
     Signals,
     Timing,
     checked_shape,
-    rounding,
 )
 
 
@@ -165,9 +164,8 @@ class Expression(Block):
         return "continuous" if timed and super().timing == "inherited" else super().timing
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        constants = named_values(self.constants, self.numbers)
-        beside = {name: u for name, u in {"t": _inside(now), **constants}.items() if name not in inputs}
-        value = evaluate(self._tree, {"t": now.time, **constants, **inputs}, beside)
+        times = {"t": (now.doubled(lambda time: time, at="time"), _inside(now))}
+        value = evaluate_at(self._tree, times, named_values(self.constants, self.numbers), inputs)
         return {"y": jnp.broadcast_to(value, self.shape).astype(self.outputs["y"].dtype)}
 
 
@@ -175,8 +173,12 @@ def _inside(now: Moment) -> Any:
     """The time, moved from an end of the RK4 step into it by more than its rounding: there a jump of time alone belongs
     to the step after it.
     """
-    nearly = rounding() * jnp.abs(now.time)
-    return jnp.where(now.time > now.start, jnp.maximum(now.time - nearly, now.start + nearly), now.time + nearly)
+
+    def inside(start: Any, step: Any) -> Any:
+        time, nearly = start + step, now.blur
+        return jnp.where(step > 0, jnp.maximum(time - nearly, start + nearly), time + nearly)
+
+    return now.doubled(inside, now.within - now.begun)
 
 
 @dataclasses.dataclass(frozen=True)

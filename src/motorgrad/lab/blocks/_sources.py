@@ -9,7 +9,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._random import normals
 from motorgrad.lab.blocks._base import OneShape, Shaped, TimeSource
-from motorgrad.lab.diagram import Moment, Parameter, Setting, Signals, rounding
+from motorgrad.lab.diagram import Moment, Parameter, Setting, Signals
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,13 +38,11 @@ class Step(TimeSource):
     after: Annotated[Any, Parameter("output from the step on")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": self.filled(jnp.where(self._jumped(now), self.after, self.before))}
+        jumped = now.doubled(lambda start, at: start >= at - now.blur, self.at)
+        return {"y": self.filled(jnp.where(jumped, self.after, self.before))}
 
     def next_jump(self, now: Moment) -> Any:
-        return jnp.min(jnp.where(self._jumped(now), jnp.inf, self.at))
-
-    def _jumped(self, now: Moment) -> Any:
-        return now.start >= self.at - rounding() * jnp.abs(self.at)
+        return now.doubled(lambda start, at: jnp.min(jnp.where(start >= at - now.blur, jnp.inf, at)), self.at)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +57,10 @@ class Ramp(TimeSource):
     initial: Annotated[Any, Parameter("output before the ramp, $y_0$")] = 0.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": self.filled(self.initial + self.slope * jnp.maximum(now.time - self.start, 0.0))}
+        def ramp(time: Any, slope: Any, start: Any, initial: Any) -> Any:
+            return initial + slope * jnp.maximum(time - start, 0.0)
+
+        return {"y": self.filled(now.exactly(ramp, self.slope, self.start, self.initial))}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,20 +94,31 @@ class Pulse(TimeSource):
     high: Annotated[Any, Parameter("output during a pulse")] = 1.0
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        return {"y": self.filled(jnp.where(self._phase(now) < self.duty, self.high, self.low))}
+        def is_high(start: Any, frequency: Any, delay: Any, duty: Any) -> Any:
+            return self._phase(now, start, frequency, delay)[0] < duty
+
+        return {"y": self.filled(jnp.where(now.doubled(is_high, *self._times), self.high, self.low))}
 
     def next_jump(self, now: Moment) -> Any:
-        phase = self._phase(now)
-        left = jnp.where(phase < self.duty, self.duty, 1.0) - phase + self._margin(now)
-        return now.later(jnp.min(jnp.where(self.frequency > 0, left / self.frequency, jnp.inf)))
+        def jump(start: Any, frequency: Any, delay: Any, duty: Any) -> Any:
+            phase, margin = self._phase(now, start, frequency, delay)
+            left = jnp.where(phase < duty, duty, 1.0) - phase + margin
+            return start + jnp.min(jnp.where(frequency > 0, left / frequency, jnp.inf))
 
-    def _phase(self, now: Moment) -> Any:
-        """The part of a cycle that has passed since the step began; what misses a jump by rounding counts as on it."""
-        cycles = now.exactly(lambda at, f, delay: f * (at - delay) % 1.0, self.frequency, self.delay, at="start")
-        return (cycles + self._margin(now)) % 1.0
+        return now.doubled(jump, *self._times)
 
-    def _margin(self, now: Moment) -> Any:
-        return 2 * rounding() * (1 + self.frequency * (now.step + jnp.abs(self.delay)))
+    @property
+    def _times(self) -> tuple[Any, Any, Any]:
+        return self.frequency, self.delay, self.duty
+
+    @staticmethod
+    def _phase(now: Moment, start: Any, frequency: Any, delay: Any) -> tuple[Any, Any]:
+        """The part of a cycle that has passed when the step begins, and the part that rounding may take from it: what
+        misses a jump by as little counts as on it.
+        """
+        cycles = frequency * (start - delay)
+        margin = frequency * (now.blur + 1e-15 * jnp.abs(delay)) + 1e-15 * (1 + jnp.abs(cycles))
+        return (cycles % 1.0 + margin) % 1.0, margin
 
 
 @dataclasses.dataclass(frozen=True)

@@ -23,7 +23,6 @@ from motorgrad.lab.diagram import (
     Signals,
     Timing,
     dtype_of,
-    rounding,
 )
 
 SUFFIXES = (".csv", ".parquet", ".npz")
@@ -124,22 +123,30 @@ class DataFile(Block):
         check(timed or self.between == "hold", "between", self.between, "'hold' without a column of times")
         columns = read_columns(self.path, (*self.columns, *([self.time] if self.time else [])))
         times = columns[self.time] if self.time else np.zeros(0)
-        rising = np.all(np.diff(times) > 0) and np.all(np.diff(times.astype(np.float32)) > 0)
-        if not rising:
-            raise ValueError(
-                f"path = {self.path!r}: column {self.time}: must increase from row to row, in single precision"
-            )
+        if not np.all(np.diff(times) > 0):
+            raise ValueError(f"path = {self.path!r}: column {self.time}: must increase from row to row")
         long = not timed or self.after == "stay" or len(times) > 1
         check(long, "after", self.after, "'stay' for a file with one row")
         object.__setattr__(self, "_data", np.stack([columns[name] for name in self.columns]))
         object.__setattr__(self, "_times", times)
+        alike = np.unique(times.astype(np.float32), return_counts=True)[1] if timed else [1]
+        object.__setattr__(self, "_alike", int(max(alike)))  # rows whose times single precision does not tell apart
 
     def values(self) -> dict[str, np.ndarray]:
         """The table in place of parameters, so that blocks with other tables of the same size are evaluated
-        together.
+        together. Times are the sums of `_times` and `_rests`, which are exact also where signals have single precision.
         """
-        real = dtype_of("float")
-        return {"_data": np.asarray(self.__dict__["_data"], real), "_times": np.asarray(self.__dict__["_times"], real)}
+        real, exact = dtype_of("float"), self.__dict__["_times"]
+        times = np.asarray(exact, real)
+        return {
+            "_data": np.asarray(self.__dict__["_data"], real),
+            "_times": times,
+            "_rests": (exact - times).astype(real),
+        }
+
+    @property
+    def structure(self) -> Any:
+        return (*super().structure, self.__dict__["_alike"])
 
     @property
     def outputs(self) -> Ports:
@@ -153,29 +160,63 @@ class DataFile(Block):
         return () if self.time else jnp.zeros((), jnp.int32)
 
     def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        data, times = self.__dict__["_data"], self.__dict__["_times"]
+        data = self.__dict__["_data"]
+        rows = data.shape[1]
         if self.time is None:
             return dict(zip(self.columns, data[:, state], strict=True))
-        start, row = self._place(now)
         if self.between == "linear":
-            time = start + (now.time - now.start)
-            return {name: jnp.interp(time, times, column) for name, column in zip(self.columns, data, strict=True)}
-        return dict(zip(self.columns, data[:, jnp.maximum(row - 1, 0)], strict=True))
+            row, part = now.doubled(lambda start: self._beyond(self._place(now, start) + now.within - now.begun))
+            values = (1 - part) * data[:, row] + part * data[:, jnp.minimum(row + 1, rows - 1)]
+        else:
+            values = data[:, now.doubled(lambda start: self._beyond(self._place(now, start))[0])]
+        return dict(zip(self.columns, values, strict=True))
 
     def next_jump(self, now: Moment) -> Any:
-        times = jnp.append(self.__dict__["_times"], jnp.inf)
-        start, row = self._place(now)
-        if self.between == "linear":  # it jumps only where it starts again
-            row = -2 if self.after == "repeat" else -1
-        return now.start + (times[row] - (start - rounding() * jnp.abs(now.start)))
+        last = self.__dict__["_times"].shape[0] - 1
 
-    def _place(self, now: Moment) -> tuple[Any, Any]:
-        """The time in the table at which the current step begins, and the number of rows up to it."""
-        times = self.__dict__["_times"]
-        time = now.start + rounding() * jnp.abs(now.start)
-        if self.after == "repeat":
-            time = jnp.where(time < times[0], time, times[0] + (time - times[0]) % (times[-1] - times[0]))
-        return time, jnp.searchsorted(times, time, side="right")
+        def jump(start: Any) -> Any:
+            place = self._place(now, start)
+            if self.between == "linear":  # it jumps only where it starts again
+                row, ends = last, self.after == "stay"
+            else:
+                below = self._rows_until(place)
+                row, ends = jnp.minimum(below, last), below > last
+            return jnp.where(ends, jnp.inf, start + (self._time(row) - (place - now.blur)))
+
+        return now.doubled(jump)
+
+    def _time(self, row: Any) -> Any:
+        parts = (self.__dict__[name][row] for name in ("_times", "_rests"))
+        return sum(part.astype(jnp.float64) for part in parts)
+
+    def _place(self, now: Moment, start: Any) -> Any:
+        """The time in the table at which the current step begins; what misses a row by rounding counts as on it."""
+        time = start + now.blur
+        if self.after == "stay":
+            return time
+        first, last = self._time(0), self._time(-1)
+        return jnp.where(time < first, time, first + (time - first) % (last - first))
+
+    def _rows_until(self, time: Any) -> Any:
+        """The number of rows up to a time: found in single precision, and among rows that it does not tell apart, by
+        bisection in double precision.
+        """
+        times, alike = self.__dict__["_times"], self.__dict__["_alike"]
+        high = jnp.searchsorted(times, time.astype(times.dtype), side="right").astype(jnp.int32)
+        low, last = jnp.maximum(high - alike, 0), times.shape[0] - 1
+        for _ in range(alike.bit_length()):
+            middle = (low + high) // 2
+            before = (low < high) & (self._time(jnp.minimum(middle, last)) <= time)
+            low, high = jnp.where(before, middle + 1, low), jnp.where(before, high, middle)
+        return low
+
+    def _beyond(self, time: Any) -> tuple[Any, Any]:
+        """The row that is current at a time, and how far the way to the next one is gone, from 0 to 1."""
+        last = self.__dict__["_times"].shape[0] - 1
+        row = jnp.maximum(self._rows_until(time) - 1, 0)
+        begin, end = self._time(row), self._time(jnp.minimum(row + 1, last))
+        part = jnp.where(end > begin, (time - begin) / jnp.where(end > begin, end - begin, 1.0), 0.0)
+        return row, jnp.clip(part, 0.0, 1.0).astype(self.__dict__["_data"].dtype)
 
     def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
         if self.time:

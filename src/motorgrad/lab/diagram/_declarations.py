@@ -28,25 +28,35 @@ class Port:
     - `shape`: of the array; `()` for a scalar.
     - `kind`: `"float"`, `"int"` (32 bits) or `"bool"`. A wire may lead from a narrow kind to a wider one.
     - `feedthrough`: of an input: whether an output depends on it within the same tick.
-    - `default`: of an input: its value where no wire leads to it; `None` if it must be wired.
+    - `default`: of an input: its value where no wire leads to it, one number or nested tuples of them that broadcast
+      to `shape`; `None` if it must be wired.
     - `help`, `unit`: for people.
     """
 
     shape: tuple[int, ...] = ()
     kind: Kind = "float"
     feedthrough: bool = True
-    default: float | None = None
+    default: Any = None
     help: str = ""
     unit: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape", checked_shape("shape", self.shape))
         choice("kind", self.kind, KINDS)
+        if self.default is not None:
+            given, own = np.shape(self.default)[::-1], self.shape[::-1]
+            fits = len(given) <= len(own) and all(a in (1, b) for a, b in zip(given, own, strict=False))
+            check(fits, "default: shape", given[::-1], f"one that broadcasts to {self.shape}")
 
     @property
     def dtype(self) -> Any:
         """The arrays' dtype; floats have JAX's current precision."""
         return dtype_of(self.kind)
+
+    def unwired(self, rows: tuple[int, ...] = ()) -> jnp.ndarray:
+        """The values where no wire leads to it, `(*rows, *shape)`."""
+        default = np.asarray(0.0 if self.default is None else self.default)
+        return jnp.broadcast_to(jnp.asarray(default, self.dtype), (*rows, *self.shape))
 
     def accepts(self, other: "Port") -> bool:
         """Whether the output `other` may be wired to this input."""

@@ -25,7 +25,7 @@ class SlopeProgram:
       derivatives `dx0`, `dx1`, ….
     - `start`: the states to begin with.
     - `states`: the names of the elements of all states, in order.
-    - `inlets`, `outlets`, `resting`, `length`: as of a `TickProgram`.
+    - `inlets`, `outlets`, `resting`, `length`, `stops`: as of a `TickProgram`.
     """
 
     step: Program
@@ -35,6 +35,7 @@ class SlopeProgram:
     outlets: dict[str, Port]
     resting: list[np.ndarray]
     length: float
+    stops: bool
 
 
 def slope_program(source: Diagram | Run) -> SlopeProgram:
@@ -62,7 +63,7 @@ def _program(run: Run) -> SlopeProgram:
         inputs = {rows[i]: given[f"u{n}"] for n, i in enumerate(places[Inlet])}
         now = with_inlets(step, values, inputs)
         states = jax.tree.unflatten(structure, [given[f"x{n}"] for n in range(len(leaves))])
-        own = Carry({**carry.states, **states}, carry.held, carry.above, carry.pace)
+        own = Carry({**carry.states, **states}, carry.held, carry.above, carry.pace, carry.shares, carry.fault)
         start = jnp.uint32(0)
         held = step.outputs(range(len(step.stacks.batches)), now, own, start, {}, step.empty())
         system = Continuous(step, now, own, start, {}, held)
@@ -78,7 +79,7 @@ def _program(run: Run) -> SlopeProgram:
     outlets = {blocks[i].path: blocks[i].block.inputs["u"] for i in places[Outlet]}
     resting = resting_values(values, rows, places[Inlet], inlets)
     names = [name for k in step.movers for name in _names(step, k, carry.states[k])]
-    return SlopeProgram(program, start, names, inlets, outlets, resting, run.plan.tick)
+    return SlopeProgram(program, start, names, inlets, outlets, resting, run.plan.tick, run.plan.on_fault == "stop")
 
 
 def _names(step: Step, k: int, state: Any) -> list[str]:

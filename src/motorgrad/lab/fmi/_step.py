@@ -21,18 +21,24 @@ class TickProgram:
 
     - `step`: one tick. Inputs `u0`, `u1`, …, the `state0`, `state1`, …, and `tick`, the number of completed ticks.
       Outputs `y0`, `y1`, …, the state after the tick, and `tick`.
+    - `outputs`: from the same inputs the same `y0`, `y1`, … alone, so those at the time that the state belongs to.
     - `start`: the state and the tick to begin with.
     - `inlets`, `outlets`: the ports by their names in the diagram, in the order of `u0`, … and `y0`, ….
     - `resting`: the values of the inlets where nothing is set.
     - `length` of a tick, in seconds.
+    - `owners`: for each array of the state that is to stay finite, the paths of the blocks that its rows belong to.
+    - `stops`: whether a number that is not finite ends a simulation.
     """
 
     step: Program
+    outputs: Program
     start: dict[str, np.ndarray]
     inlets: dict[str, Port]
     outlets: dict[str, Port]
     resting: list[np.ndarray]
     length: float
+    owners: dict[str, list[str]]
+    stops: bool
 
 
 def tick_program(source: Diagram | Run) -> TickProgram:
@@ -74,9 +80,19 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     inlets = {blocks[i].path: blocks[i].block.outputs["y"] for i in places[Inlet]}
     like = {f"u{n}": jax.ShapeDtypeStruct(port.shape, port.dtype) for n, port in enumerate(inlets.values())}
     program = traced(ticked, {**start, **like})
+    shown = {name: place for name, place in program.outputs.items() if name not in program.inputs}
+    outputs = traced(
+        lambda **given: {name: value for name, value in ticked(**given).items() if name in shown}, start | like
+    )
     outlets = {blocks[i].path: blocks[i].block.inputs["u"] for i in places[Outlet]}
     resting = resting_values(values, rows, places[Inlet], inlets)
-    return TickProgram(program, start, inlets, outlets, resting, run.plan.tick)
+    owners = {
+        name: [blocks[i].path for i in step.kinds[place[1].key].members]
+        for name, (place, leaf) in zip(names, jax.tree_util.tree_leaves_with_path(carry), strict=True)
+        if place[0].name == "states" and leaf.dtype.kind == "f" and np.isfinite(leaf).all()
+    }
+    stops = run.plan.on_fault == "stop"
+    return TickProgram(program, outputs, start, inlets, outlets, resting, run.plan.tick, owners, stops)
 
 
 NO_JUMPS = "a source that is held within a tick, beside continuous blocks: set its period to that of the diagram's tick"

@@ -5,11 +5,13 @@ import io
 import platform
 import re
 import shutil
+import string
 import subprocess
 import sys
 import tempfile
 import uuid
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -18,7 +20,7 @@ import numpy as np
 
 from motorgrad._errors import check, choice
 from motorgrad._files import check_writable, write_atomically
-from motorgrad.export import c_literal, c_source, c_type
+from motorgrad.export import Program, c_literal, c_source, c_type
 from motorgrad.lab.diagram import Diagram, Port
 from motorgrad.lab.engine import MOST_TICKS, Run
 from motorgrad.lab.fmi._slopes import SlopeProgram, slope_program
@@ -30,6 +32,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-w")
 CTYPES = {"float": "float", "int": "int32_t", "bool": "bool"}
 KINDS = {"float": "REAL", "int": "INTEGER", "bool": "TRUTH"}
 NAMES = {"2.0": ("Real", "Integer", "Boolean"), "3.0": ("Float64", "Int32", "Boolean")}
+PLAIN = string.ascii_letters + string.digits + " .:()[],_-"  # characters that stand for themselves in a literal in C
 EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the unit, so that equal diagrams make equal units
 
 
@@ -44,9 +47,10 @@ def write_fmu(
 
     The unit's inputs are the inlets of the outermost diagram, its outputs the outlets.
 
-    For co-simulation it makes one tick at a time: a communication step is a whole number of ticks. Its outputs after a
-    step are those of the step's last tick. It has the same random numbers as the run, and its learners learn. Its state
-    can be saved and restored. A step beyond tick 4,294,901,760 is an error.
+    For co-simulation it makes one tick at a time: a communication step is a whole number of ticks. Its outputs belong
+    to the time at the end of the step, and to the inputs that are set then. It has the same random numbers as the run,
+    and its learners learn. Its state can be saved and restored. A step beyond tick 4,294,901,760 is an error; so are a
+    start at another time than 0 s, from which ticks are counted, and a step that does not begin where the last ended.
 
     For model exchange it gives the time derivatives of the continuous states, in double precision, and the other
     simulator integrates them. The diagram has the precision `"double"` and nothing with memory but continuous states.
@@ -77,7 +81,10 @@ def write_fmu(
     program: TickProgram | SlopeProgram = slope_program(source) if exchanged else tick_program(source)
     name = re.sub(r"\W|^(?=\d)", "_", path.stem, flags=re.ASCII)
     about = ["A diagram of motorgrad as a Functional Mock-up Unit."]
-    body = c_source({"step": program.step}, "ode" if exchanged else "tick", about)
+    functions = {"step": program.step}
+    if isinstance(program, TickProgram):
+        functions["outputs"] = program.outputs
+    body = c_source(functions, "ode" if exchanged else "tick", about)
     guid = str(uuid.UUID(hashlib.sha256(f"{version}{program.inlets}{body}".encode()).hexdigest()[:32]))
     code = body + wrapper(version, guid, "slopes" if exchanged else "ticks", _parts(program))
     files: dict[str, bytes] = {
@@ -129,18 +136,48 @@ def _parts(program: TickProgram | SlopeProgram) -> dict[str, Any]:
         for name, value in given.items()
         if value.size
     ]
-    order = [*program.step.inputs, *(name for name in program.step.outputs if name not in program.step.inputs)]
     return {
         "fields": "\n".join(fields),
         "variables": "\n".join([*variables, "    {TIME, 0, 1, false},"]),
         "tick": repr(program.length),
         "most": repr(float(MOST_TICKS)),
         "start": "\n".join(start),
-        "arguments": ", ".join(places.get(name, f"data->{name}") for name in order),
+        "arguments": _arguments(program.step, places),
+        "shown": "" if exchanged else _arguments(program.outputs, places),
         "real": types["float"],
         "states": str(states),
-        "peeked": "\n".join(f"    memcpy(data->{name}, after.{name}, sizeof data->{name});" for name in outputs),
+        "stops": "true" if program.stops else "false",
+        "faults": "\n".join(_faults(program)),
     }
+
+
+def _faults(program: TickProgram | SlopeProgram) -> Iterator[str]:
+    """The C that names the first number that is not finite."""
+    if isinstance(program, SlopeProgram):
+        for n, title in enumerate(program.states):
+            yield f"    if (!isfinite(data->slopes[{n}])) return {_text(f'der({title}) is not finite')};"
+    else:
+        for name, paths in program.owners.items():
+            size = program.start[name].size // max(1, len(paths))
+            for row, path in enumerate(paths if size else ()):
+                loop = f"for (int i = {row * size}; i < {(row + 1) * size}; ++i)"
+                yield f"    {loop} if (!isfinite(data->{name}[i])) return {_text(f'{path}: its state is not finite')};"
+    for n, (path, port) in enumerate(program.outlets.items()):
+        if port.kind == "float" and _size(port):
+            test = f"for (int i = 0; i < {_size(port)}; ++i) if (!isfinite(data->y{n}[i]))"
+            yield f"    {test} return {_text(f'{path}: is not finite')};"
+
+
+def _text(text: str) -> str:
+    """A literal in C."""
+    text = text.replace("%", "%%")  # simulators take it for a format
+    return '"' + "".join(chr(b) if chr(b) in PLAIN else f"\\{b:03o}" for b in text.encode()) + '"'
+
+
+def _arguments(function: Program, places: dict[str, str]) -> str:
+    """The arrays of a function in C, each at its place."""
+    order = [*function.inputs, *(name for name in function.outputs if name not in function.inputs)]
+    return ", ".join(places.get(name, f"data->{name}") for name in order)
 
 
 def _state_type(value: np.ndarray) -> str:

@@ -1,12 +1,45 @@
 #include <stddef.h>
 #include <stdlib.h>
+#include <stdio.h>
 
 typedef struct {
     double time;
 $fields
 } Data;
 
-typedef struct { Data data; double start; bool stepped; } Model;
+/* `stale`: whether the outputs are not yet those of the present time, inputs and state. */
+typedef struct { Data data; bool stale; } Model;
+static void peek(Data *data);
+
+static void refresh(Model *model)
+{
+    if (model->stale) peek(&model->data);
+    model->stale = false;
+}
+
+/* The first number that is not finite, named by its block, or NULL. */
+static const char *fault_of(const Data *data)
+{
+$faults
+    return NULL;
+}
+
+enum { STOPS = $stops };
+
+/* A model and who is told of what is wrong, which is no part of its state. */
+typedef struct { Model model; void *environment; void (*log)(void); char name[128]; bool told; } Instance;
+static void tell(Instance *instance, int status, const char *message);
+
+/* The status after the outputs or the slopes were computed: 3, an error, where a number is not finite. */
+static int soundness(Model *model)
+{
+    Instance *instance = (Instance *)model;
+    const char *fault = fault_of(&model->data);
+    if (!fault) return 0;
+    if (!instance->told) tell(instance, STOPS ? 3 : 1, fault);
+    instance->told = !STOPS;
+    return STOPS ? 3 : 0;
+}
 
 enum { REAL, INTEGER, TRUTH, TIME };
 typedef struct { int kind; size_t offset; int count; bool input; } Variable;
@@ -14,9 +47,11 @@ static const Variable VARIABLES[] = {
 $variables
 };
 enum { COUNT = sizeof VARIABLES / sizeof VARIABLES[0] };
-static void begin(Data *data)
+static void begin(Model *model)
 {
-    memset(data, 0, sizeof *data);
+    Data *data = &model->data;
+    memset(model, 0, sizeof *model);
+    model->stale = true;
 $start
 }
 

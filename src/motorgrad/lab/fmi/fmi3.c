@@ -7,12 +7,24 @@
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 EXPORT int fmi3SetDebugLogging(void *m, bool on, size_t n, const char *const names[]) { (void)m; (void)on; (void)n; (void)names; return 0; }
 
-static void *instantiate(const char *token)
+typedef void (*Log)(void *, int, const char *, const char *);
+
+static void tell(Instance *instance, int status, const char *message)
+{
+    char text[512];
+    snprintf(text, sizeof text, "%s (at %.9g s)", message, instance->model.data.time);
+    if (instance->log) ((Log)instance->log)(instance->environment, status, "logStatusError", text);
+}
+
+static void *instantiate(const char *token, void *environment, const void *log)
 {
     if (strcmp(token, "$guid") != 0) return NULL;
-    Model *model = calloc(1, sizeof *model);
-    if (model) begin(&model->data);
-    return model;
+    Instance *instance = calloc(1, sizeof *instance);
+    if (!instance) return NULL;
+    begin(&instance->model);
+    instance->environment = environment;
+    instance->log = (void (*)(void))log;
+    return instance;
 }
 
 EXPORT void *fmi3InstantiateScheduledExecution(void) { return NULL; }
@@ -21,33 +33,37 @@ EXPORT void fmi3FreeInstance(void *m) { free(m); }
 EXPORT int fmi3EnterInitializationMode(void *m, bool given, double tolerance, double start, bool stops, double stop)
 {
     (void)given; (void)tolerance; (void)stops; (void)stop;
-    ((Model *)m)->start = ((Model *)m)->data.time = start;
-    return 0;
+    ((Model *)m)->data.time = start;
+    ((Model *)m)->stale = true;
+    return starts_at(start) ? 0 : 3;
 }
 
-EXPORT int fmi3ExitInitializationMode(void *m) { peek(&((Model *)m)->data); return 0; }
+EXPORT int fmi3ExitInitializationMode(void *m) { (void)m; return 0; }
 EXPORT int fmi3Terminate(void *m) { (void)m; return 0; }
-EXPORT int fmi3Reset(void *m) { memset(m, 0, sizeof(Model)); begin(&((Model *)m)->data); return 0; }
+EXPORT int fmi3Reset(void *m) { begin(m); return 0; }
 
 #define ACCESS(NAME, KIND, TYPE) \
 EXPORT int fmi3Get##NAME(void *m, const uint32_t which[], size_t n, TYPE values[], size_t count) \
 { \
     size_t made = 0; \
-    refresh(&((Model *)m)->data); \
+    refresh(m); \
     for (size_t k = 0; k < n; ++k) { \
         if (which[k] >= COUNT || !right(&VARIABLES[which[k]], KIND)) return 3; \
         const Variable *variable = &VARIABLES[which[k]]; \
-        for (int i = 0; i < variable->count && made < count; ++i) values[made++] = (TYPE)get_element(&((Model *)m)->data, variable, i); \
+        if (made + variable->count > count) return 3; \
+        for (int i = 0; i < variable->count; ++i) values[made++] = (TYPE)get_element(&((Model *)m)->data, variable, i); \
     } \
     return made == count ? 0 : 3; \
 } \
 EXPORT int fmi3Set##NAME(void *m, const uint32_t which[], size_t n, const TYPE values[], size_t count) \
 { \
+    ((Model *)m)->stale = true; \
     size_t used = 0; \
     for (size_t k = 0; k < n; ++k) { \
         if (which[k] >= COUNT || VARIABLES[which[k]].kind != KIND || !VARIABLES[which[k]].input) return 3; \
         const Variable *variable = &VARIABLES[which[k]]; \
-        for (int i = 0; i < variable->count && used < count; ++i) set_element(&((Model *)m)->data, variable, i, values[used++]); \
+        if (used + variable->count > count) return 3; \
+        for (int i = 0; i < variable->count; ++i) set_element(&((Model *)m)->data, variable, i, values[used++]); \
     } \
     return used == count ? 0 : 3; \
 }

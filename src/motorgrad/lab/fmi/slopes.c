@@ -6,4 +6,4 @@ static void peek(Data *data)
     ode_step($arguments);
 }
 
-static void refresh(Data *data) { peek(data); }
+static bool starts_at(double time) { return isfinite(time); }

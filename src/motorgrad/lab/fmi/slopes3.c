@@ -1,7 +1,7 @@
 EXPORT void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *place, bool visible, bool logging, void *environment, const void *message)
 {
-    (void)name; (void)place; (void)visible; (void)logging; (void)environment; (void)message;
-    return instantiate(token);
+    (void)name; (void)place; (void)visible; (void)logging;
+    return instantiate(token, environment, message);
 }
 
 EXPORT void *fmi3InstantiateCoSimulation(void) { return NULL; }
@@ -14,13 +14,14 @@ EXPORT int fmi3UpdateDiscreteStates(void *m, bool *again, bool *end, bool *nomin
 }
 EXPORT int fmi3EnterContinuousTimeMode(void *m) { (void)m; return 0; }
 EXPORT int fmi3CompletedIntegratorStep(void *m, bool kept, bool *event, bool *end) { (void)m; (void)kept; *event = *end = false; return 0; }
-EXPORT int fmi3SetTime(void *m, double time) { ((Model *)m)->data.time = time; return 0; }
+EXPORT int fmi3SetTime(void *m, double time) { ((Model *)m)->data.time = time; ((Model *)m)->stale = true; return 0; }
 EXPORT int fmi3GetEventIndicators(void *m, double values[], size_t n) { (void)m; (void)values; return n ? 3 : 0; }
 
 EXPORT int fmi3SetContinuousStates(void *m, const double values[], size_t n)
 {
     if (n != STATES) return 3;
     memcpy(((Model *)m)->data.states, values, n * sizeof *values);
+    ((Model *)m)->stale = true;
     return 0;
 }
 
@@ -34,9 +35,9 @@ EXPORT int fmi3GetContinuousStates(void *m, double values[], size_t n)
 EXPORT int fmi3GetContinuousStateDerivatives(void *m, double values[], size_t n)
 {
     if (n != STATES) return 3;
-    refresh(&((Model *)m)->data);
+    refresh(m);
     memcpy(values, ((Model *)m)->data.slopes, n * sizeof *values);
-    return 0;
+    return soundness(m);
 }
 
 EXPORT int fmi3GetNominalsOfContinuousStates(void *m, double values[], size_t n)

@@ -2,8 +2,8 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
     const uint32_t required[], size_t n, void *environment, const void *message, const void *update)
 {
     (void)name; (void)place; (void)visible; (void)logging; (void)events; (void)early; (void)required; (void)n;
-    (void)environment; (void)message; (void)update;
-    return instantiate(token);
+    (void)update;
+    return instantiate(token, environment, message);
 }
 EXPORT void *fmi3InstantiateModelExchange(void) { return NULL; }
 EXPORT int fmi3EnterStepMode(void *m) { (void)m; return 0; }

@@ -147,7 +147,7 @@ class TargetPosition(Observation):
 
     def bind(self, scene: Scene) -> Bound:
         target, name = scene.target(self.target), self.target
-        return Bound(lambda now: target.wanted(now.drawn[name], now.time), tuple(f"{name} {n}" for n in target.names))
+        return Bound(lambda now: target.at(now, name), tuple(f"{name} {n}" for n in target.names))
 
 
 class TargetError(Observation):
@@ -240,10 +240,10 @@ class Clock(Observation):
     def bind(self, scene: Scene) -> Bound:
         if not self.period:
             return Bound(lambda now: now.time[None], ("time",))
-        turn = 2 * jnp.pi / self.period
 
         def read(now: Now) -> jnp.ndarray:
-            return jnp.stack([jnp.sin(turn * now.time), jnp.cos(turn * now.time)])
+            angle = 2 * jnp.pi * now.cycles(self.period)
+            return jnp.stack([jnp.sin(angle), jnp.cos(angle)])
 
         return Bound(read, ("sine of time", "cosine of time"))
 

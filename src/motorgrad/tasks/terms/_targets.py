@@ -3,6 +3,7 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
 
+import itertools
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._limits import MOST_MOTION_BYTES
-from motorgrad._reading import arrays_in, content_of, numbers_in
+from motorgrad._reading import arrays_in, content_of, numbers_in, told
 from motorgrad._tree import static
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
@@ -139,15 +140,7 @@ class Follow(Target):
             self.file = None
 
     def validate(self) -> None:
-        count = len(self.time)
-        rising = all(a < b for a, b in zip(self.time, self.time[1:], strict=False))
-        fine = count >= 2 and self.time[0] == 0 and rising and all(map(math.isfinite, self.time))
-        check(fine, "time", self.time, "at least two increasing times from 0 (s)")
-        sizes = {len(row) for row in self.values}
-        check(len(self.values) == count and len(sizes) == 1, "values", len(self.values), f"{count} lists of one length")
-        finite = all(math.isfinite(value) for row in self.values for value in row)
-        few = count * (1 + min(sizes)) <= MOST
-        check(finite and few, "values", f"{count} moments", f"finite, and at most {MOST:,} numbers")
+        _check_trajectory(self.time, self.values)
         check(bool(self.parts) != bool(self.joints), "parts, joints", (self.parts, self.joints), "one of the two")
 
     def bind(self, scene: Scene) -> BoundTarget:
@@ -173,9 +166,9 @@ class Follow(Target):
             return (1 - part) * jnp.asarray(values)[after - 1] + part * jnp.asarray(values)[after]
 
         placed = bool(self.parts)
-        if self.random_start:
-            return BoundTarget(names, 1, lambda uniforms: length * uniforms[0], wanted, actual, placed, True)
-        return BoundTarget(names, 0, lambda uniforms: jnp.zeros(()), wanted, actual, placed, True)
+        draw = (lambda uniforms: length * uniforms[0]) if self.random_start else lambda uniforms: jnp.zeros(())
+        uniforms, again = int(self.random_start), self.time[-1] if self.repeats else 0.0
+        return BoundTarget(names, uniforms, draw, wanted, actual, placed, True, length=again)
 
 
 def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray, "joints 2"]:
@@ -235,6 +228,18 @@ def _stays(drawn: Array, time: Array) -> Array:
     return drawn
 
 
+def _check_trajectory(time: Numbers, values: tuple[Numbers, ...]) -> None:
+    count = len(time)
+    rising = all(a < b for a, b in itertools.pairwise(time))
+    fine = count >= 2 and time[0] == 0 and rising and all(map(math.isfinite, time))
+    check(fine, "time", time, "at least two increasing times from 0 (s)")
+    sizes = {len(row) for row in values}
+    check(len(values) == count and len(sizes) == 1, "values", len(values), f"{count} lists of one length")
+    finite = all(math.isfinite(value) for row in values for value in row)
+    few = count * (1 + min(sizes)) <= MOST
+    check(finite and few, "values", f"{count} moments", f"finite, and at most {MOST:,} numbers")
+
+
 def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
     check(file.is_file() and file.suffix in (".npz", ".csv"), "file", str(file), "an existing file, .npz or .csv")
     try:
@@ -251,11 +256,13 @@ def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
             titled = bool(lines) and not _numeric(lines[0])
             table = np.array([[float(word) for word in line.split(",")] for line in lines[titled:]])
             time, values = table[:, 0], table[:, 1:]
+        check(len(time) == len(values) > 0, "moments", len(time), f"as many moments as rows of values, {len(values)}")
+        moments = tuple(time.tolist())
+        rows = tuple(tuple(row) for row in values.reshape(len(time), -1).tolist())
+        _check_trajectory(moments, rows)
     except (ValueError, OSError, IndexError) as error:
-        raise ValueError(f"file = {str(file)!r}: {str(error)[:300]}") from None
-    check(len(time) == len(values) > 0, "file", str(file), "one with as many moments as rows of values")
-    values = values.reshape(len(time), -1)
-    return tuple(time.tolist()), tuple(tuple(row) for row in values.tolist())
+        raise ValueError(f"file = {str(file)!r}: {told(error)}") from None
+    return moments, rows
 
 
 def _numeric(line: str) -> bool:

@@ -8,9 +8,10 @@ from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from motorgrad import _tree
 from motorgrad._errors import check, unknown
@@ -21,6 +22,9 @@ Scalar = Float[Array, ""]
 Names = str | tuple[str, ...]
 """A name, a pattern such as `flexor*`, or several of them."""
 Numbers = tuple[float, ...]
+
+
+ROUNDING = 1e-7  # of a cycle: what misses the end of one by less is at its end
 
 
 def by_name(default: Any = "*") -> Any:
@@ -41,6 +45,7 @@ class Now(NamedTuple):
     - `time` (s): since the start of the episode.
     - `drawn`: by name, what each target drew for this episode.
     - `memory`: what the term itself remembers.
+    - `decisions`: made in this episode, one every `period` (s): `time` is their product, in single precision.
     """
 
     state: BodyState
@@ -48,6 +53,16 @@ class Now(NamedTuple):
     time: Scalar
     drawn: Mapping[str, Any]
     memory: Any = ()
+    decisions: Int[Array, ""] | int = 0
+    period: float = 0.0
+
+    def cycles(self, length: float) -> Scalar:
+        """The time in units of `length` seconds without the whole ones, from 0 to 1: exact to single precision after
+        years of an episode, where `time / length` is not.
+        """
+        with jax.enable_x64(True):
+            passed = jnp.asarray(self.decisions).astype(jnp.float64) * (self.period / length)
+            return jnp.maximum((passed + ROUNDING) % 1.0 - ROUNDING, 0.0).astype(jnp.float32)
 
 
 class Bound(NamedTuple):
@@ -76,6 +91,7 @@ class BoundTarget(NamedTuple):
     - `marked`: whether its numbers are places (m), three for each, which pictures of the body mark.
     - `moves`: whether it moves within an episode.
     - `shown`: the names under which `Positions` or `JointPositions` show where the body is, in the order of `names`.
+    - `length` (s): after which its motion repeats; 0 if it does not.
     """
 
     names: tuple[str, ...]
@@ -86,10 +102,15 @@ class BoundTarget(NamedTuple):
     marked: bool = False
     moves: bool = False
     shown: tuple[str, ...] = ()
+    length: float = 0.0
+
+    def at(self, now: Now, name: str) -> Array:
+        """Where the target of this name is now."""
+        return self.wanted(now.drawn[name], self.length * now.cycles(self.length) if self.length else now.time)
 
     def error(self, now: Now, name: str) -> Array:
         """The vector from the body to the target."""
-        return self.wanted(now.drawn[name], now.time) - self.actual(now.state)
+        return self.at(now, name) - self.actual(now.state)
 
 
 class Scene(Anatomy):

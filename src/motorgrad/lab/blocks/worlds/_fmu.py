@@ -17,10 +17,10 @@ from jaxtyping import Float
 
 from motorgrad._errors import NotTrusted, check, choice, shown, unknown
 from motorgrad._limits import MOST_UNIT_BYTES, MOST_UNIT_DESCRIPTION_BYTES
-from motorgrad._reading import content_of, entries_in, unpacked
+from motorgrad._reading import content_of, entries_in, told, unpacked
 from motorgrad.lab.blocks._base import as_text, read_table
 from motorgrad.lab.blocks.worlds._fmu_instance import CoSimulation, Instance, ModelExchange, fmpy_module
-from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting
+from motorgrad.lab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, nested
 
 KINDS = {"Real": "float", "Float64": "float", "Float32": "float", "Integer": "int", "Int32": "int", "Boolean": "bool"}
 KINDS |= {"Enumeration": "int", "Int8": "int", "Int16": "int", "UInt8": "int", "UInt16": "int"}
@@ -113,15 +113,21 @@ class Fmu(Foreign, HostBlock):
         object.__setattr__(self, "start_values", as_text("start_values", self.start_values))
         check(1 <= self.substeps <= 100_000, "substeps", self.substeps, "an integer from 1 to 100000")
         self._meet()
-        for name in self.starts:
+        for name, value in self.starts.items():
             if name not in self.unit_variables:
                 raise unknown("variable of the unit", name, self.unit_variables)
+            size = math.prod(self.unit_variables[name].shape or ())
+            numbers = len(_elements(value))
+            check(numbers in (1, size), name, value, f"one value at the start, or {size}")
         if self.interface:
             kinds = {"co-simulation": self.unit.coSimulation, "model exchange": self.unit.modelExchange}
             choice("interface of the unit", self.interface, [name for name, each in kinds.items() if each is not None])
-        for causality in ("input", "output"):
-            for variable in self.variables(causality).values():
-                check(variable.type in KINDS, variable.name, variable.type, f"of a type among {', '.join(KINDS)}")
+        try:
+            for causality in ("input", "output"):
+                for variable in self.variables(causality).values():
+                    check(variable.type in KINDS, variable.name, variable.type, f"of a type among {', '.join(KINDS)}")
+        except ValueError as error:
+            raise ValueError(f"file = {self.file!r}: {error}") from None
 
     @property
     def code(self) -> str:
@@ -144,11 +150,11 @@ class Fmu(Foreign, HostBlock):
             _check_unpacked(content)
             found = fmpy.read_model_description(io.BytesIO(content), validate=False)
         except Exception as error:  # it raises whatever a damaged archive or XML makes it raise
-            raise ValueError(f"file = {self.file!r}: is not a Functional Mock-up Unit: {error}") from None
-        choice("version of the unit", found.fmiVersion.partition("-")[0], ("2.0", "3.0"))
-        for each in filter(None, (found.coSimulation, found.modelExchange)):
-            inside = re.fullmatch(r"[\w.-]+", each.modelIdentifier)  # else it could name a library that was not read
-            check(inside, "modelIdentifier of the unit", each.modelIdentifier, "the name of a library in the unit")
+            raise ValueError(f"file = {self.file!r}: is not a Functional Mock-up Unit: {told(error)}") from None
+        try:
+            _check_description(found)
+        except ValueError as error:
+            raise ValueError(f"file = {self.file!r}: {error}") from None
         return hashlib.sha256(content).hexdigest(), found
 
     def _content(self) -> bytes:
@@ -197,8 +203,12 @@ class Fmu(Foreign, HostBlock):
 
     @functools.cached_property
     def _ports(self) -> dict[str, Ports]:  # read at every tick
+        given = self.starts
         return {
-            causality: {name: _port(each, causality == "input") for name, each in self.variables(causality).items()}
+            causality: {
+                name: _port(each, given.get(each.name, each.start), causality == "input")
+                for name, each in self.variables(causality).items()
+            }
             for causality in ("input", "output")
         }
 
@@ -241,22 +251,51 @@ def _check_unpacked(content: bytes) -> None:
                 parser.Parse(unpacked(packed, name, MOST_UNIT_DESCRIPTION_BYTES), True)
 
 
-def _port(variable: Any, is_input: bool) -> Port:
-    """The port of a variable."""
+def _check_description(unit: Any) -> None:
+    """Refuse a unit whose description lacks what running it needs, or whose inputs start with no numbers."""
+    choice("version of the unit", str(unit.fmiVersion).partition("-")[0], ("2.0", "3.0"))
+    interfaces = [each for each in (unit.coSimulation, unit.modelExchange) if each is not None]
+    check(interfaces, "interfaces of the unit", [], "co-simulation or model exchange")
+    for each in interfaces:
+        name = each.modelIdentifier
+        inside = name and re.fullmatch(r"[\w.-]+", name)  # else it could name a library that was not read
+        check(inside, "modelIdentifier of the unit", name, "the name of a library in the unit")
+    for variable in unit.modelVariables:
+        check(variable.name, "name of a variable", variable.name, "a text")
+        if variable.causality == "input":
+            _port(variable, variable.start, True)
+
+
+def _port(variable: Any, start: Any, is_input: bool) -> Port:
+    """The port of a variable, with its start value, if any."""
     kind: Any = KINDS.get(variable.type, "float")
     shape = tuple(int(size) for size in variable.shape or ())
-    start = str(variable.start).split() if variable.start is not None else []
-    value = {"true": 1.0, "false": 0.0}.get(start[0]) if start else 0.0
-    try:
-        default = (float(start[0]) if value is None else value) if is_input else None
-    except ValueError:
-        raise ValueError(f"{variable.name} = {shown(variable.start)}: must be a number at the start") from None
-    check(default is None or math.isfinite(default), variable.name, variable.start, "finite at the start")
     return Port(
         shape,
         kind,
         feedthrough=not is_input,
-        default=default,
+        default=_default(variable.name, start, shape) if is_input else None,
         help=variable.description or "",
         unit=variable.unit or "",
     )
+
+
+def _default(name: str, start: Any, shape: tuple[int, ...]) -> Any:
+    """What an input is where no wire leads to it: its start value, as a unit's description says it, or one that is
+    given; 0 without any.
+    """
+    words = start.split() if isinstance(start, str) else _elements([] if start is None else start)
+    truths = {"true": 1.0, "false": 0.0}
+    try:
+        numbers = np.array([truths[word] if word in truths else float(word) for word in words or [0.0]])
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} = {shown(start)}: must be a number at the start, or one for each element") from None
+    check(np.isfinite(numbers).all(), name, start, "finite at the start")
+    size = math.prod(shape)
+    check(numbers.size in (1, size), name, start, f"one number at the start, or {size}")
+    return nested((numbers.reshape(shape) if numbers.size == size else numbers[0]).tolist())
+
+
+def _elements(value: Any) -> list[Any]:
+    """The elements of nested lists, or a single value, as one list."""
+    return [each for part in value for each in _elements(part)] if isinstance(value, list) else [value]

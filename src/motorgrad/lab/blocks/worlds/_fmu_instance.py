@@ -10,6 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._extras import missing
+from motorgrad._reading import told
 
 MOST_EVENTS = 1000  # within a tick
 BISECTIONS = 50
@@ -32,19 +33,21 @@ class Instance(abc.ABC):
     **Arguments:** the unit's description; the folder where it was extracted; start values, each with its
     variable; the integration steps per tick.
 
-    **Raises:** `ValueError` where the unit has no program for this machine, `RuntimeError` where it refuses a call.
+    **Raises:** `ValueError` where the unit has no program for this machine; `RuntimeError` that names unit, call,
+    simulated time and status where it refuses a call.
     """
 
     kind: str
 
     def __init__(self, unit: Any, folder: str, start: Sequence[tuple[Any, Any]], substeps: int):
         self.unit, self.substeps, self.next_event = unit, substeps, math.inf
+        self._time = 0.0
         self.old = unit.fmiVersion == "2.0"
         try:
             make = fmpy_module().simulation.instantiate_fmu
             self.fmu = make(folder, unit, self.kind, require_functions=False)  # few units have all of them
         except Exception as error:  # fmpy raises nothing more special
-            raise ValueError(f"the unit {unit.modelName} does not run on this machine: {error}") from None
+            raise ValueError(f"the unit {unit.modelName} does not run on this machine: {told(error)}") from None
         self._call(self._initialise, start)
 
     def _initialise(self, start: Sequence[tuple[Any, Any]]) -> None:
@@ -59,7 +62,9 @@ class Instance(abc.ABC):
 
     def step(self, given: Sequence[tuple[Any, Any]], time: float, length: float) -> None:
         """Take inputs, each with its variable, and advance by `length` seconds from `time`."""
+        self._time = time
         self._call(self._step, given, time, length)
+        self._time = time + length
 
     @abc.abstractmethod
     def _step(self, given: Sequence[tuple[Any, Any]], time: float, length: float) -> None: ...
@@ -98,13 +103,15 @@ class Instance(abc.ABC):
         self.fmu.freeInstance()
 
     def _call(self, function: Any, *arguments: Any) -> Any:
-        """Call the unit; an error says which unit refuses."""
+        """Call the unit; an error says which unit refuses which call, when, and with which status."""
         try:
             return function(*arguments)
-        except (ValueError, RuntimeError):
-            raise
-        except Exception as error:  # fmpy's own, for a status of the unit
-            raise RuntimeError(f"the unit {self.unit.modelName}: {error}") from None
+        except Exception as error:  # fmpy's own, which names call and status; of ctypes for what the unit lacks
+            raise RuntimeError(f"the unit {self.unit.modelName} at {self._time:.6g} s: {told(error)}") from None
+
+    def _check_goes_on(self, over: Any) -> None:
+        if over:
+            raise RuntimeError("it asks to end the simulation")
 
     def _value(self, variable: Any) -> np.ndarray:
         size, shape = int(np.prod(variable.shape or ())), tuple(variable.shape or ())
@@ -114,7 +121,8 @@ class Instance(abc.ABC):
 
     def _write(self, given: Sequence[tuple[Any, Any]]) -> None:
         for variable, value in given:
-            getattr(self.fmu, f"set{_kind(variable)}")([variable.valueReference], np.ravel(value).tolist())
+            whole = np.broadcast_to(np.ravel(value), math.prod(variable.shape or ()))  # one value for every element
+            getattr(self.fmu, f"set{_kind(variable)}")([variable.valueReference], whole.tolist())
 
 
 def _kind(variable: Any) -> str:
@@ -129,7 +137,12 @@ class CoSimulation(Instance):
 
     def _step(self, given: Sequence[tuple[Any, Any]], time: float, length: float) -> None:
         self._write(given)
-        self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=length)
+        done = self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=length)
+        if done is not None:  # version 3 tells more than a status
+            _, over, early, reached = done
+            self._check_goes_on(over)
+            if early:
+                raise RuntimeError(f"fmi3DoStep returned early, at {reached:.6g} s of {time + length:.6g} s")
 
 
 class ModelExchange(Instance):
@@ -152,13 +165,14 @@ class ModelExchange(Instance):
             h = min(step, end - now)
             due = self.next_event - now <= h
             h = max(0.0, self.next_event - now) if due else h
+            self._time = now
             state, before = self._state(), self._signs()
             crossed = h > 0 and self._crosses(now, h, state, before)
             if crossed:
                 h = self._until_crossing(now, h, state, before)
             now = end if end - (now + h) <= SMALLEST * length else now + h
             wanted, over = self.fmu.completedIntegratorStep()
-            check(not over, "unit", self.unit.modelName, "one that does not ask to end the simulation")
+            self._check_goes_on(over)
             if crossed or due or wanted:
                 events += 1
                 check(events <= MOST_EVENTS, "events", events, f"at most {MOST_EVENTS} within a tick")
@@ -212,8 +226,10 @@ class ModelExchange(Instance):
         for _ in range(MOST_EVENTS):
             update = self.fmu.newDiscreteStates if self.old else self.fmu.updateDiscreteStates
             again, over, _, _, defined, following = update()
-            check(not over, "unit", self.unit.modelName, "one that does not ask to end the simulation")
+            self._check_goes_on(over)
             if not again:
                 break
+        else:
+            raise RuntimeError(f"its discrete states still change after {MOST_EVENTS} updates")
         self.next_event = following if defined else math.inf
         self.fmu.enterContinuousTimeMode()
