@@ -291,9 +291,11 @@ class Playback(Generic[R]):
             stops = [last, *(change.tick for change in self._log[self._made : self._made + 1])]
             if self.every is not None:
                 stops.append((self.tick // self.every + 1) * self.every)
-            pieces.append((by or self.run.advance)(max(0, min(stops) - self.tick)))
+            try:
+                pieces.append((by or self.run.advance)(max(0, min(stops) - self.tick)))
+            finally:  # it may stop on the way
+                self.end = max(self.end, self.tick)
             self._repeat_changes()
-            self.end = max(self.end, self.tick)
             due = self.every is not None and self.tick % self.every == 0
             if due and self.history.before(self.tick).tick < self.tick:
                 self.keep()

@@ -47,44 +47,28 @@ def chain(*blocks, tick=0.01):
     return diagram
 
 
-def test_a_signal_that_turns_nan_is_named_with_its_first_tick(open_client):
+def test_a_number_that_is_not_finite_stops_the_run_and_is_named(open_client):
     falling = lab.Ramp(-1.0, initial=0.055)  # below 0, where there is no square root, from tick 6 on
     client = open_client(chain(falling, lab.Function("sqrt"), lab.Scope()))
     client.do("tick", n=6)
     assert client.run()["faults"] == []
     client.do("tick", n=20)
-    began = "becomes NaN at tick 6 (0.06 s). It begins here: its input u = -0.005"
-    assert client.run()["faults"] == [
-        {"path": "function", "port": "y", "message": began},
-        {"path": "scope", "port": "u", "message": "is NaN at tick 6 (0.06 s)"},
-    ]
-    assert client.last("error")["message"] == f"function.y: {began}"
+    began = "becomes NaN at tick 6 (0.06 s). It begins here: its input u = -0.005. Keep its inputs where it is defined"
+    assert client.run()["faults"] == [{"path": "function", "port": "y", "message": began}]
+    assert (client.run()["state"], client.run()["tick"], client.run()["head"]) == ("paused", 6, 6)
+    assert client.last("error")["message"] == f'function.y: {began}; on_fault="warn" goes on without it'
     rows = [row for event in client.seen if event["event"] == "samples" for row in _rows(event)]
-    assert len(rows) == 26
-    assert all((row[0] is None) == (tick >= 6) for tick, row in enumerate(rows))  # nothing stands for it
-    client.do("tick", n=5)
-    assert sum(event["event"] == "error" for event in client.seen) == 1  # said once
-    client.do("reset")
-    assert client.run()["faults"] == []
+    assert len(rows) == 6
+    client.do("parameter", address="ramp.initial", value=1.0)
+    client.do("tick", n=5)  # past it
+    assert (client.run()["faults"], client.run()["tick"]) == ([], 11)
 
 
 def _rows(event):
     return event["signals"].get("scope.u", {"rows": []})["rows"]
 
 
-@pytest.mark.slow
-def test_a_state_that_nobody_records_is_named_too(open_client):
-    client = open_client(chain(lab.Constant(3e38), lab.Gain(3e38), lab.Integrator()))
-    client.do("tick", n=3)
-    began, fault = client.run()["faults"]
-    assert (began["path"], began["port"]) == ("gain", "y")
-    assert began["message"] == "becomes infinite at tick 0 (0 s). It begins here: its input u = 3e+38"
-    assert (fault["path"], fault["port"]) == ("integrator", None)
-    assert fault["message"] == "its state is NaN or infinite at tick 3 (0.03 s)"
-
-
-@pytest.mark.slow
-def test_where_it_began_is_found_among_many_ticks_seeds_and_changes(open_client):
+def test_of_many_ticks_and_seeds_the_first_is_found(open_client):
     diagram = chain(lab.UniformNoise(low=0.0), lab.Gain(1.0), lab.Function("log"), lab.Integrator(), lab.Scope())
     client = open_client(diagram)
     client.do("seeds", n=3)
@@ -92,25 +76,46 @@ def test_where_it_began_is_found_among_many_ticks_seeds_and_changes(open_client)
     assert client.run()["faults"] == []
     client.do("parameter", address="gain.gain", value=-1.0)
     client.do("tick", n=1500)
-    began, *others = client.run()["faults"]
+    (began,) = client.run()["faults"]
     assert (began["path"], began["port"]) == ("function", "y")
-    run = lab.Run(client.session.diagram, 3, watch=["gain.y"])
-    given = run.advance(2001)["gain.y"][0, -1]
-    assert began["message"] == f"becomes NaN at tick 2000 (20 s) in seed 0. It begins here: its input u = {given:.4g}"
-    assert [each["path"] for each in others] == ["scope", "integrator"]
-
-
-@pytest.mark.ci
-@pytest.mark.filterwarnings("ignore:lag.* RK4 steps of")
-def test_a_state_that_grows_without_bound_is_where_it_began(open_client):
-    client = open_client(chain(lab.Constant(1.0), lab.Lag(0.001), lab.Gain(2.0), lab.Scope()))
-    client.do("tick", n=300)
-    began = client.run()["faults"][0]
-    assert (began["path"], began["port"]) == ("lag", None)
-    assert re.fullmatch(
-        r"its state becomes (NaN|infinite) at tick 1\d .*: its input u = 1\. lag: RK4 steps of 0\.01 s are unstable.*",
-        began["message"],
+    given = lab.Run(chain(lab.UniformNoise(low=0.0), lab.Gain(-1.0)), 3, watch=["gain.y"]).advance(2001)["gain.y"][
+        0, -1
+    ]
+    assert began["message"].startswith(
+        f"becomes NaN at tick 2000 (20 s) in seed 0. It begins here: its input u = {given:.4g}"
     )
+
+
+def test_who_goes_on_knowingly_is_warned_once(open_client):
+    diagram = chain(lab.Ramp(-1.0, initial=0.055), lab.Function("sqrt"), lab.Scope())
+    diagram.on_fault = "warn"
+    client = open_client(diagram)
+    client.do("tick", n=20)
+    client.do("tick", n=5)
+    assert (client.run()["tick"], [fault["path"] for fault in client.run()["faults"]]) == (25, ["function"])
+    assert sum(event["event"] == "error" for event in client.seen) == 1
+    client.do("reset")
+    assert client.run()["faults"] == []
+
+
+def test_a_diagram_that_chatters_can_be_paused_and_left(open_client):
+    """It froze the page: a relay of a comparison and a switch, whose state stays at 0."""
+    diagram = lab.Diagram(0.1, solver="tsit5")
+    blocks = {"x": lab.Integrator(0.25), "over": lab.Compare(">="), "down": lab.Constant(-1.0), "up": lab.Constant(1.0)}
+    for name, block in {**blocks, "rate": lab.Switch(), "scope": lab.Scope()}.items():
+        diagram.add(name, block)
+    for wire in ("x over.u1", "over rate.condition", "down rate.on", "up rate.off", "rate x", "x scope"):
+        diagram.connect(*wire.split())
+    client = open_client(diagram)
+    client.do("play")
+    client.until(lambda event: event["event"] == "run" and event.get("faults"))
+    client.do("pause")
+    (fault,) = client.run()["faults"]
+    assert (fault["path"], fault["message"][:21]) == ("over", "chatters from tick 2 ")
+    rows = [row[0] for event in client.seen if event["event"] == "samples" for row in _rows(event)]
+    assert max(map(abs, rows[3:])) < 0.002  # two hundredths of the tick
+    client.do("open", text=lab.dumps(chain(lab.Sine(), lab.Scope())))
+    client.until(lambda event: event["event"] == "run" and event["state"] == "empty" and event["faults"] == [])
 
 
 def test_what_is_faster_than_the_tick_is_warned_of():
@@ -132,18 +137,6 @@ def test_what_is_faster_than_the_tick_is_warned_of():
     assert {path for path, *_ in warnings(diagram)} == {"discrete"}
 
 
-@pytest.mark.ci
-def test_of_many_seeds_it_is_said_how_many(open_client):
-    client = open_client(chain(lab.UniformNoise(), lab.Function("log"), lab.Scope()))
-    client.do("seeds", n=20)
-    client.do("tick", n=4)
-    negative = np.isnan(lab.Run(client.session.diagram, 20).advance(1)["scope.u"][:, 0]).sum()
-    assert 0 < negative < 20
-    began, fault = client.run()["faults"]
-    assert began["path"] == "function"
-    assert fault["message"] == f"is NaN at tick 0 (0 s) in {negative} of 20 seeds"
-
-
 def test_a_branch_keeps_what_was_found_in_it(open_client):
     client = open_client(chain(lab.Ramp(-1.0, initial=0.055), lab.Function("sqrt"), lab.Scope()))
     client.do("tick", n=10)
@@ -153,7 +146,7 @@ def test_a_branch_keeps_what_was_found_in_it(open_client):
     client.do("tick", n=10)
     assert client.run()["faults"] == []
     client.do("scrub", branch="main", tick=3)
-    assert [fault["path"] for fault in client.run()["faults"]] == ["function", "scope"]
+    assert [fault["path"] for fault in client.run()["faults"]] == ["function"]
 
 
 def test_a_raster_does_not_draw_nan_as_an_event():

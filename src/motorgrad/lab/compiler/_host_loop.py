@@ -57,15 +57,21 @@ class HostLoop:
         ticks: int,
         hosts: Mapping[int, Host],
         last: Rows,
-    ) -> tuple[Carry, Any]:
-        """Run ticks. **Returns** the state afterwards and what the sinks recorded, `(ticks, rows, …, seeds)`.
+        sound: np.ndarray,
+    ) -> tuple[Carry, Any, int, np.ndarray, Carry]:
+        """Run ticks, up to one with a fault of the solver or with a number that was finite and is no more. **Returns**
+        the state afterwards; what the sinks recorded, `(ticks, rows, …, seeds)`; the number of ticks; what
+        `Step.finite` says of the state and the record; and the state before the last tick.
 
-        `last` holds the hosts' outputs of their last tick, and is updated.
+        `sound` are the leaves of floats that are to be finite; `last` holds the hosts' outputs of their last tick, and
+        is updated.
         """
         seen = []
         drawn, chance, span = {}, {}, None
         blocks = {k: self._block(k, values) for k in self.kinds}
+        before, finite = carry, np.ones(len(sound), bool)
         for tick in range(first, first + ticks):
+            before = carry
             if self.step.chance and tick // SPAN != span:
                 span = tick // SPAN
                 drawn = self._draw(seeds, np.uint32(span))
@@ -80,14 +86,19 @@ class HostLoop:
                         last[k] = self._output(k, hosts[k], blocks[k], asked.get(k, {}), now[k])
                 known |= {k: last[k] for k in ready}
                 environment, asked, out = call(values, carry, np.uint32(tick), drawn, known, environment)
-            carry, inputs, saw = out
+            carry, inputs, saw, finite = out
+            finite = np.all(np.asarray(finite), axis=-1).reshape(-1)
             seen.append(jax.tree.map(np.asarray, saw))
             # wait for the call: it may read the hosts' outputs without copying them, and `update` may overwrite them
             inputs = jax.tree.map(np.array, inputs)
             for k in due:
                 hosts[k].update(blocks[k], inputs[k], now[k])
+            faulty = self.step.adapts and np.any(carry.fault["kind"])
+            if faulty or not finite[sound].all():
+                break
         jax.block_until_ready(carry)
-        return carry, jax.tree.map(lambda *parts: np.stack(parts), *seen) if seen else {}
+        record = jax.tree.map(lambda *parts: np.stack(parts), *seen) if seen else {}
+        return carry, record, len(seen), finite, before
 
     def compile(self, values: Values, carry: Carry, seeds: np.ndarray) -> Carry:
         """Compile now, by a tick without hosts whose results are dropped. **Returns** the same state."""
@@ -133,9 +144,10 @@ class HostLoop:
                 return environment, asked, ()
             inputs = {k: step.host_inputs(k, environment, feedthrough=False) for k in self.kinds}
             after = step.finish(values, carry, tick, numbers, environment)
-            return step.empty(), {}, (after, inputs, step.recorded(environment))
+            saw = step.recorded(environment)
+            return step.empty(), {}, (after, inputs, saw, step.finite((after.states, after.held, saw)))
 
-        outs = (-1, 0, (-1, 0, -1) if final else ())
+        outs = (-1, 0, (-1, 0, -1, -1) if final else ())
         return jax.jit(
             jax.vmap(one, in_axes=(self.axes, -1, None, -1, 0, -1), out_axes=outs, axis_size=len(self.seeds))
         )

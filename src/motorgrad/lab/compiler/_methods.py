@@ -106,7 +106,7 @@ def _rodas5p(evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any)
 
     within = jnp.asarray(within, x.dtype)
     jacobian, rate = jax.jacfwd(slope, (0, 1))(x, within)
-    inverse = _inverted(jnp.eye(len(x), dtype=x.dtype) / (GAMMA * step) - jacobian)
+    inverse = inverted(jnp.eye(len(x), dtype=x.dtype) / (GAMMA * step) - jacobian)
     stages: list[Array] = []
     there = x
     for place, weight, inside, outside in STAGES:
@@ -118,7 +118,7 @@ def _rodas5p(evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any)
     return new, unravel(stages[-1]), *evaluate(new, within + step)
 
 
-def _inverted(matrix: Array) -> Array:
+def inverted(matrix: Array) -> Array:
     """The inverse, for small matrices by Gauss–Jordan elimination with partial pivoting: unlike a call of LAPACK, it
     does not break up the compiled loop, and many seeds are eliminated together.
     """

@@ -140,6 +140,7 @@ class Plan:
     """Blocks whose outputs are guessed and then found by iteration, because an algebraic loop leads through them."""
     shared: Mapping[str, tuple[str, ...]]
     """The addresses of blocks' parameters that parameters of diagrams stand for."""
+    on_fault: str = "stop"
 
 
 def plan(diagram: Diagram) -> Plan:
@@ -169,7 +170,7 @@ def _checked(diagram: Diagram) -> tuple[Plan | None, list[Problem]]:
     solver = Solver(diagram.solver, diagram.substeps, tolerances, diagram.precision, diagram.loops)
     moving = moving_blocks(flat, order, solver.adapts)
     parts = tuple(flat), tuple(order), frozenset(moving), frozenset(torn)
-    return Plan(diagram.tick, solver, *parts, shared(diagram)), []
+    return Plan(diagram.tick, solver, *parts, shared(diagram), diagram.on_fault), []
 
 
 def _too_large(flat: Sequence[Placed]) -> list[Problem]:

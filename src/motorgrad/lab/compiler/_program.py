@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from motorgrad._compiler import loop_options
+from motorgrad._playback import size_of
 from motorgrad.lab.compiler._host_loop import HostLoop
 from motorgrad.lab.compiler._stack import Stacks
 from motorgrad.lab.compiler._step import SPAN, Carry, Numbers, Step, Values
@@ -22,6 +23,7 @@ from motorgrad.lab.diagram import HostBlock, Placed, kind_of
 Recorded = dict[int, dict[str, Any]]
 BUFFER = 2**20  # bytes of recorded signals per call: XLA compiles a loop whole only up to some MiB of data
 LONGEST = 2**20  # ticks per call if nothing is recorded
+KEPT = 2**22  # bytes of a state that is kept during a call, so that ticks can be made again to find where a fault began
 
 
 class Loop:
@@ -33,7 +35,7 @@ class Loop:
 
     def __init__(self, step: Step, seeds: np.ndarray, axes: Any):
         self.step, self.seeds, self.axes = step, seeds, axes
-        self._call = jax.jit(self._ticks, donate_argnums=1, compiler_options=loop_options())
+        self._call: Any = None
         self._peek = jax.jit(self._peeked)
         self.init = jax.jit(jax.vmap(step.init, in_axes=(axes, 0), out_axes=-1))
 
@@ -48,16 +50,20 @@ class Loop:
     @property
     def compilations(self) -> int:
         """How often the loop was compiled."""
-        return self._call._cache_size()  # type: ignore[attr-defined]
+        return 0 if self._call is None else self._call._cache_size()
 
     def advance(
         self, values: Values, carry: Carry, seeds: np.ndarray, first: int, ticks: int
-    ) -> tuple[Carry, Recorded]:
-        """Run at most `longest` ticks. **Returns** the state afterwards and what the sinks recorded, `(ticks, rows, …,
-        seeds)`.
+    ) -> tuple[Carry, Recorded, Array]:
+        """Run at most `longest` ticks; after a fault of the solver, a seed's continuous state stays. **Returns** the
+        state afterwards; what the sinks recorded, `(ticks, rows, …, seeds)`; and what `Step.finite` says of the state.
         """
-        carry, seen = self._call(values, carry, seeds, np.uint32(first), np.uint32(first + ticks))
-        return carry, jax.tree.map(lambda x: np.asarray(x)[:ticks], seen)
+        if self._call is None:
+            self.keeps = size_of(carry) <= KEPT
+            donated = () if self.keeps else (1,)
+            self._call = jax.jit(self._ticks, donate_argnums=donated, compiler_options=loop_options())
+        carry, seen, finite = self._call(values, carry, seeds, np.uint32(first), np.uint32(first + ticks))
+        return carry, jax.tree.map(lambda x: np.asarray(x)[:ticks], seen), finite
 
     def compile(self, values: Values, carry: Carry, seeds: np.ndarray) -> Carry:
         """Compile now. **Returns** the same state: its memory may be reused."""
@@ -86,7 +92,7 @@ class Loop:
             values, carry, numbers
         )
 
-    def _ticks(self, values: Values, carry: Carry, seeds: Array, first: Array, stop: Array) -> tuple[Carry, Recorded]:
+    def _ticks(self, values: Values, carry: Carry, seeds: Array, first: Array, stop: Array) -> tuple[Any, ...]:
         """Ticks `first` … `stop` − 1, one span of random numbers at a time."""
         buffer = jax.tree.map(
             lambda like: jnp.zeros((self.longest, *like.shape), like.dtype), self.step.recorded_shapes(len(self.seeds))
@@ -102,16 +108,18 @@ class Loop:
 
             return jax.lax.fori_loop(start, stop, body, position)
 
-        if not self.step.chance:
-            return ticks(first, stop, {}, (carry, buffer))
-
         def span(position: tuple[Array, tuple[Carry, Recorded]]) -> tuple[Array, tuple[Carry, Recorded]]:
             start, rest = position
             number = start // SPAN
             last = jnp.minimum(stop, (number + 1) * SPAN)
             return last, ticks(start, last, self._draw(seeds, number), rest)
 
-        return jax.lax.while_loop(lambda position: position[0] < stop, span, (first, (carry, buffer)))[1]
+        if self.step.chance:
+            begin = first, (carry, buffer)
+            carry, buffer = jax.lax.while_loop(lambda position: position[0] < stop, span, begin)[1]
+        else:
+            carry, buffer = ticks(first, stop, {}, (carry, buffer))
+        return carry, buffer, self.step.finite((carry.states, carry.held))
 
 
 MOST_KEPT = 32  # kept loops; the least recently used one is dropped first

@@ -166,7 +166,7 @@ class Gather:
 
     def _part(self, key: Any, environment: Environment) -> Array:
         if key is None:
-            return jnp.full((self.rows, *self.port.shape), self.port.default or 0.0, self.port.dtype)
+            return self.port.unwired((self.rows,))
         batch, port = key
         return environment[batch][port].astype(self.port.dtype)
 

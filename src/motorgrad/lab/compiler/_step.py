@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from motorgrad._random import BLOCK as SPAN
 from motorgrad._random import key_of
 from motorgrad.lab.compiler._continuous import Continuous
+from motorgrad.lab.compiler._faults import Fault, finite, no_fault
 from motorgrad.lab.compiler._loops import solved
 from motorgrad.lab.compiler._plan import is_mode
 from motorgrad.lab.compiler._stack import Environment, Gather, Kind, Stacks
@@ -45,7 +46,7 @@ Numbers = dict[int, Array]
 """By kind: numbers from U[0, 1), one row per block."""
 Values = Mapping[int, Mapping[str, Any]]
 """By kind: the parameters by name; rows lead."""
-ROWS: Any = Moment(None, None, 0, 0, None, None, None, 0, 0, None)  # type: ignore[arg-type]  # what differs between rows
+ROWS: Any = Moment(None, None, 0, 0, None, None, None, 0, 0, None, 0)  # type: ignore[arg-type]  # what differs between rows
 
 
 class Carry(NamedTuple):
@@ -57,6 +58,10 @@ class Carry(NamedTuple):
     """Which zero crossings count as not negative."""
     pace: dict[str, Array]
     """`"step"`, the length of the next step of a solver that adapts it, in seconds; 0 before the first."""
+    shares: dict[int, Array]
+    """For crossings that may be held: the share of the present mode, −1 where it is not held."""
+    fault: Fault
+    """What kept the last tick from being computed, with a solver that adapts its steps."""
 
 
 class Step:
@@ -72,6 +77,10 @@ class Step:
         self.modes = [k for k in self.pure if self.kinds[k].moving and is_mode(self.kinds[k].block)]
         self.crossings = {k: crossings_of(self.kinds[k].block) for k in self.pure if self._crosses(self.kinds[k])}
         self.crossings = {k: number for k, number in self.crossings.items() if number}
+        self.adapts = self.plan.solver.adapts and len(self.movers) > 0
+        switching = [k for k in self.crossings if self.kinds[k].block.switches] if self.adapts else []
+        self.holding = [k for k in switching if range(self.crossings[k])[self.kinds[k].block.slides]]
+        """The kinds with crossings that may be held."""
         updating = [k for k in self.pure if type(self.kinds[k].block).update is not Block.update]
         self._updating = [k for k in updating if k not in self.modes]
         self._streams = [np.array([self._placed(i).stream for i in kind.members], np.uint32) for kind in self.kinds]
@@ -100,8 +109,9 @@ class Step:
             if self.kinds[k].held:
                 held[k] = {name: jnp.zeros((rows, *port.shape), port.dtype) for name, port in block.outputs.items()}
         above = {k: jnp.zeros((len(self.kinds[k].members), number), bool) for k, number in self.crossings.items()}
-        adapts = self.plan.solver.adapts and self.movers
-        return Carry(states, held, above, {"step": jnp.zeros(())} if adapts else {})
+        shares = {k: jnp.full(above[k].shape, -1, jnp.result_type(float)) for k in self.holding}
+        pace, fault = ({"step": jnp.zeros(())}, no_fault(bool(self.crossings))) if self.adapts else ({}, {})
+        return Carry(states, held, above, pace, shares, fault)
 
     def numbers(self, seed: Any, span: Any) -> Numbers:
         """The random numbers of a span of ticks, by kind: `(ticks, rows, size)`."""
@@ -139,7 +149,8 @@ class Step:
         environment = list(before)
         for b in batches:
             k, rows = self._rows(b)
-            given = self.output(b, values, carry.states[k], self.now(k, tick, numbers), environment)
+            now = self.now(k, tick, numbers)._replace(shares=carry.shares.get(k))
+            given = self.output(b, values, carry.states[k], now, environment)
             if self.kinds[k].held:
                 due, kept = self._due(k, tick)[rows], carry.held[k]
                 given = {name: _where(due, new, kept[name][rows]) for name, new in given.items()}
@@ -148,9 +159,11 @@ class Step:
 
     def finish(self, values: Values, carry: Carry, tick: Any, numbers: Numbers, environment: Environment) -> Carry:
         """The state after the tick, given all outputs."""
-        states, above, pace = dict(carry.states), carry.above, carry.pace
+        states, above, pace, shares = dict(carry.states), carry.above, carry.pace, carry.shares
+        fault = carry.fault
         if self.movers:
-            moved, above, pace = Continuous(self, values, carry, tick, numbers, environment).advanced()
+            system = Continuous(self, values, carry, tick, numbers, environment)
+            moved, above, shares, pace, fault = system.advanced()
             states |= moved
         for k in self._updating:
             now = self.now(k, tick, numbers)
@@ -160,7 +173,35 @@ class Step:
                 due = self._due(k, tick)
                 after = jax.tree.map(lambda new, old, due=due: _where(due, new, old), after, states[k])
             states[k] = after
-        return Carry(states, {k: self._all_outputs(k, environment) for k in carry.held}, above, pace)
+        held = {k: self._all_outputs(k, environment) for k in carry.held}
+        return Carry(states, held, above, pace, shares, fault)
+
+    def finite(self, tree: Any) -> Array:
+        """Whether all numbers are finite, for each leaf of floats in a tree."""
+        return jnp.stack([jnp.asarray(True), *finite(tree)])
+
+    def changes(self, values: Values, carry: Carry, tick: Any, seed: Any, within: Any) -> tuple[Any, Any]:
+        """The time derivative of the continuous state `within` seconds of a tick, and the levels of the crossings."""
+        numbers = {k: drawn[tick % SPAN] for k, drawn in self.numbers(seed, tick // SPAN).items()}
+        environment = self.outputs(range(len(self.stacks.batches)), values, carry, tick, numbers, self.empty())
+        return Continuous(self, values, carry, tick, numbers, environment).changes_at(within)
+
+    def signals(self, values: Values, carry: Carry, tick: Any, seed: Any, within: Any, hosts: Any) -> Environment:
+        """The outputs of all batches `within` seconds of a tick; those of `hosts` are given, by kind."""
+        numbers = {k: drawn[tick % SPAN] for k, drawn in self.numbers(seed, tick // SPAN).items()}
+        environment, batches = self.empty(), self.stacks.batches
+        for b in range(len(batches)) if hosts else ():
+            given = hosts.get(batches[b].kind)
+            if given is None:
+                environment = self.outputs([b], values, carry, tick, numbers, environment)
+            else:
+                environment[b] = {name: jnp.asarray(value)[None] for name, value in given.items()}
+        if not hosts:
+            environment = self.outputs(range(len(batches)), values, carry, tick, numbers, environment)
+        if not self.adapts:
+            return environment
+        there = Continuous(self, values, carry, tick, numbers, environment).outputs_at(within)
+        return jax.tree.map(lambda a, b: jnp.where(within > 0, a, b), there, environment)
 
     def recorded(self, environment: Environment) -> dict[int, dict[str, Array]]:
         """The values at the sinks' inputs, by kind; rows lead."""
@@ -190,8 +231,8 @@ class Step:
         k, rows = self._rows(b)
         inputs = {name: gather(environment) for name, gather in self._direct[b].items()}
         own, state = jax.tree.map(lambda x: x[rows], (dict(values[k]), states))
-        above = None if now.above is None else now.above[rows]
-        now = now._replace(step=now.step[rows], uniforms=now.uniforms[rows], above=above)
+        above, shares = (None if each is None else each[rows] for each in (now.above, now.shares))
+        now = now._replace(step=now.step[rows], uniforms=now.uniforms[rows], above=above, shares=shares)
         given = self.apply("output", k, own, state, inputs, now)
         return {name: given[name].astype(port.dtype) for name, port in self.kinds[k].block.outputs.items()}
 

@@ -41,7 +41,7 @@ from motorgrad.lab.diagram._files import (
 from motorgrad.lab.diagram._flat import DiagramError, Placed, Problem, Source, blocks_of, flatten, shared
 from motorgrad.lab.diagram._foreign import Foreign, from_a_file, is_from_a_file
 from motorgrad.lab.diagram._gates import Enable, Gate, Trigger
-from motorgrad.lab.diagram._moment import Moment, clock, in_precision, rounding
+from motorgrad.lab.diagram._moment import Moment, as_written, blur, clock, in_precision
 from motorgrad.lab.diagram._picture import outline, to_svg
 from motorgrad.lab.diagram._python import to_python
 from motorgrad.lab.diagram._record import Record, join, sampled
@@ -94,8 +94,10 @@ __all__ = [
     "Source",
     "Timing",
     "Trigger",
+    "as_written",
     "block",
     "blocks_of",
+    "blur",
     "check_data",
     "checked_layout",
     "checked_shape",
@@ -122,7 +124,6 @@ __all__ = [
     "outline",
     "parameters_of",
     "required_fields",
-    "rounding",
     "sampled",
     "save",
     "settings_of",

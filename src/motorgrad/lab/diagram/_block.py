@@ -176,6 +176,15 @@ class Block:
         """Whether a crossing changes the block's state."""
         return type(self).crossed is not Block.crossed
 
+    @property
+    def slides(self) -> slice:
+        """Which of the crossings may be held where they are reached without end, in ever shorter times.
+
+        A block with two modes then outputs `now.between` them, the mean by the share of each that keeps the crossing at
+        zero (Filippov, 1988). A block with a continuous state rests: its state is held where `crossed` leads to.
+        """
+        return slice(0, 0)
+
     def check_broadcasts(self, name: str, shape: tuple[int, ...]) -> None:
         """Refuse a parameter that does not broadcast to `shape`, and an invalid shape."""
         shape = checked_shape("shape", shape)

@@ -72,7 +72,7 @@ SOLVERS = ("rk4", "tsit5", "dopri8", "rodas5p")
 HEAD: dict[str, Any] = {
     **{"title": "", "comment": "", "tick": 0.01, "substeps": 1},
     **{"solver": "rk4", "relative_tolerance": 1e-6, "absolute_tolerance": 1e-9, "precision": "single"},
-    **{"loops": "refuse", "parameters": {}, "uses": {}},
+    **{"loops": "refuse", "on_fault": "stop", "parameters": {}, "uses": {}},
 }
 """The settings of a diagram, and their defaults."""
 
@@ -114,12 +114,14 @@ class Diagram:
       20 roundings, 2.4e-6 in single precision.
     - `precision`: `"single"`, or `"double"` for this diagram alone, whatever the precision of the process.
     - `loops`: `"refuse"` or `"solve"` algebraic loops.
+    - `on_fault`: `"stop"`, with a `RunFault`, where a number is not finite or a limit of the solver is reached; or
+      `"warn"`, once, and go on with what there is. Continuous states that the solver could not find are NaN from there.
     - `parameters`: numbers, or arrays of numbers, that several blocks may use, by name. Those of a subsystem are set
       from outside like those of a block.
     - `uses`: which parameter of the diagram stands for a parameter of a block, `{"block.parameter": "name"}`; see
       `use`.
 
-    `tick`, `substeps`, `loops` and what concerns the solver count for the outermost diagram only.
+    `tick`, `substeps`, `loops`, `on_fault` and what concerns the solver count for the outermost diagram only.
 
     `nodes` (by name), `wires` (the source of every connected input) and `layout` (block positions and other data of an
     editor, ignored by the engine) are plain dictionaries to read.
@@ -136,6 +138,7 @@ class Diagram:
         absolute_tolerance: float = 1e-9,
         precision: str = "single",
         loops: str = "refuse",
+        on_fault: str = "stop",
         parameters: Mapping[str, Any] | None = None,
         uses: Mapping[str, str] | None = None,
     ):
@@ -149,9 +152,11 @@ class Diagram:
         choice("solver", solver, SOLVERS)
         choice("precision", precision, ("single", "double"))
         choice("loops", loops, ("refuse", "solve"))
+        choice("on_fault", on_fault, ("stop", "warn"))
         self.tick, self.substeps = float(tick), substeps
         self.title, self.comment = title, comment
         self.solver, self.precision, self.loops = solver, precision, loops
+        self.on_fault = on_fault
         self.relative_tolerance, self.absolute_tolerance = float(relative_tolerance), float(absolute_tolerance)
         self.parameters: dict[str, Any] = {}
         for name, value in _table("parameters", parameters):

@@ -5,8 +5,8 @@ last tick of the branch), the requested `speed` and the one `achieved`, `seeds`,
 structure of the diagram changed since it was compiled, and the run will continue with the new one in a new branch;
 `waited`: for how many seconds it has been compiling, or `null`; `fixed`: why it cannot go back in time, or `null`;
 `overrides`: parameters of this branch that differ from the diagram; `fresh`: blocks that started anew at the last
-compilation; `faults`: signals and states of this branch that are NaN or infinite, as problems. Missing fields have not
-changed.
+compilation; `faults`: what stopped this branch, as NaN in a block, and what its run warned of, as problems. Missing
+fields have not changed.
 """
 
 import math

@@ -160,10 +160,14 @@ class Journal:
         """The diagram at the end of a journal, the file that it belongs to, and the line of the first change that is
         missing, or 0.
         """
-        unsaved = read_unsaved(self._other(id))
-        check(unsaved is not None, "journal", id, "one with a change")
-        assert unsaved is not None
-        diagram, bad = unsaved.diagram()
+        path = self._other(id)
+        try:
+            unsaved = read_unsaved(path)
+            check(unsaved is not None, "journal", id, "one with a change")
+            assert unsaved is not None
+            diagram, bad = unsaved.diagram()
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         return diagram, unsaved.file, bad
 
     def drop(self, id: str) -> None:

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from motorgrad._errors import check, unknown
-from motorgrad.lab.diagram import Diagram, loads, numbered_names
+from motorgrad.lab.diagram import Diagram, Record, loads, numbered_names
 from motorgrad.lab.editor._branch import Branch, checked_log
 from motorgrad.lab.editor._compilation import Compilation
 from motorgrad.lab.editor._program import Program, Values, outputs, parameters
-from motorgrad.lab.engine import MOST_SEEDS, MOST_TICKS, Timeline
+from motorgrad.lab.engine import MOST_SEEDS, MOST_TICKS, RunFault, Timeline
 
 Event = dict[str, Any]
 MOST = 64  # branches
@@ -174,14 +174,24 @@ class Tree:
         if self.tick < timeline.end:
             timeline.advance(min(stop, timeline.end) - self.tick)
         if self.tick < stop:
-            record = timeline.advance(stop - self.tick)
-            signals = branch.traces.add(record)
-            if signals:
-                self._emit({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
-            if new := branch.faults.look(record, timeline, branch.program.diagram):
+            try:
+                self._show(branch, timeline.advance(stop - self.tick))
+            except RunFault as fault:
+                branch.faults.stop(fault)
+                if fault.record is not None:
+                    self._show(branch, fault.record)
+                raise
+            known = branch.faults.list
+            if new := branch.faults.look(branch.run):
                 self._emit({"event": "error", "message": str(new[0])})
+            if new or known != branch.faults.list:
                 self._report(whole=True)
         branch.run.wait()
+
+    def _show(self, branch: Branch, record: Record) -> None:
+        signals = branch.traces.add(record)
+        if signals:
+            self._emit({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
 
     def seek(self, name: str, tick: int) -> None:
         """Go to a known tick: restore the last snapshot before it, and repeat what followed."""
@@ -287,7 +297,10 @@ class Tree:
 
     def _compiled(self, diagram: Diagram) -> Program:
         self._report(compiling=0.0)
-        return self._compilation(lambda: Program(diagram, self._seeds, self._watch))
+        made = self._compilation(lambda: Program(diagram, self._seeds, self._watch))
+        made.run.search = self._compilation
+        made.run.warn = lambda message: None  # the page shows what the run tells
+        return made
 
     def _branch(self, name: str) -> Branch:
         if name not in self._branches:

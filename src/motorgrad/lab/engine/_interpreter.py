@@ -1,5 +1,6 @@
 """The reference implementation: a diagram run one block at a time, uncompiled. Compiled runs must agree with it."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,7 +10,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from motorgrad.lab.compiler import (
-    MOST_TRIES,
+    LOST,
+    NONE,
     SPAN,
     Plan,
     address_of,
@@ -17,8 +19,8 @@ from motorgrad.lab.compiler import (
     draw_start,
     is_mode,
     plan,
+    root,
     stack,
-    tolerance,
     with_watched,
 )
 from motorgrad.lab.diagram import (
@@ -33,10 +35,12 @@ from motorgrad.lab.diagram import (
     Sink,
     clock,
     crossings_of,
+    sampled,
 )
+from motorgrad.lab.engine._fault import RunFault, finite, limit_reached, not_finite, worst
 from motorgrad.lab.engine._parameters import Parameters
 from motorgrad.lab.engine._state import State, check_state, precisely
-from motorgrad.lab.engine._tick import Tick
+from motorgrad.lab.engine._tick import Tick, while_loop
 
 Values = dict[tuple[int, str], Any]
 
@@ -71,6 +75,13 @@ class Interpreter:
         numbers = {i: crossings_of(self.plan.blocks[i].block) for i in watched if continuous}
         self.above = {i: jnp.zeros(number, bool) for i, number in numbers.items() if number}
         """Which zero crossings count as not negative, by block."""
+        switching = [i for i in self.above if adapts and self.blocks[i].switches]
+        holding = [i for i in switching if range(self.above[i].size)[self.blocks[i].slides]]
+        self.shares = {i: jnp.full(self.above[i].shape, -1, jnp.result_type(float)) for i in holding}
+        """For crossings that may be held: the share of the present mode, −1 where it is not held; by block."""
+        self.fault: Any = {}
+        self._goes_on = False
+        """Whether it went on after a fault."""
         self.pace = {"step": jnp.zeros(())} if adapts and continuous else {}
         self._steps = [jnp.asarray(p.ticks * self.plan.tick, jnp.result_type(float)) for p in self.plan.blocks]
         self._drawn: dict[int, tuple[int, np.ndarray]] = {}
@@ -90,7 +101,8 @@ class Interpreter:
     def advance(self, ticks: int) -> Record:
         """Run a number of ticks.
 
-        **Returns** what the sinks recorded, for one seed.
+        **Returns** what the sinks recorded, for one seed. **Raises** `RunFault` as `Run.advance` does; it is then at
+        the tick after.
         """
         sinks = [placed for placed in self.plan.blocks if isinstance(placed.block, Sink)]
         ports = {
@@ -100,13 +112,44 @@ class Interpreter:
         }
         seen: dict[str, list[np.ndarray]] = {address: [] for address in ports}
         first, every = self.tick, {address: spacing for address, (spacing, _) in ports.items()}
-        for _ in range(ticks):
+
+        def record(made: int) -> Record:
+            signals = {}
+            for address, (spacing, port) in ports.items():
+                values = seen[address][: len(sampled(first, made, spacing))]
+                signals[address] = np.array(values, port.dtype).reshape(1, -1, *port.shape)
+            return Record(first, made, self.plan.tick, signals, every)
+
+        for made in range(ticks):
+            before = list(self.states)
             for address, value in self._advance().items():
                 seen[address].append(value)
-        signals = {}
-        for address, (_, port) in ports.items():
-            signals[address] = np.array(seen[address], port.dtype).reshape(1, -1, *port.shape)
-        return Record(first, ticks, self.plan.tick, signals, every)
+            fault = None if self._goes_on else self._fault(before)
+            if fault is not None and self.plan.on_fault == "stop":
+                fault.record = record(made)
+                raise fault
+            if fault is not None:
+                self._goes_on = True
+                warnings.warn(str(fault.problem), RuntimeWarning, stacklevel=3)
+        return record(ticks)
+
+    def _fault(self, before: list[Any]) -> RunFault | None:
+        """What was not sound in the last tick, given the states before it."""
+        tick, kind = self.tick - 1, int(self.fault["kind"]) if self.fault else NONE
+        within = float(self.fault["within"]) if kind else 0.0
+        if kind not in (NONE, LOST):
+            system, own = Tick(self), {i: self.states[i] for i in Tick(self).movers}
+            block = worst(kind, system.owners, own, *system.changes_at(within))
+            return limit_reached(self.plan, kind, block, tick, within, self.seed, False)
+        hosts = {i for i, block in enumerate(self.blocks) if isinstance(block, HostBlock)}
+        states = {i: (before[i], self.states[i]) for i in range(len(self.blocks)) if i not in hosts}
+        states = {i: pair for i, pair in states.items() if finite(pair[0])}
+        signals = self.signals
+        if kind == LOST:
+            signals = Tick(self).signals_at(within)
+        elif finite(signals) and all(finite(after) for _, after in states.values()):
+            return None
+        return not_finite(self.plan, signals, states, tick, within, self.seed, False)
 
     def __getitem__(self, address: str) -> Any:
         """The current value of a parameter, by its address `"block.parameter"`."""
@@ -133,6 +176,7 @@ class Interpreter:
             kept = placed.ticks > 1 or i in self.plan.torn
             own = {"state": _lead(self.states[i]), "held": self._kept(i) if kept else {}}
             own |= {"above": _lead(self.above[i])} if i in self.above else {}
+            own |= {"shares": _lead(self.shares[i])} if i in self.shares else {}
             if jax.tree.leaves(own):
                 state["blocks"][placed.identity] = own
         return state | ({"pace": _lead(self.pace)} if self.pace else {})
@@ -154,6 +198,8 @@ class Interpreter:
                 kept = own["held"]
                 if i in self.above:
                     self.above[i] = jnp.array(own["above"][0])
+                if i in self.shares:
+                    self.shares[i] = jnp.array(own["shares"][0])
             self.values |= {(i, name): jnp.array(value[0]) for name, value in kept.items()}
         self.pace = {name: jnp.array(state["pace"][name][0]) for name in self.pace}
 
@@ -175,7 +221,8 @@ class Interpreter:
 
         def evaluate(values: Values) -> None:
             for i in due:
-                self.evaluate(i, values, self.states[i], self.now(i))
+                now = self.now(i)._replace(shares=self.shares.get(i))
+                self.evaluate(i, values, self.states[i], now)
 
         self.settle(self.values, evaluate, [i for i in due if i in self.plan.torn])
         record = {}
@@ -211,7 +258,7 @@ class Interpreter:
 
     def settle(self, values: Values, evaluate: Callable[[Values], None], torn: list[int]) -> None:
         """Evaluate blocks, updating `values`, such that the outputs of the `torn` ones agree with what was read of
-        them: by Newton's method, as an independent reference of the compiled form.
+        them.
         """
         ports = {f"{i}.{n}": ((i, n), p) for i in torn for n, p in self.plan.blocks[i].block.outputs.items()}
         if not ports:
@@ -228,15 +275,8 @@ class Interpreter:
             there = after(guess)
             return ravel_pytree({name: there[key] for name, (key, _) in ports.items()})[0] - guess
 
-        guess = jnp.where(jnp.isfinite(guess), guess, 0.0)
-        for _ in range(MOST_TRIES):
-            change = jnp.linalg.solve(jax.jacfwd(residual)(guess), residual(guess))
-            guess = guess - change
-            if jnp.max(jnp.abs(change)) <= tolerance() * (1 + jnp.max(jnp.abs(guess))):
-                break
-        else:
-            guess = jnp.full_like(guess, jnp.nan)
-        values |= after(guess)
+        x, found = root(residual, jnp.where(jnp.isfinite(guess), guess, 0.0), while_loop)
+        values |= after(jnp.where(found, x, jnp.nan))
         return None
 
     def _host(self, i: int) -> Host:
@@ -254,7 +294,7 @@ class Interpreter:
     @staticmethod
     def _read(source: Any, port: Port, values: Values) -> Any:
         if source is None:
-            return jnp.full(port.shape, port.default or 0.0, port.dtype)
+            return port.unwired()
         value = values[source.block, source.port]
         return value if value.dtype == port.dtype else value.astype(port.dtype)
 

@@ -1,7 +1,7 @@
 """Compiled runs of a diagram, with many seeds, that can be advanced, saved and restored."""
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self
 
 import jax
@@ -13,6 +13,7 @@ from motorgrad.lab.compiler import (
     Carry,
     HostLoop,
     Loop,
+    Stacks,
     Step,
     Values,
     address_of,
@@ -21,11 +22,14 @@ from motorgrad.lab.compiler import (
     stack,
     with_watched,
 )
-from motorgrad.lab.diagram import Diagram, Host, HostBlock, Record, join, sampled
+from motorgrad.lab.diagram import Diagram, Host, HostBlock, Problem, Record, join, sampled
+from motorgrad.lab.engine._fault import RunFault, finite
 from motorgrad.lab.engine._parameters import Parameters
+from motorgrad.lab.engine._search import chattering, fault_at, first_unsound, not_finite_since
 from motorgrad.lab.engine._state import (
     State,
     check_state,
+    finite_leaves,
     mismatches,
     not_finite,
     precisely,
@@ -35,6 +39,10 @@ from motorgrad.lab.engine._state import (
 
 MOST_SEEDS = 1_000_000
 MOST_TICKS = 2**32 - 2**16  # of a run: they are counted in 32 bits
+CHATTER = (
+    "chatters from tick {tick} ({time} s) on: it changes without end. From there on it is looked at a hundred times "
+    "per tick. Use a Relay, which slides exactly, hysteresis or a shorter tick"
+)
 
 
 class Run:
@@ -70,9 +78,11 @@ class Run:
         self.plan = with_watched(plan(diagram), watch)
         self.tick = 0
         """Number of completed ticks."""
-        self._threads, self._warned = threads, False
-        self.unstable: list[str] = []
-        """What `unstable_steps` says, once a continuous state was lost."""
+        self._threads = threads
+        self.warn: Callable[[str], None] = lambda message: warnings.warn(message, RuntimeWarning, stacklevel=8)
+        """How a warning is given."""
+        self.search: Callable[[Callable[[], RunFault]], RunFault] = lambda find: find()
+        """How the search for a fault is called, as in a thread of its own that can be stopped."""
         self._begin(sweep or {}, stacked)
         self._start()
 
@@ -90,6 +100,12 @@ class Run:
             loop.hosts(values, self.seeds, self._threads) if isinstance(loop, HostLoop) else {}
         )
         self._last: dict[int, dict[str, np.ndarray]] = {}
+        self.told: list[Problem] = []
+        """What was warned of."""
+        self._goes_on = False
+        """Whether it went on after a fault."""
+        self._sound = finite_leaves(self._carry)
+        """Which leaves of the state are to be finite: some hold infinity from the start, as where nothing is best."""
 
     @property
     def compilations(self) -> int:
@@ -110,8 +126,16 @@ class Run:
         """Run a number of ticks.
 
         **Returns** what the sinks recorded. Use `stream` for more than memory holds.
+
+        **Raises** `RunFault` where a number is not finite or a limit of the solver is reached, unless the diagram has
+        `on_fault="warn"`. It has what was recorded before; the run is then at the last tick before which all is sound.
         """
-        records = list(self.stream(ticks))
+        records = []
+        try:
+            records.extend(self.stream(ticks))
+        except RunFault as fault:
+            fault.record = join([*records, fault.record] if fault.record else records) if records else fault.record
+            raise
         shapes = self._loop.step.recorded_shapes(len(self.seeds))
         nothing = jax.tree.map(lambda like: np.zeros((0, *like.shape), like.dtype), shapes)
         return join(records) if records else self._record(self.tick, 0, nothing)
@@ -135,31 +159,116 @@ class Run:
     def _piece(self, most: int) -> Record:
         """Run one piece: as many ticks as one call can run, at most `most`. **Returns** its record."""
         now, first = min(most, self._loop.longest), self.tick
-        values = self._parameters.values
+        values, before = self.values, self._carry
         if isinstance(self._loop, HostLoop):
-            self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now, self._hosts, self._last)
+            wanted = self._wanted
+            found = self._loop.advance(values, before, self.seeds, first, now, self._hosts, self._last, wanted)
+            self._carry, seen, made, whole, before = found
         else:
-            self._carry, seen = self._loop.advance(values, self._carry, self.seeds, first, now)
-        self.tick += now
-        self._warn()
-        return self._record(first, now, seen)
+            self._carry, seen, whole = self._loop.advance(values, before, self.seeds, first, now)
+            made = now
+        self.tick += made
+        if self._goes_on and not np.any(self._carry.fault.get("kind", False)):
+            return self._record(first, made, seen)
+        if self.sound(self._carry, seen, whole):
+            self._tell_chatter()
+            return self._record(first, made, seen)
+        try:
+            fault = self.search(lambda: self._fault(first, made, before))
+        except BaseException:  # the search was interrupted: as if these ticks had not been made, where that is possible
+            if isinstance(self._loop, Loop) and self._loop.keeps:
+                self.tick, self._carry = first, before
+            raise
+        fault.record = self._record(first, min(made, max(0, fault.tick - first)), seen)
+        if self.plan.on_fault == "stop":
+            raise fault
+        if not self._goes_on:
+            self._tell(fault.problem)
+        self._goes_on = True
+        self._pass()
+        return self._record(first, self.tick - first, seen)
 
-    def _warn(self) -> None:
-        """Warn, once, where fixed steps that are unstable made a continuous state infinite."""
-        step = self._loop.step
-        if self._warned or self.plan.solver.adapts or not step.movers:
+    def _pass(self) -> None:
+        """Go on after a fault of the solver: it has no continuous state any more."""
+        fault = self._carry.fault
+        if not fault or not np.any(fault["kind"]):
             return
-        moving = {self.plan.blocks[i].path for k in step.movers for i in step.kinds[k].members}
-        lost = [path for path in self.not_finite() if path in moving]
-        if lost:
-            from motorgrad.lab.engine._stability import unstable_steps  # it linearises runs
+        gone = jnp.asarray(fault["kind"]) != 0
+        movers = {k: self._carry.states[k] for k in self.step.movers}
+        lost = jax.tree.map(lambda x: jnp.where(gone, jnp.nan, x), movers)
+        none = fault | {"kind": jnp.zeros_like(fault["kind"])}
+        self._carry = self._carry._replace(states=self._carry.states | lost, fault=none)
 
-            self._warned = True
-            self.unstable = lines = [] if self._hosts else unstable_steps(self._begun())
-            if lines:
-                more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
-                what = f"{lost[0]}{more}: not finite at tick {self.tick}"
-                warnings.warn("; ".join([what, *lines]), RuntimeWarning, stacklevel=5)
+    @precisely
+    def _fault(self, first: int, made: int, before: Carry) -> RunFault:
+        """What was not sound in the last call. The run goes back to the tick before, or to that after if it goes on."""
+        loop = self._loop
+        if isinstance(loop, Loop) and not loop.keeps:
+            limits = self._carry.fault and np.any(self._carry.fault["kind"])
+            found = fault_at(self, self.tick - 1, self._carry, self._carry) if limits else None
+            return found or not_finite_since(self, first, self._carry)
+        tick, after = self.tick - 1, self._carry
+        if isinstance(loop, Loop):
+            tick, before, after = first_unsound(self, loop, before, first, made)
+        found = fault_at(self, tick, before, after)
+        if isinstance(loop, Loop):
+            stops = self.plan.on_fault == "stop"
+            self.tick, self._carry = (tick, before) if stops else (tick + 1, after)
+        return found or not_finite_since(self, first, after)
+
+    @property
+    def values(self) -> Values:
+        """The parameters, as the compiled loop takes them."""
+        return self._parameters.values
+
+    @property
+    def step(self) -> Step:
+        """The functions of a tick."""
+        return self._loop.step
+
+    @property
+    def stacks(self) -> Stacks:
+        """The blocks as the compiled loop has them."""
+        return self._stacks
+
+    @property
+    def last_of_hosts(self) -> dict[int, dict[str, np.ndarray]]:
+        """The hosts' outputs of their last tick, by kind; seeds lead."""
+        return self._last
+
+    @property
+    def _wanted(self) -> np.ndarray:
+        """Of the leaves of the state and of what sinks record, which are to be finite; none once that was warned of."""
+        shapes = jax.tree.leaves(self.step.recorded_shapes(1))
+        reals = sum(jnp.issubdtype(like.dtype, jnp.floating) for like in shapes)
+        return np.concatenate([self._sound, np.ones(reals, bool)]) & (not self._goes_on)
+
+    def sound(self, carry: Carry, seen: Any, whole: Any) -> bool:
+        """Whether nothing went wrong, given the state, the record and what `Step.finite` says of the state."""
+        if carry.fault and np.any(carry.fault["kind"]):
+            return False
+        if self._goes_on:
+            return True
+        return bool(np.asarray(whole)[: len(self._sound)][self._sound].all()) and finite(seen)
+
+    def unstable_steps(self) -> list[str]:
+        """What `motorgrad.lab.unstable_steps` says of the start of the run."""
+        from motorgrad.lab.engine._stability import unstable_steps  # it linearises runs
+
+        return [] if self._hosts else unstable_steps(self._begun())
+
+    def _tell(self, problem: Problem) -> None:
+        self.told.append(problem)
+        self.warn(str(problem))
+
+    def _tell_chatter(self) -> None:
+        """Warn of crossings that are reached without end and are not held, once for each block."""
+        if "chatter" not in self._carry.fault or not np.any(self._carry.fault["chatter"]):
+            return
+        told = {problem.path for problem in self.told}
+        for path, tick in chattering(self, self._carry):
+            if path not in told:
+                self._tell(Problem(path, None, CHATTER.format(tick=tick, time=f"{tick * self.plan.tick:.9g}")))
 
     def _begun(self) -> Self:
         """Another run at the start, without hosts."""
@@ -233,12 +342,16 @@ class Run:
     @precisely
     def functions_at(self, row: int) -> tuple[Step, Values, Carry]:
         """The functions of a tick with the current parameters and state of one seed, for differentiating them."""
+        return self.functions_of(self._carry, row)
+
+    def functions_of(self, carry: Carry, row: int) -> tuple[Step, Values, Carry]:
+        """As `functions_at`, with another state."""
         axes = self._parameters.axes
         values = {
             k: {name: array if axes[k][name] is None else array[..., row] for name, array in arrays.items()}
             for k, arrays in self._parameters.values.items()
         }
-        return self._loop.step, values, jax.tree.map(lambda x: jnp.asarray(x)[..., row], self._carry)
+        return self._loop.step, values, jax.tree.map(lambda x: jnp.asarray(x)[..., row], carry)
 
     def wait(self) -> None:
         """Wait until all ticks are computed. Where no sink records them, `advance` may return earlier."""
@@ -279,6 +392,7 @@ class Run:
         other._parameters = self._parameters.copy()
         other._start()
         other._set_state(self.state)
+        other.told, other._goes_on, other._sound = list(self.told), self._goes_on, self._sound
         return other
 
     def close(self) -> None:

@@ -21,13 +21,14 @@ State = dict[str, Any]
 solver that adapts its steps, the length of the next one as `pace`."""
 BlockState = dict[str, Any]
 """`"state"`, a pytree; `"held"`, the outputs of a block that is not evaluated at every tick; and where the block has
-any, `"above"`, which of its zero crossings count as not negative."""
+any, `"above"`, which of its zero crossings count as not negative, and `"shares"`, see `Moment.shares`."""
 
 
 def _parts(carry: Carry, k: int) -> BlockState:
     """The state of a kind."""
     parts: BlockState = {"state": carry.states.get(k, ()), "held": carry.held.get(k, {})}
-    return parts | ({"above": carry.above[k]} if k in carry.above else {})
+    parts |= {"above": carry.above[k]} if k in carry.above else {}
+    return parts | ({"shares": carry.shares[k]} if k in carry.shares else {})
 
 
 def precisely(method: Callable[..., Any]) -> Any:
@@ -54,6 +55,22 @@ def split_by_block(stacks: Stacks, carry: Carry) -> dict[str, BlockState]:
     return found
 
 
+def states_of(stacks: Stacks, carry: Carry, seed: int) -> dict[int, Any]:
+    """The state of each block that has one, of the seed in one row."""
+    return {
+        i: jax.tree.map(lambda x, row=row: np.asarray(x[row, ..., seed]), carry.states[k])
+        for k, kind in enumerate(stacks.kinds)
+        if jax.tree.leaves(carry.states.get(k, ()))
+        for row, i in enumerate(kind.members)
+    }
+
+
+def finite_leaves(carry: Carry) -> np.ndarray:
+    """As `Step.finite` of the states and of what is held, on the host."""
+    leaves = map(np.asarray, jax.tree.leaves((carry.states, carry.held)))
+    return np.array([True, *(bool(np.isfinite(leaf).all()) for leaf in leaves if leaf.dtype.kind == "f")])
+
+
 def not_finite(stacks: Stacks, carry: Carry) -> list[int]:
     """The blocks in whose state a number is NaN or infinite."""
     found: set[int] = set()
@@ -67,7 +84,7 @@ def not_finite(stacks: Stacks, carry: Carry) -> list[int]:
 
 def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry) -> Carry:
     """The inverse of `split_by_block`, in the dtypes of `like`."""
-    states, held, above = dict(like.states), dict(like.held), dict(like.above)
+    states, held, above, shares = dict(like.states), dict(like.held), dict(like.above), dict(like.shares)
     for k, kind in enumerate(stacks.kinds):
         own = _parts(like, k)
         if not jax.tree.leaves(own):
@@ -81,7 +98,9 @@ def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry)
             held[k] = whole["held"]
         if k in above:
             above[k] = whole["above"]
-    return Carry(states, held, above, like.pace)
+        if k in shares:
+            shares[k] = whole["shares"]
+    return Carry(states, held, above, like.pace, shares, like.fault)
 
 
 def mismatches(given: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Self
 from motorgrad._errors import check
 from motorgrad._playback import MOST_BYTES, History, Playback
 from motorgrad.lab.diagram import Record, join
+from motorgrad.lab.engine._fault import RunFault
 from motorgrad.lab.engine._interpreter import Interpreter
 from motorgrad.lab.engine._run import Run
 
@@ -88,8 +89,21 @@ class Timeline:
         self._playback.forget()
 
     def advance(self, ticks: int) -> Record:
-        """Run a number of ticks, repeating the known future as far as it goes. **Returns** what the sinks recorded."""
-        return join(self._playback.advance(ticks))
+        """Run a number of ticks, repeating the known future as far as it goes. **Returns** what the sinks recorded.
+
+        **Raises** `RunFault` as `Run.advance` does.
+        """
+        pieces: list[Record] = []
+
+        def advance(ticks: int) -> None:
+            pieces.append(self.run.advance(ticks))
+
+        try:
+            self._playback.advance(ticks, advance)
+        except RunFault as fault:
+            fault.record = join([*pieces, fault.record]) if fault.record else None
+            raise
+        return join(pieces)
 
     def seek(self, tick: int) -> None:
         """Go to a tick in the past or in the future."""
