@@ -97,8 +97,14 @@ LONG = (
 """Pages whose code takes so long that only `make test-all` runs it. `make test-share` runs that of the others."""
 
 
+EXTRAS = {"docs/export.md": "motorgrad[onnx]"}
+"""What the code of a page needs."""
+
+
 def paced(page):
-    return pytest.param(page, marks=pytest.mark.slow if name_of(page) in LONG else pytest.mark.ci)
+    pace = pytest.mark.slow if name_of(page) in LONG else pytest.mark.ci
+    needs = [pytest.mark.needs(EXTRAS[name_of(page)])] if name_of(page) in EXTRAS else []
+    return pytest.param(page, marks=[pace, *needs])
 
 
 @pytest.mark.usefixtures("_left_as_found")
