@@ -193,7 +193,8 @@ def test_a_restored_environment_that_fails_is_named_and_told_in_one_line(tmp_pat
     stored["fields"]["_elapsed_steps"] = "x"
     kept["environments"] = np.array([json.dumps(stored, separators=(",", ":")).encode()])
     batch.restore(kept)
-    with pytest.raises(RuntimeError, match=r"^CartPole-v1 fails after it was restored from a checkpoint: in step 1 .*: TypeError: "):
+    told = r"^CartPole-v1 fails after it was restored from a checkpoint: in step 1 .*: TypeError: "
+    with pytest.raises(RuntimeError, match=told):
         batch.step(np.zeros((1, 1)))
 
 
