@@ -111,6 +111,12 @@ def test_an_array_is_no_larger_than_what_follows_its_header(shape, kind):
     assert "of the 16 bytes that there are" in said or "digits" in said
 
 
+def test_a_text_whose_numbers_are_no_characters_is_refused():
+    whole = npy(np.array("abc"))
+    assert refusal(array_in, whole[:-4] + b"\xff\xff\xff\x7f")
+    assert str(array_in(whole)) == "abc"
+
+
 def test_what_numpy_writes_is_read():
     arrays = {
         "scalar": np.array(3.0),

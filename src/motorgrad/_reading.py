@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 ENTRY = b"PK\1\2"  # how every entry begins in the table of contents of a zip file
 PLAIN = (0, 8)  # stored and deflated; the others are unpacked as a whole, however much it becomes
+LAST_CHARACTER = 0x10FFFF
 PIECE = 2**20  # bytes that are unpacked at a time
 LONGEST_OF_NONE = 2**20  # bytes of an array that has no numbers, if each length of 0 were 1
 _PART = r"""(?>[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
@@ -163,7 +164,11 @@ def array_in(content: bytes) -> "np.ndarray":
         fits = all(length >= 0 for length in shape) and (dtype.hasobject or size <= most)
         check(fits, "array", f"{shown(shape)} of {shown(str(dtype))}", f"of the {rest:,} bytes that there are")
         stream.seek(0)
-        return npy.read_array(stream, allow_pickle=False)
+        found = npy.read_array(stream, allow_pickle=False)
+        if dtype.kind == "U" and found.nbytes:
+            codes = found.astype(dtype.newbyteorder("=")).ravel().view("u4")
+            check((codes <= LAST_CHARACTER).all(), "text", hex(codes.max()), "of characters of Unicode")
+        return found
     except _DAMAGED as error:
         raise ValueError(told(error)) from None
 

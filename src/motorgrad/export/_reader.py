@@ -38,6 +38,7 @@ ELEMENTWISE = {**dict.fromkeys(OF_ONE.split(), 1), **dict.fromkeys(OF_TWO.split(
 """The number of arguments of each function of elements."""
 DAMAGED = (ValueError, KeyError, EOFError, RuntimeError, OverflowError, zipfile.BadZipFile, zlib.error)
 DAMAGED += (MemoryError, SyntaxError, tokenize.TokenError)  # of NumPy, which reads the head of an array as Python
+DAMAGED += (SystemError,)  # of Python, for numbers of a text that are no characters
 
 
 def read(path):
