@@ -1,9 +1,11 @@
 """A watch over what Python is asked to do: who reads a stranger's file must run, import, connect and write nothing."""
 
 import contextlib
+import io
 import os
 import sys
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 _RUNS = {"marshal.loads", "code.__new__", "pickle.find_class", "ctypes.dlopen", "os.system", "os.exec", "os.fork"}
@@ -97,6 +99,15 @@ def mutations(content: bytes, count: int, random) -> Iterator[bytes]:
         else:
             changed[at : at + random.choice([0, 1, 9])] = random.choice(traps)
         yield bytes(changed)
+
+
+def zipped(parts: Mapping[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """An archive of these entries."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", method) as file:
+        for name, part in parts.items():
+            file.writestr(name, part)
+    return content.getvalue()
 
 
 def trap_module(folder: Path) -> str:

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import webbrowser
 from collections import defaultdict
 from collections.abc import Generator
 from pathlib import Path
@@ -122,3 +123,15 @@ def process_environment() -> dict[str, str]:
 def compiled_environment(process_environment: dict[str, str]) -> dict[str, str]:
     """The same with this session's cache, for a process that is asked for what it computes, and not how it starts."""
     return process_environment | _COMPILER
+
+
+@pytest.fixture
+def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file in which a browser that does nothing else notes its arguments; it is the user's."""
+    noted, program = tmp_path / "said", tmp_path / "browser"
+    program.write_text(f'#!/bin/sh\necho "$@" > {noted}\n')
+    program.chmod(0o700)
+    monkeypatch.setenv("BROWSER", f"{program} %s")
+    monkeypatch.setattr(webbrowser, "_tryorder", None)
+    monkeypatch.setattr(webbrowser, "_browsers", {})
+    return noted

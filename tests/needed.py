@@ -16,7 +16,7 @@ CHROMIUM = Path("/usr/bin/chromium")
 PACKAGES = {
     "docs": ("ipykernel", "ipywidgets", "mkdocs_jupyter", "mkdocstrings", "nbclient", "nbformat"),
     "fmi": ("fmpy",),
-    "lab": ("anywidget", "control", "diffrax", "optimistix", "pandas", "starlette", "uvicorn"),
+    "lab": ("anywidget", "control", "diffrax", "pandas", "starlette", "uvicorn"),
     "myosuite": ("myosuite",),
     "onnx": ("onnx", "onnxruntime"),
     "peers": ("pathsim", "stable_baselines3", "torch"),

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from audit import zipped
 from motorgrad import _limits
 from motorgrad._files import read_arrays, read_json, read_toml
 from motorgrad._parquet import parquet_in
@@ -62,14 +63,6 @@ def npy_that_says(shape, kind="<f8", rest=bytes(16)):
     header = {"descr": kind, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_2_0(content, header)
     return content.getvalue() + rest
-
-
-def zipped(parts, method=zipfile.ZIP_DEFLATED):
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", method) as file:
-        for name, part in parts.items():
-            file.writestr(name, part)
-    return content.getvalue()
 
 
 def that_says(content, size):

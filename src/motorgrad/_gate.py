@@ -14,7 +14,7 @@ import socket
 import time
 from collections.abc import Callable, Iterable
 from hmac import compare_digest
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 LOCAL = frozenset({"127.0.0.1", "localhost", "::1"})
 COOKIE = "motorgrad"
@@ -199,6 +199,21 @@ class Lobby:
 
     def __len__(self) -> int:
         return len(self._waiting)
+
+    def connections_of(self, kind: type[Any]) -> type[Any]:
+        """A server's `kind` of connections (`asyncio.Protocol`), which are in the lobby at first."""
+        lobby = self
+
+        class Connection(kind):
+            def connection_made(self, transport: Any) -> None:
+                lobby.enter(transport)
+                super().connection_made(transport)
+
+            def connection_lost(self, exc: Exception | None) -> None:
+                lobby.left(self.transport)
+                super().connection_lost(exc)
+
+        return Connection
 
     def enter(self, transport: asyncio.Transport) -> None:
         """Take in a new connection, within its event loop."""

@@ -6,13 +6,13 @@ import json
 import os
 import pickle
 import random
-import zipfile
 
 import jax
 import numpy as np
 import pytest
 
 import motorgrad as mg
+from audit import zipped
 from motorgrad.sim import live
 from motorgrad.sim.live._policy import STRUCTURE, confined, load_policy, policy_of_run
 
@@ -34,14 +34,6 @@ def packed(arrays):
     """The content of a file with these arrays."""
     content = io.BytesIO()
     np.savez(content, **arrays)
-    return content.getvalue()
-
-
-def zipped(parts, method=zipfile.ZIP_DEFLATED):
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", method) as file:
-        for name, part in parts.items():
-            file.writestr(name, part)
     return content.getvalue()
 
 

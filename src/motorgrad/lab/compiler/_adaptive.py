@@ -18,7 +18,9 @@ FEW = 32  # crossings per tick, after which those without end are looked for
 MOST_SHORT = 8  # steps in a row that are the shortest possible and not exact enough
 NEVER = np.uint32(0xFFFFFFFF)  # no tick has this number
 BISECTED = 16  # tries by secants before a crossing is searched for by bisection
-SAFETY, SMALLEST, LARGEST = 0.9, 0.2, 5.0  # of the factor from step to step
+SAFETY = 0.9  # share of the step that the error allows
+SMALLEST = 0.2  # factor from step to step
+LARGEST = 5.0  # factor from step to step
 
 
 class System(Protocol):
@@ -148,8 +150,9 @@ def advanced(
         """
         if loop is not jax.lax.while_loop:
             return tree
-        nothing = lambda tree: jax.tree.map(jnp.zeros_like, tree)  # noqa: E731
-        return jax.lax.cond(system.tick < NEVER, lambda tree: tree, nothing, tree)
+        return jax.lax.cond(
+            system.tick < NEVER, lambda tree: tree, lambda tree: jax.tree.map(jnp.zeros_like, tree), tree
+        )
 
     def only_if(condition: Any, function: Callable[[Any], Any], tree: Any) -> Any:
         """The function of a tree where the condition holds, else the tree: for many seeds, computed only if needed."""
@@ -182,7 +185,10 @@ def advanced(
         searching = at.bracket.behind > 0
         if searched:
             step = jnp.where(searching, at.bracket.candidate(at.above, watched, least), step)
-        evaluate = lambda there, within: system.evaluate(there, at.modes, at.above, shares, within, s)[:2]  # noqa: E731
+
+        def evaluate(there: Any, within: Any) -> Any:
+            return system.evaluate(there, at.modes, at.above, shares, within, s)[:2]
+
         step, left, limit = once((step, left, limit))
         new, error, final, there = once(method.attempt(evaluate, at.state, s, step, slope))
 
@@ -279,8 +285,11 @@ def advanced(
 
     if position.above.size == 0:
         return loop(lambda at: at.within < length, lambda at: turn(at, False), position)
-    few = lambda at: (at.within < length) & (at.counts[1] < FEW) & ~jnp.any(shares >= 0)  # noqa: E731
-    position = loop(few, lambda at: turn(at, False), position)._replace(holds=free(shares))
+
+    def has_few(at: Position) -> Any:
+        return (at.within < length) & (at.counts[1] < FEW) & ~jnp.any(shares >= 0)
+
+    position = loop(has_few, lambda at: turn(at, False), position)._replace(holds=free(shares))
     return loop(lambda at: at.within < length, lambda at: turn(at, True), position)
 
 

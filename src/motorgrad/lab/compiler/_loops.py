@@ -60,7 +60,10 @@ def root(residual: Callable[[Any], Any], guess: Any, loop: Callable[..., Any] = 
         return value, jax.vmap(push, out_axes=1)(eye)
 
     starts, count = jnp.asarray(STARTS, guess.dtype), len(STARTS)
-    unfit = lambda p: (p[0] < count) & ~jnp.all(jnp.isfinite(residual(p[1])))  # noqa: E731
+
+    def unfit(p: Any) -> Any:
+        return (p[0] < count) & ~jnp.all(jnp.isfinite(residual(p[1])))
+
     start = loop(unfit, lambda p: (p[0] + 1, jnp.full_like(guess, starts[p[0]])), (0, guess))[1]
     first, slopes = at(start)
     real = guess.dtype

@@ -60,7 +60,7 @@ class Server:
         app = _Guard(Starlette(routes=routes), self._gate, self._lobby)
         settings: Any = {"log_level": "critical", "ws": "websockets-sansio", "ws_max_size": LARGEST, "lifespan": "off"}
         # the lobby must know clients by their real addresses, whatever a header of a proxy says
-        settings |= {"http": _through(self._lobby), "proxy_headers": False, "backlog": BACKLOG}
+        settings |= {"http": self._lobby.connections_of(AutoHTTPProtocol), "proxy_headers": False, "backlog": BACKLOG}
         self._server = uvicorn.Server(uvicorn.Config(app, timeout_graceful_shutdown=1, **settings))
         self._thread: threading.Thread | None = None
 
@@ -173,23 +173,6 @@ class _Outbox:
             if self._behind:
                 self._behind = False
                 self._resend(self.put)
-
-
-def _through(lobby: Lobby) -> type[asyncio.Protocol]:
-    """uvicorn's connections, which are in the lobby at first."""
-
-    class Connection(AutoHTTPProtocol):  # type: ignore[misc, valid-type]
-        transport: asyncio.Transport
-
-        def connection_made(self, transport: Any) -> None:
-            lobby.enter(transport)
-            super().connection_made(transport)
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            lobby.left(self.transport)
-            super().connection_lost(exc)
-
-    return Connection
 
 
 class _Guard:

@@ -111,7 +111,7 @@ class _Front:
         """The settings of viser's server, with the gate before its pages."""
         self.used = True
         bounds = {"max_size": LARGEST_PICTURE + LARGEST, "max_queue": 4, "logger": _silent, "backlog": BACKLOG}
-        bounds["create_connection"] = _through(self._lobby)
+        bounds["create_connection"] = self._lobby.connections_of(websockets.asyncio.server.ServerConnection)
         return {**given, **bounds, "process_request": self._process(given["process_request"])}
 
     def handler(self, handle: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -209,21 +209,6 @@ class _Front:
         connections = self.server._websock_server._live_connections
         number = next((number for number, known in connections.items() if known is sender), None)
         return self.server.get_clients().get(number)  # type: ignore[arg-type]
-
-
-def _through(lobby: Lobby) -> type[websockets.asyncio.server.ServerConnection]:
-    """The server's connections, which are in the lobby at first."""
-
-    class Connection(websockets.asyncio.server.ServerConnection):
-        def connection_made(self, transport: Any) -> None:
-            lobby.enter(transport)
-            super().connection_made(transport)
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            lobby.left(self.transport)
-            super().connection_lost(exc)
-
-    return Connection
 
 
 class _Client:
