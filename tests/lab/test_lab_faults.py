@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from lab_examples import wire
@@ -28,6 +30,7 @@ from motorgrad.lab import (
     Timeline,
     UnitDelay,
 )
+from motorgrad.lab.compiler._loops import solved
 
 EXACT = {"precision": "double", "relative_tolerance": 1e-10, "absolute_tolerance": 1e-12}
 
@@ -207,8 +210,19 @@ def test_a_diode_conducts(precision):
     np.testing.assert_allclose(record["v.y"][0], exact, atol=1e-5 if precision == "single" else 1e-13)
 
 
+def test_the_solution_of_a_loop_has_a_derivative():
+    """x = a − exp(x)/10 has x' = 1 / (1 + exp(x)/10) in a, which a solver for stiff systems asks for."""
+
+    def output(a):
+        return solved(lambda x: a - jnp.exp(x) / 10, lambda x: x, jnp.zeros(1))
+
+    x = brentq(lambda x: 1 - np.exp(x) / 10 - x, 0, 1)
+    np.testing.assert_allclose(output(1.0), x, rtol=1e-6)
+    np.testing.assert_allclose(jax.jacfwd(output)(1.0), 1 / (1 + np.exp(x) / 10), rtol=1e-6)
+
+
 @pytest.mark.ci
-@pytest.mark.parametrize("solver", ["rk4", "tsit5"])
+@pytest.mark.parametrize("solver", ["rk4", "tsit5", "rodas5p"])
 def test_a_saturation_in_a_loop(solver):
     """y = clip(k (u − y)) is clip(k u / (1 + k))."""
     blocks = {"u": Sine(2.0, 1.0), "e": Sum("+-"), "k": Gain(50.0), "y": Saturation(), "x": Integrator()}

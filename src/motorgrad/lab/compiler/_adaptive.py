@@ -39,6 +39,8 @@ class System(Protocol):
     rests: np.ndarray
     """Which of those are of blocks that then rest."""
 
+    rolled: bool
+    """Whether the stages of a step are a loop, too. That is slower, but what is compiled is smaller."""
     tick: Any
     """Its number, the same for all seeds."""
     margin: Any
@@ -190,7 +192,7 @@ def advanced(
             return system.evaluate(there, at.modes, at.above, shares, within, s)[:2]
 
         step, left, limit = once((step, left, limit))
-        new, error, final, there = once(method.attempt(evaluate, at.state, s, step, slope))
+        new, error, final, there = once(method.attempt(evaluate, at.state, s, step, slope, system.rolled))
 
         # its length
         larger = jax.tree.map(lambda a, b: absolute + relative * jnp.maximum(jnp.abs(a), jnp.abs(b)), at.state, new)

@@ -18,6 +18,8 @@ class Tick:
     `Continuous`, with blocks in place of kinds.
     """
 
+    rolled = False
+
     def __init__(self, interpreter: "Interpreter"):
         self.all, self.plan = interpreter, interpreter.plan
         blocks = self.plan.blocks
