@@ -70,9 +70,10 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
     if isinstance(space, spaces.Box):
-        # the absolute value of the lowest whole number of a type is that number
-        check(((array >= -1) & (array <= 1)).all(), "action", array.tolist(), "numbers from -1 to 1")
-        return array.astype(np.float32)
+        given = array.astype(np.float32)
+        if not ((given >= space.low) & (given <= space.high)).all():
+            check(False, "action", array.tolist(), f"numbers from {space.low.min():g} to {space.high.max():g}")
+        return given
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
 

@@ -4,6 +4,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import choice
 from motorgrad._files import read_toml
 from motorgrad._settings import build
@@ -45,6 +46,7 @@ def load(path: Path | str) -> Task:
     task = mg.tasks.load("reach.toml")
     ```
     """
+    check_arguments(load, locals())
     path = Path(path)
     settings = settings_in(path)
     try:

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check_integer, choice, counted
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
@@ -86,6 +87,7 @@ def evaluate(
     - `threads`: as in `train`.
     - `trust`, `allow_changed`: as in `load`, for a directory.
     """
+    check_arguments(evaluate, locals(), ("run", "untrained", "trust", "allow_changed"))
     run = run if isinstance(run, Run) else load(run, trust=trust, allow_changed=allow_changed)
     check_integer("steps", steps, 1, MOST_AT_ONCE, "decisions")
     choice("mode", mode, ("sample", "mode"))

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool
 
+from motorgrad._arguments import check_arguments
 from motorgrad._compiler import compilations
 from motorgrad._errors import check, counted
 from motorgrad._progress import Progress
@@ -114,6 +115,7 @@ def train(
     swept.plot("apex", "decay.png")
     ```
     """
+    check_arguments(train, locals(), ("seeds", "out", "progress", "tensorboard", "allow_changed"))
     arguments = check_training(
         task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after, envs, workers
     )
@@ -164,6 +166,7 @@ def resume(
     **Raises** `RunDirectoryError` where there is no run, where a setting was changed, and where the task or agent was
     made in Python: pass these to `train` with `out=path`. `NotTrusted` where code would run.
     """
+    check_arguments(resume, locals(), ("path", "progress", "trust", "allow_changed"))
     config = saved_config(path, allow_changed)
     task, run = saved_task(config, path, trust), config["run"]
     agent = saved_agent(task, config["agent"], f"{path}: agent")

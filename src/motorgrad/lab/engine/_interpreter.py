@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from motorgrad._arguments import check_arguments
 from motorgrad.lab.compiler import (
     LOST,
     NONE,
@@ -26,7 +27,6 @@ from motorgrad.lab.compiler import (
 from motorgrad.lab.diagram import (
     Block,
     Diagram,
-    Host,
     HostBlock,
     HostMoment,
     Moment,
@@ -55,6 +55,7 @@ class Interpreter:
     """
 
     def __init__(self, diagram: Diagram, seed: int = 0, watch: Sequence[str] = ()):
+        check_arguments(Interpreter, locals())
         self.plan: Plan = with_watched(plan(diagram), watch)
         self.seed, self.tick = seed, 0
         self._begin()
@@ -234,11 +235,11 @@ class Interpreter:
         for i, block in enumerate(self.blocks):
             if not self._due(i):
                 continue
-            inputs, now = self.inputs(i, self.values), self.now(i)
+            inputs = self.inputs(i, self.values)
             if isinstance(block, HostBlock):
-                self.states[i].update(block, _rows(inputs), _host_moment(self.tick, now))
+                self.states[i].update(block, _rows(inputs), self._host_moment(i))
             else:
-                after = ends[i] if i in self.modes else block.update(ends.get(i, self.states[i]), inputs, now)
+                after = ends[i] if i in self.modes else block.update(ends.get(i, self.states[i]), inputs, self.now(i))
                 self.states[i] = jax.tree.map(lambda new, old: jnp.asarray(new, old.dtype), after, self.states[i])
         self.tick += 1
         return record
@@ -248,7 +249,7 @@ class Interpreter:
         block, ports = self.blocks[i], self.plan.blocks[i].block.outputs
         inputs = self.inputs(i, values, feedthrough=True)
         if isinstance(block, HostBlock):
-            given = self._host(i).output(block, _rows(inputs), _host_moment(self.tick, now))
+            given = self.states[i].output(block, _rows(inputs), self._host_moment(i))
             given = {name: value[0] for name, value in given.items()}
         else:
             given = block.output(state, inputs, now)
@@ -279,8 +280,10 @@ class Interpreter:
         values |= after(jnp.where(found, x, jnp.nan))
         return None
 
-    def _host(self, i: int) -> Host:
-        return self.states[i]
+    def _host_moment(self, i: int) -> HostMoment:
+        """The moment for a host, as compiled runs have it: its time does not depend on the precision of signals."""
+        length, ticks = self.plan.tick, self.plan.blocks[i].ticks
+        return HostMoment(self.tick, self.tick * length, ticks * length, np.asarray(self._uniforms(i))[None])
 
     def inputs(self, i: int, values: Values, feedthrough: bool = False) -> dict[str, Any]:
         """The values at a block's inputs: at those with feedthrough, or at all."""
@@ -330,7 +333,3 @@ def _lead(tree: Any) -> Any:
 
 def _rows(inputs: dict[str, Any]) -> dict[str, np.ndarray]:
     return {name: np.array(value)[None] for name, value in inputs.items()}
-
-
-def _host_moment(tick: int, now: Moment) -> HostMoment:
-    return HostMoment(tick, float(now.time), float(now.step), np.asarray(now.uniforms)[None])
