@@ -18,6 +18,7 @@ MOST_STEPS = 200_000  # per tick, failed ones and searches for crossings include
 MOST_EVENTS = 10_000  # crossings per tick
 FEW = 32  # crossings per tick, after which those without end are looked for
 MOST_SHORT = 8  # steps in a row that are the shortest possible and not exact enough
+UNSEEN = 8.0  # 2 where what leaves a level just ends at zero, times what the level may be misjudged by
 NEVER = np.uint32(0xFFFFFFFF)  # no tick has this number
 SAFETY = 0.9  # share of the step that the error allows
 SMALLEST = 0.2  # factor from step to step
@@ -39,6 +40,8 @@ class System(Protocol):
     """Which crossings may be held, see `_sliding`."""
     rests: np.ndarray
     """Which of those are of blocks that then rest."""
+    falls: np.ndarray
+    """Which of those are held where they are reached from above."""
 
     rolled: bool
     """Whether the stages of a step are a loop, too. That is slower, but what is compiled is smaller."""
@@ -168,8 +171,10 @@ def advanced(
     def has_few(at: Position) -> Any:
         return (at.within < length) & (at.counts[1] < FEW) & ~jnp.any(shares >= 0)
 
-    # two loops: as long as nothing is held, rounds are shorter
-    position = loop(has_few, lambda at: stepper.turn(at, False), position)._replace(holds=free(shares))
+    # two loops: as long as nothing is held, rounds are shorter; where something may rest, every crossing is looked at
+    if not system.rests.any():
+        position = loop(has_few, lambda at: stepper.turn(at, False), position)
+    position = position._replace(holds=free(shares))
     return loop(lambda at: at.within < length, lambda at: stepper.turn(at, True), position)
 
 
@@ -325,10 +330,18 @@ class _Stepper:
             holds = holds._replace(tried=jnp.where(fine, holds.tried, 0), probing=probing, shares=shares)
         changed = which | toggled
         after, modes = _chosen(jnp.any(changed), crossed(above | toggled, changed), (at.state, at.modes))
+        if slides:  # what slides no more is before its threshold: where that was misjudged, it turns again
+            above &= ~(at.holds.held & ~holds.held & ~system.rests)
         enters = which
         if many:
-            rising = which & sides
-            holds, enters = holds.reached(which, rising, start, self.length, self.near, system.slides, system.rests)
+            entered = which & (sides != system.falls)
+            unseen = jnp.zeros_like(above)
+            if rests:
+                resets = entered & system.rests
+                flight = (after, modes, above, start, holds.turned, unseen)
+                unseen = resets & self.only_if(jnp.any(resets), self.returned, flight)[-1]
+            lasts = (start, self.length, self.near)
+            holds, enters = holds.reached(which, entered, unseen, *lasts, system.slides, system.rests)
         if rests:
 
             def rested(second: Any) -> Any:
@@ -341,6 +354,30 @@ class _Stepper:
         fresh = Bracket(zero, step, levels, there, none, none)
         bracket = _chosen(attempt.searching, at.bracket.narrowed(step, judgement.hit, there), fresh)
         return Change(after, modes, above, turned, again, bracket, holds)
+
+    def returned(self, flight: Any) -> Any:
+        """Whether what was reached now is left so slowly, and reached again so soon, that it could not be seen: it
+        would end within the rounding of the level at which it begins. So it is with a ball that keeps little speed.
+        """
+        system = self.system
+        state, modes, above, start, turned, _ = flight
+
+        def seen(state: Any, within: Any) -> tuple[Any, Any]:
+            slope, levels, _ = system.evaluate(state, modes, above, jnp.full_like(self.shares, -1), within, within)
+            return levels, slope
+
+        def rates(state: Any, within: Any) -> tuple[Any, Any]:
+            slope = seen(state, within)[1]
+            levels, rate, _ = jax.jvp(seen, (state, within), (slope, jnp.ones_like(within)), has_aux=True)
+            return rate, (levels, slope)
+
+        slope = seen(state, start)[1]
+        rate, bend, (levels, _) = jax.jvp(rates, (state, start), (slope, jnp.ones_like(start)), has_aux=True)
+        sign = jnp.where(above, 1.0, -1.0)  # of levels on the side that was reached
+        levels, rate, bend = sign * levels, sign * rate, sign * bend
+        reached = (turned == start) & ~system.rests & (levels >= 0)
+        unseen = reached & (rate <= 0) & (bend >= 0) & (rate**2 <= UNSEEN * levels * bend)
+        return state, modes, above, start, turned, jnp.full_like(above, jnp.any(unseen))
 
     def scaled(self, *states: Any) -> Any:
         """The error that is tolerated for states of this size."""

@@ -39,6 +39,7 @@ class Continuous:
         self.slides = np.concatenate([np.zeros(0, bool), *slides])
         rests = [k in step.movers for k in step.crossings]
         self.rests = self.slides & np.repeat(np.array(rests, bool), sizes)
+        self.falls = self.slides & np.repeat(np.array([kinds[k].block.falls for k in step.crossings], bool), sizes)
 
     def slopes(self, state: dict[int, Any], within: Any, start: Any = None) -> dict[int, Any]:
         """The time derivative of the state, in a step of the solver that began at `start`, by default at `within`."""

@@ -186,6 +186,11 @@ class Block:
         """
         return slice(0, 0)
 
+    @property
+    def falls(self) -> bool:
+        """Whether those crossings are held where they fall: reached from above."""
+        return False
+
     def check_broadcasts(self, name: str, shape: tuple[int, ...]) -> None:
         """Refuse a parameter that does not broadcast to `shape`, and an invalid shape."""
         shape = checked_shape("shape", shape)

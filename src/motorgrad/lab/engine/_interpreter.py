@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.flatten_util import ravel_pytree
 
 from motorgrad._arguments import check_arguments
@@ -306,8 +307,9 @@ class Interpreter:
 
     def now(self, i: int, within: Any = 0.0, start: Any = None, above: Any = None) -> Moment:
         """The moment `within` seconds of the tick, for a block."""
-        key = self.tick, float(within), None if start is None else float(start)
-        if self._clock[0] != key:  # shared by all blocks: making small arrays is slow
+        traced = isinstance(within, Tracer)  # where the solver differentiates by time
+        key = None if traced else (self.tick, float(within), None if start is None else float(start))
+        if traced or self._clock[0] != key:  # shared by all blocks: making small arrays is slow
             tick = jnp.uint32(self.tick)
             time, rest = clock(tick, self.plan.tick, within)
             began = time if start is None else clock(tick, self.plan.tick, start)[0]
