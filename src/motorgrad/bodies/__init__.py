@@ -18,7 +18,7 @@ from motorgrad.bodies._body import (
 from motorgrad.bodies._contraction import Contraction, contract
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
-from motorgrad.bodies.arm._arm import Arm
+from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
 from motorgrad.bodies.arm._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
 from motorgrad.bodies.hexapod._controllers import TRIPODS, LegState, TripodClock, TripodController, Turning
 from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure_gait, walk
@@ -55,6 +55,7 @@ __all__ = [
     "BUNDLED",
     "CURVES",
     "LEGS",
+    "POSTURES",
     "TOUCH",
     "TRIPODS",
     "Actuator",
@@ -81,6 +82,7 @@ __all__ = [
     "Mjcf",
     "Muscle",
     "OnTerrain",
+    "Posture",
     "Section",
     "Segment",
     "Sensor",
