@@ -12,23 +12,27 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool
 
-from motorgrad._compiler import compilations
-from motorgrad._errors import check, counted
-from motorgrad._progress import Progress
+from motorgrad._errors import check, counted, shown
+from motorgrad._interface import Statistics
+from motorgrad._platform import tell_the_platform
 from motorgrad._settings import table
-from motorgrad._signals import stop_when_asked
+from motorgrad._signals import interrupt, stop_when_asked
 from motorgrad.learning import Agent, RunningMean
-from motorgrad.policies import Policy, describe
+from motorgrad.policies import Policy, describe, with_interface
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments, check_training
 from motorgrad.training._broken import not_all_finite, not_finite, told_lanes
 from motorgrad.training._callbacks import Callback, Report, check_callbacks
-from motorgrad.training._load import given_initial, memory_in, saved_config
+from motorgrad.training._continuing import continued, interface_of
+from motorgrad.training._evaluating import STATE, EvaluationCallback, evaluating_of
+from motorgrad.training._load import critic_in, given_initial, memory_in, saved_config
 from motorgrad.training._metrics import Records, mean_of_samples
 from motorgrad.training._run import Run, saved_agent, saved_task
 from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
+from motorgrad.training._shown import TrainingProgress
 from motorgrad.training._sweep import numbers_by_lane
+from motorgrad.training._trust import task_named
 from motorgrad.training.engines import training_stepper_for
 from motorgrad.training.plots import EventFiles, check_tensorboard, start_time
 from motorgrad.training.store import (
@@ -44,6 +48,7 @@ from motorgrad.training.store import (
     versions,
 )
 
+EVALUATION = ("run.evaluate_", "run.keep_")
 SLICE = 0.2  # seconds of work between two checks of the clock and of Ctrl-C
 
 
@@ -51,7 +56,7 @@ def train(
     task: Task | str,
     agent: Agent | Mapping[str, Any] | None = None,
     steps: int = 100_000,
-    seeds: int | Sequence[int] = 1,
+    seeds: int | Sequence[int] | None = None,
     out: Path | str | None = None,
     *,
     sweep: Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]] | None = None,
@@ -63,7 +68,7 @@ def train(
     progress: bool = True,
     tensorboard: bool = False,
     callbacks: Callback | Iterable[Callback] = (),
-    initial: Policy | None = None,
+    initial: Policy | Run | None = None,
     give_up_after: float = GIVE_UP_AFTER,
     allow_changed: bool = False,
 ) -> Run:
@@ -71,12 +76,14 @@ def train(
 
     **Arguments:**
 
-    - `task`: a task, or the name of one.
-    - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner.
-      A run whose parts are all registered can be resumed from its directory alone (`resume`).
+    - `task`: a task, or its name: as on the command line, also the id of a Gymnasium environment, such as
+      `"Pendulum-v1"`, or a TOML file of a task.
+    - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner, or that of
+      the run where `initial` is one. A run whose parts are all registered can be resumed from its directory alone
+      (`resume`).
     - `steps`: decisions per seed, those of all its environments together. If the directory holds a run with more
       decisions, that run is returned.
-    - `seeds`: their number (0, 1, 2 …), or a list of them.
+    - `seeds`: their number (0, 1, 2 …), or a list of them; by default 1, or those of the run where `initial` is one.
     - `out`: the run directory. If it holds the same run, unfinished, training continues from its last checkpoint, bit
       for bit; if it is finished, it is returned, or continued where `steps` are more than before.
     - `sweep`: several settings of the agent's numbers, which learn side by side in one compiled call: a mapping from
@@ -94,19 +101,24 @@ def train(
     - `progress`: whether to show progress.
     - `tensorboard`: whether to write TensorBoard event files to `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint exactly once, also after a kill.
-    - `callbacks`: functions that get every new record as a `Report`, to log it elsewhere for example; one or several.
-      Where one returns True, training ends early, as at Ctrl-C (`EarlyStopping`). They change no number.
-    - `initial`: the policies from which the seeds start, along a leading axis, such as the `policies` of a run; by
-      default the agent's own. They must have the structure of the agent's policy.
+    - `callbacks`: functions that get every new record as a `Report`, with the present policies, to log it elsewhere for
+      example; one or several. Where one returns True, training ends early, and the unfinished run is saved and returned
+      (`EarlyStopping`); `EvaluationCallback` and `KeepBest` evaluate. They change no number.
+    - `initial`: a run that the seeds continue, also on a changed body or task with the same observations and actions;
+      or the policies from which they start, along a leading axis, such as the `policies` of a run; by default the
+      agent's own. They must have the structure of the agent's policy. Running statistics of observations are taken
+      over.
     - `give_up_after`: seconds after which the run ends if nothing could be saved in them, because the disk is full or
       the directory is gone. Until then it learns on, warns, tries again at every checkpoint, and loses nothing.
     - `allow_changed`: whether to continue a run whose settings, or version of motorgrad, are not those with which it
       was made. The present ones are used.
 
-    **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and returns the unfinished run (`complete` is `False`).
+    **Returns** a `Run`.
 
     **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
     before any work starts; `NotSaved`, whose `run` is all that was learned, where a run ends and could not be saved.
+    Ctrl-C or SIGTERM stops it, saves everything, and then raises `KeyboardInterrupt`, which says how far it is and has
+    the unfinished run as `run`: a script does not go on with it unless it catches this.
 
     ```python
     run = mg.train("hopper", steps=100_000, seeds=16, out="runs/hopper")
@@ -114,10 +126,15 @@ def train(
     swept.plot("apex", "decay.png")
     ```
     """
+    if isinstance(initial, Run):
+        task = task_named(task) if isinstance(task, str) else task
+        agent, seeds, initial = continued(initial, task, agent, seeds)
+    seeds = 1 if seeds is None else seeds
     arguments = check_training(
         task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after, envs, workers
     )
     reported = check_callbacks(callbacks)
+    tell_the_platform()
     if tensorboard:
         check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory: give `out`")
@@ -125,7 +142,7 @@ def train(
     lanes = len(arguments.seeds) * max(1, len(arguments.settings))
     with (
         nullcontext() if out is None else RunDirectory(out) as directory,
-        _TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
+        TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
     ):
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
         training = _Training(arguments, saving, threads, reported)
@@ -195,6 +212,8 @@ class _Training:
         task, agent, steps, seeds, initial, settings, window, envs, workers = arguments
         self.task, self.saving, self.callbacks = task, saving, callbacks
         self.ended = False  # by a callback
+        self.evaluating = _evaluating(callbacks)
+        self._remembered: Callable[[], Any] | None = None
         lanes = seeds * max(1, len(settings))
         numbers = numbers_by_lane(settings, len(seeds))
         mark = None if initial is None else fingerprint(initial)
@@ -213,24 +232,42 @@ class _Training:
             self.config["run"]["envs"] = envs
         if mark is not None:
             self.config["run"]["initial"] = mark
+        if self.evaluating is not None:
+            self.evaluating.begin(task, steps)
+            self.config["run"] |= self.evaluating.settings
         start = self.stepper.state["cycle"].agent
         self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
         self.records = Records(self.stepper.seeds, task.period, len(settings))
-        self.initial = self.stepper.policies()
+        self.interface = interface_of(task, self.stepper.policy)
+        self.initial = self._with_interface(self.stepper.policies(), self.stepper.start_statistics)
         self.wall, self.cpu, self.recorded = 0.0, 0.0, 0
         self.lost = np.zeros(len(lanes), bool)
         self.continues = self.finished = False
         self._ending: tuple[Any, ...] | None = None
+
+    def _with_interface(self, policies: Policy, statistics: Statistics | None) -> Policy:
+        """Policies, seeds leading, with what their observations and actions mean."""
+        if self.interface is None:
+            return policies
+        fresh = self.interface.fresh(len(self.stepper.seeds))
+        return with_interface(policies, fresh if statistics is None else fresh.with_statistics(statistics))
+
+    def _present(self, memory: Any) -> Policy:
+        """The present policies, with the statistics in the memory of the task, seeds leading."""
+        statistics = None if self.interface is None else self.task.statistics(memory)
+        return self._with_interface(self.stepper.policies(), statistics)
 
     def open(self, directory: RunDirectory, window: int | None, allow_changed: bool) -> None:
         """Resume the run in the directory, or start one."""
         path, steps = directory.path, self.config["run"]["steps"]
         found = directory.to_continue() if directory.is_run else None
         about = None if found is None else found[1]
+        before: dict[str, Any] = {}
         if directory.is_run:
             before = directory.config(about, allow_changed)
             if window is None:
                 self.config["run"]["window"] = before["run"]["window"]
+            self._evaluate_as(before["run"])
             self._compare(directory, before, about, allow_changed)
             if about is not None:
                 _check_steps(path, steps, before["run"]["steps"], about["decision"])
@@ -238,10 +275,9 @@ class _Training:
         if found is not None and about is not None:
             self.continues = about["decision"] < steps
             self.finished = not self.continues and not allow_changed and directory.has_its_end(about)
-            state = fill_tree(self.stepper.state, found[0])
-            if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
-                state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
-            self.stepper.restore(state)
+            self._restore(path, before, found[0])
+            if self.evaluating is not None:
+                self.evaluating.restore(found[0])
             self._look_for_broken(not_finite(self.stepper.policies()))
             self.recorded, self.wall, self.cpu = about["recorded"], about["wall"], about.get("cpu", 0.0)
             self.config["run"]["steps"] = max(steps, about["decision"])
@@ -249,6 +285,37 @@ class _Training:
         directory.roll_back(about, self.finished)
         self._restore_initial(directory, about)
         directory.add_session(self.config["run"]["seeds"], about, self.continues)
+
+    def _restore(self, path: Path, before: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+        """Put the state of a checkpoint in place. **Raises** `RunDirectoryError` where it is another learner's."""
+        try:
+            state = fill_tree(self.stepper.state, arrays)
+            if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
+                state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
+            self.stepper.restore(state)
+        except ValueError as error:
+            changes = [
+                f"{where} was {shown(then)} and is now {shown(new)}"
+                for where, new, then in differences(self.config, before)
+                if where not in ("run.steps", "run.window") and not where.startswith(EVALUATION)
+            ]
+            if not changes:
+                raise
+            more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+            raise RunDirectoryError(
+                f"{path} cannot be continued with these changes: {'; '.join(changes[:3])}{more}: the state of its "
+                "learner or dynamics has other parts, or another number of them. Undo them, or choose another "
+                f"directory; train(..., initial=mg.load({str(path)!r})) starts anew from what was learned"
+            ) from error
+
+    def _evaluate_as(self, before: dict[str, Any]) -> None:
+        """Go on evaluating as the run in the directory does, unless a callback says how."""
+        if self.evaluating is None and (own := evaluating_of(before)) is not None:
+            self.evaluating = own
+            self.callbacks = (*self.callbacks, own)
+        if self.evaluating is not None:
+            self.evaluating.begin(self.task, self.config["run"]["steps"], before.get("evaluate_every"))
+            self.config["run"] |= self.evaluating.settings
 
     def _compare(
         self, directory: RunDirectory, before: dict[str, Any], about: dict[str, Any] | None, allow_changed: bool
@@ -262,7 +329,11 @@ class _Training:
             before = {**before, "agent": {**before["agent"], **begins}}
             now = {**now, "agent": {**now["agent"], **self.begins}}
         # name a number rather than the fingerprint of the initial learner, which changes with it
-        found = (f"{where} was {then!r} and is now {new!r}" for where, new, then in differences(now, before))
+        found = (
+            f"{where} was {then!r} and is now {new!r}"
+            for where, new, then in differences(now, before)
+            if not (then is None and where.startswith(EVALUATION))  # an evaluation may begin at any time
+        )
         changed = sorted(
             (difference for difference in found if not difference.startswith("run.steps")),
             key=lambda difference: difference.startswith("agent.initial"),
@@ -297,7 +368,8 @@ class _Training:
                 return
         except CorruptCheckpoint as error:
             warnings.warn(f"{error}; made again", RunWarning, stacklevel=2)
-        directory.save_initial(self.initial, {**self.config["agent"], **self.begins})
+        meaning = {} if self.interface is None else {"interface": self.interface.table()}
+        directory.save_initial(self.initial, {**self.config["agent"], **self.begins, **meaning})
 
     def write_events(self, directory: RunDirectory, asked: bool) -> None:
         """Begin or continue the event files, where they are asked for or there."""
@@ -321,7 +393,7 @@ class _Training:
                 "choose another directory, or delete this one"
             )
 
-    def run(self, report: "_TrainingProgress") -> Run:
+    def run(self, report: "TrainingProgress") -> Run:
         steps, window = self.config["run"]["steps"], self.config["run"]["window"]
         stepper, saving, count = self.stepper, self.saving, 1
         if self.continues:
@@ -352,7 +424,17 @@ class _Training:
             )
             error.run = run
             raise error
+        if stopped():
+            raise interrupt(self._told_stop(), run=run)
         return run
+
+    def _told_stop(self) -> str:
+        """How far it is, where it is saved, and how it goes on, once it was asked to stop."""
+        done, steps = self.stepper.decision, self.config["run"]["steps"]
+        said = f"stopped after {done:,} of {counted(steps, 'decision')}"
+        if self.saving is None:
+            return f"{said}; it is not saved, as there is no `out`: `run` of this exception has all"
+        return f"{said}, saved in {self.saving.directory.path}; the same call continues"
 
     def _outcome(self) -> Run:
         saving, state = self.saving, self.stepper.state
@@ -363,12 +445,14 @@ class _Training:
             self.config,
             self.stepper.decision,
             pa.table({}) if metrics is None else metrics,
-            self.stepper.policies(),
+            self._present(state["cycle"].memory),
             self.initial,
             mean_of_samples(learner.gradient.mean, learner.gradient.count) if batches else None,
             None if saving is None else saving.directory.path,
             self.task,
             _memory=memory_in(by_name(state)),
+            _critic=critic_in(by_name(state)),
+            _evaluations={} if self.evaluating is None else self.evaluating.state,
         )
 
     def _record(self) -> dict[str, float]:
@@ -399,10 +483,19 @@ class _Training:
         if not self.callbacks:
             return
         path = None if self.saving is None else self.saving.directory.path
-        run = self.config["run"]
-        report = Report(self.task.name, run["seeds"], self.recorded, run["steps"], self.records.newest(), path)
+        run, whole = self.config["run"], self.recorded % self.config["run"]["window"] == 0
+        about = (self.task.name, run["seeds"], self.recorded, run["steps"], self.records.newest(), path, whole)
+        report = Report(*about, self._snapshot)
         ends = [callback(report) is True for callback in self.callbacks]
         self.ended = self.ended or any(ends)
+
+    def _snapshot(self) -> Run:
+        """The run as it is now, without records."""
+        if self._remembered is None:
+            self._remembered = self.stepper.viewer(lambda cycle, state: cycle.memory)
+        remembered, decision = self._remembered(), self.stepper.decision
+        policies, memory = self._present(remembered), by_name(remembered)
+        return Run(self.config, decision, pa.table({}), policies, self.initial, _task=self.task, _memory=memory)
 
     def _commit(self) -> bool:
         """Save everything, where there is a directory; whether that succeeded.
@@ -418,13 +511,23 @@ class _Training:
             return self.saving.save(*self._ending)
         about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
         about |= {"cpu": self.cpu, "config": self.config, "begins": self.begins}
-        state = {**self.stepper.state, "kept": self.stepper.policies()}
+        state = self.stepper.state
+        state = {**state, "kept": self._present(state["cycle"].memory)}
+        if self.evaluating is not None:
+            state[STATE] = self.evaluating.state
         records, last = self.records.take(), None
         if short:
             self._record()
             last = self.records.take()
             self._ending = (state, about, None, last)
         return self.saving.save(state, about, records, last)
+
+
+def _evaluating(callbacks: Iterable[Callback]) -> EvaluationCallback | None:
+    """The callback among these that evaluates. **Raises** `ValueError` for several."""
+    found = [callback for callback in callbacks if isinstance(callback, EvaluationCallback)]
+    check(len(found) < 2, "callbacks", found, "one EvaluationCallback at most, and KeepBest is one")
+    return found[0] if found else None
 
 
 def _wait(seconds: float, stopped: Callable[[], bool]) -> None:
@@ -441,27 +544,3 @@ def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
             f"{path} holds a run of {counted(before, 'decision')}, of which {made:,} are made, but steps = {steps:,}: "
             f"give {before:,} or more, or choose another directory"
         )
-
-
-class _TrainingProgress(Progress):
-    """Progress of a training: the latest means, decisions per second, simulated time."""
-
-    def __init__(self, task: Task, seeds: int, steps: int, shown: bool):
-        super().__init__(task.name, "decisions", steps, 0, shown, at_first="compiling")
-        self.task, self.seeds = task, seeds
-        self._latest: dict[str, float] = {}
-        self._rate: float | None = None
-        self._compiled = compilations()
-
-    def report(self, decision: int, rate: float, latest: Mapping[str, float]) -> None:
-        """Show progress at a `decision`, the `rate` in decisions per second and seed, and new means of the metrics."""
-        self._latest |= latest
-        before, self._compiled = self._compiled, compilations()
-        usual = self._compiled == before
-        if usual:
-            self._rate = rate
-        facts = [f"{name} {value:.4g}" for name, value in reversed(self._latest.items())]
-        if self._rate is not None:
-            facts.append(f"{self._rate * self.seeds:,.0f} decisions/s")
-        facts += [f"{decision * self.task.period:,.0f} s simulated"] if self.task.period != 1 else []
-        self.update(decision, " · ".join([*facts, counted(self.seeds, "seed")]), usual)
