@@ -17,7 +17,7 @@ import pytest
 
 from motorgrad import _gate
 from motorgrad._browser import open_in_browser
-from motorgrad._gate import BACKLOG, COOKIE, STRANGERS, Answer, Gate, Lobby, Pace, Passed
+from motorgrad._gate import BACKLOG, COOKIE, STRANGERS, Answer, Gate, Lobby, Pace, Passed, strangers
 
 HOST = "127.0.0.1:8080"
 
@@ -260,17 +260,31 @@ def test_who_shows_nothing_is_closed_and_who_shows_the_token_stays():
 
 def test_a_crowd_of_strangers_is_limited_and_who_knows_gets_in():
     async def visit(port):
-        strangers = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3 * STRANGERS)]
+        crowd = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3 * places)]
         known = await asyncio.open_connection("127.0.0.1", port)
         known[1].write(b"x")
         assert await known[0].readexactly(1) == b"x"
         most = len(lobby)
-        for _, writer in (known, *strangers):
+        for _, writer in (known, *crowd):
             writer.close()
         return most
 
-    lobby = Lobby()
-    assert asyncio.run(_visited(lobby, visit)) <= STRANGERS
+    places = 2 * BACKLOG
+    lobby = Lobby(places)
+    assert asyncio.run(_visited(lobby, visit)) <= places
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="connections are no files there")
+@pytest.mark.parametrize(("files", "places"), [(256, 128), (1024, 256), (4096, STRANGERS)])
+def test_strangers_leave_most_files_of_a_process_to_others(files, places):
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (files, before[1]))
+    try:
+        assert strangers() == places
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all of 127.0.0.0/8")

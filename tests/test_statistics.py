@@ -1,5 +1,7 @@
 """Intervals hold the truth as often as they say, and say so where they cannot."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from motorgrad.statistics import (
     mean_of,
     median_of,
     moving_mean,
+    per_case,
     ratio_of,
     share_of,
     tally_of,
@@ -109,6 +112,27 @@ def test_a_ratio_and_its_inverse_agree():
     one, other = rng.uniform(1, 2, 10), rng.uniform(1, 2, 10)
     ratio, inverse = ratio_of(one, other), ratio_of(other, one)
     np.testing.assert_allclose([ratio.low * inverse.high, ratio.value * inverse.value], 1)
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "said"),
+    [
+        ([1.0, 0.0, 2.0], [1.0, 1.0, 1.0], "above = [0.0]: must be above 0"),
+        ([1.0, 2.0], [3.0, -1.0], "below = [-1.0]: must be above 0"),
+        ([1.0, np.nan], [1.0, 1.0], "above = array([ 1., nan]): must be at least one, all finite"),
+        ([], [], "above = array([], dtype=float64): must be at least one"),
+        ([1.0, 2.0], [1.0, 2.0, 3.0], "above, below = (2, 3): must be as many numbers in each"),
+        (["one"], [1.0], "above = ['one']: must be numbers"),
+        ([[1.0], [2.0, 3.0]], [1.0], "above = [[1.0], [2.0, 3.0]]: must be numbers, as many in each row"),
+    ],
+)
+def test_what_has_no_ratio_is_refused(above, below, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        ratio_of(above, below)
+
+
+def test_nothing_over_no_cases_is_unknown():
+    np.testing.assert_array_equal(per_case([0, 3, 4], np.array([0, 2, 0])), [np.nan, 1.5, np.nan])
 
 
 def test_a_difference_covers_unequal_variances():

@@ -1,13 +1,16 @@
 """Files that stand for far more than they are, or say what they are not: each is refused at once, in one line."""
 
+import errno
 import io
 import json
 import os
 import re
+import shutil
 import struct
 import subprocess
 import sys
 import tracemalloc
+import warnings
 import zipfile
 
 import numpy as np
@@ -15,6 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import motorgrad as mg
 from audit import zipped
 from motorgrad import _limits
 from motorgrad._files import read_arrays, read_json, read_toml
@@ -28,6 +32,7 @@ from motorgrad.sim import read_activations, read_motion
 from motorgrad.sim.live import setup_of
 from motorgrad.sim.live._policy import load_policy
 from motorgrad.tasks.terms import Follow
+from motorgrad.training.store import _checkpoint
 from motorgrad.training.store._checkpoint import checksum, is_whole
 from motorgrad.training.store._checkpoint import load as load_state
 
@@ -49,6 +54,25 @@ def refusal(read, *arguments, little=LITTLE):
     assert len(said.splitlines()) == 1
     assert len(said) < 1000
     return said
+
+
+def said_of(read):
+    """What is said of a file in an error or in warnings, in one line each, without taking much memory."""
+    tracemalloc.start()
+    said = []
+    try:
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            try:
+                read()
+            except (ValueError, RuntimeError) as error:
+                said.append(str(error))
+        assert tracemalloc.get_traced_memory()[1] < LITTLE
+    finally:
+        tracemalloc.stop()
+    said += [str(each.message) for each in found]
+    assert all(len(each.splitlines()) == 1 for each in said)
+    return " | ".join(said)
 
 
 def npy(array):
@@ -391,6 +415,43 @@ def test_a_table_is_bounded_before_it_is_unpacked(name, tmp_path, monkeypatch):
 def test_a_pipe_is_no_file(read, tmp_path):
     os.mkfifo(tmp_path / "pipe")  # to read it would take for ever
     assert "file" in refusal(read, tmp_path / "pipe")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bounded") / "run"
+    mg.train("three-state", steps=40, seeds=1, window=20, out=folder, progress=False)
+    return folder
+
+
+PARTS = [
+    "config.toml",
+    "provenance.json",
+    "metrics/SHA256SUMS",
+    "metrics/*.parquet",
+    "checkpoint/*.state",
+    "checkpoint/initial.policies",
+]
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_every_file_of_a_run_is_bounded_before_it_is_read(part, run, tmp_path):
+    """A file of 100 GiB that takes no place on the disk."""
+    shutil.copytree(run, tmp_path / "run")
+    file = sorted((tmp_path / "run").glob(part))[-1]
+    os.truncate(file, 100 * 2**30)
+    said = said_of(lambda: mg.load(tmp_path / "run").metrics)
+    assert file.name in said
+    assert re.search(r"bytes = 107374182400: must be at most [0-9,]+", said)
+
+
+def test_what_would_not_be_read_is_not_saved(tmp_path, monkeypatch):
+    """It is as a disk that is too small: learning goes on, and says so."""
+    monkeypatch.setattr(_checkpoint, "MOST_STATE_BYTES", 1000)
+    with pytest.raises(OSError, match=r"takes [0-9,]+ bytes, more than the 1,000 that are read") as error:
+        _checkpoint.save(tmp_path / "x.state", {"a": np.zeros(1000)}, {})
+    assert error.value.errno == errno.EFBIG
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_unit_is_bounded_before_its_description_is_read():

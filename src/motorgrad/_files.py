@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from motorgrad._limits import MOST_ARRAY_BYTES, MOST_JSON_BYTES, MOST_SETTINGS_BYTES
+from motorgrad._limits import MOST_ARRAY_BYTES, MOST_JSON_BYTES, MOST_METRICS_BYTES, MOST_SETTINGS_BYTES
 from motorgrad._reading import arrays_in, content_of, json_in, toml_in
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def changing(path: Path) -> Iterator[BinaryIO]:
             if os.fstat(stream.fileno()).st_nlink == 1:
                 yield stream
                 return
-        write_atomically(path, content_of(path))
+        write_atomically(path, read_content(path, MOST_METRICS_BYTES))
         with changing(path) as stream:
             yield stream
 
@@ -133,6 +133,14 @@ def read_arrays(path: Path) -> "dict[str, np.ndarray]":
         return arrays_in(content_of(path, MOST_ARRAY_BYTES), MOST_ARRAY_BYTES)
     except ValueError as error:
         raise ValueError(f"{path}: damaged: {error}; delete it, and it is made again") from None
+
+
+def read_content(path: Path, most: int) -> bytes:
+    """The content of a file of at most so many bytes. **Raises** `ValueError` that names the file and the problem."""
+    try:
+        return content_of(path, most)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:

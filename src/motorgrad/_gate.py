@@ -20,9 +20,10 @@ LOCAL = frozenset({"127.0.0.1", "localhost", "::1"})
 COOKIE = "motorgrad"
 UNIT = 2**16  # bytes that cost as much as one more message
 VALID = 120.0  # s in which a browser must come with its ticket
-STRANGERS = 128  # connections at a time that have shown no token
+STRANGERS = 512  # connections at a time that have shown no token, as all have when many browsers come at once
+SHARE_OF_FILES = 4  # a process that may open few files has places for a part of them
 PATIENCE = 30.0  # s that such a connection may last
-BACKLOG = 64  # connections accepted at a time; fewer than STRANGERS, or one would be closed before it is read
+BACKLOG = 64  # connections accepted at a time; fewer than have a place, or one would be closed before it is read
 HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -190,11 +191,12 @@ class Lobby:
 
     Where there are too many, the one that has waited longest is closed: whoever has the token shows it at once.
 
-    **Arguments:** how `many` at a time; `patience`: seconds that each may last.
+    **Arguments:** how `many` at a time, by default `strangers()`;
+    `patience`: seconds that each may last.
     """
 
-    def __init__(self, many: int = STRANGERS, patience: float = PATIENCE):
-        self._many, self._patience = many, patience
+    def __init__(self, many: int | None = None, patience: float = PATIENCE):
+        self._many, self._patience = strangers() if many is None else many, patience
         self._waiting: dict[Ends, tuple[asyncio.Transport, asyncio.TimerHandle]] = {}
 
     def __len__(self) -> int:
@@ -244,6 +246,16 @@ class Lobby:
         transport = self._waiting[ends][0]
         self.leave(ends)
         transport.abort()
+
+
+def strangers() -> int:
+    """How many connections that have shown no token a page of this process takes at a time."""
+    try:
+        import resource
+    except ImportError:  # Windows, where connections are no files
+        return STRANGERS
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return STRANGERS if files == resource.RLIM_INFINITY else min(STRANGERS, max(2 * BACKLOG, files // SHARE_OF_FILES))
 
 
 def _ends(transport: asyncio.BaseTransport) -> Ends | None:

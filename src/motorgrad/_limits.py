@@ -47,7 +47,11 @@ MOST_TABLE_COLUMNS = 10_000
 MOST_TABLE_PARTS = 1_000_000
 """Of a Parquet file: its columns times its groups of rows."""
 MOST_METRICS_BYTES = 2**32
-"""Of all records of a run, unpacked."""
+"""Of all records of a run, unpacked, of their list and of the event files of TensorBoard."""
+MOST_STATE_BYTES = 2**32
+"""Of a checkpoint of a run, which is read as a whole. A larger one is not saved."""
+MOST_MARK_BYTES = 1_000
+"""Of a run's signature, and of the file that says which process has it."""
 
 MOST_MODEL_BYTES = 2**30
 """Of a model that MuJoCo compiles, and of each of its files."""

@@ -53,8 +53,8 @@ _DAMAGED = (
 )
 
 
-def content_of(path: Path, most: int | None = None) -> bytes:
-    """The content of a file of at most so many bytes, by default of any length.
+def content_of(path: Path, most: int) -> bytes:
+    """The content of a file of at most so many bytes.
 
     It must be a regular one: a device may never end, and a pipe never begin. **Raises** `OSError` where there is none.
     """
@@ -197,8 +197,8 @@ def csv_in(content: bytes, most: int) -> "pa.Table":
 _TOO_DEEP = f"nested too deeply: must be of at most {MOST_NESTED} lists and tables within each other"
 
 
-def _check_bytes(size: int, most: int | None) -> None:
-    check(most is None or size <= most, "bytes", size, f"at most {most:,}" if most is not None else "")
+def _check_bytes(size: int, most: int) -> None:
+    check(size <= most, "bytes", size, f"at most {most:,}")
 
 
 def check_unpacked(size: int, most: int) -> None:

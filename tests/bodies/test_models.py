@@ -13,10 +13,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from gymnasium.envs.mujoco import mujoco_env
 
 from motorgrad import lab
 from motorgrad.bodies import Hopper, compile_model, read_model, to_mjcf
 from motorgrad.sim import live
+from motorgrad.tasks import Gymnasium
 
 BODY = '<body name="b"><joint name="j"/><geom name="g" size="0.1"/></body>'
 
@@ -345,8 +347,20 @@ def test_a_description_is_refused_likewise(entry, told):
         lambda path: live.setup_of(str(path)),
         lambda path: lab.MujocoModel(file=str(path)),
         lambda path: lab.MujocoModel(path.read_text()),
+        lambda path: Gymnasium("Ant-v5", {"xml_file": str(path)}),
+        lambda path: Gymnasium("Reacher-v5", {"xml_file": str(path)}),
+        lambda path: Gymnasium("CartPole-v1", {"any": str(path)}),
     ],
-    ids=["read_model", "TimSim", "TimSim by name", "TimLab's file", "TimLab's text"],
+    ids=[
+        "read_model",
+        "TimSim",
+        "TimSim by name",
+        "TimLab's file",
+        "TimLab's text",
+        "Gymnasium's Ant",
+        "Gymnasium's Reacher",
+        "another environment",
+    ],
 )
 @pytest.mark.parametrize("attack", ["replicate", "texture", "keys", "include nothing"])
 def test_every_way_in_has_the_limits(enter, attack, tmp_path):
@@ -354,7 +368,25 @@ def test_every_way_in_has_the_limits(enter, attack, tmp_path):
     path.write_text(DOCUMENTS[attack][0])
     with pytest.raises(ValueError, match=re.escape(DOCUMENTS[attack][1])) as raised:
         enter(path)
-    assert str(raised.value).startswith(("xml: ", f"file = {str(path)!r}: "))
+    said = re.sub(r"^env_id = '[^']*': (xml_file|any): ", "", str(raised.value))
+    assert said.startswith(("xml: ", f"file = {str(path)!r}: "))
+
+
+@pytest.mark.parametrize("given", ["{}", "./{}", "~/{}", "{folder}/{}"])
+def test_however_a_path_is_given_to_gymnasium_its_model_has_the_limits(given, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "model").write_text(DOCUMENTS["replicate"][0])  # which MuJoCo reads whatever its name
+    path = given.format("model", folder=tmp_path)
+    with pytest.raises(ValueError, match=re.escape(DOCUMENTS["replicate"][1])):
+        Gymnasium("Ant-v5", {"xml_file": path})
+
+
+def test_gymnasium_takes_models_within_the_limits(tmp_path):
+    assets = Path(mujoco_env.__file__).parent / "assets"
+    (tmp_path / "hopper.xml").write_text((assets / "hopper.xml").read_text())
+    for file in ("hopper.xml", str(tmp_path / "hopper.xml")):
+        assert Gymnasium("Hopper-v5", {"xml_file": file}).observation_size == 11
 
 
 def test_a_backslash_leads_to_no_other_file_than_is_counted(tmp_path):

@@ -230,7 +230,17 @@ def test_a_standing_body_is_stalled():
     reading, period = synthetic(0.0, speed=0.0)
     gait = measure_gait(reading._replace(lateral=np.zeros_like(reading.lateral)), period)
     assert gait.kind[0] == "stalled"
-    assert np.isfinite([gait.phase[0], gait.correlation[0]]).all()
+    assert np.isnan([gait.phase[0], gait.correlation[0], gait.frequency[0]]).all()
+
+
+def test_of_one_tripod_that_moves_only_the_frequency_is_known():
+    reading, period = synthetic(0.5, frequency=1.87)
+    still = reading.lateral.copy()
+    still[..., [LEGS.index(leg) for leg in TRIPODS[1]]] = 0.1
+    gait = measure_gait(reading._replace(lateral=still), period)
+    assert gait.kind[0] == "intermediate"
+    assert np.isnan([gait.phase[0], gait.correlation[0]]).all()
+    assert gait.frequency[0] == pytest.approx(1.87, abs=0.02)
 
 
 @pytest.mark.parametrize(("shift", "correlation"), [(0.0, 1.0), (0.5, -2 / 3), (0.4, -2 / 3), (0.1, 7 / 12)])
@@ -245,7 +255,7 @@ def test_the_contacts_of_the_tripods_are_correlated(shift, correlation):
 def test_contacts_that_never_change_have_no_correlation(force):
     reading, period = synthetic(0.5)
     gait = measure_gait(reading._replace(contact=np.full_like(reading.contact, force)), period)
-    assert gait.contact_correlation[0] == 0
+    assert np.isnan(gait.contact_correlation[0])
 
 
 def test_short_touches_and_gaps_do_not_count():

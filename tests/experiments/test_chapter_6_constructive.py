@@ -220,7 +220,7 @@ def test_shares_of_arrivals_are_those_of_episodes_that_ended():
     import pyarrow as pa
 
     metrics = pa.table({"episodes": [2, 0, 0, 4, 5, 0], "arrival_count": [1, 0, 0, 4, 0, 0]})
-    np.testing.assert_allclose(arrival_shares(metrics, 2), [[0.5, 0.5, 0.0], [0.0, 1.0, 1.0]])
+    np.testing.assert_allclose(arrival_shares(metrics, 2), [[0.5, 0.5, 0.0], [np.nan, 1.0, 1.0]])
 
 
 def navigation(share, cost, arrival):

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -29,6 +30,14 @@ from motorgrad.experiments.chapter_4.figure_4_9 import EXPLORERS, doublings, fir
 from motorgrad.statistics import Measured, exact, mean_of, median_of, share_of
 from motorgrad.training import RunWarning
 from motorgrad.worlds import FiniteMDP, chain
+
+
+@pytest.fixture(scope="module")
+def reproduced(tmp_path_factory):
+    """A folder in which the coin is reproduced."""
+    folder = tmp_path_factory.mktemp("reproduced")
+    reproduce(Coin(), folder, progress=False)
+    return folder
 
 
 @pytest.fixture(autouse=True)
@@ -220,6 +229,43 @@ def test_a_damaged_record_is_named_by_the_report(tmp_path):
     (tmp_path / "coin" / "record.json").write_bytes(b"nothing of use")
     with pytest.raises(ValueError, match=r"record.json: damaged"):
         write_report(tmp_path, EXPERIMENTS)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("record.json", lambda found: [], "it = [], not a table"),
+        ("record.json", lambda found: found.pop("claims"), "the file has no 'claims'"),
+        ("record.json", lambda found: found["claims"][0].pop("verdict"), "claims[0] has no 'verdict'"),
+        ("record.json", lambda found: found.update(claims=7), "claims = 7, not a list"),
+        ("record.json", lambda found: found.update(seconds="long"), "seconds = 'long', not a number"),
+        ("record.json", lambda found: found.update(quick=1), "quick = 1, not true or false"),
+        ("record.json", lambda found: found["versions"].update(jax=None), "versions.jax = None, not a text"),
+        ("record.json", lambda found: found.update(name="../coin"), "name = '../coin', not that of its folder"),
+        ("provenance.json", lambda found: [], "it = [], not a table"),
+        ("provenance.json", lambda found: found.pop("sessions"), "the file has no 'sessions'"),
+        ("provenance.json", lambda found: found.update(sessions=[3]), "sessions[0] = 3, not a table"),
+        ("provenance.json", lambda found: found["sessions"][0].pop("trained"), "sessions[0] has no 'trained'"),
+        ("provenance.json", lambda found: found["sessions"][0].update(seconds=True), "seconds = True, not a number"),
+    ],
+)
+def test_what_a_record_lacks_is_named(name, change, said, reproduced, tmp_path):
+    folder = tmp_path / "coin"
+    shutil.copytree(reproduced / "coin", folder)
+    found = json.loads((folder / name).read_text())
+    other = change(found)
+    (folder / name).write_text(json.dumps(other if other == [] else found))
+    with pytest.raises(ValueError, match=rf"{re.escape(str(folder / name))}: .*{re.escape(said)}") as told:
+        write_report(tmp_path, ["coin"]) if name == "record.json" else reproduce(Coin(), tmp_path, progress=False)
+    assert "\n" not in str(told.value)
+    assert "reproduce the experiment again" in str(told.value)
+
+
+def test_a_figure_that_is_gone_is_named(reproduced, tmp_path):
+    shutil.copytree(reproduced / "coin", tmp_path / "coin")
+    (tmp_path / "coin" / "figure.svg").unlink()
+    with pytest.raises(ValueError, match=r"figure\.svg: missing: reproduce the experiment again"):
+        write_report(tmp_path, ["coin"])
 
 
 def test_values_of_another_version_are_named(tmp_path):

@@ -159,7 +159,7 @@ def test_misfits_are_seen_while_a_wire_is_drawn():
         (lambda d: d.add("x\n", Gain()), "must be a string"),
         (lambda d: d.add("x", Gain(), id="a"), "id = 'a': must be a new"),
         (lambda d: d.add("x", Gain(), id=""), "id = ''"),
-        (lambda d: d.add("x", 3), "x = 3: must be a block or a diagram"),
+        (lambda d: d.add("x", 3), "block = 3: must be a Block or a Diagram"),
         (lambda d: d.add("x", d), "must be a diagram that does not contain this one"),
         (lambda d: d.connect("a", "b"), r"b\.u = 'a': must be disconnected first: a\.y leads there"),
         (lambda d: d.connect("b", "a"), "unknown input of a: '': known are none"),

@@ -1,8 +1,11 @@
 """Diagrams in motion: retuning, ensembles, random streams, saving, forking, adopting."""
 
+import dataclasses
+from typing import ClassVar
+
 import numpy as np
 import pytest
-from lab_examples import Chance, Dice, Ticker, leak, same, wire
+from lab_examples import Adding, Chance, Dice, Ticker, leak, same, wire
 
 from motorgrad.lab import Constant, Diagram, Gain, Integrator, Interpreter, Outlet, Run, UnitDelay, join
 from motorgrad.lab.compiler import _program, plan
@@ -294,3 +297,44 @@ def test_a_host_that_gives_a_wrong_shape_is_named():
     diagram.connect("input", "wrong")
     with pytest.raises(ValueError, match=r"wrong\.y: the host returns shape \(3,\): must be \(1, 2\)"):
         Run(diagram).advance(1)
+
+
+class Times(Adding):
+    """Keeps the times that it is given."""
+
+    def __init__(self, start):
+        super().__init__(start)
+        self.given = []
+
+    def output(self, block, inputs, now):
+        self.given.append((now.tick, now.time, now.step))
+        return super().output(block, inputs, now)
+
+    def update(self, block, inputs, now):
+        self.given.append((now.tick, now.time, now.step))
+        super().update(block, inputs, now)
+
+
+@dataclasses.dataclass(frozen=True)
+class Timed(Ticker):
+    """A host that keeps the times that it is given, of all runs."""
+
+    name: ClassVar[str] = "timed"
+    hosts: ClassVar[list[Times]] = []
+
+    def start(self, seeds, uniforms, threads=0):
+        self.hosts.append(Times(uniforms[:, 0]))
+        return self.hosts[-1]
+
+
+@pytest.mark.parametrize("engine", [Run, Interpreter])
+def test_hosts_are_given_exact_times(engine):
+    """In single precision, 1,000,000.01 s is 1,000,000 s, and a step of 0.03 s is not 0.03 s."""
+    diagram, first = Diagram(0.01), 100_000_002
+    diagram.add("dice", Chance())
+    diagram.add("host", Timed(every=3))
+    run = engine(wire(diagram, "dice host"))
+    run.restore({**run.state, "tick": first})
+    run.advance(4)
+    ticks = [first, first, first + 3, first + 3]
+    assert Timed.hosts[-1].given == [(tick, tick * 0.01, 3 * 0.01) for tick in ticks]

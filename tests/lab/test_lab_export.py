@@ -1,5 +1,7 @@
 """Diagrams cut out, grouped, and given to others: as environments and as policies."""
 
+import re
+
 import gymnasium
 import numpy as np
 import pytest
@@ -84,11 +86,47 @@ def test_impossible_environments_are_refused_by_name(settings, said):
         DiagramEnv(cart(), **settings)
 
 
-def test_an_action_outside_its_range_is_refused():
-    environment = DiagramEnv(cart())
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        ([3.0], "action = [3.0]: must be numbers from -1 to 1"),
+        ([np.nan], "action = [nan]: must be numbers from -1 to 1"),
+        ([-np.inf], "action = [-inf]: must be numbers from -1 to 1"),
+        (0.5, "action.shape = (): must be (1,)"),
+        ([0.1, 0.2], "action.shape = (2,): must be (1,)"),
+        ([[0.1], [0.2, 0.3]], "action = [[0.1], [0.2, 0.3]]: must be numbers"),
+        (["left"], "action.dtype"),
+        ([1j], "action.dtype"),
+        (None, "action.shape = ()"),
+    ],
+)
+def test_a_foreign_action_is_refused(action, said, environment):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        environment.step(action)
+
+
+@pytest.fixture(scope="module")
+def environment():
+    made = DiagramEnv(cart())
+    made.reset(seed=0)
+    return made
+
+
+def test_an_action_of_bools_is_zeros_and_ones():
+    diagram = Diagram()
+    for name, block in {"action": lab.Inlet(0.0, (2,), "bool"), "observation": lab.Outlet((2,), "bool")}.items():
+        diagram.add(name, block)
+    diagram.add("one", lab.Constant(1.0))
+    diagram.add("reward", lab.Outlet())
+    diagram.connect("action", "observation")
+    diagram.connect("one", "reward")
+    environment = DiagramEnv(diagram)
     environment.reset(seed=0)
-    with pytest.raises(ValueError, match=r"action = \[3\.0\]: must be in Box"):
-        environment.step([3.0])
+    assert environment.step([1, 0])[0].tolist() == [1, 0]
+    assert environment.step(np.array([False, True]))[0].tolist() == [0, 1]
+    for action in ([0.5, 1], [np.nan, 0], [2, 0]):
+        with pytest.raises(ValueError, match=r"action = \[.*\]: must be zeros and ones"):
+            environment.step(action)
 
 
 def test_a_policy_has_a_state_of_its_own():
@@ -111,6 +149,8 @@ def test_a_policy_has_a_state_of_its_own():
     np.testing.assert_allclose(policy([1.5, 1.0]), [1.5, 1])
     with pytest.raises(ValueError, match=r"observation\.shape = \(3,\): must be \(2,\)"):
         policy([1, 2, 3])
+    with pytest.raises(ValueError, match=r"observation\.dtype = dtype\('<U4'\): must be a number's"):
+        policy(["left", "up"])
 
 
 @pytest.mark.ci

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from lab_examples import wire
@@ -28,6 +30,7 @@ from motorgrad.lab import (
     Timeline,
     UnitDelay,
 )
+from motorgrad.lab.compiler._loops import solved
 
 EXACT = {"precision": "double", "relative_tolerance": 1e-10, "absolute_tolerance": 1e-12}
 
@@ -44,12 +47,15 @@ def square(start: float = 2.0, **settings) -> Diagram:
     return made({"x": Integrator(start), "q": Expression("x^2", ("x",))}, "x q.x", "q x", **settings)
 
 
-def ball(kept: float = 0.8, pull=None, limited: bool = False, **settings) -> Diagram:
-    """A ball from 5 m that keeps some of its speed. Limits of its height are what docs/lab.md advised."""
+def ball(kept: float = 0.8, pull=None, limited: bool = False, above: bool = False, **settings) -> Diagram:
+    """A ball from 5 m that keeps some of its speed. Limits of its height are what docs/lab.md advised.
+    It is reset where it no longer is above the ground, or where it reaches it.
+    """
     limits = {"low": 0.0, "high": 100.0, "limited": True} if limited else {}
     blocks = {
-        **{"gravity": pull or Constant(-10.0), "speed": Integrator(reset="rising", external=True)},
-        **{"height": Integrator(5.0, **limits), "down": Compare("<="), "back": Gain(-kept)},
+        **{"gravity": pull or Constant(-10.0)},
+        **{"speed": Integrator(reset="falling" if above else "rising", external=True)},
+        **{"height": Integrator(5.0, **limits), "down": Compare(">" if above else "<="), "back": Gain(-kept)},
     }
     bounce = ("height down.u1", "down speed.reset", "speed back", "back speed.initial")
     return made(blocks, "gravity speed.u", "speed height", *bounce, **settings)
@@ -145,6 +151,53 @@ def test_a_ball_rests_in_single_precision_and_many_bounces_are_no_limit():
         np.testing.assert_allclose(high[row, times > 1 + 2 * kept / (1 - kept)], 0, atol=1e-6)
 
 
+def fall(kept: float, time: float) -> float:
+    """The height of a ball that bounces, by the parabolas between its bounces."""
+    begins, speed = 1.0, 10 * kept
+    if time < begins:
+        return 5 - 5 * time**2
+    while speed > 1e-12 and time >= begins + speed / 5:
+        begins, speed = begins + speed / 5, speed * kept
+    return max(speed * (time - begins) - 5 * (time - begins) ** 2, 0)
+
+
+@pytest.mark.parametrize("above", [False, pytest.param(True, marks=pytest.mark.ci)])
+@pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.ci)])
+def test_a_ball_that_keeps_little_of_its_speed_comes_to_rest(precision, above):
+    """It fell through the ground: its last hops are lower than roundings of the place at which it is found there."""
+    keeps = np.array([0.5, 0.2, 0.1, 0.05, 0.01, 1e-4, 0.0])
+    diagram = ball(above=above, tick=0.1, solver="tsit5", precision=precision)
+    record = Run(diagram, 7, {"back.gain": -keeps}, watch=["height.y", "speed.y"]).advance(34)
+    exact = [[fall(kept, time) for time in record.times("height.y")] for kept in keeps]
+    np.testing.assert_allclose(record["height.y"], exact, atol=3e-6 if precision == "single" else 1e-14)
+    np.testing.assert_array_equal(record["speed.y"][:, -1], 0)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("kept", [0.05, 0.0])
+def test_the_interpreter_lets_a_ball_rest_too(kept):
+    seen = Interpreter(ball(kept, tick=0.1, solver="tsit5"), watch=["height.y"]).advance(13)["height.y"][0]
+    np.testing.assert_allclose(seen, [fall(kept, 0.1 * tick) for tick in range(13)], atol=3e-6)
+
+
+def test_coupled_relays_slide():
+    """Filippov: A r + d = 0. With the second A, both were misjudged, and x1 drifted away while its relay said +1."""
+    both, drift = np.array([[[1, 0.3], [0.2, 1]], [[1, -0.6], [0.6, 1]]]), np.array([0.4, -0.3])
+    blocks, wires = {}, []
+    for own, other in ((0, 1), (1, 0)):
+        blocks |= {f"x{own}": Integrator(0.05 - 0.03 * own), f"r{own}": Relay(0, 0, off=1.0, on=-1.0)}
+        blocks |= {f"sum{own}": Sum("+++"), f"d{own}": Constant(drift[own]), f"A{own}": Gain()}
+        wires += [f"x{own} r{own}", f"r{own} sum{own}.u1", f"r{other} A{own}", f"A{own} sum{own}.u2"]
+        wires += [f"d{own} sum{own}.u3", f"sum{own} x{own}"]
+    sweep = {"A0.gain": both[:, 0, 1], "A1.gain": both[:, 1, 0]}
+    run = Run(made(blocks, *wires, solver="tsit5"), 2, sweep, watch=["r0.y", "r1.y", "x0.y", "x1.y"])
+    record = run.advance(12)
+    for seed, coupling in enumerate(both):
+        for own, share in enumerate(np.linalg.solve(coupling, -drift)):
+            np.testing.assert_allclose(record[f"r{own}.y"][seed, 5:], share, atol=2e-5)
+            np.testing.assert_allclose(record[f"x{own}.y"][seed, 5:], 0, atol=1e-6)
+
+
 @pytest.mark.parametrize("solver", ["tsit5", pytest.param("rodas5p", marks=pytest.mark.ci)])
 def test_a_relay_without_hysteresis_slides(solver):
     """Filippov: x stays at 0, and the relay's equivalent output is −0.8 sin(πt)."""
@@ -207,8 +260,19 @@ def test_a_diode_conducts(precision):
     np.testing.assert_allclose(record["v.y"][0], exact, atol=1e-5 if precision == "single" else 1e-13)
 
 
+def test_the_solution_of_a_loop_has_a_derivative():
+    """x = a − exp(x)/10 has x' = 1 / (1 + exp(x)/10) in a, which a solver for stiff systems asks for."""
+
+    def output(a):
+        return solved(lambda x: a - jnp.exp(x) / 10, lambda x: x, jnp.zeros(1))
+
+    x = brentq(lambda x: 1 - np.exp(x) / 10 - x, 0, 1)
+    np.testing.assert_allclose(output(1.0), x, rtol=1e-6)
+    np.testing.assert_allclose(jax.jacfwd(output)(1.0), 1 / (1 + np.exp(x) / 10), rtol=1e-6)
+
+
 @pytest.mark.ci
-@pytest.mark.parametrize("solver", ["rk4", "tsit5"])
+@pytest.mark.parametrize("solver", ["rk4", "tsit5", "rodas5p"])
 def test_a_saturation_in_a_loop(solver):
     """y = clip(k (u − y)) is clip(k u / (1 + k))."""
     blocks = {"u": Sine(2.0, 1.0), "e": Sum("+-"), "k": Gain(50.0), "y": Saturation(), "x": Integrator()}

@@ -250,7 +250,7 @@ def test_noise_of_the_world_and_of_the_senses_is_drawn():
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    ({"task": ThreeState()}, "task = 'three-state': must be a task on a particle"),
+    ({"task": ThreeState()}, "task = ThreeState.*: must be a ParticleTask"),
     ({"policy": tiles(2, 3)}, r"policy = \(2, 3\): must be of 2 inputs and 8 units"),
     ({"episodes": 0}, "episodes = 0: must be a positive integer"),
     ({"decisions": 0}, "decisions = 0: must be a positive integer"),

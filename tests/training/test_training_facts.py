@@ -182,7 +182,7 @@ def test_a_folder_in_the_place_of_a_file_is_named(name, run):
     with pytest.raises(IsADirectoryError, match=str(run / name)):
         mg.load(run)
     with pytest.raises(IsADirectoryError, match=str(run)):
-        content_of(run)
+        content_of(run, 1000)
 
 
 def test_a_restored_environment_that_fails_is_named_and_told_in_one_line(tmp_path):

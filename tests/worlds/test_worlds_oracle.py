@@ -341,3 +341,18 @@ def test_an_episode_of_one_decision_less_than_the_chains_length_succeeds_once_in
     matrix = oracle.transition_matrix(chain(6, variant), Softmax(np.zeros((2, 6))))
     reached = sum(np.linalg.matrix_power(matrix, t)[0, 5] for t in range(1, 6))
     assert reached == pytest.approx(2.0**-5, rel=1e-12)
+
+
+@pytest.mark.parametrize("leaving", [1e-17, 1e-200])
+def test_a_chain_that_double_precision_cannot_solve_is_refused(leaving):
+    """What is left of these probabilities beside 1 is nothing: the equations of its values are singular."""
+    rows = np.array([[1 - leaving, leaving], [leaving, 1 - leaving]])
+    mdp, policy = FiniteMDP([rows, rows], [0.0, 1.0], np.eye(2)), Softmax(np.zeros((2, 2)))
+    assert oracle.average_reward(mdp, policy) == pytest.approx(0.5)
+    for function in (oracle.values, oracle.gradient, oracle.stationary_score):
+        with pytest.raises(ValueError, match="policy = 'a chain whose linear equations have no unique solution'"):
+            function(mdp, policy)
+    with pytest.raises(ValueError, match="no unique solution"):
+        oracle.best_memoryless(mdp, 1)
+    with pytest.raises(ValueError, match="starts = 0: must be an integer >= 1"):
+        oracle.best_memoryless(mdp, 0)

@@ -5,5 +5,6 @@ and `TaskVectorEnv(8, task)` make environments of your own tasks.
 """
 
 from motorgrad.environments._environment import TaskEnv, TaskVectorEnv
+from motorgrad.environments._spaces import as_array, check_action
 
-__all__ = ["TaskEnv", "TaskVectorEnv"]
+__all__ = ["TaskEnv", "TaskVectorEnv", "as_array", "check_action"]

@@ -73,17 +73,17 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = (), bi
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
     if isinstance(space, spaces.Box):
-        array = array.astype(np.float32)  # in which the bounds are
-        inside = (array >= space.low) & (array <= space.high)
-        check(inside.all(), "action", array.tolist(), f"numbers {_ranges(space)}")
-        return np.where(binary, array > 0.5, array).astype(np.float32)
+        given = array.astype(np.float32)  # in which the bounds are
+        if not ((given >= space.low) & (given <= space.high)).all():
+            check(False, "action", array.tolist(), f"numbers {_ranges(space)}")
+        return np.where(binary, given > 0.5, given).astype(np.float32)
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
 
 
 def _ranges(space: spaces.Box) -> str:
     """The ranges of a space in words."""
-    ranges = sorted({(float(low), float(high)) for low, high in zip(space.low, space.high, strict=True)})
+    ranges = sorted({(float(low), float(high)) for low, high in zip(space.low.flat, space.high.flat, strict=True)})
     return " or ".join(f"from {low:g} to {high:g}" for low, high in ranges[:3]) + ", …" * (len(ranges) > 3)
 
 

@@ -6,22 +6,31 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from motorgrad._files import read_json, write_atomically
+from motorgrad._errors import shown
+from motorgrad._files import write_atomically
 from motorgrad.experiments._claims import count_verdicts
+from motorgrad.experiments._records import AGAIN, FAILURE, RECORD, read_record
 
 
 def write_report(out: Path | str, order: Iterable[str]) -> Path:
     """Write `report.html` about all experiments in the folder `out`, those in `order` first, and return its path."""
     out, names = Path(out), list(order)
-    found = {file.parent.name: read_json(file) for file in sorted(out.glob("*/record.json"))}
+    found = {file.parent.name: _record(file) for file in sorted(out.glob("*/record.json"))}
     records = [found[name] for name in [*(n for n in names if n in found), *(n for n in found if n not in names)]]
-    for record in records:
-        if any("verdict" not in claim for claim in record["claims"]):
-            raise ValueError(f"{out / record['name'] / 'record.json'}: made by another version; reproduce it again")
     path = out / "report.html"
-    failures = [read_json(file) for file in sorted(out.glob("failures/[!.]*.json"))]
+    failures = [read_record(file, FAILURE) for file in sorted(out.glob("failures/[!.]*.json"))]
     write_atomically(path, page(records, out, failures).encode())
     return path
+
+
+def _record(file: Path) -> dict[str, Any]:
+    """The record of an experiment, whose figure is beside it."""
+    record, figure = read_record(file, RECORD), file.with_name("figure.svg")
+    if record["name"] != file.parent.name:
+        raise ValueError(f"{file}: name = {shown(record['name'])}, not that of its folder: {AGAIN}")
+    if not figure.is_file():
+        raise ValueError(f"{figure}: missing: reproduce the experiment again")
+    return record
 
 
 def page(records: list[dict[str, Any]], out: Path, failures: list[dict[str, Any]]) -> str:

@@ -14,12 +14,13 @@ import filelock
 import tomli_w
 
 from motorgrad._errors import check, unknown
-from motorgrad._files import read_arrays, read_json, read_toml, refuse_links, replacing, write_arrays, write_atomically
+from motorgrad._files import read_arrays, read_toml, refuse_links, replacing, write_arrays, write_atomically
 from motorgrad._settings import table
 from motorgrad.experiments._claims import Claim
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import STYLE
 from motorgrad.experiments._films import animate
+from motorgrad.experiments._records import SESSIONS, read_record
 from motorgrad.training import RunWarning, provenance, provenance_changes
 
 QUICK = 2.0  # seconds of film in a smoke test
@@ -124,7 +125,7 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
     check_settings(experiment, folder)
     write_atomically(folder / "config.toml", tomli_w.dumps(table(experiment)).encode())
     stored, about = folder / "values.npz", folder / "provenance.json"
-    sessions = read_json(about)["sessions"] if about.exists() else []
+    sessions = read_record(about, SESSIONS)["sessions"] if about.exists() else []
     if sessions and (changes := list(provenance_changes(sessions[-1], provenance()))):
         warnings.warn(f"{folder}: continues what was made differently: {'; '.join(changes)}", RunWarning, stacklevel=4)
     if not stored.exists():
@@ -139,7 +140,7 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
         raise ValueError(f"{stored}: holds no {error}: made by another version; delete the folder {folder}") from None
     if films:
         _film(experiment, work, QUICK if quick else None)
-    done = Reproduction(experiment, folder, claims, tuple(read_json(about)["sessions"]), quick)
+    done = Reproduction(experiment, folder, claims, tuple(read_record(about, SESSIONS)["sessions"]), quick)
     write_atomically(folder / "record.json", json.dumps(done.record(), indent=2, allow_nan=False).encode())
     return done
 

@@ -26,6 +26,7 @@ To write a block of your own, see the page on TimLab's engine (`docs/lab.md`).
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from motorgrad._arguments import check_arguments as _check_arguments
 from motorgrad._extras import require as _require
 
 _require("TimLab needs", "diffrax", "lab")  # before anything imports it
@@ -181,6 +182,7 @@ def to_html(diagram: Diagram, record: Record) -> str:
 
     **Raises** `ValueError` in a checkout whose pages are not built.
     """
+    _check_arguments(to_html, locals())
     from motorgrad.lab.editor._page import page_of
 
     return page_of(diagram, record)
@@ -201,6 +203,7 @@ def edit(diagram: Diagram | None = None, file: Path | str | None = None) -> "Edi
 
     **Raises** `ValueError` for a file that does not contain a diagram, or has another name.
     """
+    _check_arguments(edit, locals())
     from motorgrad.lab.editor._widget import Editor, Session  # anywidget is loaded only when it is needed
 
     # the page is the notebook's, which runs code anyway

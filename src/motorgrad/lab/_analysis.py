@@ -14,6 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Complex, Float
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._extras import require
 from motorgrad.lab.engine import Linear, Run, linearise
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 def state_space(linear: Linear) -> Any:
     """A linear system as one of python-control, with the names of its states, inputs and outputs."""
+    check_arguments(state_space, locals())
     control = _control()
 
     names = {"states": linear.states, "inputs": linear.inputs, "outputs": linear.outputs}
@@ -88,6 +90,7 @@ def bode(
 
     **Raises** `ValueError` for an index that does not exist, and where the input does not move the output.
     """
+    check_arguments(bode, locals())
     control = _control()
 
     system = _answering(linear, input, output)
@@ -147,6 +150,7 @@ def step_response(linear: Linear, input: int = 0, end: float | None = None) -> S
 
     **Raises** `ValueError` for an index that does not exist.
     """
+    check_arguments(step_response, locals())
     control = _control()
 
     systems = [_single(linear, input, output) for output in range(len(linear.outputs))]
@@ -203,6 +207,7 @@ def root_locus(
 
     **Raises** `ValueError` for an index that does not exist, and where the input does not move the output.
     """
+    check_arguments(root_locus, locals())
     control = _control()
 
     system = _answering(linear, input, output)
@@ -242,6 +247,7 @@ def trim(run: Run, inputs: Sequence[str] = (), outputs: Mapping[str, float] | No
 
     **Raises** `ValueError` where no equilibrium is found, with what moves most.
     """
+    check_arguments(trim, locals())
     wanted = dict(outputs or {})
     for address in inputs:
         check(np.size(run[address]) == 1, "inputs", address, "addresses of single numbers")

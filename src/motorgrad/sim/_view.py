@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from motorgrad._arguments import check_arguments
+
 if TYPE_CHECKING:
     import mujoco
 
@@ -86,6 +88,7 @@ def view(
     view("hopper", beside={"PPO": model, "before": "untrained"})      # a model of stable-baselines3
     ```
     """
+    check_arguments(view, locals())
     from motorgrad._errors import check
     from motorgrad.sim.live import Session, Speed, setup_of, side_by_side
     from motorgrad.sim.page import Page, check_port, warn_of

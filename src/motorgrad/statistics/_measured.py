@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check
+from motorgrad._errors import check, shown
 
 LEVEL = 0.95
 """Confidence level of an interval, by default."""
@@ -66,8 +66,16 @@ def mean_of(values: Any, level: float = LEVEL) -> Measured:
 
 
 def ratio_of(above: Any, below: Any, level: float = LEVEL) -> Measured:
-    """Pairwise ratio of two sets of positive numbers: geometric mean, with Student's interval of the logarithms."""
-    logs = mean_of(np.log(np.asarray(above, float) / np.asarray(below, float)), level)
+    """Pairwise ratio of two sets of positive numbers: geometric mean, with Student's interval of the logarithms.
+
+    **Raises** `ValueError` for numbers that are not above 0, or are not as many in each set.
+    """
+    sets = {"above": finite(above, level, "above"), "below": finite(below, level, "below")}
+    for name, each in sets.items():
+        check((each > 0).all(), name, each[~(each > 0)].tolist(), "above 0, to have a ratio")
+    sizes = tuple(each.size for each in sets.values())
+    check(len(set(sizes)) == 1, "above, below", sizes, "as many numbers in each")
+    logs = mean_of(np.log(sets["above"]) - np.log(sets["below"]), level)
     value, low, high = (math.exp(each) for each in (logs.value, logs.low, logs.high))
     return Measured(value, low, high, logs.count, "geometric mean", level)
 
@@ -135,6 +143,12 @@ def tally_of(happened: Any) -> Measured:
     return Measured(share, share, share, happened.size, "share", 1.0)
 
 
+def per_case(total: Any, cases: Any) -> np.ndarray:
+    """Totals over the numbers of their cases, in shapes that fit; NaN where there are none."""
+    total, cases = np.broadcast_arrays(np.asarray(total, float), cases)
+    return np.divide(total, cases, out=np.full(total.shape, math.nan), where=cases > 0)
+
+
 def first_time(time: np.ndarray, happened: np.ndarray, never: float = math.nan) -> np.ndarray:
     """When something first happened: `(records,)` and `(…, records)` to `(…)`.
 
@@ -152,16 +166,19 @@ def moving_mean(values: np.ndarray, records: int) -> np.ndarray:
     return np.lib.stride_tricks.sliding_window_view(values, records, axis=-1).mean(-1)
 
 
-def finite(values: Any, level: float) -> np.ndarray:
+def finite(values: Any, level: float, name: str = "values") -> np.ndarray:
     """All values as a vector. A time that was never reached (NaN) has no mean: the caller must replace it first."""
     check_level(level)
-    values = np.asarray(values, float).ravel()
-    check(values.size > 0 and bool(np.isfinite(values).all()), "values", values, "at least one, all finite")
-    return values
+    try:
+        numbers = np.asarray(values, float).ravel()
+    except (TypeError, ValueError):  # words, or rows of different lengths
+        raise ValueError(f"{name} = {shown(values)}: must be numbers, as many in each row") from None
+    check(numbers.size > 0 and bool(np.isfinite(numbers).all()), name, numbers, "at least one, all finite")
+    return numbers
 
 
 def check_level(level: float) -> None:
-    check(0 < level < 1, "level", level, "between 0 and 1")
+    check(isinstance(level, int | float) and 0 < level < 1, "level", level, "between 0 and 1")
 
 
 def _number(value: float) -> str:

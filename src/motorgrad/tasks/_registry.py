@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from motorgrad._arguments import check_arguments
 from motorgrad._consent import allow
 from motorgrad._errors import choice
 from motorgrad._files import read_toml
@@ -58,6 +59,7 @@ def load(path: Path | str) -> Task:
     task = mg.tasks.load("reach.toml")
     ```
     """
+    check_arguments(load, locals())
     path = Path(path)
     settings = settings_in(path)
     try:

@@ -2,6 +2,8 @@
 
 import dataclasses
 import inspect
+import math
+import numbers
 from collections.abc import Mapping
 from typing import Any, get_type_hints
 
@@ -145,6 +147,10 @@ def agent_for(
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = changes is None or isinstance(changes, Mapping)
     check(known, "agent", changes, "a table of changes, such as {'estimator.trace.decay': 0.98}")
+    if steps is not None:
+        # what the command line asks with may still be a fraction, which it refuses by the name of the option
+        number = isinstance(steps, numbers.Real) and not isinstance(steps, bool)
+        check(number and math.isfinite(steps), "steps", steps, "an integer")
     steps = STEPS if steps is None else int(steps)
     own, given = dict(task.learner_for(steps)), {**(changes or {}), **more}
     preset = given.pop("preset", preset)

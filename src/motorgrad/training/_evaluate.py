@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check_integer, choice, counted
 from motorgrad.learning import Agent
 from motorgrad.tasks import Task
@@ -131,6 +132,7 @@ def evaluate(
     print(found.over_seeds("return"))  # the mean over four seeds, with its interval
     ```
     """
+    check_arguments(evaluate, locals(), ("run", "untrained", "trust", "allow_changed"))
     run = run if isinstance(run, Run) else load(run, trust=trust, allow_changed=allow_changed)
     if steps is not None or episodes is None:
         steps = STEPS if steps is None else steps

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pyarrow as pa
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._interface import Interface
 from motorgrad.policies import Policy, rebuild, trainable, with_interface
@@ -37,6 +38,7 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     **Raises:** `RunDirectoryError` where there is no run or no whole checkpoint, and where a setting in `config.toml`
     was changed.
     """
+    check_arguments(load, locals())
     directory = RunDirectory(path)
     found = directory.latest()
     config = directory.config(found and found[1], allow_changed)

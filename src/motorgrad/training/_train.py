@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, counted, shown
 from motorgrad._interface import Statistics
 from motorgrad._platform import tell_the_platform
@@ -126,6 +127,7 @@ def train(
     swept.plot("apex", "decay.png")
     ```
     """
+    check_arguments(train, locals(), ("seeds", "out", "progress", "tensorboard", "allow_changed"))
     if isinstance(initial, Run):
         task = task_named(task) if isinstance(task, str) else task
         agent, seeds, initial = continued(initial, task, agent, seeds)
@@ -181,6 +183,7 @@ def resume(
     **Raises** `RunDirectoryError` where there is no run, where a setting was changed, and where the task or agent was
     made in Python: pass these to `train` with `out=path`. `NotTrusted` where code would run.
     """
+    check_arguments(resume, locals(), ("path", "progress", "trust", "allow_changed"))
     config = saved_config(path, allow_changed)
     task, run = saved_task(config, path, trust), config["run"]
     agent = saved_agent(task, config["agent"], f"{path}: agent")

@@ -1,8 +1,10 @@
 """Markov chains by linear algebra: stationary distributions, values, and their rounding errors."""
 
+import warnings
+
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
 from scipy.sparse.csgraph import connected_components
 
 from motorgrad._errors import check
@@ -54,11 +56,30 @@ def departures(matrix: np.ndarray) -> np.ndarray:
 
 
 def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """A linear system, refined by its residual in extended precision."""
-    factors, exact = lu_factor(matrix), matrix.astype(np.longdouble)
-    found = lu_solve(factors, right)
-    for _ in range(2):
-        found = found + lu_solve(factors, (right - exact @ found).astype(float))
+    """A linear system, refined by its residual in extended precision. **Raises** as `solved`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LinAlgWarning)  # of a singular matrix: what comes of it is not finite
+        factors, exact = lu_factor(matrix), matrix.astype(np.longdouble)
+    with np.errstate(all="ignore"):
+        found = lu_solve(factors, right, check_finite=False)
+        for _ in range(2):
+            found = found + lu_solve(factors, (right - exact @ found).astype(float), check_finite=False)
+    return _checked(found)
+
+
+def solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """A linear system. **Raises** `ValueError` where it has no unique solution in double precision."""
+    try:
+        return _checked(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return _checked(np.array(np.nan))
+
+
+def _checked(found: np.ndarray) -> np.ndarray:
+    allowed = (
+        "one that leaves states with probabilities which double precision tells from 0, at a discount well below 1"
+    )
+    check(np.isfinite(found).all(), "policy", "a chain whose linear equations have no unique solution", allowed)
     return found
 
 

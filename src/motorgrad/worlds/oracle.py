@@ -33,7 +33,7 @@ from scipy.special import softmax
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import FiniteStateController, Policy, split, trainable
-from motorgrad.worlds._chains import ROUNDING, evaluate, expected_change, lead, stationary
+from motorgrad.worlds._chains import ROUNDING, evaluate, expected_change, lead, solved, stationary
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
 P = TypeVar("P", bound=Policy)
@@ -82,7 +82,7 @@ def gradient(mdp: FiniteMDP, policy: P) -> P:
     r"""$\nabla\eta = \pi'\,\nabla P\,[I - P + e\pi']^{-1} r$, exactly."""
     matrix = transition_matrix(mdp, policy)
     pi = stationary(matrix)
-    value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], _mean_rewards(mdp, policy))
+    value = solved(np.eye(mdp.states) - matrix + pi[None, :], _mean_rewards(mdp, policy))
     return _contract(mdp, policy, pi, mdp.expected_rewards + mdp.transitions @ value)
 
 
@@ -103,7 +103,7 @@ def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Flo
         return _discounted(mdp, policy, discount)
     matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
     pi = stationary(matrix)
-    return np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards - pi @ rewards)
+    return solved(np.eye(mdp.states) - matrix + pi[None, :], rewards - pi @ rewards)
 
 
 def lagged_gradient(mdp: FiniteMDP, policy: P, lag: int) -> P:
@@ -125,7 +125,7 @@ def stationary_score(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "state
     matrix, chance = transition_matrix(mdp, policy), action_probabilities(mdp, policy)
     pi = stationary(matrix)
     flow = np.einsum("s,sa,sai,ast->it", pi, chance, _scores(mdp, policy), mdp.transitions)
-    slope = np.linalg.solve((np.eye(mdp.states) - matrix + pi[None, :]).T, flow.T)
+    slope = solved((np.eye(mdp.states) - matrix + pi[None, :]).T, flow.T)
     return np.where(pi[:, None] > 0, slope / np.where(pi > 0, pi, 1)[:, None], 0)
 
 
@@ -147,7 +147,7 @@ def critic_gradient(
     pi, ahead = stationary(matrix), 1.0 if discount is None else discount
     level = pi @ rewards if discount is None else 0.0
     error = rewards - level + ahead * matrix @ critic - critic
-    later = np.linalg.solve(np.eye(mdp.states) - decay * matrix, error)
+    later = solved(np.eye(mdp.states) - decay * matrix, error)
     quality = mdp.expected_rewards + mdp.transitions @ (ahead * critic + decay * later)
     return _contract(mdp, policy, pi, quality)
 
@@ -168,10 +168,10 @@ def optimal_baseline(
     matrix, taken = transition_matrix(mdp, policy), chance[:, :, None] * score
     later = np.einsum("s,sai,ast->ti", pi, taken, mdp.transitions)
     # z just before a state, and its square, times the probability of the state
-    first = np.linalg.solve(np.eye(mdp.states) - decay * matrix.T, later)
+    first = solved(np.eye(mdp.states) - decay * matrix.T, later)
     joint = 2 * decay * first[:, None] * score + pi[:, None, None] * np.square(score)
     again = np.einsum("sa,sai,ast->ti", chance, joint, mdp.transitions)
-    second = np.linalg.solve(np.eye(mdp.states) - decay**2 * matrix.T, again)
+    second = solved(np.eye(mdp.states) - decay**2 * matrix.T, again)
     squares = chance[:, :, None] * (decay**2 * second[:, None] + joint)
     weights = squares.sum((0, 1))
     pay = np.einsum("sai,as->i", squares, mdp.expected_rewards)
@@ -223,7 +223,7 @@ def discounted_gradient(mdp: FiniteMDP, policy: P, discount: float, decay: float
     check(0 <= discount < 1, "discount", discount, "in [0, 1)")
     check(0 <= decay <= 1, "decay", decay, "in [0, 1]")
     resolvent = np.eye(mdp.states) - discount * transition_matrix(mdp, policy)
-    visits = np.linalg.solve(resolvent.T, np.eye(mdp.states)[mdp.start])
+    visits = solved(resolvent.T, np.eye(mdp.states)[mdp.start])
     return _contract(mdp, policy, visits, _quality(mdp, policy, discount * decay))
 
 
@@ -290,6 +290,7 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
 
     **Returns** the table, its rows in the order of `np.unique(mdp.observations, axis=0)`, and its average reward.
     """
+    check_integer("starts", starts, 1)
     kinds, kind = np.unique(mdp.observations, axis=0, return_inverse=True)
     shape, rng = (len(kinds), mdp.actions), np.random.default_rng(0)
     member = np.eye(len(kinds))[kind.ravel()]
@@ -299,7 +300,7 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
         chance = member @ table
         matrix, rewards = np.einsum("sa,ast->st", chance, mdp.transitions), np.sum(chance.T * mdp.expected_rewards, 0)
         pi = stationary(matrix)
-        value = np.linalg.solve(np.eye(mdp.states) - matrix + pi[None, :], rewards)
+        value = solved(np.eye(mdp.states) - matrix + pi[None, :], rewards)
         quality = mdp.expected_rewards + mdp.transitions @ value
         slope = member.T @ (pi[:, None] * quality.T)  # by the probabilities
         slope = table * (slope - np.sum(table * slope, axis=1, keepdims=True))  # and by the logits
@@ -383,7 +384,7 @@ def _mean_rewards(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, " states"
 
 def _discounted(mdp: FiniteMDP, policy: Policy, discount: float) -> Float[np.ndarray, " states"]:
     resolvent = np.eye(mdp.states) - discount * transition_matrix(mdp, policy)
-    return np.linalg.solve(resolvent, _mean_rewards(mdp, policy))
+    return solved(resolvent, _mean_rewards(mdp, policy))
 
 
 def _quality(mdp: FiniteMDP, policy: Policy, decay: float) -> Float[np.ndarray, "actions states"]:

@@ -51,6 +51,15 @@ def test_nan_is_seen_with_where_it_began_and_a_fast_filter_is_warned_of(opened):
     editor.look("NaN and a warning", panel="inspector")
 
 
+def test_a_diagram_goes_on_after_a_fault_where_its_form_says_so(opened):
+    editor = opened(falling())
+    form = editor.page.get_by_role("form", name="form of the diagram")
+    expect(form.get_by_label("on_fault")).to_have_value("stop")
+    form.get_by_label("on_fault").select_option("warn")
+    editor.play_until(30)  # it would stop at tick 6
+    editor.told("root.y: becomes NaN at tick 6")
+
+
 def faces() -> lab.Diagram:
     diagram = lab.Diagram(0.01)
     diagram.add("wanted", lab.Step())

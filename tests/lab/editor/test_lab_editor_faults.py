@@ -306,3 +306,61 @@ def test_a_process_waits_for_the_compiler_at_its_end_unless_interrupted(interrup
         process.stdin.flush()
     assert process.wait(600) == (130 if interrupted else 7)
     process.communicate()
+
+
+@dataclasses.dataclass(frozen=True)
+class Doubling(lab.Block):
+    """A state that doubles until it is infinite. A search for the culprit waits at it, as in a large diagram."""
+
+    name: ClassVar[str] = "doubling"
+    category: ClassVar[str] = "tests"
+    number: Annotated[int, lab.Setting("each is another program")] = dataclasses.field(default_factory=NUMBERS.__next__)
+    compiled: ClassVar[set[int]] = set()
+    found: ClassVar[dict[int, threading.Event]] = defaultdict(threading.Event)
+
+    @property
+    def outputs(self):
+        return {"y": lab.Port()}
+
+    def init(self, uniforms):
+        return jnp.ones(())
+
+    def output(self, state, inputs, now):
+        if self.number in self.compiled:  # what looks at it now is the search
+            self.compiled.remove(self.number)
+            self.found[self.number].set()
+            RELEASED[self.number].wait(600)
+            ENDED.add(self.number)
+        return {"y": state}
+
+    def update(self, state, inputs, now):
+        return 2 * state
+
+
+@pytest.mark.parametrize("op", ["pause", "reset", "open", "close"])
+def test_a_search_for_the_culprit_ends_at_once(op, open_client):
+    block = Doubling()
+    client = open_client(chain(block, lab.Scope()))
+    client.do("tick", n=100)
+    block.compiled.add(block.number)
+    client.session.handle(client.message("tick", n=100), client.inbox.put)  # 2 ** 128 is infinite
+    assert block.found[block.number].wait(600)
+    try:
+        client.do("add", at=[], type="sine")  # the page answers meanwhile
+        if op == "close":
+            client.session.close()
+        else:
+            client.do(op, **({"text": lab.dumps(chain(lab.Sine(), lab.Scope()))} if op == "open" else {}))
+        assert block.number not in ENDED
+        if op == "pause":
+            assert (client.run()["state"], client.run()["faults"]) == ("paused", [])
+            assert 100 <= client.run()["tick"] < 128  # before what went wrong
+            assert re.match(r"the search for what went wrong stopped after \d+ s", client.last("error")["message"])
+    finally:
+        RELEASED[block.number].set()
+    if op == "pause":
+        client.do("tick", n=100)  # it searches again, and finds
+        assert [fault["path"] for fault in client.run()["faults"]] == ["doubling"]
+    elif op == "open":
+        client.do("tick", n=3)
+        assert client.run()["tick"] == 3

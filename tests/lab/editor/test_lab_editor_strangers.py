@@ -15,12 +15,14 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from crowd import crowd, fair
-from motorgrad._gate import BACKLOG, COOKIE, STRANGERS
+from motorgrad import _gate
+from motorgrad._gate import BACKLOG, COOKIE
 from motorgrad.lab import dumps
 from motorgrad.lab.editor import Server, Session
 from motorgrad.lab.editor._server import LARGEST
 
 TIMEOUT = 600
+PLACES = 160  # for those without a token, fewer than usual
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,9 @@ def server(tmp_path_factory):
     (folder / "static").mkdir()
     (folder / "static" / "index.html").write_text("<!doctype html><title>TimLab</title>")
     session = Session(wave(), folder=folder, states=folder / "states")
-    server = Server(session, static=folder / "static")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_gate, "STRANGERS", PLACES)
+        server = Server(session, static=folder / "static")
     server.start()
     yield server
     server.stop()
@@ -196,16 +200,27 @@ def test_connections_without_a_token_exhaust_nothing(server):
     """More than there are places, which send nothing or the beginning of a request: the owner gets in all the same."""
     with contextlib.ExitStack() as held:
         where = ("127.0.0.1", server.port)
-        strangers = [held.enter_context(sockets.create_connection(where, TIMEOUT)) for _ in range(2 * STRANGERS)]
-        for number, connection in enumerate(strangers):
+        crowd = [held.enter_context(sockets.create_connection(where, TIMEOUT)) for _ in range(PLACES + BACKLOG)]
+        for number, connection in enumerate(crowd):
             with contextlib.suppress(OSError):  # it is closed already
                 connection.sendall([b"", b"GET / HTTP/1.1\r\nX: "][number % 2])
         assert get(server, f"/{server.token}/")[0] == 303
-        assert len(server._lobby) <= STRANGERS
-        assert len(server._server.server_state.connections) <= STRANGERS + BACKLOG
+        assert len(server._lobby) <= PLACES
+        assert len(server._server.server_state.connections) <= PLACES + BACKLOG
         assert alive(server)
         with contextlib.suppress(ConnectionResetError):
-            assert strangers[0].recv(1) == b""
+            assert crowd[0].recv(1) == b""
+
+
+def test_many_who_come_at_once_and_show_the_token_late_get_in(server):
+    """As browsers on a busy machine: all have connected before the first of them sends its request."""
+    request = f"GET /{server.token}/ HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode()
+    with contextlib.ExitStack() as held:
+        where = ("127.0.0.1", server.port)
+        crowd = [held.enter_context(sockets.create_connection(where, TIMEOUT)) for _ in range(PLACES - 10)]
+        for connection in crowd:
+            connection.sendall(request)
+        assert {connection.recv(12) for connection in crowd} == {b"HTTP/1.1 303"}
 
 
 def test_the_pages_own_browser_comes_with_a_ticket(server, said):

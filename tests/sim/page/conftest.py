@@ -1,8 +1,10 @@
 """A page of a learner, paused, as a stranger finds it."""
 
 import pytest
+from page_clients import PLACES
 
 import motorgrad as mg
+from motorgrad import _gate
 
 _pages = []
 
@@ -16,7 +18,9 @@ def _left(messages_to_who_has_left):
 def page(messages_to_who_has_left):
     """One for all tests of this folder, as its process takes seconds to start. It is left paused."""
     if not _pages:
-        _pages.append(mg.sim.view("chain", playing=False))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(_gate, "STRANGERS", PLACES)
+            _pages.append(mg.sim.view("chain", playing=False))
     yield _pages[0]
     assert _pages[0].failures == 0
 

@@ -13,6 +13,7 @@ from motorgrad.benchmarks._watcher import CAMERA, origin_of
 
 VERSION = f"viser-v{importlib.metadata.version('viser')}"
 TIMEOUT = PATIENCE  # s, of an answer
+PLACES = 160  # of the page, for those without a token; fewer than usual
 
 
 def get(page, path, **headers):

@@ -10,12 +10,12 @@ import time
 
 import msgspec
 import pytest
-from page_clients import CAMERA, TIMEOUT, VERSION, alive, client, fields, get, hear_out, send, socket, update
+from page_clients import CAMERA, PLACES, TIMEOUT, VERSION, alive, client, fields, get, hear_out, send, socket, update
 from patience import until
 from viser import _messages as viser_messages
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from motorgrad._gate import COOKIE, STRANGERS
+from motorgrad._gate import BACKLOG, COOKIE
 from motorgrad.sim.page import ExposedWarning, check_port, warn_of
 from motorgrad.sim.page._server import KINDS, LARGEST_PICTURE, MOST, TOLERATED, read_message
 
@@ -353,11 +353,22 @@ def test_a_host_that_is_not_of_this_machine_is_refused(host):
 def test_connections_without_a_token_exhaust_nothing(page):
     with contextlib.ExitStack() as held:
         where = ("127.0.0.1", page.server.get_port())
-        strangers = [held.enter_context(addresses.create_connection(where, TIMEOUT)) for _ in range(2 * STRANGERS)]
-        for number, connection in enumerate(strangers):
+        crowd = [held.enter_context(addresses.create_connection(where, TIMEOUT)) for _ in range(PLACES + BACKLOG)]
+        for number, connection in enumerate(crowd):
             with contextlib.suppress(OSError):  # it is closed already
                 connection.sendall([b"", b"GET / HTTP/1.1\r\nX: "][number % 2])
         assert get(page, f"/{page._gate.token}/")[0] == 303
         assert alive(page)
         with contextlib.suppress(ConnectionResetError):
-            assert strangers[0].recv(1) == b""
+            assert crowd[0].recv(1) == b""
+
+
+def test_many_who_come_at_once_and_show_the_token_late_get_in(page):
+    """As browsers on a busy machine: all have connected before the first of them sends its request."""
+    where = ("127.0.0.1", page.server.get_port())
+    request = f"GET /{page._gate.token}/ HTTP/1.1\r\nHost: {where[0]}:{where[1]}\r\n\r\n".encode()
+    with contextlib.ExitStack() as held:
+        crowd = [held.enter_context(addresses.create_connection(where, TIMEOUT)) for _ in range(PLACES - 10)]
+        for connection in crowd:
+            connection.sendall(request)
+        assert {connection.recv(12) for connection in crowd} == {b"HTTP/1.1 303"}

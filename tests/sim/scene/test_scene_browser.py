@@ -12,6 +12,7 @@ from PIL import Image
 from scene_moments import moment
 
 from motorgrad.bodies import Hexapod, Hopper, Mjcf, compile_model
+from motorgrad.sim.live import setup_of
 
 SHOTS = 20
 PLACE = {"x": 0, "y": 0, "width": 540, "height": 400}  # left of the panel
@@ -60,43 +61,71 @@ def playing(show, moments):
 BODIES = [pytest.param(Hopper(), marks=pytest.mark.journey), Hexapod(), Mjcf("arm6")]
 
 
-@pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
-def test_muscles_are_in_every_picture_while_it_plays(body, browser, server, staged, messages_to_who_has_left):
-    from motorgrad.sim.scene._muscles import Muscles
+class Pictured:
+    """A body in a browser's page: what is to be shown, and how much of its muscles is drawn."""
 
-    model, muscles = compile_model(body), Muscles()
-    scene, pose = staged(model, [muscles])
-    moments = motion(model)
+    def __init__(self, body, page, server):
+        from motorgrad.sim.scene import Pose, Scene
+        from motorgrad.sim.scene._muscles import Muscles
 
-    def show(snapshot):
-        pose.place(snapshot)
-        scene.update(snapshot, pose)
-
-    show(moments[0])
-    server.initial_camera.look_at = pose.centre
-    server.initial_camera.position = pose.centre + np.array([0.4, -1.0, 0.3]) * pose.size
-    page = browser.new_page(viewport={"width": 900, "height": 400})
-    try:
-        page.set_default_timeout(1000 * PATIENCE)
-
-        def shot():
-            return np.asarray(Image.open(io.BytesIO(page.screenshot(clip=PLACE))).convert("RGB")).astype(int)
-
-        muscles.shown = False
+        model, self.muscles = compile_model(body), Muscles()
+        self.scene, self.pose, self.page = Scene([self.muscles]), Pose(model), page
+        self.muscles.shown = True
+        self.scene.build(server, setup_of(model))
+        self.moments = motion(model)
+        self.show(self.moments[0])
+        server.initial_camera.look_at = self.pose.centre
+        server.initial_camera.position = self.pose.centre + np.array([0.4, -1.0, 0.3]) * self.pose.size
+        self.muscles.shown = False
         page.goto(f"http://127.0.0.1:{server.get_port()}")
         page.locator("canvas").first.wait_for()
         page.add_style_tag(content=".mantine-Notification-root { display: none }")  # says that no GPU is there
-        assert until(lambda: (shot() == 255).all(axis=2).mean() > 0.9, pause=page.wait_for_timeout)
-        empty = shot()
+        assert self.until(lambda: (self._shot() == 255).all(axis=2).mean() > 0.9)
+        self._empty = self._shot()
+        self.muscles.shown = True
 
-        def drawn():
-            return int(np.sum(np.abs(shot() - empty).max(axis=2) > 30))
+    def show(self, snapshot):
+        self.pose.place(snapshot)
+        self.scene.update(snapshot, self.pose)
 
-        muscles.shown = True
-        assert until(lambda: drawn() > 150, pause=page.wait_for_timeout)
-        still = drawn()
-        with playing(show, moments):
-            counts = [drawn() for _ in range(SHOTS)]
-        assert min(counts) > still / 2, (still, counts)
-    finally:
-        page.close()
+    def until(self, true):
+        return until(true, pause=self.page.wait_for_timeout)
+
+    def drawn(self):
+        """The number of pixels that differ from those without muscles."""
+        return int(np.sum(np.abs(self._shot() - self._empty).max(axis=2) > 30))
+
+    def _shot(self):
+        return np.asarray(Image.open(io.BytesIO(self.page.screenshot(clip=PLACE))).convert("RGB")).astype(int)
+
+
+@pytest.fixture(scope="module")
+def page(browser, messages_to_who_has_left):
+    """One page for all bodies."""
+    page = browser.new_page(viewport={"width": 900, "height": 400})
+    page.set_default_timeout(1000 * PATIENCE)
+    yield page
+    page.close()
+
+
+@pytest.fixture(scope="module", params=BODIES, ids=lambda body: type(body).__name__)
+def pictured(request, page):
+    """Each body in turn, opened once."""
+    import viser
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer("127.0.0.1", 0, verbose=False)
+    yield Pictured(request.param, page, server)
+    page.goto("about:blank")
+    server.stop()
+
+
+def test_muscles_are_drawn_where_nothing_moves(pictured):
+    assert pictured.until(lambda: pictured.drawn() > 150)
+
+
+def test_muscles_are_in_every_picture_while_it_plays(pictured):
+    still = pictured.drawn()
+    with playing(pictured.show, pictured.moments):
+        counts = [pictured.drawn() for _ in range(SHOTS)]
+    assert min(counts) > still / 2, (still, counts)

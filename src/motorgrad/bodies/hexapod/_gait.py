@@ -26,16 +26,18 @@ _PADDING = 8  # of the spectrum, so that its peak is found between the bins
 
 
 class Gait(NamedTuple):
-    """Measures of a gait, each of shape (seeds,).
+    """Measures of a gait, each of shape (seeds,). NaN is what is undefined: the phase between legs that do not move.
 
     - `kind`: "stalled" below 0.03 m/s; "tripod" where `phase` > 0.35 and `correlation` < −0.3; "pronk" where `phase` <
       0.15 and `correlation` > 0.3; else "intermediate".
     - `speed`: mean velocity along the heading, m/s; `net`: distance from first to last position, divided by the time,
       m/s.
-    - `frequency`: frequency of strides in Hz, the spectral peak of the first tripod's mean lateral angle.
-    - `phase`: phase between the mean lateral angles of the two tripods at that frequency, in cycles from 0 to 0.5.
-    - `correlation`: correlation of these two angles, from −1 to 1.
-    - `contact_correlation`: correlation of the two tripods' numbers of feet on the ground, from −1 to 1; 0 if either
+    - `frequency`: frequency of strides in Hz, the spectral peak of the first tripod's mean lateral angle; NaN if that
+      never changes.
+    - `phase`: phase between the mean lateral angles of the two tripods at that frequency, in cycles from 0 to 0.5; NaN
+      if either never changes.
+    - `correlation`: correlation of these two angles, from −1 to 1; NaN if either never changes.
+    - `contact_correlation`: correlation of the two tripods' numbers of feet on the ground, from −1 to 1; NaN if either
       number never changes.
     - `duty`: fraction of the time that a foot is on the ground, averaged over all six.
     """
@@ -145,9 +147,11 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
     frequencies = np.fft.rfftfreq(_PADDING * len(lateral), period)
     peak, seeds = np.abs(spectra[0]).argmax(0), np.arange(lateral.shape[1])
     one, other = (spectrum[peak, seeds] for spectrum in spectra)
-    phase = np.abs(np.angle(one * other.conj())) / (2.0 * np.pi)
+    moves, other_moves = ((np.ptp(angle, axis=0) > 0.0) for angle in (first, second))
+    both = moves & other_moves
+    phase = np.where(both, np.abs(np.angle(one * other.conj())) / (2.0 * np.pi), np.nan)
     power = np.sqrt((first**2).sum(0) * (second**2).sum(0))
-    correlation = (first * second).sum(0) / np.where(power > 0.0, power, 1.0)
+    correlation = np.divide((first * second).sum(0), power, out=np.full(len(seeds), np.nan), where=both)
     speed = np.asarray(reading.speed, float).mean(0)
     path = np.asarray(reading.position, float)[[0, -1], :, :2]
     down = debounced(np.asarray(reading.contact) > TOUCH, period)
@@ -155,7 +159,7 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
         kind=_kind(speed, phase, correlation),
         speed=speed,
         net=np.linalg.norm(path[1] - path[0], axis=-1) / (period * (len(lateral) - 1)),
-        frequency=frequencies[peak],
+        frequency=np.where(moves, frequencies[peak], np.nan),
         phase=phase,
         correlation=correlation,
         contact_correlation=_contact_correlation(down),
@@ -167,7 +171,7 @@ def _contact_correlation(down: Bool[np.ndarray, "decisions seeds 6"]) -> Float[n
     """Correlation of the tripods' numbers of feet on the ground."""
     counts = np.stack([down[..., [LEGS.index(leg) for leg in tripod]].sum(-1) for tripod in TRIPODS])
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.array([np.nan_to_num(np.corrcoef(each))[0, 1] for each in np.moveaxis(counts, 2, 0)])
+        return np.array([np.corrcoef(each)[0, 1] for each in np.moveaxis(counts, 2, 0)])
 
 
 def debounced(contact: np.ndarray, period: float) -> np.ndarray:

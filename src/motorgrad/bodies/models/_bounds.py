@@ -16,6 +16,7 @@ from motorgrad._errors import check
 from motorgrad._limits import (
     MOST_MODEL_ARENA_BYTES,
     MOST_MODEL_BODIES_DEEP,
+    MOST_MODEL_BYTES,
     MOST_MODEL_OCTREE_LEVELS,
     MOST_MODEL_RANGE_STEPS,
     MOST_MODEL_RESERVED_BYTES,
@@ -233,7 +234,7 @@ def _file(
     for path in _paths(asset, file, folders):
         size = file_size(path)
         check_bytes(f"{name}: bytes of {file}", size, size)
-        yield from _content(name, file, content_of(path), image)
+        yield from _content(name, file, content_of(path, MOST_MODEL_BYTES), image)
 
 
 def _content(name: str, file: str, content: bytes, image: bool) -> Iterator[tuple[str, Any, float]]:

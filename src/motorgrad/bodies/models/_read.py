@@ -80,6 +80,20 @@ def read_spec(source: Path | str, assets: Mapping[str, bytes] | None = None) -> 
     return _guarded("read", lambda: mujoco.MjSpec.from_string(source, assets=given)), documents
 
 
+def check_file(source: Path) -> None:
+    """Refuse a model's file that would exhaust memory, or never be compiled, where somebody else is to compile it.
+
+    **Raises** `ValueError`, in one line, as `read_model`, for a model beyond the limits of size.
+    """
+
+    def check_it() -> None:
+        spec, documents = read_spec(source)
+        check_size(spec, documents.folders)
+        _check_ranges(spec)
+
+    in_source(source, check_it)
+
+
 def checksum_of(source: Path, spec: mujoco.MjSpec, documents: Documents) -> str:
     """A checksum of a model's file and of all files that it includes or names, wherever their folder is."""
     more = {*documents.files, *(path for paths in asset_files(spec, documents.folders).values() for path in paths)}

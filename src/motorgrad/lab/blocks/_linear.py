@@ -83,6 +83,10 @@ class Integrator(_Memory):
     def slides(self) -> slice:
         return slice(-1, None) if self.reset != "none" else slice(0, 0)
 
+    @property
+    def falls(self) -> bool:
+        return self.reset == "falling"
+
     def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
         u = inputs["u"]
         if not self.limited:

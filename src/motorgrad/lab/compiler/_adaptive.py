@@ -1,5 +1,6 @@
 """Integration over a tick by steps of adapted length, with zero crossings located."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
@@ -7,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad.lab.compiler._bracket import Bracket
 from motorgrad.lab.compiler._faults import CROSSINGS, LOST, NONE, SHORT, STEPS
 from motorgrad.lab.compiler._integrate import MOST_PIECES
 from motorgrad.lab.compiler._methods import Method
@@ -16,8 +18,8 @@ MOST_STEPS = 200_000  # per tick, failed ones and searches for crossings include
 MOST_EVENTS = 10_000  # crossings per tick
 FEW = 32  # crossings per tick, after which those without end are looked for
 MOST_SHORT = 8  # steps in a row that are the shortest possible and not exact enough
+UNSEEN = 8.0  # 2 where what leaves a level just ends at zero, times what the level may be misjudged by
 NEVER = np.uint32(0xFFFFFFFF)  # no tick has this number
-BISECTED = 16  # tries by secants before a crossing is searched for by bisection
 SAFETY = 0.9  # share of the step that the error allows
 SMALLEST = 0.2  # factor from step to step
 LARGEST = 5.0  # factor from step to step
@@ -38,7 +40,11 @@ class System(Protocol):
     """Which crossings may be held, see `_sliding`."""
     rests: np.ndarray
     """Which of those are of blocks that then rest."""
+    falls: np.ndarray
+    """Which of those are held where they are reached from above."""
 
+    rolled: bool
+    """Whether the stages of a step are a loop, too. That is slower, but what is compiled is smaller."""
     tick: Any
     """Its number, the same for all seeds."""
     margin: Any
@@ -46,44 +52,6 @@ class System(Protocol):
 
     def next_jump(self, within: Any) -> Any:
         """The first time after `within` at which a source jumps; infinite if there is none."""
-
-
-class Bracket(NamedTuple):
-    """Two lengths of a step that enclose a crossing, and the levels of all crossings there."""
-
-    before: Any
-    behind: Any
-    """0 where no crossing is searched for."""
-    low: Any
-    high: Any
-    replaced: Any
-    """Which end was replaced last: 1 `behind`, −1 `before`."""
-    tries: Any
-
-    def candidate(self, above: Any, watched: Any, least: float) -> Any:
-        """A step between the two: the earliest zero of the straight lines through the levels that are `watched`."""
-        width = self.behind - self.before
-        crossing = ((self.high >= 0) != above) & watched
-        ratio = self.low / jnp.where(crossing, self.low - self.high, 1.0)
-        ratio = jnp.min(jnp.where(crossing, ratio, 1.0))
-        ratio = jnp.where((self.tries >= BISECTED) | ~jnp.isfinite(ratio), 0.5, ratio)
-        inside = jnp.clip(self.before + ratio * width, self.before + least, self.behind - least)
-        return jnp.where(width <= 2 * least, self.behind, inside)
-
-    def narrowed(self, step: Any, hit: Any, levels: Any) -> "Bracket":
-        """With `step` as one end: the one behind the crossing if it was `hit`. An end that stays for a second time has
-        its levels halved, which is the Illinois rule.
-        """
-        side = jnp.where(hit, 1, -1)
-        factor = jnp.where(side == self.replaced, 0.5, 1.0)
-        return Bracket(
-            jnp.where(hit, self.before, step),
-            jnp.where(hit, step, self.behind),
-            jnp.where(hit, self.low * factor, levels),
-            jnp.where(hit, levels, self.high * factor),
-            side,
-            self.tries + 1,
-        )
 
 
 class Position(NamedTuple):
@@ -115,6 +83,69 @@ def begin(pace: Any, state: Any, modes: Any, above: Any, within: Any = 0.0) -> P
     return Position(zero + within, pace, state, modes, above, bracket, (none, none, none, none), (), none, zero)
 
 
+class Attempt(NamedTuple):
+    """One step that was tried, and what is known where it begins."""
+
+    shares: Any
+    levels: Any
+    """Of the crossings where the step begins."""
+    watched: Any
+    """Which crossings are looked at."""
+    step: Any
+    pace: Any
+    """How long the step would be if nothing limited it."""
+    left: Any
+    """How long it may be: to `limit`, which is the next jump, if that is `inside` the tick, or the end of the tick."""
+    limit: Any
+    inside: Any
+    searching: Any
+    """Whether a crossing is searched for."""
+    probing: Any
+    """Whether the step only tries whether what rests would leave."""
+    lost: Any
+    """Whether the state or its slope is not finite, so that no step, however short, has a finite end."""
+    gone: Any
+    """The same, unless the state was lost before the tick: that is no new fault."""
+    slope: Any
+    new: Any
+    """The state at the end of the step, if it is accepted."""
+    final: Any
+    """The slope there."""
+    there: Any
+    """The levels there."""
+    size: Any
+    """Of the error, as a share of the one that is tolerated."""
+
+
+class Judgement(NamedTuple):
+    """What follows from an attempt."""
+
+    fine: Any
+    """Whether it is exact enough."""
+    forced: Any
+    """Whether it is the shortest possible, and not exact enough."""
+    hit: Any
+    """Whether crossings turn in it."""
+    lifted: Any
+    """Which crossings no longer hold what rests."""
+    factor: Any
+    """By how much the next step is longer."""
+
+
+class Change(NamedTuple):
+    """What crossings change where an attempt begins."""
+
+    state: Any
+    modes: Any
+    above: Any
+    turned: Any
+    """Whether any has turned."""
+    again: Any
+    """Whether the step has to be made again with other shares."""
+    bracket: Any
+    holds: Any
+
+
 def advanced(
     system: System,
     method: Method,
@@ -133,164 +164,243 @@ def advanced(
     **Arguments:** `tolerances`: relative and absolute. `shares`: of what is held at the tick, see `Holds`. `loop`:
     `jax.lax.while_loop`, or the same in Python.
     """
-    real = position.pace.dtype
-    rounding = float(jnp.finfo(real).eps)
-    relative, absolute = max(tolerances[0], 20 * rounding), tolerances[1]
-    least = 8 * rounding * length
-    begins = shares
-    near, sliding = max(NEAR * length, 1024 * least), 16 * rounding
+    stepper = _Stepper(system, method, tolerances, shares, length, loop)
+    if position.above.size == 0:
+        return loop(lambda at: at.within < length, lambda at: stepper.turn(at, False), position)
 
-    def norm(tree: Any, scale: Any) -> Any:
-        parts = [(x / s) ** 2 for x, s in zip(jax.tree.leaves(tree), jax.tree.leaves(scale), strict=True)]
-        return jnp.sqrt(sum(jnp.sum(part) for part in parts) / sum(part.size for part in parts))
+    def has_few(at: Position) -> Any:
+        return (at.within < length) & (at.counts[1] < FEW) & ~jnp.any(shares >= 0)
 
-    def once(tree: Any) -> Any:
-        """Compute once. XLA may compute a value again wherever it is used, with other roundings, and so decide one way
-        for the state and another way for the time; what enters a branch is computed before it.
-        """
-        if loop is not jax.lax.while_loop:
-            return tree
-        return jax.lax.cond(
-            system.tick < NEVER, lambda tree: tree, lambda tree: jax.tree.map(jnp.zeros_like, tree), tree
-        )
+    # two loops: as long as nothing is held, rounds are shorter; where something may rest, every crossing is looked at
+    if not system.rests.any():
+        position = loop(has_few, lambda at: stepper.turn(at, False), position)
+    position = position._replace(holds=free(shares))
+    return loop(lambda at: at.within < length, lambda at: stepper.turn(at, True), position)
 
-    def only_if(condition: Any, function: Callable[[Any], Any], tree: Any) -> Any:
-        """The function of a tree where the condition holds, else the tree: for many seeds, computed only if needed."""
-        return loop(lambda at: at[0], lambda at: (jnp.zeros((), bool), function(at[1])), (condition, tree))[1]
 
-    def turn(at: Position, many: bool) -> Position:
-        s, searched, holds = at.within, at.above.size > 0, at.holds
-        rests, slides = many and bool(system.rests.any()), many and bool(system.slides.any())
-        probing = holds.probing if rests else jnp.asarray(False)
-        shares = holds.shares if many else begins
-        shares = jnp.where(probing & system.rests, -1.0, shares).astype(real) if rests else shares
-        slope, levels, crossed = system.evaluate(at.state, at.modes, at.above, shares, s, s)
-        slope, levels = once((slope, levels))
+class _Stepper:
+    """The rounds of the loop over a tick. With `many`, there are so many crossings that some may be held."""
+
+    def __init__(
+        self,
+        system: System,
+        method: Method,
+        tolerances: tuple[float, float],
+        shares: Any,
+        length: float,
+        loop: Callable[..., Any],
+    ):
+        self.system, self.method, self.shares, self.length, self.loop = system, method, shares, length, loop
+        self.real = shares.dtype
+        rounding = float(jnp.finfo(self.real).eps)
+        self.relative, self.absolute = max(tolerances[0], 20 * rounding), tolerances[1]
+        self.least = 8 * rounding * length
+        self.near, self.sliding = max(NEAR * length, 1024 * self.least), 16 * rounding
+
+    def turn(self, at: Position, many: bool) -> Position:
+        """The position after one round."""
+        attempt, crossed = self.attempted(at, many)
+        judgement = self.judged(at, attempt, many)
+        step, searching, probing = attempt.step, attempt.searching, attempt.probing
+        fine, hit = judgement.fine, judgement.hit
+        done = jnp.where(searching, hit, fine) & (~hit | (step - at.bracket.before <= 2 * self.least)) & ~probing
+        longer = jnp.maximum(step * judgement.factor, jnp.where(step < attempt.pace, attempt.pace, 0.0))
+        pace = jnp.where(fine, longer, step * judgement.factor)
+        pace = jnp.where(searching | (hit & fine) | probing, attempt.pace, pace).astype(self.real)
+        turned = jnp.asarray(False)
+        after, modes, above, bracket, holds = at.state, at.modes, at.above, at.bracket, at.holds
+        if at.above.size > 0:
+            # crossings that have turned are applied first, without a step
+            change = self.changed(at, attempt, judgement, crossed, many)
+            after, modes, above, turned, again, bracket, holds = change
+            done &= ~turned & ~again
+            opened = ~turned & ~done & ~again & ~probing & (searching | (fine & hit))
+            bracket = bracket._replace(behind=jnp.where(opened, bracket.behind, 0.0))
+            pace = jnp.where(turned, 0.0, jnp.where(again, step, pace))  # begin anew: the next crossing may be close
+
+        # what keeps the tick from being computed: the state stays where it is
         steps, events, jumps, shorts = at.counts
-        watched = holds.watched(s, least) if many else True
+        shorts = jnp.where(judgement.forced & done, shorts + 1, jnp.where(done, 0, shorts))
+        fault = jnp.int32(NONE)
+        for kind, found in (
+            (SHORT, shorts >= MOST_SHORT),
+            (STEPS, steps >= MOST_STEPS),
+            (CROSSINGS, events >= MOST_EVENTS),
+            (LOST, attempt.gone),
+        ):
+            fault = jnp.where(found, kind, fault)
+        faulty = fault != NONE
+        state = _chosen(done & ~faulty, attempt.new, after)
+        ends = done & (step == attempt.left)
+        within = jnp.where(ends, attempt.limit, jnp.where(done, at.within + step, at.within))
+        within = jnp.where(faulty, self.length, within)
+        counts = (steps + 1, events + ((done & hit) | turned), jumps + (ends & attempt.inside), shorts)
+        stuck = jnp.where(faulty, at.within, at.stuck)
+        return Position(within, pace, state, modes, above, bracket, counts, holds, fault, stuck)
 
-        # the step
-        jump = system.next_jump(s)
-        inside = (jump > s) & (jump < length - system.margin) & (jumps < MOST_PIECES - 1)
-        limit = jnp.where(inside, jump, length).astype(real)
-        scale = jax.tree.map(lambda x: absolute + relative * jnp.abs(x), at.state)
-        position, speed = norm(at.state, scale), norm(slope, scale)
-        lost = ~jnp.isfinite(position + speed)  # no step, however short, has a finite end
+    def attempted(self, at: Position, many: bool) -> tuple[Attempt, Callable[[Any, Any], tuple[Any, Any]]]:
+        """A step, and the function of `System.evaluate` where it begins."""
+        system, length, least, holds = self.system, self.length, self.least, at.holds
+        start, searched = at.within, at.above.size > 0
+        probing, shares = jnp.asarray(False), holds.shares if many else self.shares
+        if many and system.rests.any():
+            probing = holds.probing
+            shares = jnp.where(probing & system.rests, -1.0, shares).astype(self.real)
+        slope, levels, crossed = system.evaluate(at.state, at.modes, at.above, shares, start, start)
+        slope, levels = self.once((slope, levels))
+        watched = holds.watched(start, least) if many else True
+
+        jump = system.next_jump(start)
+        inside = (jump > start) & (jump < length - system.margin) & (at.counts[2] < MOST_PIECES - 1)
+        limit = jnp.where(inside, jump, length).astype(self.real)
+        scale = self.scaled(at.state)
+        position, speed = _norm(at.state, scale), _norm(slope, scale)
+        lost = ~jnp.isfinite(position + speed)
         pace = jnp.where(at.pace > 0, at.pace, _first_pace(position, speed, length))
         if searched and many:
             least_held = jnp.where(jnp.any(holds.held) & (at.pace <= 0), BEGUN * length, 0.0)
-            pace = jnp.minimum(jnp.maximum(pace, least_held), holds.longest(s, length, least))
-        left = limit - s
+            pace = jnp.minimum(jnp.maximum(pace, least_held), holds.longest(start, length, least))
+        left = limit - start
         step = jnp.where((pace >= 0.95 * left) | lost, left, pace)
         searching = at.bracket.behind > 0
         if searched:
             step = jnp.where(searching, at.bracket.candidate(at.above, watched, least), step)
 
         def evaluate(there: Any, within: Any) -> Any:
-            return system.evaluate(there, at.modes, at.above, shares, within, s)[:2]
+            return system.evaluate(there, at.modes, at.above, shares, within, start)[:2]
 
-        step, left, limit = once((step, left, limit))
-        new, error, final, there = once(method.attempt(evaluate, at.state, s, step, slope))
+        step, left, limit = self.once((step, left, limit))
+        made = self.method.attempt(evaluate, at.state, start, step, slope, system.rolled)
+        new, error, final, there = self.once(made)
+        size = self.once(_norm(error, self.scaled(at.state, new)))
+        gone = lost & ((start > 0) | jnp.isfinite(position))
+        known = (shares, levels, watched, step, pace, left, limit, inside, searching, probing, lost, gone)
+        return Attempt(*known, slope, new, final, there, size), crossed
 
-        # its length
-        larger = jax.tree.map(lambda a, b: absolute + relative * jnp.maximum(jnp.abs(a), jnp.abs(b)), at.state, new)
-        size = norm(error, larger)
-        size = once(size)
-        factor = jnp.clip(SAFETY * size ** (-1 / method.order), SMALLEST, LARGEST)
+    def judged(self, at: Position, attempt: Attempt, many: bool) -> Judgement:
+        """Whether an attempt is exact enough, and what it crosses."""
+        system, holds, step, size, lost = self.system, at.holds, attempt.step, attempt.size, attempt.lost
+        watched, probing, there = attempt.watched, attempt.probing, attempt.there
+        factor = jnp.clip(SAFETY * size ** (-1 / self.method.order), SMALLEST, LARGEST)
         factor = jnp.where(jnp.isnan(size), SMALLEST, factor)
-        forced = ~(size <= 1) & (step <= least) & ~searching
-        fine = (size <= 1) | (step <= least) | lost
-        hit = jnp.any(((there >= 0) != at.above) & watched) & ~lost if searched else jnp.asarray(False)
-        lifted = jnp.zeros_like(at.above)
-        if searched and (rests or not method.stiff):
+        forced = ~(size <= 1) & (step <= self.least) & ~attempt.searching
+        fine = (size <= 1) | (step <= self.least) | lost
+        hit, lifted = jnp.asarray(False), jnp.zeros_like(at.above)
+        rests = many and bool(system.rests.any())
+        if at.above.size > 0:
+            hit = jnp.any(((there >= 0) != at.above) & watched) & ~lost
+        if at.above.size > 0 and (rests or not self.method.stiff):
             # halfway, by the cubic polynomial through both ends: a step must not jump over two crossings
-            middle = jax.tree.map(lambda a, b, k, m: (a + b + step * (k - m) / 4) / 2, at.state, new, slope, final)
-            place, when, sides, start = middle, s + step / 2, at.above, s
+            ends = (at.state, attempt.new, attempt.slope, attempt.final)
+            place = jax.tree.map(lambda a, b, k, m: (a + b + step * (k - m) / 4) / 2, *ends)
+            when, sides, start = at.within + step / 2, at.above, at.within
             if rests:
                 # where it is tried whether something rests: at the end, with the sides that the crossings have there
-                place, when = _chosen(probing, (new, s + step), (place, when))
-                sides, start = jnp.where(probing & watched, there >= 0, at.above), jnp.where(probing, when, s)
-            found = system.evaluate(place, at.modes, sides, shares, when, start)[1] >= 0
+                place, when = _chosen(probing, (attempt.new, at.within + step), (place, when))
+                sides, start = jnp.where(probing & watched, there >= 0, at.above), jnp.where(probing, when, start)
+            found = system.evaluate(place, at.modes, sides, attempt.shares, when, start)[1] >= 0
             if rests:
                 lifted = (found != at.above) & system.rests & holds.held & probing
-            twice = jnp.any((found != at.above) & watched) & ~hit & ~searching & ~probing & (step > least)
-            twice &= not method.stiff
-            factor = jnp.where(fine & twice & ~lost, 0.5, factor)
-            fine &= ~twice | lost
-        fine, hit = once((fine, hit))
-        done = jnp.where(searching, hit, fine) & (~hit | (step - at.bracket.before <= 2 * least)) & ~probing
-        next = jnp.where(fine, jnp.maximum(step * factor, jnp.where(step < pace, pace, 0.0)), step * factor)
-        next = jnp.where(searching | (hit & fine) | probing, pace, next).astype(real)
+            if not self.method.stiff:
+                twice = jnp.any((found != at.above) & watched) & ~hit & ~attempt.searching & ~probing
+                twice &= (step > self.least) & ~lost
+                factor = jnp.where(fine & twice, 0.5, factor)
+                fine &= ~twice
+        fine, hit = self.once((fine, hit))
+        return Judgement(fine, forced, hit, lifted, factor)
 
-        # crossings that have turned are applied first, without a step
-        after, modes, above, turned = at.state, at.modes, at.above, jnp.asarray(False)
-        bracket = at.bracket
-        which = jnp.zeros_like(above)
-        if searched:
-            sides = levels >= 0
-            which = (sides != at.above) & watched
-            turned = jnp.any(which)
-            above = jnp.where(which, sides, at.above)
-            again, toggled = jnp.asarray(False), jnp.zeros_like(above)
-            if slides:
-                slid, again, toggled = holds.corrected(levels, there, step, system.rests, sliding)
-                counts = fine & ~turned & ~searching & ~probing & ~lost
-                holds, again, toggled = _chosen(counts, slid, holds), again & counts, toggled & counts
-                holds = holds._replace(tried=jnp.where(fine, holds.tried, 0))
-                holds = holds._replace(
-                    probing=jnp.where(turned, holds.probing, ~probing & jnp.any(holds.held & system.rests))
-                )
-                holds = holds._replace(shares=jnp.where(lifted & ~turned, -1.0, holds.shares).astype(real))
-            changed = which | toggled
-            after, modes = _chosen(jnp.any(changed), crossed(above | toggled, changed), (at.state, at.modes))
-            enters = which
-            if many:
-                rising = which & sides
-                holds, enters = holds.reached(which, rising, s, length, near, system.slides, system.rests)
+    def changed(
+        self, at: Position, attempt: Attempt, judgement: Judgement, crossed: Callable[[Any, Any], Any], many: bool
+    ) -> Change:
+        """What crossings change: those that have turned where the attempt begins, and those that are held."""
+        system, holds, step, start = self.system, at.holds, attempt.step, at.within
+        rests, slides = many and bool(system.rests.any()), many and bool(system.slides.any())
+        levels, there, fine = attempt.levels, attempt.there, judgement.fine
+        sides = levels >= 0
+        which = (sides != at.above) & attempt.watched
+        turned = jnp.any(which)
+        above = jnp.where(which, sides, at.above)
+        again, toggled = jnp.asarray(False), jnp.zeros_like(above)
+        if slides:
+            slid, again, toggled = holds.corrected(levels, there, step, system.rests, self.sliding)
+            counts = fine & ~turned & ~attempt.searching & ~attempt.probing & ~attempt.lost
+            holds, again, toggled = _chosen(counts, slid, holds), again & counts, toggled & counts
+            probing = jnp.where(turned, holds.probing, ~attempt.probing & jnp.any(holds.held & system.rests))
+            shares = jnp.where(judgement.lifted & ~turned, -1.0, holds.shares).astype(self.real)
+            holds = holds._replace(tried=jnp.where(fine, holds.tried, 0), probing=probing, shares=shares)
+        changed = which | toggled
+        after, modes = _chosen(jnp.any(changed), crossed(above | toggled, changed), (at.state, at.modes))
+        if slides:  # what slides no more is before its threshold: where that was misjudged, it turns again
+            above &= ~(at.holds.held & ~holds.held & ~system.rests)
+        enters = which
+        if many:
+            entered = which & (sides != system.falls)
+            unseen = jnp.zeros_like(above)
             if rests:
-                after = only_if(jnp.any(enters & system.rests), lambda tree: rested(at, above, changed, s, tree), after)
-            done &= ~turned & ~again
-            opened = ~turned & ~done & ~again & ~probing & (searching | (fine & hit))
-            zero, none = jnp.zeros_like(step), jnp.zeros_like(steps)
-            fresh = Bracket(zero, step, levels, there, none, none)
-            bracket = _chosen(searching, at.bracket.narrowed(step, hit, there), fresh)
-            bracket = bracket._replace(behind=jnp.where(opened, bracket.behind, 0.0))
-            next = jnp.where(turned, 0.0, jnp.where(again, step, next))  # begin anew: the next crossing may be close
+                resets = entered & system.rests
+                flight = (after, modes, above, start, holds.turned, unseen)
+                unseen = resets & self.only_if(jnp.any(resets), self.returned, flight)[-1]
+            lasts = (start, self.length, self.near)
+            holds, enters = holds.reached(which, entered, unseen, *lasts, system.slides, system.rests)
+        if rests:
 
-        # what keeps the tick from being computed: the state stays where it is
-        shorts = jnp.where(forced & done, shorts + 1, jnp.where(done, 0, shorts))
-        gone = lost & ((s > 0) | jnp.isfinite(position))  # a state that was lost before is no new fault
-        kinds = (
-            (LOST, gone),
-            (CROSSINGS, events >= MOST_EVENTS),
-            (STEPS, steps >= MOST_STEPS),
-            (SHORT, shorts >= MOST_SHORT),
-        )
-        kind = jnp.int32(NONE)
-        for number, found in reversed(kinds):
-            kind = jnp.where(found, number, kind)
-        faulty = kind != NONE
-        state = _chosen(done & ~faulty, new, after)
-        ends = done & (step == left)
-        within = jnp.where(ends, limit, jnp.where(done, s + step, s))
-        within = jnp.where(faulty, length, within)
+            def rested(second: Any) -> Any:
+                """The state to which resets lead that are repeated without end, after the first of them."""
+                third = system.evaluate(second, at.modes, above, at.holds.shares, start, start)[2]
+                return jax.tree.map(led_to, at.state, second, third(above, changed)[0])
 
-        counts = (steps + 1, events + ((done & hit) | turned), jumps + (ends & inside), shorts)
-        return Position(within, next, state, modes, above, bracket, counts, holds, kind, jnp.where(faulty, s, at.stuck))
+            after = self.only_if(jnp.any(enters & system.rests), rested, after)
+        zero, none = jnp.zeros_like(step), jnp.zeros_like(at.counts[0])
+        fresh = Bracket(zero, step, levels, there, none, none)
+        bracket = _chosen(attempt.searching, at.bracket.narrowed(step, judgement.hit, there), fresh)
+        return Change(after, modes, above, turned, again, bracket, holds)
 
-    def rested(at: Position, above: Any, changed: Any, s: Any, second: Any) -> Any:
-        """The state to which resets lead that are repeated without end, after the first of them."""
-        crossed = system.evaluate(second, at.modes, above, at.holds.shares, s, s)[2]
-        return jax.tree.map(led_to, at.state, second, crossed(above, changed)[0])
+    def returned(self, flight: Any) -> Any:
+        """Whether what was reached now is left so slowly, and reached again so soon, that it could not be seen: it
+        would end within the rounding of the level at which it begins. So it is with a ball that keeps little speed.
+        """
+        system = self.system
+        state, modes, above, start, turned, _ = flight
 
-    if position.above.size == 0:
-        return loop(lambda at: at.within < length, lambda at: turn(at, False), position)
+        def seen(state: Any, within: Any) -> tuple[Any, Any]:
+            slope, levels, _ = system.evaluate(state, modes, above, jnp.full_like(self.shares, -1), within, within)
+            return levels, slope
 
-    def has_few(at: Position) -> Any:
-        return (at.within < length) & (at.counts[1] < FEW) & ~jnp.any(shares >= 0)
+        def rates(state: Any, within: Any) -> tuple[Any, Any]:
+            slope = seen(state, within)[1]
+            levels, rate, _ = jax.jvp(seen, (state, within), (slope, jnp.ones_like(within)), has_aux=True)
+            return rate, (levels, slope)
 
-    position = loop(has_few, lambda at: turn(at, False), position)._replace(holds=free(shares))
-    return loop(lambda at: at.within < length, lambda at: turn(at, True), position)
+        slope = seen(state, start)[1]
+        rate, bend, (levels, _) = jax.jvp(rates, (state, start), (slope, jnp.ones_like(start)), has_aux=True)
+        sign = jnp.where(above, 1.0, -1.0)  # of levels on the side that was reached
+        levels, rate, bend = sign * levels, sign * rate, sign * bend
+        reached = (turned == start) & ~system.rests & (levels >= 0)
+        unseen = reached & (rate <= 0) & (bend >= 0) & (rate**2 <= UNSEEN * levels * bend)
+        return state, modes, above, start, turned, jnp.full_like(above, jnp.any(unseen))
+
+    def scaled(self, *states: Any) -> Any:
+        """The error that is tolerated for states of this size."""
+        sizes = jax.tree.map(lambda *parts: functools.reduce(jnp.maximum, map(jnp.abs, parts)), *states)
+        return jax.tree.map(lambda size: self.absolute + self.relative * size, sizes)
+
+    def once(self, tree: Any) -> Any:
+        """Compute once. XLA may compute a value again wherever it is used, with other roundings, and so decide one way
+        for the state and another way for the time; what enters a branch is computed before it.
+        """
+        if self.loop is not jax.lax.while_loop:
+            return tree
+        zeros = lambda tree: jax.tree.map(jnp.zeros_like, tree)  # noqa: E731
+        return jax.lax.cond(self.system.tick < NEVER, lambda tree: tree, zeros, tree)
+
+    def only_if(self, condition: Any, function: Callable[[Any], Any], tree: Any) -> Any:
+        """The function of a tree where the condition holds, else the tree: for many seeds, computed only if needed."""
+        return self.loop(lambda at: at[0], lambda at: (jnp.zeros((), bool), function(at[1])), (condition, tree))[1]
+
+
+def _norm(tree: Any, scale: Any) -> Any:
+    parts = [(x / s) ** 2 for x, s in zip(jax.tree.leaves(tree), jax.tree.leaves(scale), strict=True)]
+    return jnp.sqrt(sum(jnp.sum(part) for part in parts) / sum(part.size for part in parts))
 
 
 def _first_pace(position: Any, speed: Any, length: float) -> Any:

@@ -29,6 +29,7 @@ class Continuous:
     ):
         self.step, self.values, self.carry, self.tick = step, values, carry, tick
         self.numbers, self.environment = numbers, environment
+        self.rolled = bool(step.torn)  # what finds their outputs is large
         self.time = clock(tick, step.plan.tick, 0.0)
         self.margin = blur(self.time[0], step.plan.tick)
         sizes = [carry.above[k].size for k in step.crossings]
@@ -38,6 +39,7 @@ class Continuous:
         self.slides = np.concatenate([np.zeros(0, bool), *slides])
         rests = [k in step.movers for k in step.crossings]
         self.rests = self.slides & np.repeat(np.array(rests, bool), sizes)
+        self.falls = self.slides & np.repeat(np.array([kinds[k].block.falls for k in step.crossings], bool), sizes)
 
     def slopes(self, state: dict[int, Any], within: Any, start: Any = None) -> dict[int, Any]:
         """The time derivative of the state, in a step of the solver that began at `start`, by default at `within`."""
@@ -92,12 +94,10 @@ class Continuous:
 
         def substep(n: Any, state: Any) -> Any:
             within = n * jnp.asarray(piece, jnp.result_type(float))
-            return integrated(self.slopes, jump, state, within, piece, self.margin)
+            return integrated(self.slopes, jump, state, within, piece, self.margin, rolled=self.rolled)
 
-        if solver.substeps == 1:
-            state = integrated(self.slopes, jump, state, jnp.zeros(()), piece, self.margin)
-        else:
-            state = jax.lax.fori_loop(0, solver.substeps, substep, state)
+        many = solver.substeps > 1
+        state = jax.lax.fori_loop(0, solver.substeps, substep, state) if many else substep(0, state)
         return state, self._split(above), {}, {}, {}
 
     def evaluate(

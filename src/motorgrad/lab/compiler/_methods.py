@@ -1,6 +1,6 @@
 """Steps with an estimate of their error: explicit Runge–Kutta and Rosenbrock methods."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import diffrax
@@ -17,33 +17,75 @@ Evaluate = Callable[[Any, Any], tuple[Any, Any]]
 class Method(NamedTuple):
     """A method with steps of any length.
 
-    `attempt(evaluate, state, within, step, first)` returns the state one `step` after `within`, its estimated error,
-    and the slope and the levels there; `first` is the slope at `within`. The error is of the given `order` in the step.
+    `attempt(evaluate, state, within, step, first, rolled)` returns the state one `step` after `within`, its estimated
+    error, and the slope and the levels there; `first` is the slope at `within`. The error is of the given `order` in
+    the step. With `rolled`, the stages are a loop: that is slower, but what is compiled is smaller.
     """
 
     order: int
     stiff: bool
-    attempt: Callable[[Evaluate, Any, Any, Any, Any], tuple[Any, Any, Any, Any]]
+    attempt: Callable[[Evaluate, Any, Any, Any, Any, bool], tuple[Any, Any, Any, Any]]
 
 
 def explicit(tableau: diffrax.ButcherTableau, order: int) -> Method:
     """The explicit Runge–Kutta method of one of diffrax's tableaus, whose last stage is the new state's slope."""
-    rows, errors = [np.asarray(row, float) for row in tableau.a_lower], np.asarray(tableau.b_error, float)
+    stages = list(zip(tableau.c.tolist(), map(tuple, tableau.a_lower), strict=True))
+    errors = tuple(np.asarray(tableau.b_error, float))
 
-    def attempt(evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any) -> tuple[Any, Any, Any, Any]:
-        slopes, there, levels = [first], state, None
-        for row, place in zip(rows, tableau.c.tolist(), strict=True):
-            change = _weighted(row, slopes)
-            there = jax.tree.map(lambda x, k: x + step * k, state, change)
+    def attempt(
+        evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any, rolled: bool
+    ) -> tuple[Any, Any, Any, Any]:
+        def stage(slopes: Any, place: Any, weights: Any) -> tuple[Any, Any]:
+            there = jax.tree.map(lambda x, k: x + step * k, state, _weighted(weights, slopes))
             slope, levels = evaluate(there, within + place * step)
-            slopes.append(slope)
-        return there, jax.tree.map(lambda k: step * k, _weighted(errors, slopes)), slopes[-1], levels
+            return slope, (there, slope, levels)
+
+        slopes, (there, slope, levels) = _one_by_one(stage, stages, [first], first, rolled)
+        return there, jax.tree.map(lambda k: step * k, _weighted(errors, slopes)), slope, levels
 
     return Method(order, False, attempt)
 
 
-def _weighted(weights: np.ndarray, slopes: list[Any]) -> Any:
-    used = [(float(weight), slope) for weight, slope in zip(weights, slopes, strict=True) if weight]
+def _one_by_one(
+    stage: Callable[..., tuple[Any, Any]], table: Sequence[tuple[Any, ...]], known: list[Any], like: Any, rolled: bool
+) -> tuple[Any, Any]:
+    """The results of all stages, and what else the last one returns.
+
+    **Arguments:** `stage`: of the results before it, to be used by `_weighted`, and of its row of the `table`. `known`:
+    results before the first stage. `like`: a tree as each result is. `rolled`: whether to loop, so that the stages
+    appear only once in what is compiled.
+    """
+    if not rolled:
+        last = None
+        for row in table:
+            result, last = stage(known, *row)
+            known = [*known, result]
+        return known, last
+    count, real = len(known) + len(table), jnp.result_type(float)
+
+    def column(cells: tuple[Any, ...]) -> Array:
+        padded = [[*cell, *[0.0] * (count - len(cell))] if isinstance(cell, tuple) else cell for cell in cells]
+        return jnp.asarray(np.array(padded, float), real)
+
+    def next_stage(results: Any, at: Any) -> tuple[Any, Any]:
+        n, *row = at
+        result, other = stage(results, *row)
+        return jax.tree.map(lambda all, new: all.at[n].set(new), results, result), other
+
+    results = jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), like)
+    for n, result in enumerate(known):
+        results = jax.tree.map(lambda all, new, n=n: all.at[n].set(new), results, result)
+    rows = (np.arange(len(known), count), *map(column, zip(*table, strict=True)))
+    results, others = jax.lax.scan(next_stage, results, rows)
+    return results, jax.tree.map(lambda each: each[-1], others)
+
+
+def _weighted(weights: Any, results: Any) -> Any:
+    """The weighted sum of results: of a list of them, or stacked."""
+    if not isinstance(results, list):
+        dense = jnp.asarray(weights, jnp.result_type(float))
+        return jax.tree.map(lambda k: jnp.tensordot(dense, k, 1), results)
+    used = [(float(weight), result) for weight, result in zip(weights, results, strict=True) if weight]
     return jax.tree.map(
         lambda *ks: sum(weight * k for (weight, _), k in zip(used, ks, strict=True)), *(k for _, k in used)
     )
@@ -98,7 +140,9 @@ stages in the state and in the right-hand side. The new state adds the last stag
 UNROLLED = 16  # larger matrices are inverted by LAPACK
 
 
-def _rodas5p(evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any) -> tuple[Any, Any, Any, Any]:
+def _rodas5p(
+    evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any, rolled: bool
+) -> tuple[Any, Any, Any, Any]:
     x, unravel = ravel_pytree(state)
 
     def slope(x: Array, within: Any) -> Array:
@@ -107,15 +151,18 @@ def _rodas5p(evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any)
     within = jnp.asarray(within, x.dtype)
     jacobian, rate = jax.jacfwd(slope, (0, 1))(x, within)
     inverse = inverted(jnp.eye(len(x), dtype=x.dtype) / (GAMMA * step) - jacobian)
-    stages: list[Array] = []
-    there = x
-    for place, weight, inside, outside in STAGES:
-        there = x + sum(a * u for a, u in zip(inside, stages, strict=True))
-        f = slope(there, within + place * step) if stages else ravel_pytree(first)[0]
-        right = f + sum(c * u for c, u in zip(outside, stages, strict=True)) / step + step * weight * rate
-        stages.append(jnp.sum(inverse * right, axis=-1))
-    new = unravel(there + stages[-1])
-    return new, unravel(stages[-1]), *evaluate(new, within + step)
+
+    def stage(changes: Any, place: Any, weight: Any, inside: Any, outside: Any) -> tuple[Any, Any]:
+        there, right = x, step * weight * rate
+        if len(changes):
+            there = x + _weighted(inside, changes)
+            right = right + _weighted(outside, changes) / step
+        change = jnp.sum(inverse * (slope(there, within + place * step) + right), axis=-1)
+        return change, (there, change)
+
+    _, (there, change) = _one_by_one(stage, STAGES, [], x, rolled)
+    new = unravel(there + change)
+    return new, unravel(change), *evaluate(new, within + step)
 
 
 def inverted(matrix: Array) -> Array:

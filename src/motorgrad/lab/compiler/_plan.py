@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import unknown
 from motorgrad._limits import MOST_DIAGRAM_SIGNALS, MOST_DIAGRAM_STATES
 from motorgrad.lab.diagram import (
@@ -154,6 +155,7 @@ def plan(diagram: Diagram) -> Plan:
 
 def problems(diagram: Diagram) -> list[Problem]:
     """Everything that keeps a diagram from running, by block and port; empty if it can run."""
+    check_arguments(problems, locals())
     with in_precision(diagram.precision):
         return _checked(diagram)[1]
 

@@ -33,7 +33,9 @@ class Holds(NamedTuple):
     shares: Any
     """The share of the present mode, from 0 to 1; −1 where the block is free."""
     last: Any
-    """When it was last reached from below, in seconds since the tick."""
+    """When it was last reached, from the side from which it may be held, in seconds since the tick."""
+    turned: Any
+    """When it last turned, to either side."""
     quick: Any
     """How many intervals in a row were nearly zero."""
     until: Any
@@ -72,20 +74,33 @@ class Holds(NamedTuple):
         return jnp.minimum(free, jnp.min(jnp.where(waits, self.until - within, length), initial=length))
 
     def reached(
-        self, turned: Any, rising: Any, within: Any, length: float, near: float, slides: np.ndarray, rests: np.ndarray
+        self,
+        turned: Any,
+        entered: Any,
+        unseen: Any,
+        within: Any,
+        length: float,
+        near: float,
+        slides: np.ndarray,
+        rests: np.ndarray,
     ) -> tuple["Holds", Any]:
-        """After crossings have turned. **Returns** which of them begin to be held, too."""
+        """After crossings have `turned`. **Returns** which of them begin to be held, too.
+
+        **Arguments:** `entered`: those that turned to the side to which they may be held; `unseen`: of them, those that
+        would be reached again after a time too short to be seen.
+        """
         close = within - self.last <= near
-        quick = jnp.where(rising, jnp.where(close, self.quick + 1, 0), self.quick)
+        quick = jnp.where(entered, jnp.where(close, self.quick + 1, 0), self.quick)
         many = jnp.where(within - self.last <= near / 4, 1, MANY)  # the next interval may be too short to be seen
-        enters = rising & slides & (quick >= many)
+        enters = entered & slides & ((quick >= many) | unseen)
         chatters = turned & ~slides & ((quick >= MORE) | (self.until >= 0))
         zero = jnp.zeros_like(self.shares)
         # at first as short as roundings last, at which a crossing may turn to and fro too
         dwells = jnp.clip(4 * self.dwells, near * FIRST, DWELL * length)
         after = self._replace(
             shares=jnp.where(enters, jnp.where(rests, 0.0, 0.5), self.shares).astype(zero.dtype),
-            last=jnp.where(rising, within, self.last),
+            last=jnp.where(entered, within, self.last),
+            turned=jnp.where(turned, within, self.turned),
             quick=jnp.where(enters, 0, quick),
             until=jnp.where(chatters, within + dwells, self.until).astype(zero.dtype),
             dwells=jnp.where(chatters, dwells, self.dwells).astype(zero.dtype),
@@ -127,7 +142,7 @@ def free(shares: Any) -> Holds:
     none, real = jnp.zeros(shares.shape, jnp.int32), jnp.zeros_like(shares)
     away = jnp.full_like(shares, -1)
     last = jnp.full_like(shares, -jnp.inf)
-    return Holds(shares, last, none, away, real, real, real, real, jnp.zeros((), jnp.int32), jnp.any(shares >= 0))
+    return Holds(shares, last, last, none, away, real, real, real, real, jnp.zeros((), jnp.int32), jnp.any(shares >= 0))
 
 
 def led_to(first: Any, second: Any, third: Any) -> Any:

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted
 from motorgrad.lab.diagram._declarations import (
@@ -185,6 +186,11 @@ class Block:
         """
         return slice(0, 0)
 
+    @property
+    def falls(self) -> bool:
+        """Whether those crossings are held where they fall: reached from above."""
+        return False
+
     def check_broadcasts(self, name: str, shape: tuple[int, ...]) -> None:
         """Refuse a parameter that does not broadcast to `shape`, and an invalid shape."""
         shape = checked_shape("shape", shape)
@@ -228,6 +234,7 @@ class Block:
 
 def whole_ticks(name: str, period: float, tick: float) -> int:
     """A period in ticks. **Raises** `ValueError` unless it is a whole number of ticks, to one part in a million."""
+    check_arguments(whole_ticks, locals())
     ticks = round(min(period / tick, 2**62))  # their quotient may be infinite
     whole = ticks >= 1 and abs(period / tick - ticks) <= 1e-6 * ticks
     check(whole, name, period, f"a whole number of ticks of {tick:g} s")

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
 
 Kind = Literal["float", "int", "bool"]
@@ -173,11 +174,13 @@ def _declared(cls: type, kind: type) -> dict[str, Any]:
 
 def parameters_of(cls: type) -> Mapping[str, Parameter]:
     """The parameters of a block type, by name."""
+    check_arguments(parameters_of, locals())
     return _declared(cls, Parameter)
 
 
 def settings_of(cls: type) -> Mapping[str, Setting]:
     """The settings of a block type, by name."""
+    check_arguments(settings_of, locals())
     return _declared(cls, Setting)
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice, counted, unknown
 from motorgrad.lab.diagram._block import Block, Moment, Ports, Signals, Sink
 from motorgrad.lab.diagram._declarations import Kind, Parameter, Port, Setting, nested
@@ -142,6 +143,7 @@ class Diagram:
         parameters: Mapping[str, Any] | None = None,
         uses: Mapping[str, str] | None = None,
     ):
+        check_arguments(Diagram, locals())
         numbers = {"tick": tick, "relative_tolerance": relative_tolerance, "absolute_tolerance": absolute_tolerance}
         for name, value in numbers.items():
             number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -181,9 +183,9 @@ class Diagram:
 
         **Returns** the name.
         """
+        check_arguments(Diagram.add, locals())
         _check_name(name)
         check(name not in self.nodes, "name", name, "a new name in the diagram")
-        check(isinstance(block, Block | Diagram), name, block, "a block or a diagram")
         check(
             not isinstance(block, Diagram) or not block.contains(self),
             name,
@@ -201,6 +203,7 @@ class Diagram:
 
     def remove(self, name: str) -> None:
         """Remove a block and its wires."""
+        check_arguments(Diagram.remove, locals())
         self._node(name)
         del self.nodes[name]
         self.uses = {address: own for address, own in self.uses.items() if address.partition(".")[0] != name}
@@ -208,6 +211,7 @@ class Diagram:
 
     def rename(self, old: str, new: str) -> None:
         """Rename a block. Its position, wires and id stay the same."""
+        check_arguments(Diagram.rename, locals())
         self._node(old)
         _check_name(new)
         check(new == old or new not in self.nodes, "name", new, "a new name in the diagram")
@@ -222,8 +226,8 @@ class Diagram:
 
     def replace(self, name: str, block: "Block | Diagram") -> None:
         """Replace a block and keep its id. Wires at ports that the new block lacks are removed."""
+        check_arguments(Diagram.replace, locals())
         node = self._node(name)
-        check(isinstance(block, Block | Diagram), name, block, "a block or a diagram")
         self.nodes[name] = dataclasses.replace(node, block=block)
         inputs, outputs = block.inputs, block.outputs
         lost = {(t, s) for t, s in self.wires.items() if t[0] == name and t[1] not in inputs}
@@ -235,6 +239,7 @@ class Diagram:
 
         Shapes and kinds are checked when the diagram is compiled, or by `mismatch`.
         """
+        check_arguments(Diagram.connect, locals())
         start, end = self.end(source, "outputs"), self.end(target, "inputs")
         held = self.wires.get(end)
         check(held is None, ".".join(end), source, f"disconnected first: {'.'.join(held or ())} leads there")
@@ -242,6 +247,7 @@ class Diagram:
 
     def disconnect(self, target: str) -> None:
         """Remove the wire to an input."""
+        check_arguments(Diagram.disconnect, locals())
         end = self.end(target, "inputs")
         check(end in self.wires, "target", target, "an input with a wire")
         del self.wires[end]
@@ -254,6 +260,7 @@ class Diagram:
             plant.use("weight.gain", "mass")
             run["plant.mass"] = 2.0  # sets both
         """
+        check_arguments(Diagram.use, locals())
         block, _, own = address.partition(".")
         inner = self._node(block).block
         known = inner.parameters
@@ -271,6 +278,7 @@ class Diagram:
 
     def uses_of(self, block: str) -> dict[str, str]:
         """The parameters of the diagram that a block uses, by the name of its own parameter."""
+        check_arguments(Diagram.uses_of, locals())
         ends = ((address.partition("."), name) for address, name in self.uses.items())
         return {end[2]: name for end, name in ends if end[0] == block}
 
@@ -319,6 +327,7 @@ class Diagram:
 
     def contains(self, other: "Diagram") -> bool:
         """Whether `other` is this diagram or part of it, at any depth."""
+        check_arguments(Diagram.contains, locals())
         inner = [node.block for node in self.nodes.values() if isinstance(node.block, Diagram)]
         return self is other or any(diagram.contains(other) for diagram in inner)
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import LONGEST, check, shown, unknown
 from motorgrad._files import write_atomically
 from motorgrad._limits import MOST_DIAGRAM_CHARACTERS, MOST_DIGITS, MOST_NESTED
@@ -43,6 +44,7 @@ def dumps(diagram: Diagram) -> str:
 
     **Raises** `ValueError` for a layout that is not plain, finite data.
     """
+    check_arguments(dumps, locals())
     head = {name: value for name, value in diagram.head.items() if name in ALWAYS or value != HEAD[name]}
     data = _Lines(format=FORMAT, version=VERSION, **head, **_content(diagram))
     check_data(data)
@@ -58,6 +60,7 @@ def loads(text: str, trust: bool = False) -> Diagram:
     **Raises** `ValueError` that names the place: for invalid JSON, another format or version, unknown block types,
     ports or names, and numbers that are not finite or not allowed.
     """
+    check_arguments(loads, locals())
     check(
         isinstance(text, str) and len(text) <= MOST_DIAGRAM_CHARACTERS,
         "file",
@@ -88,6 +91,7 @@ def loads(text: str, trust: bool = False) -> Diagram:
 
 def save(diagram: Diagram, path: Path | str) -> None:
     """Write a diagram to a file, atomically."""
+    check_arguments(save, locals())
     write_atomically(Path(path), dumps(diagram).encode())
 
 
@@ -96,6 +100,7 @@ def load(path: Path | str, trust: bool = False) -> Diagram:
 
     **Raises** `ValueError` as `loads` does, naming the file, and `OSError` if it cannot be read.
     """
+    check_arguments(load, locals())
     try:
         return loads(content_of(Path(path), 4 * MOST_DIAGRAM_CHARACTERS).decode(), trust)
     except ValueError as error:  # invalid UTF-8 too

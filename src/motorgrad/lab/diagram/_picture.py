@@ -4,6 +4,7 @@ import html
 import re
 from typing import Any
 
+from motorgrad._arguments import check_arguments
 from motorgrad.lab.diagram._diagram import Diagram
 from motorgrad.lab.diagram._faces import HEADER, ROW, Face, face_of
 from motorgrad.lab.diagram._layers import layered
@@ -25,6 +26,7 @@ def to_svg(diagram: Diagram) -> str:
 
         Path("loop.svg").write_text(mg.lab.to_svg(diagram), encoding="utf-8")
     """
+    check_arguments(to_svg, locals())
     faces = {name: face_of(diagram, name) for name in diagram.nodes}
     places = _places(diagram, faces)
     boxes = [(*places[name], face.width, face.height) for name, face in faces.items()]

@@ -5,6 +5,7 @@ import pprint
 import re
 from typing import Any
 
+from motorgrad._arguments import check_arguments
 from motorgrad._settings import fields_of
 from motorgrad.lab.diagram._block import Block
 from motorgrad.lab.diagram._diagram import HEAD, Diagram
@@ -18,6 +19,7 @@ def to_python(diagram: Diagram) -> str:
 
     Only fields that differ from their defaults are written. A block type of your own is looked up in `BLOCKS`.
     """
+    check_arguments(to_python, locals())
     lines = ["import motorgrad as mg", ""]
     _build(diagram, "diagram", {"diagram", "mg"}, lines)
     return "\n".join(lines).rstrip() + "\n"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad._extras import require
 
@@ -105,6 +106,7 @@ def _columns(address: str, signal: np.ndarray) -> dict[str, np.ndarray]:
 
 def join(records: Iterable[Record]) -> Record:
     """Concatenate records of consecutive ticks. **Raises** `ValueError` where ticks or signals do not continue."""
+    check_arguments(join, locals())
     parts = list(records)
     check(parts, "records", parts, "at least one")
     for before, after in itertools.pairwise(parts):

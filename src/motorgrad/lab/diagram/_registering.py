@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from typing import Any, TypeVar, overload
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad.lab.diagram._block import BLOCKS, Block
 
@@ -40,6 +41,7 @@ def block(kind: Any = None, *, name: str = "", category: str = "") -> Any:
             return {"y": 2 * inputs["u"]}
     ```
     """
+    check_arguments(block, locals())
 
     def registered(kind: Any) -> Any:
         check(isinstance(kind, type) and issubclass(kind, Block), "block", kind, "a class under motorgrad.lab.Block")

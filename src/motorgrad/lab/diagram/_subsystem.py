@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad.lab.diagram._declarations import Port
 from motorgrad.lab.diagram._diagram import Diagram, End, Inlet, Node, Outlet
@@ -17,6 +18,7 @@ def extract(diagram: Diagram, names: Iterable[str]) -> Diagram:
 
     **Raises** `ValueError` for unknown names.
     """
+    check_arguments(extract, locals())
     return _extracted(diagram, names)[0]
 
 
@@ -25,6 +27,7 @@ def group(diagram: Diagram, names: Iterable[str], name: str) -> Diagram:
 
     **Raises** `ValueError` for unknown names, and if another block has the name.
     """
+    check_arguments(group, locals())
     chosen = list(names)
     inner, inlets, outlets = _extracted(diagram, chosen)
     check(name not in diagram.nodes or name in chosen, "name", name, "a new name in the diagram")

@@ -53,8 +53,8 @@ class Compilation:
         self._stopped, self._report, self._say = stopped, report, say
         self._left: list[_Making] = []
 
-    def __call__(self, make: Callable[[], T]) -> T:
-        """The result of `make`. **Raises** `Stopped`, and whatever `make` raises."""
+    def __call__(self, make: Callable[[], T], what: str = "compilation") -> T:
+        """The result of `make`; messages call it `what`. **Raises** `Stopped`, and whatever `make` raises."""
         self._left = [thread for thread in self._left if thread.is_alive()]
         allowed = f"at most {MOST_LEFT - 1}, so that the machine is not used up: wait, or restart the server"
         check(len(self._left) < MOST_LEFT, "compilations that were stopped and still go on", len(self._left), allowed)
@@ -66,10 +66,10 @@ class Compilation:
             if self._stopped() and making.is_alive():
                 self._left.append(making)
                 atexit.register(_wait_for, making)  # after JAX's own handlers, hence called before them
-                raise Stopped(f"compilation stopped after {took:.0f} s: the compiler goes on unseen until it is done")
+                raise Stopped(f"{what} stopped after {took:.0f} s: what was begun goes on unseen until it is done")
             if took - told >= REPORT:
                 if told < PATIENCE <= took:
-                    self._say(f"compiling for {PATIENCE:.0f} s so far: pause stops it")
+                    self._say(f"{what}: {PATIENCE:.0f} s so far: pause stops it")
                 told = took
                 self._report(took)
         if making.error is not None:

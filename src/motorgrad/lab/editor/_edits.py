@@ -138,8 +138,8 @@ class Rename(Edit):
 @dataclasses.dataclass(frozen=True)
 class Set(Edit):
     """Set a field of a block, or several at once in `fields`. Without a name it sets fields of the diagram itself:
-    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops, parameters, uses;
-    or of a subsystem one of its parameters.
+    title, comment, tick, substeps, solver, relative_tolerance, absolute_tolerance, precision, loops, on_fault,
+    parameters, uses; or of a subsystem one of its parameters.
     """
 
     name: str | None = None

@@ -18,8 +18,8 @@ import platformdirs
 from filelock import FileLock, Timeout
 
 from motorgrad._errors import check, unknown
-from motorgrad._files import check_writable, remove_partials
-from motorgrad._reading import content_of
+from motorgrad._files import check_writable, read_content, remove_partials
+from motorgrad._limits import MOST_DIAGRAM_CHARACTERS
 from motorgrad.lab.diagram import FORMAT, Diagram, dumps, load, save
 from motorgrad.lab.editor._edits import Change
 from motorgrad.lab.editor._protocol import Operation, operation_data
@@ -91,7 +91,7 @@ class Folder:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(content_of(path)).hexdigest()
+    return hashlib.sha256(read_content(path, 4 * MOST_DIAGRAM_CHARACTERS)).hexdigest()
 
 
 def _is_diagram(path: Path) -> bool:

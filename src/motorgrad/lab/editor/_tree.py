@@ -1,5 +1,6 @@
 """The branches of a run, one of which is current."""
 
+import functools
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -298,7 +299,7 @@ class Tree:
     def _compiled(self, diagram: Diagram) -> Program:
         self._report(compiling=0.0)
         made = self._compilation(lambda: Program(diagram, self._seeds, self._watch))
-        made.run.search = self._compilation
+        made.run.search = functools.partial(self._compilation, what="the search for what went wrong")
         made.run.warn = lambda message: None  # the page shows what the run tells
         return made
 

@@ -6,7 +6,9 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
+from motorgrad.environments import as_array, check_action
 from motorgrad.lab.diagram import Diagram, Inlet, Outlet, Port
 from motorgrad.lab.engine._run import Run
 
@@ -84,6 +86,7 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
         high: float = 1.0,
         limit: int | None = None,
     ):
+        check_arguments(DiagramEnv, locals())
         for name, value in (("decision", decision), ("limit", limit)):
             whole = isinstance(value, int) and not isinstance(value, bool) and value >= 1
             check(whole or (name == "limit" and value is None), name, value, "an integer from 1")
@@ -97,7 +100,8 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
             check(shape == (), f"{outlets[what]}.shape", shape, "(), a scalar")
         self.decision, self.limit = decision, limit
         self.observation_space = _space(self._diagram.outputs["observation"], -np.inf, np.inf)
-        self.action_space = _space(self._diagram.input, low, high)
+        self._space = _space(self._diagram.input, low, high)
+        self.action_space = self._space
         self._steps: int | None = None
 
     def reset(
@@ -114,14 +118,8 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
         """Make one step."""
         if self._steps is None:
             raise gymnasium.error.ResetNeeded("no episode has begun: call reset() before step()")
-        given = np.asarray(action)
-        check(
-            self.action_space.contains(given.astype(self.action_space.dtype)),
-            "action",
-            given.tolist(),
-            f"in {self.action_space}",
-        )
-        self._diagram.set_input(given.reshape(self._diagram.input.shape))
+        check_action(self._space, action)
+        self._diagram.set_input(np.reshape(action, self._diagram.input.shape))
         made, after = self._diagram.run.advance(self.decision), self._diagram.run.peek()
         self._steps += 1
         reward = self._diagram.read(made, "reward")[1:].sum() + self._diagram.read(after, "reward")[0]
@@ -157,6 +155,7 @@ class DiagramPolicy:
     """
 
     def __init__(self, diagram: Diagram, *, observation: str = "observation", action: str = "action", seed: int = 0):
+        check_arguments(DiagramPolicy, locals())
         self._diagram = _RunningDiagram(diagram, observation, {"action": action}, seed)
         self._seed = seed
 
@@ -164,8 +163,8 @@ class DiagramPolicy:
         """The action for an observation. Both have the shapes of inlet and outlet. **Raises** `ValueError` for another
         shape.
         """
-        given = np.asarray(observation)
-        shape = self._diagram.input.shape
+        given, shape = as_array("observation", observation), self._diagram.input.shape
+        check(given.dtype.kind in "biuf", "observation.dtype", given.dtype, "a number's")
         check(given.size == np.prod(shape, dtype=int), "observation.shape", given.shape, str(shape))
         check(np.isfinite(given).all(), "observation", given.tolist(), "finite numbers")
         self._diagram.set_input(given.reshape(shape))

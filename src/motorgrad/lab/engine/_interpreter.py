@@ -7,8 +7,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.flatten_util import ravel_pytree
 
+from motorgrad._arguments import check_arguments
 from motorgrad.lab.compiler import (
     LOST,
     NONE,
@@ -26,7 +28,6 @@ from motorgrad.lab.compiler import (
 from motorgrad.lab.diagram import (
     Block,
     Diagram,
-    Host,
     HostBlock,
     HostMoment,
     Moment,
@@ -55,6 +56,7 @@ class Interpreter:
     """
 
     def __init__(self, diagram: Diagram, seed: int = 0, watch: Sequence[str] = ()):
+        check_arguments(Interpreter, locals())
         self.plan: Plan = with_watched(plan(diagram), watch)
         self.seed, self.tick = seed, 0
         self._begin()
@@ -234,11 +236,11 @@ class Interpreter:
         for i, block in enumerate(self.blocks):
             if not self._due(i):
                 continue
-            inputs, now = self.inputs(i, self.values), self.now(i)
+            inputs = self.inputs(i, self.values)
             if isinstance(block, HostBlock):
-                self.states[i].update(block, _rows(inputs), _host_moment(self.tick, now))
+                self.states[i].update(block, _rows(inputs), self._host_moment(i))
             else:
-                after = ends[i] if i in self.modes else block.update(ends.get(i, self.states[i]), inputs, now)
+                after = ends[i] if i in self.modes else block.update(ends.get(i, self.states[i]), inputs, self.now(i))
                 self.states[i] = jax.tree.map(lambda new, old: jnp.asarray(new, old.dtype), after, self.states[i])
         self.tick += 1
         return record
@@ -248,7 +250,7 @@ class Interpreter:
         block, ports = self.blocks[i], self.plan.blocks[i].block.outputs
         inputs = self.inputs(i, values, feedthrough=True)
         if isinstance(block, HostBlock):
-            given = self._host(i).output(block, _rows(inputs), _host_moment(self.tick, now))
+            given = self.states[i].output(block, _rows(inputs), self._host_moment(i))
             given = {name: value[0] for name, value in given.items()}
         else:
             given = block.output(state, inputs, now)
@@ -279,8 +281,10 @@ class Interpreter:
         values |= after(jnp.where(found, x, jnp.nan))
         return None
 
-    def _host(self, i: int) -> Host:
-        return self.states[i]
+    def _host_moment(self, i: int) -> HostMoment:
+        """The moment for a host, as compiled runs have it: its time does not depend on the precision of signals."""
+        length, ticks = self.plan.tick, self.plan.blocks[i].ticks
+        return HostMoment(self.tick, self.tick * length, ticks * length, np.asarray(self._uniforms(i))[None])
 
     def inputs(self, i: int, values: Values, feedthrough: bool = False) -> dict[str, Any]:
         """The values at a block's inputs: at those with feedthrough, or at all."""
@@ -303,8 +307,9 @@ class Interpreter:
 
     def now(self, i: int, within: Any = 0.0, start: Any = None, above: Any = None) -> Moment:
         """The moment `within` seconds of the tick, for a block."""
-        key = self.tick, float(within), None if start is None else float(start)
-        if self._clock[0] != key:  # shared by all blocks: making small arrays is slow
+        traced = isinstance(within, Tracer)  # where the solver differentiates by time
+        key = None if traced else (self.tick, float(within), None if start is None else float(start))
+        if traced or self._clock[0] != key:  # shared by all blocks: making small arrays is slow
             tick = jnp.uint32(self.tick)
             time, rest = clock(tick, self.plan.tick, within)
             began = time if start is None else clock(tick, self.plan.tick, start)[0]
@@ -330,7 +335,3 @@ def _lead(tree: Any) -> Any:
 
 def _rows(inputs: dict[str, Any]) -> dict[str, np.ndarray]:
     return {name: np.array(value)[None] for name, value in inputs.items()}
-
-
-def _host_moment(tick: int, now: Moment) -> HostMoment:
-    return HostMoment(tick, float(now.time), float(now.step), np.asarray(now.uniforms)[None])

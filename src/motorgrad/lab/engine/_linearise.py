@@ -9,6 +9,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad.lab.compiler import SPAN, Carry, Continuous, Step
 from motorgrad.lab.diagram import HostBlock, in_precision
@@ -56,6 +57,7 @@ def linearise(
 
     **Raises** `ValueError` for unknown addresses, and for host blocks, which have no derivatives.
     """
+    check_arguments(linearise, locals())
     for placed in run.plan.blocks:
         if isinstance(placed.block, HostBlock):
             raise ValueError(f"{placed.path}: runs on the host and has no derivative: linearise the diagram without it")

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad.lab.compiler import (
     Carry,
@@ -74,6 +75,7 @@ class Run:
         threads: int = 0,
         stacked: bool = True,
     ):
+        check_arguments(Run, locals())
         self.seeds = _checked_seeds(seeds)
         self.plan = with_watched(plan(diagram), watch)
         self.tick = 0

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad.lab.compiler import rk4_growth
 from motorgrad.lab.engine._linearise import Linear, linearise
 from motorgrad.lab.engine._run import Run
@@ -26,6 +27,7 @@ def unstable_steps(run: Run, seed: int = 0) -> list[str]:
 
     **Raises** `ValueError` as `linearise` does.
     """
+    check_arguments(unstable_steps, locals())
     if run.plan.solver.adapts or not any(placed.block.is_continuous for placed in run.plan.blocks):
         return []
     return _lines(linearise(run, seed=seed), run.plan.tick / run.plan.solver.substeps)

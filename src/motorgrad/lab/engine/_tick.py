@@ -18,6 +18,8 @@ class Tick:
     `Continuous`, with blocks in place of kinds.
     """
 
+    rolled = False
+
     def __init__(self, interpreter: "Interpreter"):
         self.all, self.plan = interpreter, interpreter.plan
         blocks = self.plan.blocks
@@ -29,6 +31,7 @@ class Tick:
         slides = [np.isin(np.arange(size), np.arange(size)[block.slides]) & block.switches for _, size, block in each]
         self.slides = np.concatenate([np.zeros(0, bool), *slides])
         self.rests = self.slides & np.array([i in self.movers for i, size, _ in each for _ in range(size)], bool)
+        self.falls = self.slides & np.array([block.falls for _, size, block in each for _ in range(size)], bool)
         self._ends = np.cumsum([interpreter.above[i].size for i in interpreter.above]).astype(int)
 
     @property

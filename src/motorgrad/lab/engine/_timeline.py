@@ -4,6 +4,7 @@ import copy
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple, Self
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._playback import MOST_BYTES, History, Playback
 from motorgrad.lab.diagram import Record, join
@@ -43,6 +44,7 @@ class Timeline:
     """
 
     def __init__(self, run: Run | Interpreter, every: int = 1000, keep: int = 100, keep_bytes: int = MOST_BYTES):
+        check_arguments(Timeline, locals())
         check(isinstance(every, int) and every >= 1, "every", every, "a whole number of ticks from 1")
         check(isinstance(keep, int) and keep >= 2, "keep", keep, "a whole number of snapshots from 2")
         self._playback: Playback[Any] = Playback(run, _set_parameter, every, History(keep, keep_bytes))
@@ -127,6 +129,7 @@ def _set_parameter(run: Run | Interpreter, change: tuple[str, Any]) -> None:
 
 def replay(run: Run | Interpreter, log: Iterable[Change], ticks: int) -> Record:
     """Run a number of ticks from the start of a log, making the log's changes at their ticks."""
+    check_arguments(replay, locals())
     pieces, end = [], run.tick + ticks
     for change in _until(log, end):
         pieces.append(run.advance(change.tick - run.tick))

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad.export import Program, traced
 from motorgrad.lab.compiler import Plan, Step
@@ -48,6 +49,7 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     runs on the host; `Untranslatable` for a block that uses an operation which an export does not know; `DiagramError`
     for a diagram that cannot run.
     """
+    check_arguments(tick_program, locals())
     run = Run(source) if isinstance(source, Diagram) else source
     check(len(run.seeds) == 1, "seeds", run.seeds.tolist(), "a single one, to be exported")
     check(not run.plan.solver.adapts, "solver", run.plan.solver.name, "'rk4', to be exported")

@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
 from motorgrad._files import check_writable, write_atomically
 from motorgrad.export import Program, c_literal, c_source, c_type
@@ -76,6 +77,7 @@ def write_fmu(
     mg.lab.write_fmu(controller, "controller.fmu")
     ```
     """
+    check_arguments(write_fmu, locals())
     path = Path(path)
     check(path.suffix == ".fmu", "path", str(path), "a name that ends in .fmu")
     check_writable("path", path)

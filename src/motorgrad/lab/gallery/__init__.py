@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import unknown
 from motorgrad.lab.diagram import Diagram
 from motorgrad.lab.gallery._dynamics import anti_windup, bouncing_ball, lorenz, pendulum, spiking
@@ -43,6 +44,7 @@ def example(name: str) -> Diagram:
 
     **Raises** `ValueError` for an unknown name, naming the nearest known one.
     """
+    check_arguments(example, locals())
     if name not in GALLERY:
         raise unknown("diagram of the gallery", name, GALLERY)
     return GALLERY[name]()

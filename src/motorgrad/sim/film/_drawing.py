@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._labels import literal
 from motorgrad.sim.film._annotations import Arrow
@@ -273,6 +274,7 @@ def draw(
     draw(axes, model, position[0], activation[0], azimuth=90)
     ```
     """
+    check_arguments(draw, locals())
     check(0 < alpha <= 1, "alpha", alpha, "in (0, 1]")
     check(linewidth > 0, "linewidth", linewidth, "above 0")
     check(np.isfinite(azimuth), "azimuth", azimuth, "a finite number of degrees")

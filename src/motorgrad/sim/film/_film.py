@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._extras import FILM, require
 from motorgrad._files import replacing, write_atomically
@@ -93,6 +94,7 @@ def write_film(
     write_film([before, after], "hop.mp4", speed=0.5)
     ```
     """
+    check_arguments(write_film, locals())
     motions = _checked(motions)
     target = output_path(path, *ENDINGS)
     check(np.isfinite(fps) and fps > 0, "fps", fps, "a number above 0")
@@ -164,6 +166,7 @@ def still(
 
     **Raises:** as `write_film` does.
     """
+    check_arguments(still, locals())
     _checked(motion)
     target = None if path is None else output_path(path, ".png", ".svg")
     count = motion.time.size

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 
 if TYPE_CHECKING:
@@ -47,10 +48,7 @@ class Motion:
     marks: np.ndarray = field(default_factory=lambda: NO_MARKS)
 
     def __post_init__(self) -> None:
-        import mujoco
-
-        if not isinstance(self.model, mujoco.MjModel):
-            raise TypeError(f"model = {self.model!r}: must be a mujoco.MjModel")
+        check_arguments(Motion, vars(self))
         for name in ("time", "position", "activation", "marks"):
             object.__setattr__(self, name, np.array(getattr(self, name), dtype=float))
         frames, nq, nu = self.time.size, self.model.nq, self.model.nu

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, shown, unknown
 from motorgrad._limits import MOST_MODEL_BYTES, MOST_MOTION_BYTES
 from motorgrad._reading import array_in, arrays_in, content_of, numbers_in
@@ -63,6 +64,7 @@ def read_motion(path: Path | str, model: mujoco.MjModel, partial: bool = False) 
     mg.sim.view(model, motion=motion)
     ```
     """
+    check_arguments(read_motion, locals())
     path = Path(path)
     try:
         return _motion(_columns(path, model), model, partial, path.stem)
@@ -78,6 +80,7 @@ def read_activations(path: Path | str, model: mujoco.MjModel) -> tuple[np.ndarra
 
     **Raises** `ValueError` that names the file, and the columns that are unknown.
     """
+    check_arguments(read_activations, locals())
     path = Path(path)
     try:
         found = _columns(path, model)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad.sim.film._annotations import Arrow, caption
 from motorgrad.sim.film._appearance import check_posture
@@ -101,6 +102,7 @@ class Painter:
         renderer: Renderer = "auto",
         ground: Ground = "marked",
     ) -> None:
+        check_arguments(Painter, locals())
         self.renderer, self.note = choose_renderer(renderer)
         check_picture([model], width, height, camera, ground)
         self._viewpoint = camera if isinstance(camera, Viewpoint) else None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._labels import literal
 from motorgrad.sim.film._appearance import FIRING
@@ -37,6 +38,7 @@ class Plot:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        check_arguments(Plot, vars(self))
         time, values = np.asarray(self.time, float), np.asarray(self.values, float)
         values = values[:, None] if values.ndim == 1 else values
         names = tuple(self.names) or (self.title,)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 
 Triple = tuple[float, float, float]
@@ -37,6 +38,7 @@ class Viewpoint:
     up: Triple = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
+        check_arguments(Viewpoint, vars(self))
         for name in ("position", "target", "up"):
             value = np.asarray(getattr(self, name), float)
             fine = value.shape == (3,) and bool(np.isfinite(value).all())

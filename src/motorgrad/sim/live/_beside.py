@@ -7,6 +7,7 @@ import hashlib
 import inspect
 import io
 import json
+import numbers
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,8 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._consent import is_allowed
-from motorgrad._errors import NotTrusted, check
+from motorgrad._errors import NotTrusted, check, check_integer
 from motorgrad._extras import require
+from motorgrad._files import read_content
+from motorgrad._limits import MOST_ARRAY_BYTES
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import load_policy
@@ -122,9 +125,12 @@ def side_by_side(
 
     **Raises** `ValueError` for several seeds without a run, and for a seed that is given twice.
     """
-    if isinstance(seeds, int):
-        return seeds, "", None if beside is None else dict(beside)
+    if isinstance(seeds, numbers.Integral):
+        check_integer("seed", seeds, 0)
+        return int(seeds), "", None if beside is None else dict(beside)
     chosen = list(seeds)
+    for seed in chosen:
+        check_integer("seed", seed, 0)
     check(len(chosen) == len(set(chosen)) > 0, "seed", chosen, "an integer, or several different ones")
     check(len(chosen) == 1 or run is not None, "seed", chosen, "one seed: several are shown side by side of a run")
     others = {f"seed {seed}": (run, seed) for seed in chosen[1:]} | dict(beside or {})
@@ -195,7 +201,7 @@ def load_stable_baselines(path: Path, trust: bool = False) -> Any:
     for another file.
     """
     check(path.is_file(), "path", str(path), "a file that exists")
-    content = path.read_bytes()
+    content = read_content(path, MOST_ARRAY_BYTES)
     name = f"stable-baselines3:{hashlib.sha256(content).hexdigest()}"  # what was asked for is what is run
     if not (trust or is_allowed(name)):  # asked here, where it is loaded, so that no spelling leads around it
         raise NotTrusted(

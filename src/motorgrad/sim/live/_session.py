@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from motorgrad._arguments import check_arguments
 from motorgrad._processes import environment
 from motorgrad.policies import Policy, split
 from motorgrad.sim.live._branches import Branch
@@ -69,6 +70,7 @@ class Session:
     """
 
     def __init__(self, setup: Setup, *, playing: bool = True, speed: float = 1.0, wait: bool = True):
+        check_arguments(Session, locals())
         self.setup, self.name, self.speed = setup, setup.name, speed
         self.successor: Session | None = None
         self.model, self.task, self.agent = setup.model, setup.task, setup.agent

@@ -15,6 +15,7 @@ import jax
 import mujoco
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad._limits import MOST_MOTION_SECONDS
 from motorgrad._myosuite import is_of_myosuite, models
@@ -54,6 +55,7 @@ class Camera:
     field_of_view: float = 45.0
 
     def __post_init__(self) -> None:
+        check_arguments(Camera, vars(self))
         for name in ("position", "target"):
             check(all(map(math.isfinite, getattr(self, name))), name, getattr(self, name), "three finite numbers")
         apart = math.dist(self.position, self.target)
@@ -97,6 +99,7 @@ class Stage:
     cameras: Mapping[str, Camera] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_arguments(Stage, vars(self))
         fine = self.timestep is None or 0 < self.timestep <= 0.1
         check(fine, "timestep", self.timestep, "above 0, at most 0.1 s")
         known = self.gravity is None or all(map(math.isfinite, self.gravity))

@@ -18,6 +18,7 @@ from typing import Any, Self
 
 import mujoco
 
+from motorgrad._arguments import check_arguments
 from motorgrad._browser import open_in_browser
 from motorgrad._errors import check
 from motorgrad._gate import LOCAL, Gate
@@ -101,6 +102,7 @@ class Page:
     """
 
     def __init__(self, session: Session, host: str = HERE, port: int | None = None, wait: bool = True):
+        check_arguments(Page, locals())
         check_port(host, port)
         host = HERE if host.lower() == "localhost" else host
         self.session, self.host = session, host

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ def draw_regions(axes: Axes, regions: Sequence[Region], walls: Walls | None = No
     **Arguments:** `regions`, of five numbers each (`motorgrad.tasks.Region`); `walls`, by default the unit square. The
     axes get the box as fixed limits, equal scales and no ticks; a side without a wall is dotted.
     """
+    check_arguments(draw_regions, locals())
     walls = _box(axes, walls)
     if not len(regions):
         return
@@ -118,6 +120,7 @@ def draw_reward(axes: Axes, task: ParticleTask) -> None:
 
     A goal is a green disc of its width. For a task without regions this is the reward for being at rest at each place.
     """
+    check_arguments(draw_reward, locals())
     from matplotlib.patches import Ellipse
 
     from motorgrad.tasks import FallingParticle, ParticleNavigation
@@ -151,6 +154,7 @@ def draw_units(
 
     **Raises:** `ValueError` for units without a centre in the plane, and for a wrong number of forces.
     """
+    check_arguments(draw_units, locals())
     return DrawnUnits(axes, policy, forces, active)
 
 
@@ -162,6 +166,7 @@ def draw_paths(axes: Axes, paths: Sequence[Float[Any, "decisions 2"]], colour: A
 
     **Returns:** a `DrawnPaths`, whose `update` shows other trajectories.
     """
+    check_arguments(draw_paths, locals())
     return DrawnPaths(axes, paths, colour)
 
 
@@ -175,6 +180,7 @@ def draw_occupancy(
     unit square; `most`, the value drawn black, by default the one that one cell in two hundred exceeds. Use the same
     value for pictures that are compared.
     """
+    check_arguments(draw_occupancy, locals())
     from matplotlib.colors import PowerNorm
 
     walls = _box(axes, walls)
@@ -190,6 +196,7 @@ class DrawnUnits:
     """Units on axes, made by `draw_units`."""
 
     def __init__(self, axes: Axes, policy: Policy, forces: Any, active: Any = None) -> None:
+        check_arguments(DrawnUnits, locals())
         from matplotlib.collections import PolyCollection
 
         self._forces = np.asarray(forces, float)
@@ -225,6 +232,7 @@ class DrawnPaths:
     """Trajectories on axes, made by `draw_paths`."""
 
     def __init__(self, axes: Axes, paths: Sequence[Any], colour: Any = INK) -> None:
+        check_arguments(DrawnPaths, locals())
         from matplotlib.collections import LineCollection
 
         self._dashes = LineCollection([], colors=[colour], linewidths=1.0, alpha=0.8, zorder=2, capstyle="butt")

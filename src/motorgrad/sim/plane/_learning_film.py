@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._labels import literal
 from motorgrad.sim.film import Film, output_path, write_gif, write_mp4
@@ -52,6 +53,7 @@ class Course:
     label: str = ""
 
     def __post_init__(self) -> None:
+        check_arguments(Course, vars(self))
         count, shape = len(self.decision), self.reward.shape
         check(
             count > 0 and bool(np.all(np.diff(self.decision) > 0)),
@@ -114,6 +116,7 @@ def film_learning(
     film_learning(Course(task, decision, policies, reward), "learning.mp4", seconds=8)
     ```
     """
+    check_arguments(film_learning, locals())
     target = output_path(path, ".mp4", ".gif")
     check(math.isfinite(fps) and 0 < fps <= 100, "fps", fps, "a number above 0, up to 100")
     check(0 < seconds <= LONGEST, "seconds", seconds, f"above 0, up to {LONGEST:g} s")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def trajectories(
 
     **Raises:** `ValueError` for a task that is not on a particle, and for a policy that does not fit it.
     """
+    check_arguments(trajectories, locals())
     track, lengths = _simulate(task, policy, episodes, seed, decisions)
     return [track[: length + 1, episode].copy() for episode, length in enumerate(lengths)]
 
@@ -49,6 +51,7 @@ def occupancy(
 
     **Returns:** `(cells, cells)`, rows from the bottom and columns from the left; the sum is 1.
     """
+    check_arguments(occupancy, locals())
     from scipy.ndimage import gaussian_filter
 
     check(isinstance(cells, int) and 1 <= cells <= 10_000, "cells", cells, "from 1 to 10,000 along each side")
@@ -72,10 +75,6 @@ def _simulate(
     task: ParticleTask, policy: Policy, episodes: int, seed: int, decisions: int
 ) -> tuple[Float[np.ndarray, "decisions+1 episodes 2"], np.ndarray]:
     """Positions, NaN after the end of each episode, and the number of decisions of each."""
-    from motorgrad.tasks import ParticleTask
-
-    named = getattr(task, "name", type(task).__name__)
-    check(isinstance(task, ParticleTask), "task", named, "a task on a particle")
     check(isinstance(episodes, int | np.integer) and episodes >= 1, "episodes", episodes, "a positive integer")
     check(isinstance(decisions, int | np.integer) and decisions >= 1, "decisions", decisions, "a positive integer")
     sizes = (policy.observation_size, policy.outputs)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._files import write_atomically
 from motorgrad.sim.film import MOST_LINES, Annotations, Motion, Plot, muscle_colour, output_path
@@ -75,6 +76,7 @@ def write_replay(
     write_replay([before, after], "hop.html", plots=[Plot("reward", time, reward)])
     ```
     """
+    check_arguments(write_replay, locals())
     motions = [motions] if isinstance(motions, Motion) else list(motions)
     check(motions, "motions", motions, "at least one Motion")
     for index, motion in enumerate(motions):

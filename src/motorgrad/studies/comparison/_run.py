@@ -14,6 +14,7 @@ from typing import Any
 
 import tomli_w
 
+from motorgrad._arguments import check_arguments
 from motorgrad._files import check_writable, write_atomically
 from motorgrad.studies._driver import run_study
 from motorgrad.studies._folder import check_folder, locked
@@ -62,6 +63,7 @@ def compare(
     print(found.summary.to_pylist()[0])
     ```
     """
+    check_arguments(compare, locals(), ("metric", "out", "run"))
     seeds = {"tune": 4, "judge": 16} if seeds is None else seeds
     made = Comparison(tasks, methods, metric, seeds, steps=steps, seconds=seconds, **settings)
     return made.run(out, **(run or {}))

@@ -1,9 +1,12 @@
 """Gymnasium environments by their ids, and by the classes and functions that make them."""
 
+import contextlib
 import importlib
+import os
 import re
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from motorgrad._consent import HOW, is_allowed
@@ -16,6 +19,10 @@ if TYPE_CHECKING:
 # Stricter than Gymnasium's own pattern, which would take "module:/x" and "a b:x-v0" for modules to import.
 _ID = re.compile(r"(?:(?P<module>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):)?[\w.-]+(?:/[\w.-]+)?", re.ASCII)
 
+MODEL = "xml_file"
+"""The argument by which Gymnasium's environments on MuJoCo are given a model."""
+MODELS = (".xml", ".mjcf", ".urdf")
+"""How the names of models' files end, by whatever argument they are given."""
 MAKERS: dict[str, Callable[..., Any]] = {}
 """The classes and functions that `from_gymnasium` was given in this process, by the ids of their environments."""
 
@@ -97,6 +104,10 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
             f"imported. If you trust it: {HOW}",
             names if len(names) == 1 and shown(names[0]) == repr(names[0]) else (),
         )
+    try:
+        _check_models(kwargs)
+    except ValueError as error:
+        raise ValueError(f"env_id = {env_id!r}: {error}") from None
     if is_of_myosuite(env_id) and env_id not in gymnasium.registry:
         try:
             register()
@@ -120,6 +131,26 @@ def make_environment(env_id: str, kwargs: Mapping[str, Any]) -> "gymnasium.Env":
         raise ValueError(
             f"env_id = {env_id!r}: cannot be made{given}: {type(error).__name__}: {one_line(error)}"
         ) from None
+
+
+def _check_models(kwargs: Mapping[str, Any]) -> None:
+    """Refuse models among the arguments that are beyond the limits of size, as environments have MuJoCo compile them,
+    whatever they hold."""
+    for name, value in kwargs.items():
+        if not isinstance(value, str) or not (name == MODEL or value.lower().endswith(MODELS)):
+            continue
+        from gymnasium.envs.mujoco.mujoco_env import expand_model_path
+
+        from motorgrad.bodies.models._read import check_file
+
+        files = [os.path.expanduser(value)]
+        with contextlib.suppress(OSError):  # there is none
+            files.append(expand_model_path(value))
+        for file in filter(os.path.exists, dict.fromkeys(files)):
+            try:
+                check_file(Path(file))
+            except ValueError as error:
+                raise ValueError(f"{name}: {error}") from None
 
 
 def one_line(error: BaseException) -> str:

@@ -1,5 +1,6 @@
 """Checkpoints: the complete state of an engine in a file with a checksum."""
 
+import errno
 import hashlib
 import io
 import json
@@ -11,8 +12,9 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from motorgrad._files import write_atomically
-from motorgrad._reading import arrays_in, content_of, json_in
+from motorgrad._files import read_content, write_atomically
+from motorgrad._limits import MOST_STATE_BYTES
+from motorgrad._reading import arrays_in, json_in
 
 FORMAT = 2
 
@@ -40,23 +42,30 @@ def fingerprint(tree: PyTree[np.ndarray]) -> str:
 
 
 def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> str:
-    """Write a `state` and facts `about` it. The first line is the checksum of what follows, which is returned."""
+    """Write a `state` and facts `about` it. The first line is the checksum of what follows, which is returned.
+
+    **Raises** `OSError` for one of more bytes than `load` reads, as a disk does that is too small.
+    """
     leaves = jax.tree_util.tree_leaves_with_path(state)
     buffer = io.BytesIO()
     np.savez(buffer, **{f"{i}": np.asarray(leaf) for i, (_, leaf) in enumerate(leaves)})  # type: ignore[arg-type]
     head = json.dumps({"format": FORMAT, "names": [name_of(path) for path, _ in leaves], **about})
     body = head.encode() + b"\n" + buffer.getvalue()
     mark = checksum(body)
-    write_atomically(path, mark.encode() + b"\n" + body)
+    content = mark.encode() + b"\n" + body
+    if len(content) > MOST_STATE_BYTES:
+        why = f"it takes {len(content):,} bytes, more than the {MOST_STATE_BYTES:,} that are read: use fewer seeds"
+        raise OSError(errno.EFBIG, why, str(path))
+    write_atomically(path, content)
     return mark
 
 
 def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays by path, and the facts about them.
 
-    **Raises:** `CorruptCheckpoint` unless the checksum matches.
+    **Raises:** `CorruptCheckpoint` unless the checksum matches; `ValueError` for what is none, or too large.
     """
-    mark, _, body = content_of(path).partition(b"\n")
+    mark, _, body = read_content(path, MOST_STATE_BYTES).partition(b"\n")
     if checksum(body).encode() != mark:
         raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
     head, _, content = body.partition(b"\n")
@@ -76,7 +85,7 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 def is_whole(path: Path) -> bool:
     """Whether a file matches its checksum. One that is gone was replaced by a newer one."""
     try:
-        mark, _, body = content_of(path).partition(b"\n")
+        mark, _, body = read_content(path, MOST_STATE_BYTES).partition(b"\n")
     except FileNotFoundError:
         return True
     return checksum(body).encode() == mark

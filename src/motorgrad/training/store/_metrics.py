@@ -17,10 +17,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from motorgrad._errors import check, shown
-from motorgrad._files import changing, write_atomically
+from motorgrad._files import changing, read_content, write_atomically
 from motorgrad._limits import MOST_METRICS_BYTES, MOST_TABLE_BYTES
 from motorgrad._parquet import parquet_in
-from motorgrad._reading import content_of
 from motorgrad.training.store._checkpoint import checksum
 
 LIST = "SHA256SUMS"
@@ -85,7 +84,7 @@ class MetricsFiles:
         """Discard records after the decision `recorded`, but for the file `kept`. `known` are the files of the run with
         their checksums."""
         content = b"".join(_line(name, mark) for name, mark in known.items() if last_of(name) <= recorded)
-        if content != (content_of(self._list) if self._list.exists() else b""):
+        if content != (read_content(self._list, MOST_METRICS_BYTES) if self._list.exists() else b""):
             write_atomically(self._list, content)
         self._length, self._digest = len(content), hashlib.sha256(content)
         for part in self._parts(after=recorded):
@@ -94,11 +93,13 @@ class MetricsFiles:
 
     def listed(self, mark: dict[str, Any], recorded: int) -> tuple[dict[str, str], list[Damage]]:
         """The files that a checkpoint covers with their checksums, and what is wrong with the list."""
-        content = content_of(self._list)[: mark["length"]] if self._list.exists() else b""
+        content = read_content(self._list, MOST_METRICS_BYTES)[: mark["length"]] if self._list.exists() else b""
         if checksum(content) == mark["checksum"]:
             return dict(_entries(content)), []
         what = "is damaged" if self._list.exists() else "is missing"
-        again = {name: checksum(content_of(self.folder / name)) for name in self._parts(upto=recorded)}
+        again = {
+            name: checksum(read_content(self.folder / name, MOST_TABLE_BYTES)) for name in self._parts(upto=recorded)
+        }
         if checksum(b"".join(_line(*entry) for entry in again.items())) == mark["checksum"]:
             return again, [Damage(LIST, 0, f"{what}; the files that it lists are whole")]
         known = {name: value for name, value in _entries(content) if last_of(name) <= recorded}
@@ -110,7 +111,7 @@ class MetricsFiles:
         tables, damage, rest = [], [], MOST_METRICS_BYTES
         for name, mark in files.items():
             try:
-                content = content_of(self.folder / name)
+                content = read_content(self.folder / name, MOST_TABLE_BYTES)
             except FileNotFoundError:
                 damage.append(Damage(name, last_of(name), "is missing"))
                 continue

@@ -136,9 +136,9 @@ def movement(lateral: np.ndarray, down: np.ndarray) -> dict[str, np.ndarray]:
     **Arguments:** lateral angles and whether the feet are on the ground, both (seeds, decisions, 6).
 
     **Returns** by name, (seeds,) each: mean correlation between the lateral angles of two legs, of `all six` and
-    `within` a tripod; `airborne`, the fraction of the time without contact.
+    `within` a tripod, NaN where a leg never moves; `airborne`, the fraction of the time without contact.
     """
-    legs = [np.nan_to_num(_correlations(each.T)) for each in lateral]
+    legs = [_correlations(each.T) for each in lateral]
     within = [np.mean([_pairs(matrix[np.ix_(rows, rows)]) for rows in MEMBERS]) for matrix in legs]
     return {
         "all six": np.array([_pairs(matrix) for matrix in legs]),

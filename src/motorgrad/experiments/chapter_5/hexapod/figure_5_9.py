@@ -16,7 +16,7 @@ from motorgrad.experiments._claims import Claim, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
-from motorgrad.statistics import mean_of
+from motorgrad.statistics import mean_of, per_case
 
 SECTION = "section 5.4.1"
 HIND_SECTIONS = ("middle", "rear")
@@ -184,24 +184,26 @@ def walk_on_bumps(body: Hexapod, height: float, seeds: int, seconds: float, thre
     found = walk(grounds, seconds=seconds + START, threads=threads)
     late, gait = found.time > START, found.gait(since=START)
     contact, swing = found.reading.contact[late] > TOUCH, found.states[late] == LegState.SWING
-    early = (contact & swing)[:, :, FRONT_FEET].sum((0, 2)) / np.maximum(swing[:, :, FRONT_FEET].sum((0, 2)), 1)
+    touches, swings = (each[:, :, FRONT_FEET].sum((0, 2)) for each in (contact & swing, swing))
+    slides = slip(found, body, HIND_FEET)[late[1:]]
+    known = np.isfinite(slides)
     return {
         "speed": gait.speed,
         "net": gait.net,
-        "slip": slip(found, body, HIND_FEET)[late[1:]].mean(0),
-        "early": early,
+        "slip": per_case(np.where(known, slides, 0.0).sum(0), known.sum(0)),
+        "early": per_case(touches, swings),
         "yaw": np.sqrt((found.reading.yaw_rate[late] ** 2).mean(0)),
     }
 
 
 def slip(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:
-    """Mean sliding speed of the feet that touch the ground at two consecutive decisions, 0 if none does, (decisions −
+    """Mean sliding speed of the feet that touch the ground at two consecutive decisions, NaN if none does, (decisions −
     1, seeds) in m/s."""
     contact = found.reading.contact[:, :, list(legs)] > TOUCH
     both = contact[1:] & contact[:-1]
     moved = np.diff(_soles(found, body, legs)[..., :2], axis=0)
     speed = np.linalg.norm(moved, axis=-1) / found.period
-    return (speed * both).sum(-1) / np.maximum(both.sum(-1), 1)
+    return per_case((speed * both).sum(-1), both.sum(-1))
 
 
 def _soles(found: Walk, body: Hexapod, legs: Sequence[int]) -> np.ndarray:

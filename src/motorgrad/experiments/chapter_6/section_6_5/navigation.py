@@ -13,7 +13,7 @@ from motorgrad.experiments._figures import Axes, Figure, subplots
 from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
 from motorgrad.policies import Policy
 from motorgrad.sim import draw_paths, draw_reward
-from motorgrad.statistics import mean_of, moving_mean
+from motorgrad.statistics import mean_of, moving_mean, per_case
 from motorgrad.tasks import ParticleNavigation
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
 
@@ -139,12 +139,12 @@ def flow(policy: Policy, task: Any, at: np.ndarray) -> np.ndarray:
 
 def arrival_shares(metrics: Any, seeds: int) -> np.ndarray:
     """Share of the episodes ending within each record that end at the goal, `(seeds, records)`; that of the previous
-    record if none ended."""
+    record if none ended, NaN before the first end."""
     ended, arrived = (metrics[name].to_numpy().reshape(-1, seeds).T for name in ("episodes", "arrival_count"))
-    share = np.where(ended > 0, arrived / np.maximum(ended, 1), np.nan)
+    share = per_case(arrived, ended)
     for record in range(1, share.shape[1]):
         share[:, record] = np.where(np.isnan(share[:, record]), share[:, record - 1], share[:, record])
-    return np.nan_to_num(share)
+    return share
 
 
 def frozen_outcome(outcome: Evaluation) -> Values:
@@ -154,10 +154,10 @@ def frozen_outcome(outcome: Evaluation) -> Values:
     decisions = len(outcome.time)
     return {
         "reward": outcome.reward,
-        "share": arrived / np.maximum(ended, 1),
+        "share": per_case(arrived, ended),
         "arrival": np.nan_to_num(outcome.readings["arrival"], nan=float(ParticleNavigation().time_limit)),
         "cost": outcome.readings["cost"],
-        "cost per episode": outcome.readings["cost"] * decisions / np.maximum(ended, 1),
+        "cost per episode": per_case(outcome.readings["cost"] * decisions, ended),
     }
 
 

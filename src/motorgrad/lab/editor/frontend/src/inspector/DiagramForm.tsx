@@ -31,6 +31,13 @@ const TIMES = [
   field("absolute_tolerance", "float", "error of an adapted step, in addition"),
   field("precision", "str", "precision of the signals", "", ["single", "double"]),
   field("loops", "str", "what is done with algebraic loops", "", ["refuse", "solve"]),
+  field(
+    "on_fault",
+    "str",
+    "where a number is not finite or a limit of the solver is reached: stop the run, or warn once and go on",
+    "",
+    ["stop", "warn"],
+  ),
 ];
 
 /** The form of the diagram that is open. */

@@ -41,6 +41,7 @@ export const emptyScope: Scope = {
   absolute_tolerance: 1e-9,
   precision: "single",
   loops: "refuse",
+  on_fault: "stop",
   parameters: {},
   uses: {},
   nodes: {},

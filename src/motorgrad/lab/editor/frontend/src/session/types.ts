@@ -49,6 +49,7 @@ export interface Scope {
   absolute_tolerance: number;
   precision: string;
   loops: string;
+  on_fault: string;
   /** What blocks may use, and which of their parameters do: "block.parameter". */
   parameters: Record<string, Value>;
   uses: Record<string, string>;
