@@ -101,7 +101,7 @@ gallery: $(STAMP) $(BUILT)  ## make the films and the pictures of the applicatio
 	$(BIN)/python -m tools.timsim_screenshots
 
 numbers: $(STAMP)  ## run what README and the tutorial say was run, and compare the numbers (some minutes)
-	$(BIN)/python -m tools.numbers
+	$(BIN)/python -m tools.documented_numbers
 
 notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
 	@$(BIN)/python -c 'import nbclient, ipykernel, ipywidgets' 2>/dev/null || \

@@ -6,17 +6,20 @@ Where they cannot be built, a build fails and says why; an installation by pip, 
 and `motorgrad lab` says what to do. An editable installation uses the checkout's own pages, which `make editor` builds.
 """
 
+import importlib.util
 import os
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-sys.path.insert(0, str(Path(__file__).parent))  # `tools` itself may be another package where this is built
-
-import build_editor  # type: ignore[import-not-found]
+# by its path: `tools` itself may be another package where this is built
+_SPEC = importlib.util.spec_from_file_location("build_editor", Path(__file__).with_name("build_editor.py"))
+assert _SPEC is not None
+assert _SPEC.loader is not None
+build_editor: Any = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(build_editor)
 
 BY_PIP = "PIP_BUILD_TRACKER"  # pip sets it for the builds that it starts
 
@@ -43,7 +46,7 @@ class EditorPages(BuildHookInterface):
             return
         told = (
             f"The pages of TimLab's editor could not be built: {why}. Node.js {'.'.join(map(str, build_editor.LEAST))} "
-            "or later builds them, and fetches packages from registry.npmjs.org: see the output above, or run "
+            "or later builds them, and npm fetches packages for it: see the output above, or run "
             "`python tools/build_editor.py` in the checkout."
         )
         if BY_PIP not in os.environ:

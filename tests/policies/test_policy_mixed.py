@@ -122,7 +122,7 @@ def test_an_environment_of_such_a_task_takes_numbers_in_their_ranges():
     space = spaces_of(task)[1]
     found = check_action(space, np.float32([0.6, 0.5, 0.75, 0.25]), (), np.equal(task.actions, "binary"))
     np.testing.assert_array_equal(found, np.float32([1, 0.5, 0.75, 0]))
-    with pytest.raises(ValueError, match=r"action = .*: must be numbers from -\S+ to 1 or from 0 to 1"):
+    with pytest.raises(ValueError, match=r"action = .*: must be numbers from 0 to 1"):
         check_action(space, np.float32([0.6, 0.5, 2.0, 0.25]))
 
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.bodies import actuator_levels, actuators_of, compile_model, group_places
-from motorgrad.policies import Masked
+from motorgrad.policies import Masked, with_interface
 from motorgrad.sim import Course, Film, Motion, film_learning
 from motorgrad.tasks import TASKS, BodyTask, ParticleTask
 from motorgrad.training import Evaluation, Run
@@ -43,7 +43,8 @@ def course_of(run: Run, seed: int | None = None) -> Course:
         seed = seeds[int(np.argsort(late, kind="stable")[len(seeds) // 2])]
     check(seed in seeds, "seed", seed, f"one of the run's seeds, {', '.join(map(str, seeds))}")
     row = seeds.index(seed)
-    first = jax.tree.map(lambda leaf: jnp.asarray(leaf[row])[None], run.initial)
+    initial = with_interface(run.initial, None)
+    first = jax.tree.map(lambda leaf: jnp.asarray(leaf[row])[None], initial)
     later = run.policies_at(seed=seed)
     return Course(
         task=task,

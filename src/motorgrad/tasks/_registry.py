@@ -36,7 +36,7 @@ def make(name: str, **settings: Any) -> Task:
 
     **Raises:** `ValueError` for an unknown name or setting, suggesting the nearest known one, and for invalid values.
     """
-    if name not in TASKS and is_environment(name):
+    if is_environment(name) and name not in TASKS:
         allow([name])
         return build(TASKS[ENVIRONMENT], {"env_id": name, **settings}, ENVIRONMENT)
     choice("task", name, TASKS, registered=True)

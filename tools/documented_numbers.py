@@ -1,4 +1,4 @@
-"""Runs what the documentation says was run, and compares its numbers: `python -m tools.numbers [PAGE ...]`.
+"""Runs what the documentation says was run, and compares its numbers: `python -m tools.documented_numbers [PAGE ...]`.
 
 The Python of a page is run as it stands there, in an empty folder, and expressions of what it leaves behind give the
 numbers. They are rounded to the digits of the page. Every number that differs is named, with both values, and the exit
@@ -85,7 +85,9 @@ CLAIMS = (
 
 
 def main(arguments: list[str]) -> int:
-    options = argparse.ArgumentParser(prog="python -m tools.numbers", description=(__doc__ or "").partition("\n")[0])
+    options = argparse.ArgumentParser(
+        prog="python -m tools.documented_numbers", description=(__doc__ or "").partition("\n")[0]
+    )
     options.add_argument("pages", nargs="*", help="only these pages, such as README.md")
     options.add_argument("--long", action="store_true", help="also what takes more than three minutes")
     options.add_argument("--list", action="store_true", help="only say what there is")
