@@ -181,11 +181,10 @@ class ActionCode(_Data):
         alternative `(…)`; `xp` is NumPy, or `jax.numpy` in programs that are compiled."""
         if self.form == "same":
             return action
-        given = {
-            name: None if (array := getattr(self, name)) is None else xp.asarray(array)
-            for name in ("low", "high", "matrix", "start")
-        }
-        low, high, matrix, start = given.values()
+        given: list[Any] = [
+            None if array is None else xp.asarray(array) for array in (self.low, self.high, self.matrix, self.start)
+        ]
+        low, high, matrix, start = given
         if self.form == "choice":
             return matrix[action]
         if self.form == "sum":  # in its own type, as floating-point numbers round the sums of large ones

@@ -48,7 +48,7 @@ class Exported(dict):
     has it; `None` where the file has none, because the policy belonged to no task.
     """
 
-    interface = None
+    interface: dict | None = None
 
 
 def read(path):

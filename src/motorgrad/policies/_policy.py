@@ -76,7 +76,8 @@ class Policy(eqx.Module):
     ```
     """
 
-    interface: Interface | None = fixed(default=None, kw_only=True, repr=False)
+    # as `fixed`, in a form in which type checkers see that it comes last
+    interface: Interface | None = eqx.field(default=None, kw_only=True, repr=False, metadata={"fixed": True})
     """What observations and actions mean in the environment, for a policy of a run; `None` for one that no task has
     had. `act` and `export` use it; all other methods see scaled observations, and return the policy's own actions."""
 

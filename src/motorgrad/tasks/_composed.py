@@ -176,7 +176,9 @@ class Composed(BodyTask):
             ends = term in self.terminations
             check(limited or not ends, f"terminate: {kind_of(term)}", "no limit", "above or below a limit")
         self._drive  # noqa: B018 (raises for unknown actuators)
-        tell_if_few_can_be_held(self.body, self._bound.scene.model)  # which raises for unknown names
+        scene = self._bound.scene  # which raises for unknown names
+        assert self.body is not None
+        tell_if_few_can_be_held(self.body, scene.model)
 
     def __reduce__(self) -> tuple[Any, ...]:  # bound terms are functions, so they are made again
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
@@ -297,7 +299,7 @@ class Composed(BodyTask):
         return memory, jnp.concatenate([scale * jnp.atleast_1d(look(each)) for scale, each in self._bound.observe])
 
     @functools.cached_property
-    def observation_code(self) -> ObservationCode:
+    def observation_code(self) -> ObservationCode:  # pyright: ignore[reportIncompatibleMethodOverride]
         return ObservationCode.plain(self.observation_names, self.scaling == "running")
 
     @functools.cached_property

@@ -11,7 +11,7 @@ import numbers
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -128,7 +128,7 @@ def side_by_side(
     if isinstance(seeds, numbers.Integral):
         check_integer("seed", seeds, 0)
         return int(seeds), "", None if beside is None else dict(beside)
-    chosen = list(seeds)
+    chosen = list(cast(Sequence[int], seeds))
     for seed in chosen:
         check_integer("seed", seed, 0)
     check(len(chosen) == len(set(chosen)) > 0, "seed", chosen, "an integer, or several different ones")

@@ -41,9 +41,9 @@ def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
     if isinstance(space, spaces.Box):
         return _bounds(chosen, space, env_id)
     if isinstance(space, spaces.MultiBinary):
-        shape = space.shape
+        shape, kind = space.shape, np.dtype(space.dtype)
         _check_units(chosen, math.prod(shape), env_id, "fewer actions")
-        return ActionCode("binary", math.prod(shape), "same", (), shape, space.dtype.name)
+        return ActionCode("binary", math.prod(shape), "same", (), shape, kind.name)
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     counts = [int(space.n)] if isinstance(space, spaces.Discrete) else [int(n) for n in np.ravel(space.nvec)]
     make = _alternatives if chosen == "choice" else _sums

@@ -91,9 +91,9 @@ def facts_of(
 def learner_of(path: Path, about: dict[str, Any]) -> dict[str, Any] | None:
     """The learner that is stored beside the initial policies. **Raises** `ValueError` where it is none."""
     learner = about.get("learner")
-    right = isinstance(learner, dict) and isinstance(learner.get("structure"), dict)
-    right = right and isinstance(learner.get("interface", {}), dict)
-    if learner is not None and not (right and isinstance(learner.get("initial"), str)):
+    given = learner if isinstance(learner, dict) else {}
+    right = isinstance(given.get("structure"), dict) and isinstance(given.get("interface", {}), dict)
+    if learner is not None and not (right and isinstance(given.get("initial"), str)):
         raise ValueError(f"{path}: holds no learner with a structure and the fingerprint of its beginning")
     return learner
 
