@@ -2,7 +2,6 @@
 
 import importlib.util
 import os
-import sys
 import tomllib
 from pathlib import Path
 
@@ -41,10 +40,10 @@ def test_pages_are_outdated_where_missing_or_older_than_a_source(builder):
 
 
 def hook(builder, monkeypatch):
-    monkeypatch.setitem(sys.modules, "build_editor", builder)
     spec = importlib.util.spec_from_file_location("hatch_build_tested", ROOT / "tools" / "hatch_build.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "build_editor", builder)
     told = []
     made = module.EditorPages.__new__(module.EditorPages)
     monkeypatch.setattr(
