@@ -141,4 +141,12 @@ def test_the_pages_say_what_is_compared():
 
     for claim in numbers.CLAIMS:
         assert numbers.told_in(claim) is not None, claim.sentence
-        assert max(claim.blocks) < len(numbers.python_in(claim.page))
+        assert max(claim.blocks, default=-1) < len(numbers.python_in(claim.page))
+
+
+def test_the_gallery_says_how_long_its_films_learn():
+    from tools import documented_numbers as numbers
+    from tools.figures import films
+
+    assert set(numbers.FILMS) == set(films.DECISIONS)
+    assert numbers.main(["docs/gallery.md"]) == 0

@@ -2,7 +2,7 @@
 
 The Python of a page is run as it stands there, in an empty folder, and expressions of what it leaves behind give the
 numbers. They are rounded to the digits of the page. Every number that differs is named, with both values, and the exit
-status is 1. A sentence with numbers names the commit whose code made them.
+status is 1. A sentence with numbers that were measured names the commit whose code made them.
 
 `--long` also runs what takes more than about three minutes of processor time; `--list` says what there is.
 """
@@ -29,8 +29,8 @@ class Claim:
     """A sentence of a page and what its numbers are.
 
     **Arguments:** the `page`; the `blocks` of Python in it that are run, from 0 on, one after the other; the
-    `sentence`, with `{name}` for each number and `{commit}` for the commit, with any white space; `values`, an
-    expression for each name; `then`, code before them; whether it is `long`.
+    `sentence`, with `{name}` for each number and `{commit}` for the commit if they were measured, with any white space;
+    `values`, an expression for each name; `then`, code before them; whether it is `long`.
     """
 
     page: str
@@ -40,6 +40,14 @@ class Claim:
     then: str = ""
     long: bool = False
 
+
+FILMS = {
+    "hexapod-learns-to-walk": "A hexapod walks with 24 muscles](tasks/hexapod-proprioception.md)",
+    "hexapod-walks-with-four-units": "A hexapod walks with four units](tasks/hexapod-synergy.md)",
+    "hopper-learns-to-hop": "A hopper hops](tasks/hopper.md)",
+    "arm-learns-to-reach": "An arm reaches for targets](bring-your-own-body.md)",
+}
+"""What the gallery says beneath each film, before its number."""
 
 CLAIMS = (
     Claim(
@@ -81,6 +89,16 @@ CLAIMS = (
         "practice = 100 * run.final('solved', 0.1)\n"
         "after = 100 * mg.evaluate(run, episodes=20, mode='mode').means('solved')",
     ),
+    *(
+        Claim(
+            "docs/gallery.md",
+            (),
+            f"[{words}: {{decisions}} decisions",
+            {"decisions": f"DECISIONS[{film!r}]"},
+            "from tools.figures.films import DECISIONS",
+        )
+        for film, words in FILMS.items()
+    ),
 )
 
 
@@ -117,12 +135,15 @@ def differences(claim: Claim) -> Iterator[str]:
     if told is None:
         yield f"{claim.page}: does not say: {claim.sentence}"
         return
-    known = subprocess.run(["git", "cat-file", "-e", told["commit"]], cwd=ROOT, capture_output=True).returncode == 0
-    if not known and (ROOT / ".git").exists():
+    if "commit" in told and not _is_commit(told["commit"]) and (ROOT / ".git").exists():
         yield f"{claim.page}: commit {told['commit']}: there is none"
     for name, value in measured(claim).items():
         if not agrees(told[name], value):
             yield f"{claim.page}: {name}: the page says {told[name]}, the run gives {value:.6g}"
+
+
+def _is_commit(name: str) -> bool:
+    return subprocess.run(["git", "cat-file", "-e", name], cwd=ROOT, capture_output=True).returncode == 0
 
 
 def told_in(claim: Claim) -> dict[str, str] | None:

@@ -1,11 +1,13 @@
 """How raw observations become what a policy sees, and how its actions become raw ones: data, and pure functions."""
 
+import abc
 import dataclasses
 import functools
 import json
+import math
 from collections.abc import Mapping, Sequence
 from types import ModuleType
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import jax
 import jax.numpy as jnp
@@ -16,22 +18,22 @@ from motorgrad._errors import check, check_integer, choice, counted
 from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 
 Form = Literal["same", "clip", "choice", "sum", "each", "antagonists"]
-FORMS = ("same", "clip", "choice", "sum", "each", "antagonists")
+FORMS = get_args(Form)
 KINDS = ("binary", "discrete", "graded", "querying")
-MOST = 2**24
+MAX_NUMBERS = 2**24
 """Numbers of a stored interface, in each of its arrays."""
-LONGEST = 1000
-"""Characters of a stored name."""
-WHOLE = 2**31
+MAX_NAME_CHARACTERS = 1000
+"""Of a stored name."""
+WHOLE_NUMBERS_END = 2**31
 """Whole numbers of raw actions that a compiled or exported program can give are below this."""
 
 
-class _Data:
+class _Data(abc.ABC):
     """Frozen data with arrays, equal where all numbers are: compiled programs are shared by equal ones."""
 
+    @abc.abstractmethod
     def table(self) -> dict[str, Any]:
         """The data as a table that JSON can hold."""
-        raise NotImplementedError
 
     @functools.cached_property
     def _key(self) -> str:
@@ -130,7 +132,7 @@ class ObservationCode(_Data):
         running = table["running"]
         right = isinstance(running, list) and len(running) == size and all(isinstance(each, bool) for each in running)
         check(right, f"{where}.running", running, f"true or false, {size} times")
-        check(int(np.prod(shape)) == size, f"{where}.shape", table["shape"], f"of {counted(size, 'number')}")
+        check(math.prod(shape) == size, f"{where}.shape", table["shape"], f"of {counted(size, 'number')}")
         check(isinstance(table["constant"], bool), f"{where}.constant", table["constant"], "true or false")
         single = offset.astype(np.float32), divisor.astype(np.float32)
         return cls(names, *single, np.array(running, bool), shape, table["constant"])
@@ -235,7 +237,8 @@ class ActionCode(_Data):
             array = getattr(self, name)
             if array is not None and array.dtype.kind in "iu" and array.size:
                 wide = max(abs(int(array.min())), abs(int(array.max())))
-                check(wide < WHOLE, f"actions.{name}", wide, f"below {WHOLE:,} for compiled and exported programs")
+                below = f"below {WHOLE_NUMBERS_END:,} for compiled and exported programs"
+                check(wide < WHOLE_NUMBERS_END, f"actions.{name}", wide, below)
 
     def table(self) -> dict[str, Any]:
         arrays = {name: getattr(self, name) for name in ("low", "high", "matrix", "start")}
@@ -253,11 +256,12 @@ class ActionCode(_Data):
     def of_table(cls, table: Any, where: str) -> Self:
         """The inverse of `table`. **Raises** `ValueError` that names what is wrong."""
         _check_keys(table, cls, where)
-        check_integer(f"{where}.size", table["size"], 1, MOST)
+        check_integer(f"{where}.size", table["size"], 1, MAX_NUMBERS)
         size, kind = table["size"], table["kind"]
         if isinstance(kind, list):
             kind = tuple(kind)
-            check(len(kind) == size and {*kind} <= {"binary", "graded"}, f"{where}.kind", kind, "of each action")
+            right = len(kind) == size and all(each in ("binary", "graded") for each in kind)
+            check(right, f"{where}.kind", kind, f"'binary' or 'graded', {size} times")
         else:
             check(kind in KINDS, f"{where}.kind", kind, f"one of {', '.join(KINDS)}")
         choice(f"{where}.form", table["form"], FORMS)
@@ -266,9 +270,7 @@ class ActionCode(_Data):
         dtype, known = table["dtype"], ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32")
         numbers = (*known, "uint64", "float16", "float32", "float64")
         check(dtype in numbers, f"{where}.dtype", dtype, "a type of numbers")
-        n = 1
-        for length in shape:
-            n *= length
+        n = math.prod(shape)
         units = (size, n)
         shapes = {
             "same": {},
@@ -282,7 +284,8 @@ class ActionCode(_Data):
         for name in ("low", "high", "matrix", "start"):
             given = table[name]
             here = (given is not None) == (name in shapes)
-            check(here, f"{where}.{name}", given, f"as {table['form']!r} has it")
+            wanted = "given" if name in shapes else "null"
+            check(here, f"{where}.{name}", given, f"{wanted} for the form {table['form']!r}")
             if given is not None:
                 right = isinstance(given, list) and len(given) == 2 and given[0] in (*known, "float32", "float64")
                 check(right, f"{where}.{name}", given, "a type and numbers")
@@ -303,15 +306,15 @@ def _check_keys(table: Any, cls: type, where: str) -> None:
 
 
 def _names(value: Any, where: str) -> tuple[str, ...]:
-    right = isinstance(value, list) and len(value) <= MOST
-    right = right and all(isinstance(each, str) and len(each) <= LONGEST for each in value)
-    check(right, where, value, f"names of at most {LONGEST:,} characters")
+    right = isinstance(value, list) and len(value) <= MAX_NUMBERS
+    right = right and all(isinstance(each, str) and len(each) <= MAX_NAME_CHARACTERS for each in value)
+    check(right, where, value, f"names of at most {MAX_NAME_CHARACTERS:,} characters")
     return tuple(value)
 
 
 def _shape(value: Any, where: str) -> tuple[int, ...]:
     right = isinstance(value, list) and len(value) <= 32
-    right = right and all(type(each) is int and 0 < each <= MOST for each in value)
+    right = right and all(type(each) is int and 0 < each <= MAX_NUMBERS for each in value)
     check(right, where, value, "lengths of axes")
     return tuple(value)
 
@@ -328,6 +331,6 @@ def _numbers(value: Any, where: str, shape: tuple[int, ...]) -> np.ndarray:
         return [number for each in part for number in flat(each, lengths[1:])]
 
     numbers = flat(value, shape)
-    check(len(numbers) <= MOST, where, len(numbers), f"at most {MOST:,} numbers")
+    check(len(numbers) <= MAX_NUMBERS, where, len(numbers), f"at most {MAX_NUMBERS:,} numbers")
     check(all(abs(number) <= 2**63 for number in numbers), where, value, "finite numbers")  # false for NaN, too
     return np.array(numbers, None if numbers else float).reshape(shape)

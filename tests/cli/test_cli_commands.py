@@ -286,6 +286,10 @@ def test_evaluate_writes_a_table_of_what_happened(runs, capsys):
         assert np.nansum(rewards) / 60 == pytest.approx(mean, rel=1e-5)
     assert status("evaluate", runs["chain"], "--steps", 60, "--seed", run.seeds[1], "--table", "one.sto") == 0
     assert f"seed={run.seeds[1]}\n" in Path("one.sto").read_text()
+    options = ["--steps", 60, "--random-seed", 3, "--table", "other.parquet"]
+    assert status("evaluate", runs["chain"], *options) == 0
+    other = parquet.read_table("other.parquet")["reward"].to_numpy()[:61]
+    assert np.nansum(other) / 60 == pytest.approx(mg.evaluate(run, 60, seed=3).reward[0], rel=1e-5)
     capsys.readouterr()
     for wrong, said in ((["--table", "a.xlsx"], "ends in .parquet, .csv, .sto"), (["--every", "step"], "--table of a")):
         assert main(["evaluate", str(runs["chain"]), *wrong]) == 2

@@ -146,7 +146,7 @@ STRANGE = [
     (("actions", "dtype"), "O", r"actions\.dtype = 'O': must be a type of numbers"),
     (("actions", "high"), ["float32", ["1"]], r"actions\.high = .*: must be "),
     (("actions", "shape"), [2**70], r"actions\.shape"),
-    (("actions", "matrix"), ["float32", [[1.0]]], r"actions\.matrix = .*: must be as 'clip' has it"),
+    (("actions", "matrix"), ["float32", [[1.0]]], r"actions\.matrix = .*: must be null for the form 'clip'"),
     (("actions",), None, r"interface\.actions"),
     (("period",), -1.0, r"interface\.period = -1\.0: must be a finite number > 0"),
 ]

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
+from pyarrow import parquet
 
 import motorgrad as mg
 from motorgrad.cli import main
@@ -170,5 +171,13 @@ def test_the_command_evaluates_episodes_trains_with_evaluations_and_takes_the_be
         expected = mg.evaluate(policies, episodes=3, seed=2)
         np.testing.assert_allclose(said["return"]["episodes"], expected.returns)
         assert said["return"]["mean"] == pytest.approx(expected.over_seeds().value)
+    table = str(tmp_path / "episodes.parquet")
+    assert main(["evaluate", out, "--episodes", "3", "--random-seed", "2", "--no-film", "--table", table]) == 0
+    whole = parquet.read_table(table).to_pydict()
+    for seed, returns in zip(run.seeds, mg.evaluate(run, episodes=3, seed=2).returns, strict=True):
+        for episode, expected in enumerate(returns):
+            rows = zip(whole["seed"], whole["episode"], whole["reward"], strict=True)
+            found = [reward for own, number, reward in rows if (own, number) == (seed, episode)]
+            assert np.nansum(found) == pytest.approx(expected, rel=1e-5)
     assert main(["train", "--resume", out, "--steps", "500"]) == 0  # its own file has the options
     assert mg.load(out).evaluated()[0].tolist() == [100, 200, 300, 400, 500]

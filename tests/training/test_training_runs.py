@@ -101,8 +101,7 @@ def test_load_gives_the_run_back(name, made):
     assert again.seeds == [4, 1]
     one = again.policy(1)
     assert_same(one, jax.tree.map(lambda leaf: leaf[1], run.policies))
-    seen = np.ones(run.task.observation_size, np.float32)
-    assert np.isfinite(one.entropy(seen))
+    assert np.isfinite(one.entropy(np.ones(one.inputs, np.float32)))
 
 
 def test_the_last_parameters_recorded_are_the_policies(made):

@@ -65,8 +65,8 @@ class Evaluate:
     seconds: float = 10.0
     """The length of the film, in seconds."""
     table: Path | None = None
-    """Also write what happened at every decision to this file: all seeds to .parquet or .csv, or the first episode of
-    one seed to .sto, for OpenSim."""
+    """Also write what happened at every decision to this file, in the first mode: all seeds to .parquet or .csv, or the
+    first episode of one seed to .sto, for OpenSim."""
     every: Literal["decision", "step"] = "decision"
     """A row of the table for every decision, or for every physics step of a body."""
     trust: bool = False
@@ -93,6 +93,8 @@ class Evaluate:
         if self.table is not None:
             check_table(self.table, "table")
             check(not trained.settings, "table", str(self.table), "left out for a sweep, whose runs `split` gives")
+            alone = self.episodes is None or self.steps is None
+            check(alone, "steps", self.steps, "left out with --episodes and --table, which holds whole episodes")
         steps_body = body and self.table is not None
         check(self.every == "decision" or steps_body, "every", self.every, "decision, or with --table of a body, step")
         check(body or self.video is None, "video", str(self.video), f"left out: task {trained.task.name!r} has no body")
@@ -182,8 +184,10 @@ def _write_table(trained: Run, options: Evaluate, mode: Mode) -> str:
     seed = trained.seeds[0] if options.seed is None else options.seed
     made = rollout(
         trained,
-        steps=options.decisions,
+        steps=options.decisions if options.episodes is None else None,
+        episodes=options.episodes,
         seeds=[seed] if movement else None,
+        seed=options.random_seed,
         mode=mode,
         every=options.every,
         untrained=options.untrained,

@@ -11,7 +11,7 @@ from motorgrad._commands._task_options import changes_from_task, command_with_le
 from motorgrad._errors import check, counted, plain
 from motorgrad._files import check_writable
 from motorgrad._presets import PRESETS
-from motorgrad._settings import table
+from motorgrad._settings import default_of, table
 from motorgrad._signals import unfinished
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
@@ -105,9 +105,18 @@ class Options:
         check_writable("out", self.directory, folder=True)
         if self.tensorboard:
             check_tensorboard()
-        check(self.keep_best is None or self.evaluate_every, "keep_best", self.keep_best, "given with evaluate_every")
+        self._check_evaluation()
         for callback in self.callbacks:
             callback.begin(self.task, self.steps)
+
+    def _check_evaluation(self: Any) -> None:
+        """Refuse options about evaluations that have no effect without another one."""
+        usual = {field.name: default_of(field) for field in dataclasses.fields(self)}
+        needed = {"keep_least": "keep_best", "keep_best": "evaluate_every"}
+        needed |= {f"evaluate_{name}": "evaluate_every" for name in ("episodes", "seed", "mode")}
+        for name, other in needed.items():
+            given = getattr(self, name)
+            check(given == usual[name] or getattr(self, other) is not None, name, given, f"given with {other}")
 
     @property
     def callbacks(self: Any) -> tuple[EvaluationCallback, ...]:

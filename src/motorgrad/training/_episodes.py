@@ -135,6 +135,13 @@ def evaluation_seeds(seeds: list[int], seed: int, episodes: int) -> Int[np.ndarr
     return FRESH + (np.array(starts, np.int64)[:, None] + np.arange(episodes)) % (2**31 - FRESH)
 
 
+def decision_seeds(seeds: list[int], seed: int) -> list[int]:
+    """The seeds of evaluations of a number of decisions, one for each policy."""
+    if seed:
+        return evaluation_seeds(seeds, seed, 1)[:, 0].tolist()
+    return [(own + FRESH) % 2**31 for own in seeds]  # as before evaluations had a `seed`
+
+
 def evaluate_episodes(
     task: Task,
     policies: Policy,

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.metadata
 import math
+import numbers
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any, Literal, Self
 import jax
 import numpy as np
 
+from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, check_integer, check_positive, choice
 from motorgrad._random import key_of
 from motorgrad.learning import Agent
@@ -18,7 +20,7 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.training._arguments import check_training
 from motorgrad.training._broken import not_finite, told_lanes
-from motorgrad.training._episodes import FRESH, LONGEST, MOST_EPISODES, TOGETHER, evaluation_seeds
+from motorgrad.training._episodes import LONGEST, MOST_EPISODES, TOGETHER, decision_seeds, evaluation_seeds
 from motorgrad.training._load import load
 from motorgrad.training._run import Run
 from motorgrad.training.engines import MOST_AT_ONCE, stepper_for
@@ -76,6 +78,7 @@ def rollout(
     print(reach["muscle force: elbow flexor"].shape, reach.units["muscle force: elbow flexor"])  # → (51,) N
     ```
     """
+    check_arguments(rollout, locals(), ("seeds", "untrained", "trust", "allow_changed"))
     choice("mode", mode, ("sample", "mode"))
     choice("every", every, ("decision", "step"))
     check_integer("seed", seed, 0, 2**31 - 1)
@@ -87,11 +90,11 @@ def rollout(
         readings = task.substeps  # type: ignore[attr-defined]
     decisions = _decisions(task, steps, seconds, episodes)
     acting = acting.finite()
-    if episodes is None and not seed:
-        own = [[(each + FRESH) % 2**31] for each in acting.seeds]  # as `evaluate` has them
+    if episodes is None:
+        chosen = np.array(decision_seeds(acting.seeds, seed))
     else:
-        own = evaluation_seeds(acting.seeds, seed, episodes or 1)
-    chosen, lanes = np.asarray(own).ravel(), np.repeat(np.arange(len(acting.seeds)), episodes or 1)
+        chosen = evaluation_seeds(acting.seeds, seed, episodes).ravel()
+    lanes = np.repeat(np.arange(len(acting.seeds)), episodes or 1)
     found: list[Columns] = []
     for first in range(0, len(lanes), TOGETHER):
         part = slice(first, first + TOGETHER)
@@ -182,7 +185,8 @@ def _acting(run: Any, agent: Any, seeds: Any, untrained: bool, trust: bool, allo
     if isinstance(run, Run):
         check(agent is None, "agent", agent, "left out for a run, whose own policies act; give run.task for others")
         check(not run.settings, "run", run, "of one setting, such as run.split()[0]")
-        chosen = run.seeds if seeds is None else [seeds] if isinstance(seeds, int) else list(seeds)
+        one = isinstance(seeds, numbers.Integral)
+        chosen = run.seeds if seeds is None else [int(seeds)] if one else list(seeds)
         for each in chosen:
             check(each in run.seeds, "seeds", each, f"of the run's seeds, {run.seeds}")
         check(len(chosen) == len(set(chosen)) > 0, "seeds", chosen, "at least one, each given once")
