@@ -25,7 +25,7 @@ KEPT_MEMORY := MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_TOP_PAD_=67108864 MALLOC
 PYTEST := $(QUIET_THREADS) $(KEPT_MEMORY) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-extras test-share test-all lint format release bench torture docs figures gallery notebooks clean
+.PHONY: help install demo editor test test-extras test-share test-all lint format release bench torture docs figures gallery notebooks numbers clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -99,6 +99,9 @@ gallery: $(STAMP) $(BUILT)  ## make the films and the pictures of the applicatio
 	$(BIN)/python -m tools.lab_pictures
 	$(BIN)/python -m tools.lab_screenshots
 	$(BIN)/python -m tools.timsim_screenshots
+
+numbers: $(STAMP)  ## run what README and the tutorial say was run, and compare the numbers (some minutes)
+	$(BIN)/python -m tools.documented_numbers
 
 notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
 	@$(BIN)/python -c 'import nbclient, ipykernel, ipywidgets' 2>/dev/null || \

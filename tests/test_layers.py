@@ -31,7 +31,7 @@ BELOW = {
     "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
     "environments": {"tasks", "sim"} | DYNAMICS,
     "experiments": {"studies", "training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,
-    "lab": {"sim", "tasks", "training", "export"} | DYNAMICS | LEARNING,
+    "lab": {"environments", "sim", "tasks", "training", "export"} | DYNAMICS | LEARNING,
     "benchmarks": {"environments", "lab", "presets", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "_commands": {"benchmarks", "lab", "experiments", "studies", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
     "cli": {"_commands"},

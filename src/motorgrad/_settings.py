@@ -279,7 +279,7 @@ def _place(where: str, key: str) -> str:
 
 def _plain(value: Any) -> Any:
     if hasattr(value, "as_setting"):
-        return value.as_setting()
+        return _plain(value.as_setting())
     if isinstance(value, np.ndarray):
         return value.tolist()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

@@ -5,7 +5,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 HANG_UP = (signal.SIGHUP,) if hasattr(signal, "SIGHUP") else ()  # Windows has none
 STOPS = (signal.SIGINT, signal.SIGTERM, *HANG_UP)
@@ -21,6 +23,26 @@ def leave_to_parent() -> None:
     """Ignore what a terminal tells all processes that were started in it: the parent gets it, and ends this one."""
     for number in (signal.SIGINT, *HANG_UP):
         signal.signal(number, signal.SIG_IGN)
+
+
+def interrupt(message: str, **unfinished: Any) -> KeyboardInterrupt:
+    """The interrupt of a computation that has saved what it had when it was asked to stop, with the `unfinished` thing
+    as an attribute. A script that does not expect it ends, and its caller sees that it was interrupted: only the class
+    itself makes Python end as by the signal, which also ends a loop of a shell."""
+    error = KeyboardInterrupt(message)
+    for name, value in unfinished.items():
+        setattr(error, name, value)
+    return error
+
+
+def unfinished(name: str, work: Callable[[], T]) -> T:
+    """What `work` returns; where it was asked to stop, its unfinished outcome, which the interrupt has as `name`."""
+    try:
+        return work()
+    except KeyboardInterrupt as error:
+        if not hasattr(error, name):
+            raise
+        return getattr(error, name)
 
 
 @contextmanager

@@ -112,7 +112,8 @@ def _answer(name: str, error: BaseException) -> int:
     """Report the error that ended a command, on one line. Returns the exit status."""
     # a library that is interrupted while it loads may raise another error
     if isinstance(error, KeyboardInterrupt) or asked():
-        print(f"motorgrad {name}: stopped", file=sys.stderr)
+        told = plain(error) if isinstance(error, KeyboardInterrupt) else ""
+        print(f"motorgrad {name}: {told or 'stopped'}", file=sys.stderr)
         return 130
     if isinstance(error, BrokenPipeError):
         # the reader, such as head, has closed the pipe; the last flush of the interpreter must not fail

@@ -222,7 +222,7 @@ def test_reset_of_some_rows():
 @pytest.mark.parametrize("shape", [(2,), (3, 4), (2, 2), (3, 1)])
 def test_activation_of_wrong_shape_is_refused(shape):
     batch = BodyBatch(Hopper(), 3)
-    with pytest.raises(ValueError, match=r"activation.shape = .*\(seeds, groups\) = \(3, 2\)"):
+    with pytest.raises(ValueError, match=r"control.shape = .*\(seeds, groups\) = \(3, 2\)"):
         batch.step(np.zeros(shape))
 
 

@@ -10,10 +10,10 @@ import tracemalloc
 import zlib
 from pathlib import Path
 
+import gymnasium
 import mujoco
 import numpy as np
 import pytest
-from gymnasium.envs.mujoco import mujoco_env
 
 from motorgrad import lab
 from motorgrad.bodies import Hopper, compile_model, read_model, to_mjcf
@@ -383,7 +383,7 @@ def test_however_a_path_is_given_to_gymnasium_its_model_has_the_limits(given, tm
 
 
 def test_gymnasium_takes_models_within_the_limits(tmp_path):
-    assets = Path(mujoco_env.__file__).parent / "assets"
+    assets = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
     (tmp_path / "hopper.xml").write_text((assets / "hopper.xml").read_text())
     for file in ("hopper.xml", str(tmp_path / "hopper.xml")):
         assert Gymnasium("Hopper-v5", {"xml_file": file}).observation_size == 11

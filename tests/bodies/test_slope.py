@@ -72,7 +72,7 @@ def test_a_snapshot_goes_on_to_the_last_bit_also_over_a_reset():
 
 def test_another_length_of_command_is_refused():
     batch = SlopeBatch(Hopper(), 1, 1, 1)
-    with pytest.raises(ValueError, match=r"activation.shape = \(1, 2\): must be \(seeds, groups \+ 2\) = \(1, 4\)"):
+    with pytest.raises(ValueError, match=r"control.shape = \(1, 2\): must be \(seeds, groups \+ 2\) = \(1, 4\)"):
         batch.step(np.zeros((1, 2)))
     with pytest.raises(ValueError, match="body = "):
         SlopeBatch([Hopper()], 1)

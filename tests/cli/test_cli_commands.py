@@ -11,6 +11,7 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from pyarrow import parquet
 
 import motorgrad as mg
 from motorgrad.cli import COMMANDS, main
@@ -271,6 +272,29 @@ def test_evaluate_judges_both_modes_in_turn(runs, capsys):
         outcome = mg.evaluate(mg.load(runs["chain"]), 60, mode=mode)
         assert found["modes"][mode]["reward"]["per_seed"] == outcome.reward.tolist()
     assert found["modes"]["sample"] != found["modes"]["mode"]
+
+
+def test_evaluate_writes_a_table_of_what_happened(runs, capsys):
+    run = mg.load(runs["chain"])
+    options = ["--steps", 60, "--mode", "both", "--json", "e.json"]
+    assert status("evaluate", runs["chain"], *options, "--table", "deep/in/happened.parquet") == 0
+    assert "table of 2 episodes, 122 rows: deep/in/happened.parquet" in capsys.readouterr().out
+    assert read("e.json")["table"] == "deep/in/happened.parquet"
+    table = parquet.read_table("deep/in/happened.parquet")
+    for seed, mean in zip(run.seeds, mg.evaluate(run, 60).reward, strict=True):  # that of the first mode
+        rewards = table["reward"].to_numpy()[table["seed"].to_numpy() == seed]
+        assert np.nansum(rewards) / 60 == pytest.approx(mean, rel=1e-5)
+    assert status("evaluate", runs["chain"], "--steps", 60, "--seed", run.seeds[1], "--table", "one.sto") == 0
+    assert f"seed={run.seeds[1]}\n" in Path("one.sto").read_text()
+    options = ["--steps", 60, "--random-seed", 3, "--table", "other.parquet"]
+    assert status("evaluate", runs["chain"], *options) == 0
+    other = parquet.read_table("other.parquet")["reward"].to_numpy()[:61]
+    assert np.nansum(other) / 60 == pytest.approx(mg.evaluate(run, 60, seed=3).reward[0], rel=1e-5)
+    capsys.readouterr()
+    for wrong, said in ((["--table", "a.xlsx"], "ends in .parquet, .csv, .sto"), (["--every", "step"], "--table of a")):
+        assert main(["evaluate", str(runs["chain"]), *wrong]) == 2
+        assert said in capsys.readouterr().err
+    assert not Path("a.xlsx").exists()
 
 
 def test_evaluate_changes_settings_of_the_task_on_the_line_or_in_a_file(runs, capsys):

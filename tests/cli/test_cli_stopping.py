@@ -104,7 +104,11 @@ def test_an_unfinished_run_keeps_its_goal(tmp_path, monkeypatch):
 
     advance = mg.training.WorldStepper.advance
     monkeypatch.setattr(mg.training.WorldStepper, "advance", stopped)
-    run = mg.train("chain", steps=400, window=20, out="run", progress=False)
+    with pytest.raises(
+        KeyboardInterrupt, match=r"stopped after \d+ of 400 decisions, saved in run; the same call"
+    ) as stop:
+        mg.train("chain", steps=400, window=20, out="run", progress=False)
+    run = stop.value.run
     assert not run.complete
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
@@ -135,3 +139,57 @@ def test_a_film_of_what_has_no_body_is_refused(capsys):
 def test_an_evaluation_says_itself_in_a_line():
     run = mg.train("chain", steps=40, seeds=2, progress=False)
     assert repr(mg.evaluate(run, 30)).startswith("Evaluation(2 seeds, 30 decisions, median reward ")
+
+
+SCRIPT = """
+import os, signal, sys, motorgrad as mg
+
+def interrupt(report):
+    if report.decision == 200:
+        os.kill(os.getpid(), {number})
+
+{call}
+print("went on")
+"""
+TRAINS = 'mg.train("three-state", steps=100_000, window=100, out={out}, callbacks=interrupt, progress=False)'
+CATCHES = f"try:\n    {TRAINS}\nexcept KeyboardInterrupt as stop:\n    print(stop, stop.run)"
+
+
+def script(environment, folder, number, call, out):
+    code = SCRIPT.format(number=int(number), call=call.format(out=out))
+    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, cwd=folder)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.ci)])
+def test_a_script_that_is_stopped_ends_as_interrupted_and_says_how_far_it_is(number, compiled_environment, tmp_path):
+    done = script(compiled_environment, tmp_path, number, TRAINS, "'run'")
+    assert done.returncode == -signal.SIGINT  # what a shell needs to end a loop of scripts
+    assert "went on" not in done.stdout
+    decision = mg.load(tmp_path / "run").decision
+    last = done.stderr.splitlines()[-1]
+    assert last == (
+        f"KeyboardInterrupt: stopped after {decision:,} of 100,000 decisions, saved in run; the same call continues"
+    )
+
+
+@pytest.mark.ci
+def test_a_script_may_catch_the_stop_and_have_the_unfinished_run(compiled_environment, tmp_path):
+    done = script(compiled_environment, tmp_path, signal.SIGINT, CATCHES, "None")
+    assert done.returncode == 0, done.stderr
+    first, last = done.stdout.splitlines()
+    assert "it is not saved, as there is no `out`: `run` of this exception has all Run(three-state, 1 seed, " in first
+    assert last == "went on"
+
+
+def test_a_study_that_is_stopped_interrupts_once_all_is_saved(tmp_path, monkeypatch):
+    def stopped(self, decisions):
+        advance(self, decisions)
+        signal.raise_signal(signal.SIGINT)
+
+    advance, study = mg.training.WorldStepper.advance, mg.Study("chain", {"learning_rate": [0.1]}, steps=400)
+    with monkeypatch.context() as patch:
+        patch.setattr(mg.training.WorldStepper, "advance", stopped)
+        with pytest.raises(KeyboardInterrupt, match="and the same call continues") as stop:
+            study.run(tmp_path / "study", progress=False)
+    assert not stop.value.results.complete
+    assert study.run(tmp_path / "study", progress=False).complete

@@ -30,6 +30,7 @@ REPRODUCED = ["config.toml", "provenance.json", "values.npz", "figure.svg", "fig
 COMMANDS = {
     "train": (["train", "three-state", *OUT, "--json", "out.json"], ["new", "out.json"]),
     "evaluate": (["evaluate", "run", "--steps", "50", "--json", "out.json"], ["out.json"]),
+    "evaluate --table": (["evaluate", "run", "--steps", "50", "--table", "out.parquet"], ["out.parquet"]),
     "plot": (["plot", "run", "--out", "out.svg"], ["out.svg"]),
     "plot --json": (["plot", "run", "--out", "out.svg", "--json", "out.json"], ["out.svg", "out.json"]),
     "export .c": (["export", "run", "out.c"], ["out.c"]),

@@ -20,7 +20,7 @@ def test_the_hopper_of_training_is_the_environments(reward_type):
     for decision in range(450):
         assert np.array_equal(stepper.state["cycle"].observation[0], observation)
         # the learner's own action, or a hop: what a learner has not learned yet pays nothing
-        action = np.array(stepper.activation[0])
+        action = np.array(stepper.control[0])
         observation, reward, terminated, truncated, info = environment.step(action)
         stepper.advance(1)
         record = stepper.harvest()

@@ -134,11 +134,11 @@ def reward(after, static, drop=0.13):
 
 def test_the_claims_of_figure_6_8_can_come_out_either_way():
     usual = np.interp(np.arange(1, 21), list(INDEPENDENT), list(INDEPENDENT.values()))
-    holds = [claim.holds for claim in GrowingReward().judge(reward(usual, 0.2))]
+    holds = [claim.holds for claim in GrowingReward().judge(reward(usual, 0.2), "exact")]
     assert holds == [True] * 7 + [False, True] + [True] * 2
     peaked = usual - 0.02 * np.abs(np.arange(1, 21) - 13)
-    assert [claim.holds for claim in GrowingReward().judge(reward(peaked, 0.2))][7:9] == [True, False]
-    off = [claim.holds for claim in GrowingReward().judge(reward(usual + 1.5 * WITHIN, 0.1, drop=0.0))]
+    assert [claim.holds for claim in GrowingReward().judge(reward(peaked, 0.2), "exact")][7:9] == [True, False]
+    off = [claim.holds for claim in GrowingReward().judge(reward(usual + 1.5 * WITHIN, 0.1, drop=0.0), "exact")]
     assert off[:7] == [False] * 7
     assert off[9:] == [False] * 2
 
@@ -151,20 +151,20 @@ def test_the_claims_of_figure_6_7_can_come_out_either_way():
         finds[unit:, :, unit] = 0.5 + 0.2 * (1 + rng.random((24, 2)))
     narrow = np.log(np.full((20, 24, 20, 2), 0.15))
     values = {"centre": finds, "log width": narrow, "reward": rise}
-    assert [claim.holds for claim in GrowingPolicy().judge(values)] == [True] * 3
+    assert [claim.holds for claim in GrowingPolicy().judge(values, "exact")] == [True] * 3
     wanders = rng.random(finds.shape)
     for unit in range(1, 20):  # the new one stays where it begins, while all others move
         wanders[unit, :, unit] = wanders[unit - 1, :, unit]
     worse = {"centre": wanders, "log width": narrow + 2, "reward": rise[:, ::-1]}
-    assert [claim.holds for claim in GrowingPolicy().judge(worse)] == [False] * 3
+    assert [claim.holds for claim in GrowingPolicy().judge(worse, "exact")] == [False] * 3
 
 
 def test_the_claims_about_orbits_can_come_out_either_way():
     chance = 0.001 * np.random.default_rng(2).standard_normal((24, 1))
     good = {"wide after": np.linspace(0.35, 0.46, 16) + chance, "narrow after": np.linspace(0.3, 0.18, 16) + chance}
-    assert all(claim.holds for claim in Orbits().judge(good))
+    assert all(claim.holds for claim in Orbits().judge(good, "exact"))
     flat = {name: np.full((24, 16), 1 / 3) + chance for name in good}
-    assert not any(claim.holds for claim in Orbits().judge(flat))
+    assert not any(claim.holds for claim in Orbits().judge(flat, "exact"))
 
 
 # --- criteria and placement ---

@@ -110,7 +110,7 @@ def held(experiment, values):
 
 def judged(experiment, values):
     """The verdicts with one pair of probability and score of an experiment that is done with both."""
-    return [claim.holds for claim in experiment.judge(values)]
+    return [claim.holds for claim in experiment.judge(values, "exact")]
 
 
 # --- what they share ---

@@ -34,7 +34,7 @@ def test_a_motion_is_what_was_recorded(run, outcome):
     assert motion.label == "a label"
     np.testing.assert_allclose(motion.time, 0.01 * np.arange(1, 51))
     np.testing.assert_array_equal(motion.position, outcome.position[1, :50])
-    flexors, extensors = outcome.activation[1, :50].T
+    flexors, extensors = outcome.control[1, :50].T
     np.testing.assert_array_equal(motion.activation.T, [flexors, extensors, flexors, extensors])
     assert 0 < motion.activation.mean() < 1
 
@@ -60,7 +60,7 @@ def test_an_evaluation_is_frozen_fresh_and_repeatable(run, outcome):
     np.testing.assert_array_equal(again.position, outcome.position)
     np.testing.assert_array_equal(again.reward, outcome.reward)
     assert outcome.position.shape[:2] == (2, 120)
-    assert outcome.activation.shape == (2, 120, 2)
+    assert outcome.control.shape == (2, 120, 2)
     assert {sensor.shape for sensor in outcome.sensors.values()} == {(2, 120)}
     # the knee at 90 degrees, standing: the start has moved by one decision only
     assert np.abs(outcome.sensors["knee_angle"][:, 0]).max() < 0.5
@@ -74,7 +74,7 @@ def test_an_evaluation_in_mode_takes_the_most_probable_action(run):
     seen = np.concatenate([np.where(contact, 1.0, -1.0), angle, 0.02 * velocity], axis=2)
     potential = np.einsum("sti,sui->stu", seen, run.policies.weights) + run.policies.bias[:, None]
     clear = np.abs(potential) > 1e-5
-    np.testing.assert_array_equal(outcome.activation[:, 1:][clear], (potential > 0)[clear])
+    np.testing.assert_array_equal(outcome.control[:, 1:][clear], (potential > 0)[clear])
     assert clear.mean() > 0.9
 
 

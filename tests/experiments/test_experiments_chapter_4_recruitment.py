@@ -9,8 +9,9 @@ import pytest
 
 from motorgrad.bodies import POSTURES, Arm, lift_table
 from motorgrad.experiments import EXPERIMENTS
+from motorgrad.experiments._readings import values_of
 from motorgrad.experiments.chapter_4._pools import count_chances, equally_spaced_from, fires_at, spacing_deviation
-from motorgrad.experiments.chapter_4._postures import arm_task, values_of
+from motorgrad.experiments.chapter_4._postures import arm_task
 from motorgrad.experiments.chapter_4.figure_4_1 import AMPLIFIERS, POINTS, amplifier, graded, off_line
 from motorgrad.experiments.chapter_4.figure_4_3 import mean_field_times
 from motorgrad.experiments.chapter_4.figure_4_6 import LEVELS, LOADS, RANGES

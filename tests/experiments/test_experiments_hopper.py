@@ -115,8 +115,8 @@ def test_firing_is_tied_to_the_contact_that_was_seen():
     # the action of a decision is that chosen on the contact before it
     extensor = np.concatenate([np.zeros((2, 1)), contact[:, :-1]], axis=1)
     sensors = {"foot_contact": contact, "load_height": np.cumsum(np.ones((2, 200)), axis=1)}
-    activation = np.stack([1 - extensor, extensor], axis=2)
-    outcome = Evaluation(None, np.zeros(2), {}, np.arange(200), sensors=sensors, activation=activation)
+    control = np.stack([1 - extensor, extensor], axis=2)
+    outcome = Evaluation(None, np.zeros(2), {}, np.arange(200), sensors=sensors, control=control)
     shares = firing_shares(outcome)
     np.testing.assert_array_equal(shares["ground"], [[0, 1], [0, 1]])
     np.testing.assert_array_equal(shares["air"], [[1, 0], [1, 0]])

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_c import CompiledC, needs_compiler
 from policy_examples import EXAMPLES, call, from_initial, policy_of, started
 
 import motorgrad as mg
+from compiled_c import CompiledC, needs_compiler
 from motorgrad.cli import main
 from motorgrad.export import NUMPY_LACKS, Untranslatable, numpy_file, onnx_model, read, traced
 from motorgrad.policies import (

@@ -115,14 +115,15 @@ def test_both_kinds_learn_together():
             assert not np.array_equal(one, other)
 
 
-def test_an_environment_of_such_a_task_takes_numbers_from_minus_one_to_one():
-    from motorgrad.environments._spaces import spaces_of
-    from motorgrad.tasks import scale_action
+def test_an_environment_of_such_a_task_takes_numbers_in_their_ranges():
+    from motorgrad.environments._spaces import check_action, spaces_of
 
     task = Partly()
-    assert spaces_of(task)[1].shape == (4,)
-    found = scale_action(task, np.float32([0.2, -1.0, 0.5, -0.3]))
-    np.testing.assert_allclose(found, [1, 0, 0.75, 0])
+    space = spaces_of(task)[1]
+    found = check_action(space, np.float32([0.6, 0.5, 0.75, 0.25]), (), np.equal(task.actions, "binary"))
+    np.testing.assert_array_equal(found, np.float32([1, 0.5, 0.75, 0]))
+    with pytest.raises(ValueError, match=r"action = .*: must be numbers from 0 to 1"):
+        check_action(space, np.float32([0.6, 0.5, 2.0, 0.25]))
 
 
 def test_a_stored_policy_is_rebuilt():

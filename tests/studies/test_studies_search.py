@@ -89,7 +89,9 @@ def test_a_search_that_was_stopped_asks_the_same(done, tmp_path, monkeypatch, jo
 
     monkeypatch.setattr(_partition, "train", train_or_stop)
     path = tmp_path / "search"
-    assert not searching().run(path, progress=False).complete
+    with pytest.raises(KeyboardInterrupt, match="the same call continues") as stop:
+        searching().run(path, progress=False)
+    assert not stop.value.results.complete  # type: ignore[attr-defined]
     monkeypatch.undo()
     # its file has the table of the learning rate after the baseline
     found = Search.read(path / "study.toml").run(path, progress=False)

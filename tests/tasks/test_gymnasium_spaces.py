@@ -15,7 +15,13 @@ from motorgrad.tasks.gymnasium._spaces import CODES
 
 def decoded(task, *numbers):
     """The actions that these numbers of a policy stand for."""
-    return [np.asarray(a).tolist() for a in task._facts.code.decode(np.asarray(numbers, np.float32))]
+    return [np.asarray(a).tolist() for a in native(task, np.asarray(numbers, np.float32))]
+
+
+def native(task, numbers):
+    """The environment's actions for rows of a policy's numbers."""
+    code = task._facts.code
+    return code.native(numbers[:, 0] if code.kind == "discrete" else numbers)
 
 
 # spaces of actions
@@ -67,7 +73,7 @@ def test_the_ends_of_a_box_are_reached_exactly(told):
     for code, rows in (("each", (np.zeros(2), np.ones(2))), ("graded", (np.full(2, -9.0), np.full(2, 9.0)))):
         task = from_gymnasium(told(action=spaces.Box(low, high)), code=code)
         for row, wanted in zip(rows, (low, high), strict=True):
-            found = task._facts.code.decode(row[None])[0]
+            found = native(task, row[None])[0]
             assert found.dtype == np.float32
             np.testing.assert_array_equal(found, wanted)
 
@@ -85,7 +91,7 @@ def test_graded_units_act_within_the_bounds_of_the_space(told, density):
     drawn, mode = jax.jit(lambda u: (jax.vmap(lambda u: policy.sample(seen, u))(u), policy.mode(seen)))(uniforms)
     assert (np.asarray(drawn) >= low).all()
     assert (np.asarray(drawn) <= high).all()
-    np.testing.assert_array_equal(task._facts.code.decode(np.asarray(drawn)), drawn)  # nothing is left to clip
+    np.testing.assert_array_equal(native(task, np.asarray(drawn)), drawn)  # nothing is left to clip
     np.testing.assert_allclose(mode, (low + high) / 2, atol=1e-6)  # a signed one rests
 
 
@@ -105,7 +111,7 @@ def test_every_action_can_be_said_and_nothing_else(told, code):
     said = np.arange(task.action_size)[:, None]
     if task.actions == "binary":
         said = (np.arange(2**task.action_size)[:, None] >> np.arange(task.action_size)) & 1
-    actions = task._facts.code.decode(said.astype(np.float32))
+    actions = native(task, said.astype(np.float32))
     assert all(space.contains(action) for action in actions)
     assert len({tuple(action) for action in actions}) == 8
 
@@ -185,9 +191,9 @@ def test_without_bounds_scaling_by_them_is_refused_by_name():
 
 def test_auto_takes_bounds_where_there_are_usable_ones():
     huge = np.float32([4, 3.4e38, 2, np.inf])
-    running = from_gymnasium("CartPole-v1")._facts.scaling.running
+    running = from_gymnasium("CartPole-v1")._facts.seen.running
     np.testing.assert_array_equal(running, [False, True, False, True])
-    found = mg.tasks.gymnasium._spaces.observation_scaling(spaces.Box(-huge, huge), "auto", "X").running
+    found = mg.tasks.gymnasium._spaces.observation_code(spaces.Box(-huge, huge), "auto", "X").running
     np.testing.assert_array_equal(found, [False, True, False, True])
 
 
@@ -276,7 +282,7 @@ def test_bounds_between_which_single_precision_has_not_every_number_are_reached_
     with pytest.raises(ValueError, match=rf"code = 'graded': .* for number 0 of the actions of {name}: must be a low"):
         from_gymnasium(name)
     for code, units, wanted in (("each", [0.0], space.low), ("each", [1.0], space.high)):
-        found = from_gymnasium(name, code=code)._facts.code.decode(np.array([units], np.float32))[0]
+        found = native(from_gymnasium(name, code=code), np.array([units], np.float32))[0]
         assert found.dtype == space.dtype
         np.testing.assert_array_equal(found, wanted)
 
@@ -285,7 +291,7 @@ def test_bounds_between_which_single_precision_has_not_every_number_are_reached_
 def test_whatever_a_policy_draws_becomes_a_whole_number_of_the_space(told, number):
     space = spaces.Box(-5, 2**24, (2,), np.int32)
     with np.errstate(all="raise"):
-        action = from_gymnasium(told(action=space))._facts.code.decode(np.full((1, 2), number, np.float32))[0]
+        action = native(from_gymnasium(told(action=space)), np.full((1, 2), number, np.float32))[0]
     assert space.contains(action)
 
 
@@ -311,9 +317,9 @@ def test_too_many_units_are_refused_before_they_are_made(told):
 
 def test_bounds_that_single_precision_cannot_tell_apart_scale_nothing():
     space = spaces.Box(np.array([0.0, 1e5, -1.0]), np.array([1e-320, 1e5 + 1e-9, 1.0]), dtype=np.float64)
-    found = mg.tasks.gymnasium._spaces.observation_scaling(space, "auto", "X")
+    found = mg.tasks.gymnasium._spaces.observation_code(space, "auto", "X")
     np.testing.assert_array_equal(found.running, [True, True, False])
-    assert (found.half > 0).all()
+    assert (found.divisor > 0).all()
 
 
 @pytest.mark.parametrize("goal", [spaces.Dict({"a": spaces.Text(3)}), spaces.Tuple([spaces.Discrete(2, start=3)])])

@@ -136,7 +136,7 @@ def test_the_engine_pays_along_recorded_hops_what_the_rule_says(variant):
     stepper = stepper_for(task, agent_for(task), range(3), mode="sample")
     paid, seen, actions = [], [], []
     for _ in range(250):
-        actions.append(np.array(stepper.activation))
+        actions.append(np.array(stepper.control))
         stepper.advance(1)
         paid.append(stepper.harvest()["reward"])
         sensors = stepper.batch.unpack(stepper.batch.packed.copy()).sensors

@@ -66,6 +66,7 @@ def test_a_run_resumes_bit_for_bit_and_stands_alone(tmp_path):
     found = mg.evaluate(loaded, 12)
     assert found.readings["distance"].shape == (2,)
     assert found.position.shape == (2, 12, 2)
+    assert found.control.shape == (2, 12, 6)
     assert found.activation.shape == (2, 12, 6)
     assert found.marks.shape == (2, 12, 1, 4)
     limit, steps = body.episode_limit, np.abs(np.diff(found.marks[:, :, 0, :3], axis=1)).max(axis=2) > 0

@@ -188,7 +188,7 @@ def test_the_action_after_a_cut_answers_the_fresh_start():
     )
     # the trace holds the score of that one action
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-6), cycle.agent.estimator.trace, score)
-    np.testing.assert_array_equal(stepper.activation, cycle.action)
+    np.testing.assert_array_equal(stepper.control, cycle.action)
 
 
 def test_a_hopper_whose_task_ends_begins_anew_alone():

@@ -13,7 +13,7 @@ from training_examples import assert_differ, assert_same, assert_same_run, colum
 
 import motorgrad as mg
 from motorgrad.cli import main
-from motorgrad.policies import Hyperplanes, Motoneurons, Softmax, grow
+from motorgrad.policies import Hyperplanes, Motoneurons, Softmax, grow, with_interface
 from motorgrad.training import RunDirectoryError, agent_for, fingerprint, given_initial
 
 TASK = mg.make("linear-recruitment", units=3)
@@ -31,7 +31,7 @@ def stack(policies):
     return jax.tree.map(lambda *leaves: np.stack(leaves), *policies)
 
 
-GIVEN = stack(pools()[1])
+GIVEN = with_interface(stack(pools()[1]), TASK.interface())
 
 
 def go(initial=GIVEN, out=None, steps=60, agent=None, task=TASK, window=20, seeds=SEEDS, **options):

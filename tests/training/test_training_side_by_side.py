@@ -61,7 +61,7 @@ def test_the_number_of_threads_changes_no_bit(begun, threads):
 
 def test_seeds_keep_their_places_and_learn_as_in_one_engine(begun):
     whole = BodyStepper(TASK, AGENT, SEEDS, threads=1)
-    np.testing.assert_array_equal(begun.activation, whole.activation)
+    np.testing.assert_array_equal(begun.control, whole.control)
     begun.advance(30)
     whole.advance(30)
     assert_differ(whole.policies(), jax.tree.map(lambda leaf: leaf[::-1], whole.policies()))

@@ -126,6 +126,7 @@ MEASURED: dict[str, Callable[[Work], Figure]] = {
     "learning-particle-navigation": particle.navigation_learning,
     "foreign-learning": foreign.learning,
     "task-composed": composed.learning,
+    "rollout": composed.forces,
     "foreign-natural": foreign.preset,
     "task-hopper": hopper.task,
     "hopper-learning": hopper.learning,

@@ -55,6 +55,17 @@ def learning(work: Work) -> Figure:
     return figure
 
 
+def forces(work: Work) -> Figure:
+    """The muscle forces of an arm that has learned, over a reach, at every physics step."""
+    run = work.train("composed", None, 20_000, 1, "composed-graded")
+    table = mg.rollout(run, seconds=1.0, mode="mode", every="step")
+    figure, panel = panels(1, height=3.0)
+    panel.plot(table["time"], table["muscle force"], label=table.names("muscle force"))
+    panel.set(xlabel="time (s)", ylabel="muscle force (N)")
+    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
 def arm() -> Figure:
     """The arm of six muscles, from above, and one of 18, from the side."""
     figure, axes = panels(3, height=2.5)

@@ -1,6 +1,5 @@
 """The figures of foreign environments: how Gymnasium's are learned."""
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -45,13 +44,9 @@ def preset(work: Work) -> Figure:
 
 def _curve(panel: Any, run: Run, name: str, bar: float, limits: tuple[float, float], block: int = 1) -> None:
     """Every seed, median and quartiles, with so many records in each point."""
-    decisions, returns = run.curve("return")
-    points = len(decisions) // block
-    returns = returns[:, : points * block].reshape(len(returns), points, block)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # no episode may have ended in a point
-        returns = np.nanmean(returns, axis=2)
-    decisions = decisions[: points * block].reshape(points, block)[:, -1]
+    window = run.config["run"]["window"]
+    decisions, returns = run.curve("return", smooth=block * window if block > 1 else None)  # of all episodes in a point
+    decisions, returns = decisions[block - 1 :: block], returns[:, block - 1 :: block]
     x, seen = decisions / 1000, np.isfinite(returns).any(axis=0)
     panel.plot(x, returns.T, color=BLUE, alpha=0.35, linewidth=0.5)
     if seen.any():  # a short run may end no episode

@@ -55,9 +55,9 @@ def task(work: Work) -> Figure:
     row, part = middle(run, outcome), outcome.time > outcome.time[-1] - SECONDS
     assert outcome.sensors is not None
     assert outcome.position is not None
-    assert outcome.activation is not None
+    assert outcome.control is not None
     time = outcome.time[part] - outcome.time[part][0]
-    sensors, firing = {name: values[row] for name, values in outcome.sensors.items()}, outcome.activation[row]
+    sensors, firing = {name: values[row] for name, values in outcome.sensors.items()}, outcome.control[row]
 
     figure, (body, height, paid) = panels(rows=3, height=5.4, sharex=True, height_ratios=[2, 1, 1])
     model = compile_model(TASK.body.spec())

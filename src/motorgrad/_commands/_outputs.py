@@ -62,6 +62,7 @@ OUTPUTS: dict[str, Callable[[Path], bool]] = {
     "out": _is_folder_of_ours,
     "json": _is_result,
     "record": _never,
+    "table": _never,
     "video": _never,
     "animate": _never,
     "tensorboard": _never,

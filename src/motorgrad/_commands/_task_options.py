@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from motorgrad._settings import as_hinted, default_of, full_path
 from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
 from motorgrad.policies import IMPLIED, INITIAL
-from motorgrad.tasks import TASKS, Task, settings_in
+from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, settings_in
 from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, policy_settings
 
 
@@ -98,8 +97,8 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
     name = None
     if rest and not rest[0].startswith("-"):
         name, *rest = rest
-        if name not in TASKS and _is_environment(name):
-            name, rest = "gymnasium", ["--task.env-id", name, *rest]
+        if name not in TASKS and is_environment(name):
+            name, rest = ENVIRONMENT, ["--task.env-id", name, *rest]
         choice("task", name, TASKS, registered=True)
     if given.file is None:
         return name, given._replace(rest=rest)
@@ -116,16 +115,11 @@ def split_task(given: Arguments) -> tuple[str | None, Arguments]:
 
 def is_task_word(word: str) -> bool:
     """Whether a first word names a task: by its name, as a file, or as the id of a Gymnasium environment."""
-    return word in TASKS or _is_file(word) or _is_environment(word)
+    return word in TASKS or _is_file(word) or is_environment(word)
 
 
 def _is_file(word: str) -> bool:
     return not word.startswith("-") and word.lower().endswith(".toml")
-
-
-def _is_environment(word: str) -> bool:
-    """Whether a word is the id of a Gymnasium environment: `Name-v0` or `module:Name-v0`."""
-    return re.fullmatch(r"(\S+:)?\S+-v\d+", word) is not None
 
 
 def _task_in_file(table: dict[str, Any], folder: Path) -> tuple[str | None, dict[str, Any]]:

@@ -9,6 +9,7 @@ from motorgrad._commands._configuration import parse
 from motorgrad._commands._places import StudyFile
 from motorgrad._commands._results import finite_table, listed_failures, print_outcome, print_place, write_json
 from motorgrad._errors import counted, plain
+from motorgrad._signals import unfinished
 from motorgrad.studies import Comparison, ComparisonResults
 
 
@@ -31,7 +32,7 @@ class Compare(StudyFile):
 def run(arguments: list[str]) -> int:
     options = parse(Compare, arguments, "compare")
     print(_size(options.made), file=sys.stderr)
-    results = options.made.run(options.folder, **options.options)
+    results = unfinished("results", lambda: options.made.run(options.folder, **options.options))
     if str(options.json) != "-":
         _print(results)
     failures = listed_failures(results)

@@ -7,18 +7,19 @@ from typing import Annotated
 import tyro
 
 from motorgrad._commands._configuration import parse
-from motorgrad._errors import plain
+from motorgrad._errors import check, plain
 from motorgrad.training import load
 
 
 @dataclasses.dataclass(frozen=True)
 class Export:
-    """Write the learned policy of a run as C source, as an ONNX model, or as arrays for NumPy."""
+    """Write the learned policy of a run as C source, as an ONNX model, as arrays for NumPy, or as a Functional Mock-up
+    Unit."""
 
     run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     """The run directory."""
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
-    """The file to write: .c, .onnx or .npz."""
+    """The file to write: .c, .onnx, .npz or .fmu."""
     seed: int | None = None
     """The seed whose policy is exported; by default the first."""
     only: tuple[str, ...] | None = None
@@ -30,6 +31,13 @@ class Export:
 def run(arguments: list[str]) -> int:
     options = parse(Export, arguments, "export")
     trained = load(options.run, allow_changed=options.allow_changed)
-    path = trained.policy(options.seed).export(options.file, options.only)
+    policy = trained.policy(options.seed)
+    if options.file.suffix == ".fmu":
+        from motorgrad.lab import write_fmu
+
+        check(options.only is None, "only", options.only, "left out for an FMU, which gives the most probable action")
+        path = write_fmu(policy, options.file)
+    else:
+        path = policy.export(options.file, options.only)
     print(f"{plain(path)}: {path.stat().st_size:,} bytes")
     return 0

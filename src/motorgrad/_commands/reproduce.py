@@ -13,6 +13,7 @@ from motorgrad._commands._results import write_json
 from motorgrad._errors import check, plain
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
+from motorgrad._signals import unfinished
 from motorgrad.experiments import (
     EXPERIMENTS,
     Reproductions,
@@ -65,7 +66,8 @@ def run(arguments: list[str]) -> int:
     names, out, settings = _available(options.experiments), options.folder, getattr(options, "settings", None)
     kinds = [EXPERIMENTS[name] for name in names]
     chosen = [settings or (kind.quick() if options.quick else kind()) for kind in kinds]
-    made = reproduce_all(chosen, out, quick=options.quick, films=options.animate, **options.how)
+    how = {"quick": options.quick, "films": options.animate, **options.how}
+    made = unfinished("results", lambda: reproduce_all(chosen, out, **how))
     stopped = not made.complete and not made.failures
     if stopped:
         print(f"stopped; everything is saved in {out}, and the same command continues", file=sys.stderr)

@@ -10,6 +10,7 @@ from motorgrad._commands._results import finite_table, listed_failures, print_ou
 from motorgrad._errors import counted, plain
 from motorgrad._extras import require
 from motorgrad._files import read_toml
+from motorgrad._signals import unfinished
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, broken_text, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]
@@ -42,11 +43,12 @@ def run(arguments: list[str]) -> int:
     options = parse(Sweep, arguments, "sweep")
     print(_size(options.made), file=sys.stderr)
     if isinstance(options.made, Search):
-        results, metric = options.made.run(options.folder, **options.options), options.made.metric
+        results = unfinished("results", lambda: options.made.run(options.folder, **options.options))
+        metric = options.made.metric
         best: Ranking = [({}, results.best())]
     else:
         metric = options.metric
-        results = options.made.run(options.folder, metric=metric, **options.options)
+        results = unfinished("results", lambda: options.made.run(options.folder, metric=metric, **options.options))
         known = metric in results.metrics
         best = [(task, results.best(metric, where=task)) for task in results.tasks] if known else []
     if str(options.json) != "-":

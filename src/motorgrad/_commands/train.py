@@ -11,13 +11,16 @@ from motorgrad._commands._task_options import changes_from_task, command_with_le
 from motorgrad._errors import check, counted, plain
 from motorgrad._files import check_writable
 from motorgrad._presets import PRESETS
-from motorgrad._settings import table
+from motorgrad._settings import default_of, table
+from motorgrad._signals import unfinished
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
+    EvaluationCallback,
     Run,
     agent_table,
     check_tensorboard,
     check_training,
+    evaluating_of,
     final_metrics,
     given_initial,
     saved_config,
@@ -62,6 +65,20 @@ class Options:
     """Run code that the run directory or the file of options names: the module of its task."""
     allow_changed: bool = False
     """Continue a run even if its settings or the version of motorgrad changed since it was made."""
+    evaluate_every: int | None = None
+    """Evaluate in whole episodes while training, at the ends of records, each time so many decisions have been made.
+    Training is the same as without."""
+    evaluate_episodes: int = 10
+    """The number of episodes of each evaluation, per seed."""
+    evaluate_seed: int = 1
+    """The seed of the random numbers of these episodes."""
+    evaluate_mode: Literal["sample", "mode"] = "sample"
+    """In these episodes, sample draws every action, mode takes the most probable one."""
+    keep_best: str | None = None
+    """Keep the policy of each seed that did best in these episodes, by return, by length or by a reading of the
+    task."""
+    keep_least: bool = False
+    """The best is the one with the least, not the largest."""
     tensorboard: bool = False
     """Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint."""
     common: ClassVar[tuple[str, ...]] = ("steps", "seeds", "out", "resume", "preset", "sweep", "envs", "tensorboard")
@@ -88,6 +105,24 @@ class Options:
         check_writable("out", self.directory, folder=True)
         if self.tensorboard:
             check_tensorboard()
+        self._check_evaluation()
+        for callback in self.callbacks:
+            callback.begin(self.task, self.steps)
+
+    def _check_evaluation(self: Any) -> None:
+        """Refuse options about evaluations that have no effect without another one."""
+        usual = {field.name: default_of(field) for field in dataclasses.fields(self)}
+        needed = {"keep_least": "keep_best", "keep_best": "evaluate_every"}
+        needed |= {f"evaluate_{name}": "evaluate_every" for name in ("episodes", "seed", "mode")}
+        for name, other in needed.items():
+            given = getattr(self, name)
+            check(given == usual[name] or getattr(self, other) is not None, name, given, f"given with {other}")
+
+    @property
+    def callbacks(self: Any) -> tuple[EvaluationCallback, ...]:
+        """What evaluates while training, as `train` takes it."""
+        found = evaluating_of({**table(self), "keep_best": self.keep_best, "evaluate_every": self.evaluate_every})
+        return () if found is None else (found,)
 
     @property
     def learning(self: Any) -> tuple[Any, Any, int, Any]:
@@ -157,23 +192,10 @@ def run(arguments: list[str]) -> int:
         rest = f"the rest as the {'preset' if preset else 'task'} has it"
         print(plain(f"learner: that of {preset or name} with {said}; {rest}"), file=sys.stderr)
     task, agent, steps, seeds = options.learning
-    result = train(
-        task,
-        agent,
-        steps,
-        seeds,
-        options.directory,
-        sweep=options.swept,
-        window=options.window,
-        checkpoint_every=options.checkpoint_every,
-        threads=options.threads,
-        envs=options.envs,
-        workers=options.workers,
-        tensorboard=options.tensorboard,
-        initial=initial,
-        give_up_after=options.give_up_after,
-        allow_changed=options.allow_changed,
-    )
+    own = ("window", "checkpoint_every", "threads", "envs", "workers", "tensorboard", "give_up_after", "allow_changed")
+    how = {name: getattr(options, name) for name in own}
+    how |= {"sweep": options.swept, "initial": initial, "callbacks": options.callbacks}
+    result = unfinished("run", lambda: train(task, agent, steps, seeds, options.directory, **how))
     found = _result(result)
     if str(options.json) != "-":
         _print(result, found, options.directory)

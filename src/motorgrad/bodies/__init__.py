@@ -18,6 +18,7 @@ from motorgrad.bodies._body import (
 from motorgrad.bodies._contraction import Contraction, contract
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
+from motorgrad.bodies._reader import BodyReader, Column, joint_columns
 from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
 from motorgrad.bodies.arm._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
 from motorgrad.bodies.hexapod._controllers import TRIPODS, LegState, TripodClock, TripodController, Turning
@@ -64,7 +65,9 @@ __all__ = [
     "Attachment",
     "Body",
     "BodyBatch",
+    "BodyReader",
     "BodyState",
+    "Column",
     "Contraction",
     "Gait",
     "Hexapod",
@@ -118,6 +121,7 @@ __all__ = [
     "hill_in_jax",
     "hill_of",
     "install_muscle_callback",
+    "joint_columns",
     "lift",
     "lift_table",
     "measure_gait",

@@ -4,11 +4,12 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check, check_integer, unknown
@@ -58,6 +59,16 @@ class BodyState(NamedTuple):
     activation: Any = None
 
 
+class Watcher(Protocol):
+    """Looks on while a batch makes a decision: called before its first physics step, with the controls in place, after
+    every `every` of them, and after the last, before a diverged simulation restarts. It must change nothing."""
+
+    every: int
+
+    def __call__(self, made: int, /) -> None:
+        """Look, after `made` physics steps of the decision."""
+
+
 class BodyBatch:
     """`seeds` simulations of one body. Results do not depend on the number of threads or of seeds.
 
@@ -81,6 +92,7 @@ class BodyBatch:
     - `lost`: whether any simulation diverged in the last step.
     - `diverged` (seeds,) int64: how often each simulation diverged. A diverged simulation restarts from the start pose;
       the others are unaffected, bit for bit.
+    - `watcher`: who looks on at every step (`Watcher`); `None` for nobody.
 
     Not safe for concurrent use by several Python threads.
 
@@ -123,6 +135,7 @@ class BodyBatch:
         self._bind()
         self.diverged = np.zeros(self.seeds, np.int64)
         self.lost = False
+        self.watcher: Watcher | None = None
         self.reset()
 
     def _bind(self) -> None:
@@ -144,34 +157,59 @@ class BodyBatch:
         self._flag = self.packed[:, -1]
         self._lengths = batch.bind("actuator_length") if len(fibers(self.model)) else None
 
-    def step(self, activation: Any) -> None:
+    def step(self, control: Any) -> None:
         """Advance every simulation by one decision, that is `substeps` physics steps.
 
-        **Arguments:** `activation` (seeds, groups), array-like: muscle activations from 0 to 1 (MuJoCo clamps values
+        **Arguments:** `control` (seeds, groups), array-like: for muscles from 0 to 1 (MuJoCo clamps values
         outside), servo velocities in rad/s, for an `Mjcf` the control of each actuator. NaN counts as a divergence of
         that seed.
 
         **Raises:** `ValueError` for another shape; `RuntimeError` if the muscle callback was removed.
         """
-        activation = np.asarray(activation)
-        if activation.shape != (self.seeds, len(self.groups)):
-            check(False, "activation.shape", activation.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
-        self._control[...] = activation.take(self._group_of, 1)
+        control = np.asarray(control)
+        if control.shape != (self.seeds, len(self.groups)):
+            check(False, "control.shape", control.shape, f"(seeds, groups) = {(self.seeds, len(self.groups))}")
+        self._control[...] = control.take(self._group_of, 1)
         # a callback is process-wide, so it may have been removed since; the check costs some 0.1 µs
         for name, current, installed in self._callbacks:
             if current() is not installed:
                 check_muscle_callback(self._called[name])
-        failed = None
-        try:
-            self._batch.step(None, self.substeps, _VELOCITY_STAGE)
-        except mujoco_batch.SimulationError as error:
-            failed = error.ids
+        failed = self._moved(self.substeps) if self.watcher is None else self._watched(self.watcher)
         for target, source in self._copies:
             target[...] = source
         self._flag.fill(0.0)
         self.lost = failed is not None or bool(np.count_nonzero(self._bad))
         if self.lost:
             self._recover(failed)
+
+    def _moved(self, steps: int) -> np.ndarray | None:
+        """Make physics steps. Returns which simulations failed, or none."""
+        try:
+            self._batch.step(None, steps, _VELOCITY_STAGE)
+        except mujoco_batch.SimulationError as error:
+            return error.ids
+        return None
+
+    def _watched(self, watcher: "Watcher") -> np.ndarray | None:
+        """Make the physics steps of a decision while `watcher` looks on; the bodies move as they do without it."""
+        failed = np.zeros(self.seeds, bool)
+        for made in range(0, self.substeps, watcher.every):
+            watcher(made)
+            lost = self._moved(min(watcher.every, self.substeps - made))
+            if lost is not None:
+                failed[lost] = True
+        watcher(self.substeps)
+        return np.flatnonzero(failed) if failed.any() else None
+
+    @property
+    def physics(self) -> Float[np.ndarray, "seeds numbers"]:
+        """The whole state of the physics, to read: it is updated in place."""
+        return self._batch.state
+
+    @property
+    def gravity(self) -> Float[np.ndarray, "seeds 3"] | None:
+        """The gravity of each simulation, m/s², to read, where it is not the model's."""
+        return self._batch.expanded("opt.gravity")
 
     def _recover(self, failed: np.ndarray | None) -> None:
         """Restart diverged simulations, set their flag and count them."""

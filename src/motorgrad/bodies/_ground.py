@@ -192,21 +192,21 @@ class SlopeBatch(BodyBatch):
         self._gravity = self._batch.expand("opt.gravity")
         self._level = np.array(self.model.opt.gravity)
 
-    def step(self, activation: Any) -> None:
+    def step(self, control: Any) -> None:
         """Advance every simulation by one decision.
 
-        **Arguments:** `activation` (seeds, groups + 2): as in `BodyBatch.step`; the last two columns are the angle in
+        **Arguments:** `control` (seeds, groups + 2): as in `BodyBatch.step`; the last two columns are the angle in
         rad at which the plane rises, and the direction in which it does, in rad from x towards y.
         """
-        activation = np.asarray(activation)
+        control = np.asarray(control)
         shape = (self.seeds, len(self.groups) + 2)
-        check(activation.shape == shape, "activation.shape", activation.shape, f"(seeds, groups + 2) = {shape}")
-        slope, ahead = activation[:, -2].astype(float), activation[:, -1].astype(float)
+        check(control.shape == shape, "control.shape", control.shape, f"(seeds, groups + 2) = {shape}")
+        slope, ahead = control[:, -2].astype(float), control[:, -1].astype(float)
         size = np.linalg.norm(self._level)
         self._gravity[:, 0] = -size * np.sin(slope) * np.cos(ahead)
         self._gravity[:, 1] = -size * np.sin(slope) * np.sin(ahead)
         self._gravity[:, 2] = -size * np.cos(slope)
-        super().step(activation[:, :-2])
+        super().step(control[:, :-2])
 
     def reset(self, rows: Any = None, position: Any = None, velocity: Any = None, activation: Any = None) -> None:
         """Put simulations into the start pose, or into another, on a level plane; as `BodyBatch.reset`."""

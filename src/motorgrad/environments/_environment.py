@@ -13,7 +13,7 @@ from motorgrad._errors import check, check_integer, choice
 from motorgrad.environments._picture import Picture
 from motorgrad.environments._rows import Outcome, Rows
 from motorgrad.environments._spaces import as_array, check_action, check_options, metadata_of, spaces_of, task_of
-from motorgrad.tasks import Task, scale_action
+from motorgrad.tasks import Task
 
 ALL = np.ones(1, bool)
 
@@ -21,11 +21,13 @@ ALL = np.ones(1, bool)
 class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     """A task as a `gymnasium.Env`.
 
-    **Observation:** `Box` of float32, `(observation_size,)`. **Action:** `MultiBinary(action_size)`, a zero or a one
-    per group of muscles or unit; `Discrete(action_size)` for a task with discrete actions; for graded actions a `Box`
-    from −1 to 1, which is scaled to the task's `action_range`. **Reward** and `terminated` are the task's. `truncated`
-    is true when the task's own `time_limit` is reached, or the simulation diverged; in the latter case the body is back
-    at its start, and the reward is 0.
+    **Observation:** `Box` of float32, raw: in the task's own units, without running statistics. Of a policy that
+    motorgrad has learned, `Run.act` takes them as they are. **Action:** `MultiBinary(action_size)`, a zero or a one per
+    group of muscles or unit; `Discrete(action_size)` for a task with discrete actions; for graded actions a `Box` of
+    the task's `action_range`. For a learner that wants numbers from −1 to 1, `gymnasium.wrappers.RescaleAction` and
+    `NormalizeObservation` make them. **Reward** and `terminated` are the task's. `truncated` is true when the task's
+    own `time_limit` is reached, or the simulation diverged; in the latter case the body is back at its start, and the
+    reward is 0.
 
     **Info:** `simulated_time` (s, since the start of the episode), `diverged` (bool), and each of the task's readings
     at the decisions at which it occurs (the hopper's `apex`, in m).
@@ -64,6 +66,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         self.metadata = metadata_of(self.task, TaskEnv.metadata)  # type: ignore[misc]
         self.observation_space, self._space = spaces_of(self.task)
         self.action_space = self._space
+        self._binary = np.equal(self.task.actions, "binary")
         self.render_mode = render_mode
         self._rows = Rows(self.task, 1)
         self._picture = None if render_mode is None else Picture(self._rows, render_mode, width, height)
@@ -88,7 +91,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         if not self._running:
             rows.body  # noqa: B018 (raises if the environment is closed)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
-        outcome = rows.step(scale_action(self.task, check_action(self._space, action))[None])
+        outcome = rows.step(check_action(self._space, action, (), self._binary)[None])
         if self._picture is not None:
             self._picture.note()
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
@@ -158,6 +161,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self.metadata = metadata_of(self.task, TaskVectorEnv.metadata)  # type: ignore[misc]
         self.single_observation_space, self._space = spaces_of(self.task)
         self.single_action_space = self._space
+        self._binary = np.equal(self.task.actions, "binary")
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.render_mode = render_mode
@@ -206,7 +210,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         if not self._begun.all():
             rows.body  # noqa: B018 (raises if the environment is closed)
             raise gymnasium.error.ResetNeeded("no episode is under way: call reset() before step()")
-        actions = scale_action(self.task, check_action(self._space, actions, (self.num_envs,)))
+        actions = check_action(self._space, actions, (self.num_envs,), self._binary)
         some = bool(over.any())
         outcome = rows.step(actions, ~over if some else None)
         observation, truncated = outcome.observation, outcome.truncated

@@ -57,7 +57,7 @@ class Rows:
         if not isinstance(task.dynamics, World) and not isinstance(task, BodyTask):
             raise ValueError(f"task = {task.name!r}: must be over a world or a body to become an environment")
         self.task, self.period = task, task.period
-        self._size, self._limit = task.observation_size, task.episode_limit
+        self._size, self._limit = task.observation_code.size, task.episode_limit
         self.generators = [np_random()[0] for _ in range(count)]
         self.decisions = np.zeros(count, np.int64)
         on_body = isinstance(task, BodyTask)
@@ -164,7 +164,7 @@ def _compile(task: Task) -> Functions:
     def start(memory: Callable[[Any], Any], packed: Any, numbers: Any) -> Any:
         fresh, init, look = jnp.split(numbers, (reset, reset + task.init_uniforms))
         state = world.reset(fresh) if world else ()
-        after, observation = task.observe(memory(init), unpack(packed) if unpack else state, look)
+        after, observation = task.sense(memory(init), unpack(packed) if unpack else state, look)
         return (after, state), observation
 
     def begin(packed: Any, numbers: Any) -> Any:
@@ -179,7 +179,7 @@ def _compile(task: Task) -> Functions:
         state = world.step(state, action, chance) if world else ()
         seen = unpack(packed) if unpack else state
         memory, reward, terminated = task.reward(memory, seen, action)
-        memory, observation = task.observe(memory, seen, look)
+        memory, observation = task.sense(memory, seen, look)
         readings = task.readings(memory, seen)
         numbers = [
             reward,

@@ -33,7 +33,7 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
         task.accepted_actions,
         "one that takes binary, discrete or graded actions",
     )
-    most = np.full(task.observation_size, np.finfo(np.float32).max)
+    most = np.full(task.observation_code.size, np.finfo(np.float32).max)
     low, high = -most, most
     # these bounds hold only if the task shows the world's own observations
     if isinstance(task, FiniteTask) and type(task).observe is FiniteTask.observe:
@@ -43,7 +43,9 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     if task.actions == "discrete":
         return observation, spaces.Discrete(task.action_size)
     if task.actions == "graded" or isinstance(task.actions, tuple):
-        return observation, spaces.Box(-1.0, 1.0, (task.action_size,), np.float32)
+        low, high = np.asarray(task.action_range, np.float32).T
+        binary = np.equal(task.actions, "binary")  # among graded ones
+        return observation, spaces.Box(np.where(binary, 0.0, low), np.where(binary, 1.0, high), dtype=np.float32)
     return observation, spaces.MultiBinary(task.action_size)
 
 
@@ -55,8 +57,9 @@ def metadata_of(task: Task, common: dict[str, Any]) -> dict[str, Any]:
     return {**common, "render_modes": list(modes), "render_fps": 1 / task.period}
 
 
-def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) -> np.ndarray:
-    """Check an action of `space`, or one for each of `rows`, and return a copy in the task's type.
+def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = (), binary: Any = False) -> np.ndarray:
+    """Check an action of `space`, or one for each of `rows`, and return a copy in the task's type. Where `binary` is
+    true among graded numbers, those above 0.5 are 1.
 
     **Raises:** `ValueError` naming what is wrong: shape, dtype or range.
     """
@@ -70,12 +73,18 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = ()) ->
         return array.astype(np.int32)
     check(array.dtype.kind in "biuf", "action.dtype", array.dtype, "a number's")
     if isinstance(space, spaces.Box):
-        given = array.astype(np.float32)
+        given = array.astype(np.float32)  # in which the bounds are
         if not ((given >= space.low) & (given <= space.high)).all():
-            check(False, "action", array.tolist(), f"numbers from {space.low.min():g} to {space.high.max():g}")
-        return given
+            check(False, "action", array.tolist(), f"numbers {_ranges(space)}")
+        return np.where(binary, given > 0.5, given).astype(np.float32)
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
+
+
+def _ranges(space: spaces.Box) -> str:
+    """The ranges of a space in words."""
+    ranges = sorted({(float(low), float(high)) for low, high in zip(space.low.flat, space.high.flat, strict=True)})
+    return " or ".join(f"from {low:g} to {high:g}" for low, high in ranges[:3]) + ", …" * (len(ranges) > 3)
 
 
 def as_array(name: str, value: Any) -> np.ndarray:

@@ -54,8 +54,6 @@ class Workspace:
         self.shared.mkdir(parents=True, exist_ok=True)
         with filelock.FileLock(self.shared / f".{out.name}.lock"):  # another experiment may train the same just now
             run = train(task, agent, steps, seeds, out, threads=self.threads, progress=self.progress, initial=initial)
-        if not run.complete:
-            raise KeyboardInterrupt
         self.trained[out.name] = float(run.metrics["wall_time"][-1].as_py())
         return run
 

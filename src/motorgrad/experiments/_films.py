@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.bodies import actuator_levels, actuators_of, compile_model, group_places
-from motorgrad.policies import Masked
+from motorgrad.policies import Masked, with_interface
 from motorgrad.sim import Course, Film, Motion, film_learning
 from motorgrad.tasks import TASKS, BodyTask, ParticleTask
 from motorgrad.training import Evaluation, Run
@@ -39,11 +39,12 @@ def course_of(run: Run, seed: int | None = None) -> Course:
         raise ValueError(f"task {task.name!r} cannot be filmed: it must be a task on a particle: {', '.join(known)}")
     decision, reward = run.curve()
     if seed is None:
-        late = reward[:, -max(1, round(LATE * reward.shape[1])) :].mean(axis=1)
+        late = run.final("reward", LATE)
         seed = seeds[int(np.argsort(late, kind="stable")[len(seeds) // 2])]
     check(seed in seeds, "seed", seed, f"one of the run's seeds, {', '.join(map(str, seeds))}")
     row = seeds.index(seed)
-    first = jax.tree.map(lambda leaf: jnp.asarray(leaf[row])[None], run.initial)
+    initial = with_interface(run.initial, None)
+    first = jax.tree.map(lambda leaf: jnp.asarray(leaf[row])[None], initial)
     later = run.policies_at(seed=seed)
     return Course(
         task=task,
@@ -112,15 +113,15 @@ def motion_of(run: Run, outcome: Evaluation, seed: int, label: str = "", seconds
     """The first `seconds` of one seed's motion in an evaluation, for a film."""
     check(0 < seconds < math.inf, "seconds", seconds, "positive and finite")
     task = run.task
-    if not isinstance(task, BodyTask) or outcome.position is None or outcome.activation is None:
+    if not isinstance(task, BodyTask) or outcome.position is None or outcome.control is None:
         raise ValueError(f"task {task.name!r} has no body to film")
     body, row = task.dynamics, run.seeds.index(seed)
     frames = min(len(outcome.time), max(2, round(seconds / task.period)))
     model = compile_model(body)
     control = np.zeros((frames, model.nu))
     driven = [model.actuator(each.name).id for each in actuators_of(body)]
-    control[:, driven] = np.take(outcome.activation[row, :frames], group_places(body), axis=-1)
-    active = None if outcome.act is None else outcome.act[row, :frames]
+    control[:, driven] = np.take(outcome.control[row, :frames], group_places(body), axis=-1)
+    active = None if outcome.activation is None else outcome.activation[row, :frames]
     level = actuator_levels(model, control, active)
     marks = np.zeros((frames, 0, 4)) if outcome.marks is None else outcome.marks[row, :frames]
     return Motion(model, outcome.time[:frames], outcome.position[row, :frames], level, label, marks)

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from motorgrad._errors import counted
 from motorgrad._files import check_writable
+from motorgrad._signals import interrupt
 from motorgrad.experiments._experiment import Experiment
 from motorgrad.experiments._registry import EXPERIMENTS
 from motorgrad.experiments._report import write_report
@@ -51,9 +53,11 @@ def reproduce_all(
     **Arguments:** `experiments`, with their settings; `out`, `quick` and `films` as in `reproduce`; the others as in
     `motorgrad.studies.run_study`. They have no effect on any number.
 
-    **Returns** the reproductions and the failures. After Ctrl-C or SIGTERM, calling it again resumes.
+    **Returns** the reproductions and the failures.
 
-    **Raises** `ValueError`, before any work, if the folder holds one of the experiments with other settings.
+    **Raises** `ValueError`, before any work, if the folder holds one of the experiments with other settings. After
+    Ctrl-C or SIGTERM, once all is saved, `KeyboardInterrupt`, whose `results` are those so far; calling it again
+    resumes.
     """
     check_writable("out", Path(out), folder=True)
     here = progress and on == "here"  # jobs that follow one another tell of themselves
@@ -75,7 +79,11 @@ def reproduce_all(
     done = [folder.done[job.name] for job in jobs if folder.is_done(job)]
     names = {job.name for job in jobs}
     failures = [failure for failure in folder.failures() if failure["job"] in names]
-    return Reproductions(done, failures, folder.path / "report.html", len(done) == len(jobs))
+    results = Reproductions(done, failures, folder.path / "report.html", len(done) == len(jobs))
+    if results.complete or failures:
+        return results
+    told = f"stopped after {len(done):,} of {counted(len(jobs), 'experiment')}, saved in {folder.path}"
+    raise interrupt(f"{told}; the same call continues", results=results)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -36,8 +36,6 @@ def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_s
     check(task.period <= seconds < math.inf, "seconds", seconds, f"at least one decision, {task.period} s")
     steps = round(seconds / task.period)
     run = train(task, agent_for(task), steps, seeds, out)
-    if not run.complete:
-        raise KeyboardInterrupt
     before, after = (evaluate(run, 2000, untrained=untrained) for untrained in (True, False))
     # the median seed, not the best: a figure should show what to expect
     order = np.argsort(np.nan_to_num(after.readings["apex"]))

@@ -23,8 +23,8 @@ NUMPY_LACKS = ("erf", "erfc")
 REDUCTIONS = ("sum", "prod", "max", "min", "any", "all")
 
 
-def numpy_file(functions: Mapping[str, Program]) -> bytes:
-    """The content of an .npz file with some programs, for `read`.
+def numpy_file(functions: Mapping[str, Program], interface: Mapping[str, Any] | None = None) -> bytes:
+    """The content of an .npz file with some programs, for `read`; with it, as a table, what their numbers mean.
 
     **Raises:** `Untranslatable` for an operation that NumPy does not have.
     """
@@ -39,7 +39,9 @@ def numpy_file(functions: Mapping[str, Program]) -> bytes:
 
     told = {name: _told(program, array) for name, program in functions.items()}
     file = io.BytesIO()
-    np.savez_compressed(file, functions=np.asarray(json.dumps(told)), **arrays)  # pyright: ignore[reportArgumentType]
+    texts = {"functions": told} | ({} if interface is None else {"interface": interface})
+    texts = {name: np.asarray(json.dumps(text)) for name, text in texts.items()}
+    np.savez_compressed(file, **texts, **arrays)  # pyright: ignore[reportArgumentType]
     return file.getvalue()
 
 

@@ -1,5 +1,7 @@
 """Programs as ONNX models."""
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,10 +23,13 @@ ONNX_LACKS = ("erfc", "expm1", "log1p")
 """Functions that ONNX lacks: `traced` makes them of others."""
 
 
-def onnx_model(program: Program, name: str = "policy", about: str = "") -> Any:
+def onnx_model(
+    program: Program, name: str = "policy", about: str = "", interface: Mapping[str, Any] | None = None
+) -> Any:
     """A program as an ONNX model, an `onnx.ModelProto`.
 
-    **Arguments:** the program; the `name` of the graph; what the model is `about`.
+    **Arguments:** the program; the `name` of the graph; what the model is `about`; as a table, what its numbers mean,
+    for its metadata.
 
     **Raises:** `RuntimeError` without the package onnx, `Untranslatable` for an operation that ONNX does not have.
     """
@@ -32,7 +37,10 @@ def onnx_model(program: Program, name: str = "policy", about: str = "") -> Any:
         import onnx  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise missing("an ONNX model needs", "onnx", "onnx") from None
-    return _Graph(onnx, program).model(name, about)
+    model = _Graph(onnx, program).model(name, about)
+    if interface is not None:
+        onnx.helper.set_model_props(model, {"interface": json.dumps(interface)})
+    return model
 
 
 class _Graph:

@@ -41,6 +41,16 @@ DAMAGED += (MemoryError, SyntaxError, tokenize.TokenError)  # of NumPy, which re
 DAMAGED += (SystemError,)  # of Python, for numbers of a text that are no characters
 
 
+class Exported(dict):
+    """The functions of an exported policy by name.
+
+    `interface`: names, shapes, scales and codes of observations and actions, a table as `motorgrad.policies.Interface`
+    has it; `None` where the file has none, because the policy belonged to no task.
+    """
+
+    interface: dict | None = None
+
+
 def read(path):
     """The functions of an exported policy by name. Each takes arrays by name, and returns arrays by name.
 
@@ -53,20 +63,29 @@ def read(path):
             if size > BYTES:
                 raise ValueError(f"{size:,} bytes unpacked: at most {BYTES:,} are read")
             arrays = {member.filename.removesuffix(".npy"): _array(file, member) for member in file.infolist()}
-        text = arrays.pop("functions")
-        if text.nbytes > 4 * TEXT:
-            raise ValueError(f"a list of functions of {text.nbytes // 4:,} characters: at most {TEXT:,} are read")
-        functions = json.loads(str(text))
+        functions, interface = _text(arrays.pop("functions")), arrays.pop("interface", None)
         for name, array in arrays.items():
             _check_name(name)
             _check_type(f"array {name!r}", array.dtype.name)
         shapes = {place: array.shape for place, array in arrays.items()}
-        return {name: _function(name, arrays, shapes, *parts) for name, parts in _is(functions, dict).items()}
+        found = Exported()
+        for name, parts in _is(functions, dict).items():
+            found[name] = _function(name, arrays, shapes, *parts)
+        if interface is not None:
+            found.interface = _is(_text(interface), dict)
+        return found
     except DAMAGED as error:
         told = " ".join(str(error).split())[:300]
         raise ValueError(f"{path}: not an exported policy: {told or type(error).__name__}") from None
     except TypeError:
         raise ValueError(f"{path}: not an exported policy: a function is no inputs, steps and outputs") from None
+
+
+def _text(array):
+    """What a JSON text in an array says."""
+    if array.nbytes > 4 * TEXT:
+        raise ValueError(f"a text of {array.nbytes // 4:,} characters: at most {TEXT:,} are read")
+    return json.loads(str(array))
 
 
 def _content(path):

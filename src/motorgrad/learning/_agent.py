@@ -27,7 +27,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import changes
 from motorgrad.learning.growth import Growth, GrowthState
-from motorgrad.policies import Policy, split, trainable, with_frozen_functions
+from motorgrad.policies import Policy, split, trainable, with_frozen_functions, with_interface
 
 
 class Decision(NamedTuple):
@@ -196,6 +196,8 @@ class Agent(Part):
     def _first_policy(self, key: jax.Array) -> Policy:
         """The policy that the agent was given, or the one that its function draws."""
         policy = self.policy if isinstance(self.policy, Policy) else _ready(self.policy(key))
+        if isinstance(policy, Policy):  # what it means to the task is no part of what is learned
+            policy = with_interface(policy, None)
         trains = len(jax.tree.leaves(trainable(policy))) > 0
         check(trains, "policy", type(policy).__name__, "a policy with trainable parameters")
         return policy
@@ -305,6 +307,7 @@ class Agent(Part):
 
     def set_policy(self, state: AgentState, policy: Policy) -> AgentState:
         """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
+        policy = with_interface(policy, None)
         chain = self.chain.map(lambda stage, inner: stage.reset(inner, policy), state.chain)
         return state._replace(policy=policy, chain=chain)
 

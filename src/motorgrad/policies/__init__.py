@@ -1,5 +1,7 @@
 """Stochastic units, and the policies composed of them."""
 
+from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
+from motorgrad.policies._actor import Actor, decide
 from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import Autoregressive
@@ -32,7 +34,7 @@ from motorgrad.policies._local import (
 )
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
-from motorgrad.policies._policy import Policy, Regions, fixed, split, trainable
+from motorgrad.policies._policy import Policy, Regions, fixed, split, trainable, with_interface
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
@@ -44,6 +46,8 @@ __all__ = [
     "ACTIVATIONS",
     "IMPLIED",
     "INITIAL",
+    "ActionCode",
+    "Actor",
     "Architecture",
     "Autoregressive",
     "BinaryUnits",
@@ -62,6 +66,7 @@ __all__ = [
     "GradedUnits",
     "Hyperplanes",
     "Initial",
+    "Interface",
     "Layered",
     "LocalGaussians",
     "LocalUnits",
@@ -71,6 +76,7 @@ __all__ = [
     "Motoneurons",
     "MultilayerPerceptron",
     "Network",
+    "ObservationCode",
     "Policy",
     "Primitives",
     "PrintedGaussians",
@@ -84,9 +90,11 @@ __all__ = [
     "SoftSpheres",
     "Softmax",
     "Standardisation",
+    "Statistics",
     "activity",
     "adapted",
     "bounded_hyperplanes",
+    "decide",
     "describe",
     "finite_state_controller",
     "fixed",
@@ -120,4 +128,5 @@ __all__ = [
     "tiles",
     "trainable",
     "with_frozen_functions",
+    "with_interface",
 ]

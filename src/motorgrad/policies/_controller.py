@@ -48,7 +48,7 @@ class FiniteStateController(Sequential):
     """
 
     transition: Policy
-    act: Policy
+    act: Policy  # pyright: ignore[reportIncompatibleMethodOverride]  # with a memory, it acts by `Actor` alone
 
     def __check_init__(self) -> None:
         check_plain("transition", self.transition)

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check, choice, plain
 from motorgrad._files import check_writable, write_atomically
+from motorgrad._interface import Interface
 from motorgrad.export import NUMPY_LACKS, ONNX_LACKS, Program, Untranslatable, c_source, numpy_file, onnx_model, traced
+from motorgrad.policies._actor import decide, known_interface
 
 if TYPE_CHECKING:
     from motorgrad.policies._policy import Policy
@@ -18,12 +20,15 @@ if TYPE_CHECKING:
 Functions = Mapping[str, tuple[Callable[..., dict[str, Any]], dict[str, Any]]]
 """Functions by name, each with an example of its inputs by name."""
 FORMATS = (".c", ".onnx", ".npz")
+MOST_LINES = 200
+"""Named numbers of an observation or an action, in the comment of a C file."""
 
 
 def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None) -> Path:
     """Write a policy to a file that needs no motorgrad; see `Policy.export`."""
     path, told = Path(path), functions(policy)
-    check(path.suffix in FORMATS, "path", str(path), f"a name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    ends = f"a name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
+    check(path.suffix in FORMATS, "path", str(path), f"{ends}; mg.lab.write_fmu(policy, path) writes an FMU")
     check_writable("path", path)
     for place, leaf in jax.tree_util.tree_leaves_with_path(policy):
         fine = not jnp.issubdtype(leaf.dtype, jnp.inexact) or bool(jnp.isfinite(leaf).all())
@@ -44,12 +49,31 @@ def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None
 
 
 def _content(policy: "Policy", told: Functions, path: Path) -> bytes:
+    meaning = None if policy.interface is None else policy.interface.table()
     if path.suffix == ".onnx":
-        return onnx_model(whole(told), "policy", about(policy)).SerializeToString()
+        return onnx_model(whole(told), "policy", about(policy), meaning).SerializeToString()
     if path.suffix == ".npz":
-        return numpy_file(programs(told, NUMPY_LACKS))
+        return numpy_file(programs(told, NUMPY_LACKS), meaning)
     name = re.sub(r"\W|^(?=\d)", "_", path.stem, flags=re.ASCII)
-    return c_source(programs(told), name, [about(policy), *HOW]).encode()
+    lines = [] if policy.interface is None else _lines(policy.interface)
+    return c_source(programs(told), name, [about(policy), *HOW, *lines]).encode()
+
+
+def _lines(interface: Interface) -> list[str]:
+    """What the numbers of an exported policy mean, for the comment in its source."""
+    seen, code = interface.observations, interface.actions
+    found = ["", f"observation: raw, of the shape {seen.shape}, unscaled:"]
+    found += [f"  [{place}] {name}" for place, name in enumerate(seen.names[:MOST_LINES])]
+    found += ["  ..."] * (seen.size > MOST_LINES)
+    found.append(f"action: raw, of the shape {code.shape}:")
+    names = code.names if code.form in ("same", "clip") and code.kind != "discrete" else ()
+    for place in range(min(code.outputs, MOST_LINES)):
+        has_range = code.low is not None and code.high is not None
+        told = f" from {code.low[place]:g} to {code.high[place]:g}" if has_range else ""  # type: ignore[index]
+        found.append(f"  [{place}] {names[place] if place < len(names) else ''}{told}".rstrip())
+    found += ["  ..."] * (code.outputs > MOST_LINES)
+    # names come from files of others: none ends the comment, or begins a line of its own
+    return [plain(line).replace("*/", "* /").replace("\\", "/").replace("??/", "") for line in found]
 
 
 def _fits(policy: "Policy", told: Functions, path: Path) -> bool:
@@ -78,26 +102,24 @@ def about(policy: "Policy") -> str:
 
 def functions(policy: "Policy") -> Functions:
     """What is exported of a policy."""
-    real = jnp.result_type(float)
-    given: dict[str, Any] = {"observation": jax.ShapeDtypeStruct((policy.observation_size,), real)}
+    real, interface = jnp.result_type(float), policy.interface
+    size = policy.observation_size if interface is None else known_interface(policy).observations.size
+    given: dict[str, Any] = {"observation": jax.ShapeDtypeStruct((size,), real)}
     start = policy.initial_memory()
     if start is not None:
         given["memory"] = start
 
     def prob(observation: Any, memory: Any = None) -> dict[str, Any]:
-        return {"prob": policy.prob(policy.perceive(memory, observation))}
+        seen = observation if interface is None else interface.encode(observation)
+        return {"prob": policy.prob(policy.perceive(memory, seen))}
 
-    def acted(act: Callable[[Any], Any], observation: Any, memory: Any) -> dict[str, Any]:
-        seen = policy.perceive(memory, observation)
-        action = act(seen)
-        after = policy.remember(seen, action)
-        return {"action": policy.emit(action), **({} if after is None else {"memory": after})}
+    def sample(observation: Any, uniforms: Any = None, memory: Any = None) -> dict[str, Any]:
+        action, after = decide(policy, memory, observation, uniforms)
+        raw = action if interface is None else interface.decode(action)
+        return {"action": raw, **({} if after is None else {"memory": after})}
 
     def mode(observation: Any, memory: Any = None) -> dict[str, Any]:
-        return acted(policy.mode, observation, memory)
-
-    def sample(observation: Any, uniforms: Any, memory: Any = None) -> dict[str, Any]:
-        return acted(lambda seen: policy.sample(seen, uniforms), observation, memory)
+        return sample(observation, None, memory)
 
     found: dict[str, Any] = {"prob": (prob, given), "mode": (mode, given)}
     if policy.uniforms:

@@ -26,6 +26,7 @@ from motorgrad.policies._policy import (
     is_plain,
     per_unit,
     with_fields,
+    with_interface,
 )
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
 
@@ -145,7 +146,8 @@ def grow(pool: AnyPolicy, more: AnyPolicy) -> AnyPolicy:
     Arrays that lead with the units are concatenated. Other arrays are settings shared by all units, such as a common
     height; they must be equal. For the pools of many seeds, whose arrays have a leading axis, use `jax.vmap(grow)`.
 
-    **Arguments:** `pool` and `more`, two pools of the same kind of binary or graded units, over the same inputs.
+    **Arguments:** `pool` and `more`, two pools of the same kind of binary or graded units, over the same inputs. Their
+    `interface` is left out, as the actions are others.
 
     **Raises:** `ValueError` for policies that are not such pools, for pools of two kinds, and for shared settings that
     differ.
@@ -156,6 +158,7 @@ def grow(pool: AnyPolicy, more: AnyPolicy) -> AnyPolicy:
     grow(Motoneurons([0.3], [9.0]), Motoneurons([0.8], [0.0])).threshold  # [0.3, 0.8]
     ```
     """
+    pool, more = with_interface(pool, None), with_interface(more, None)
     kinds = [type(each).__name__ for each in (pool, more)]
     check(type(pool) is type(more), "more", kinds[1], f"of the pool's kind, {kinds[0]}")
     wanted = "a pool of one kind of units, binary or graded"
@@ -244,4 +247,4 @@ def prune(policy: AnyPool, kept: Bool[ArrayLike, " units"]) -> AnyPool:
     def fewer(leaf: Array) -> Array:
         return leaf[rows] if leaf.shape[:1] == (policy.outputs,) else leaf
 
-    return jax.tree.map(fewer, policy)
+    return jax.tree.map(fewer, with_interface(policy, None))  # its actions are others

@@ -1,6 +1,7 @@
 """The contract of every policy, its trainable part, and its structure as plain text."""
 
 import abc
+import copy
 import dataclasses
 import itertools
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
+from motorgrad._interface import Interface
 from motorgrad.policies._arguments import check_arguments
 
 
@@ -73,6 +75,17 @@ class Policy(eqx.Module):
     score = policy.score(observation, action)
     ```
     """
+
+    # as `fixed`, in a form in which type checkers see that it comes last
+    interface: Interface | None = eqx.field(default=None, kw_only=True, repr=False, metadata={"fixed": True})
+    """What observations and actions mean in the environment, for a policy of a run; `None` for one that no task has
+    had. `act` and `export` use it; all other methods see scaled observations, and return the policy's own actions."""
+
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
+        del arguments, keywords
+        made = super().__new__(cls)
+        object.__setattr__(made, "interface", None)  # also where a class has an `__init__` of its own
+        return made
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
@@ -282,6 +295,9 @@ class Policy(eqx.Module):
         """Write the policy to a file that needs no motorgrad: C source (`.c`), an ONNX model (`.onnx`), or arrays for
         NumPy (`.npz`), which `motorgrad.export.read` reads.
 
+        The policy of a run takes raw observations, in the units of the environment, and gives raw actions: scaling and
+        code (`interface`) are in the file.
+
         The file has `prob`; `mode`; `sample`, a function of uniform numbers; `deviation` of graded units; and for a
         policy with a memory the memory before and after. The page on exporting (`docs/export.md`) has the details.
 
@@ -295,6 +311,27 @@ class Policy(eqx.Module):
         from motorgrad.policies._export import export
 
         return export(self, path, only)
+
+    def act(self, observation: Any, uniforms: Any = None) -> np.ndarray:
+        """The raw action for a raw observation, both as the environment has them: their shapes, types and units.
+
+        For the policy of a run, `run.policy(seed)`, which knows the scale of observations and the code of actions.
+
+        **Arguments:** `observation`, of the shape that the environment has, or several along leading axes; `uniforms`,
+        numbers from U[0, 1) by which the action is drawn, `(…, policy.uniforms)`; by default the most probable action.
+
+        **Raises:** `ValueError` for a policy without an `interface`, and for one with a memory: `Actor` keeps that.
+
+        ```python
+        policy = mg.train("three-state", steps=200, progress=False).policy()
+        print(policy.act([1.0, 0.0, 0.0]))
+        ```
+        """
+        from motorgrad.policies._actor import Actor
+
+        wanted = "without a memory; motorgrad.policies.Actor keeps one"
+        check(not self.has_memory, "policy", type(self).__name__, wanted)
+        return Actor(self).act(observation, uniforms)
 
     @abc.abstractmethod
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
@@ -335,6 +372,25 @@ class Composed(Policy):
 
 
 P = TypeVar("P", bound=Policy)
+
+
+def with_interface(policy: P, interface: Interface | None) -> P:
+    """The policy with another interface.
+
+    **Arguments:** `policy`: any policy; `interface`: what its observations and actions mean; `None` for a policy that
+    knows nothing of them.
+
+    ```python
+    same_kind = jax.tree.map(jnp.add, with_interface(run.policies, None), others)
+    ```
+    """
+    if policy.interface is interface:
+        return policy
+    made = copy.copy(policy)
+    object.__setattr__(made, "interface", interface)
+    return made
+
+
 M = TypeVar("M", bound=eqx.Module)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from motorgrad._errors import unknown
 from motorgrad.policies._frozen import Frozen
+from motorgrad.policies._policy import Policy
 
 UNSET = {"kind": "unset"}
 """Of a field that an instance leaves to its class."""
@@ -36,7 +37,10 @@ def describe(value: Any) -> Any:
         return {"kind": "frozen", "value": describe(value.value)}
     if isinstance(value, eqx.Module):
         own = vars(value)  # without defaults that the class still holds for the instance
-        fields = {f.name: describe(own[f.name]) if f.name in own else UNSET for f in dataclasses.fields(value)}
+        names = [field.name for field in dataclasses.fields(value)]
+        if isinstance(value, Policy):
+            names.remove("interface")  # which is no part of the policy, and stored beside it
+        fields = {name: describe(own[name]) if name in own else UNSET for name in names}
         return {"kind": _kind(type(value)), **{name: field for name, field in fields.items() if field is not None}}
     if isinstance(value, tuple):
         return [describe(item) for item in value]

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from motorgrad._files import read_arrays, write_arrays
+from motorgrad._signals import unfinished
 from motorgrad.studies._grid import Point, frozen, leaves, varied
 from motorgrad.studies._jobs import Outcome, Work
 from motorgrad.tasks import Task, make
@@ -50,18 +51,9 @@ class Job:
 
     def do(self, path: Path, told: Work) -> Outcome:
         """Learn, or learn what is left, in the run directory. The result is the run's rows in the index."""
-        run = train(
-            self.make_task(),
-            self.agent,
-            self.steps,
-            self.seeds,
-            path,
-            sweep=self.sweep,
-            window=self.window,
-            checkpoint_every=told.checkpoint_every,
-            threads=told.threads,
-            progress=False,
-        )
+        how = {"sweep": self.sweep, "window": self.window, "threads": told.threads, "progress": False}
+        how["checkpoint_every"] = told.checkpoint_every
+        run = unfinished("run", lambda: train(self.make_task(), self.agent, self.steps, self.seeds, path, **how))
         learned = float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0
         if run.complete and self._modes and not (path / FROZEN).exists():
             write_arrays(path / FROZEN, self._evaluated(run, told.threads))

@@ -29,7 +29,7 @@ from motorgrad.studies._folder import check_folder, locked
 from motorgrad.studies._grid import as_given, at_ends, expand, frozen, in_file_order, is_range, leaves, range_in
 from motorgrad.studies._partition import partition
 from motorgrad.studies._results import Best, Results
-from motorgrad.studies._study import Study
+from motorgrad.studies._study import Study, whole
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +106,8 @@ class Search:
     def run(self, out: Path | str, **options: Any) -> "SearchResults":
         """Run the search in a folder, or continue it there. `options` as in `run_study`.
 
-        **Raises** `ValueError` and `RunDirectoryError` before any work starts; `RuntimeError` without Optuna.
+        **Raises** `ValueError` and `RunDirectoryError` before any work starts; `RuntimeError` without Optuna; where it
+        was asked to stop (Ctrl-C), once all is saved, `KeyboardInterrupt`, whose `results` are those so far.
         """
         path = Path(out)
         _optuna()
@@ -115,7 +116,7 @@ class Search:
         check_folder(path, file.name, "search", self.as_table(), read_toml(file) if file.is_file() else None)
         with locked(path, "search"):
             write_atomically(file, tomli_w.dumps(self.as_table()).encode())
-            return _Searching(self, path, options).run()
+            return whole(_Searching(self, path, options).run())
 
     @staticmethod
     def load(path: Path | str, *, trust: bool = False) -> "SearchResults":

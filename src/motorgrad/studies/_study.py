@@ -9,6 +9,7 @@ from typing import Any, Literal
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_toml
 from motorgrad._settings import as_hinted, build, table
+from motorgrad._signals import interrupt
 from motorgrad.studies._grid import Point, bounded, distinctions, draw, expand, frozen, has_range
 from motorgrad.studies._partition import Job, Measure, partition
 from motorgrad.tasks import TASKS
@@ -186,10 +187,14 @@ class Study:
         object.__setattr__(self, "cases", made)
 
     def run(self, out: Path | str, **options: Any) -> Any:
-        """Run the study in a folder, or continue it there. Returns its `Results`. `run_study` has the options."""
+        """Run the study in a folder, or continue it there. Returns its `Results`. `run_study` has the options.
+
+        **Raises** as `run_study`; and where it was asked to stop (Ctrl-C), once all is saved, `KeyboardInterrupt`,
+        whose `results` are those so far.
+        """
         from motorgrad.studies._driver import run_study
 
-        return run_study(self, out, **options)
+        return whole(run_study(self, out, **options))
 
     @staticmethod
     def load(path: Path | str, *, trust: bool = False) -> Any:
@@ -197,6 +202,15 @@ class Study:
         from motorgrad.studies._results import Results
 
         return Results.load(path, trust=trust)
+
+
+def whole(results: Any) -> Any:
+    """Results, if they are all that there can be. **Raises** `KeyboardInterrupt` where their computation was asked to
+    stop: a script is not to go on with a part of them, unless it catches this."""
+    if results.complete or results.failures:
+        return results
+    told = f"stopped; what was done is saved in {results.path}, and the same call continues"
+    raise interrupt(told, results=results)
 
 
 def points_of(case: Mapping[str, Any], design: Design | None) -> list[Point]:

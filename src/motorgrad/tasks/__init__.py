@@ -4,6 +4,7 @@ from motorgrad.tasks import terms
 from motorgrad.tasks._arm_recruitment import ArmRecruitment
 from motorgrad.tasks._composed import Composed, compose
 from motorgrad.tasks._finite import CallAdmission, Chain, FiniteTask, LoadUnload, Parity, ThreeState, TMaze
+from motorgrad.tasks._holding import Held, HoldingWarning, held_poses, spread_poses
 from motorgrad.tasks._hopper import Hopper
 from motorgrad.tasks._host_task import BodyTask, HostBatch, HostTask
 from motorgrad.tasks._myosuite import myosuite, myosuite_ids
@@ -18,9 +19,9 @@ from motorgrad.tasks._particle import (
     region_reward,
 )
 from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
-from motorgrad.tasks._registry import TASKS, load, make, settings_in
+from motorgrad.tasks._registry import ENVIRONMENT, TASKS, is_environment, load, make, settings_in
 from motorgrad.tasks._suggestions import suggestions
-from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome, scale_action
+from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks.gymnasium._making import make_environment
@@ -32,6 +33,7 @@ from motorgrad.tasks.hexapod._synergies import Synergies, find_synergies, synerg
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES
 
 __all__ = [
+    "ENVIRONMENT",
     "LAYOUTS",
     "TASKS",
     "TRIPOD_SYNERGIES",
@@ -48,11 +50,13 @@ __all__ = [
     "FallingParticle",
     "FiniteTask",
     "Gymnasium",
+    "Held",
     "Hexapod",
     "HexapodPrimitive",
     "HexapodProprioception",
     "HexapodStride",
     "HexapodSynergy",
+    "HoldingWarning",
     "Hopper",
     "HostBatch",
     "HostTask",
@@ -75,6 +79,8 @@ __all__ = [
     "compose",
     "find_synergies",
     "from_gymnasium",
+    "held_poses",
+    "is_environment",
     "load",
     "make",
     "make_environment",
@@ -85,9 +91,9 @@ __all__ = [
     "physics_of",
     "region_reward",
     "renders",
-    "scale_action",
     "settings_in",
     "spacing_error",
+    "spread_poses",
     "suggestions",
     "synergy_matrix",
     "terms",

@@ -7,15 +7,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
+from motorgrad._interface import ObservationCode
 from motorgrad._presets import STEPS, natural
-from motorgrad._running import RunningMean, add_observation, counted_on, running_mean, standardised
+from motorgrad._running import RunningMean, counted_on
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
@@ -28,6 +28,7 @@ from motorgrad.tasks._composing import (
     reach,
     with_absolute_paths,
 )
+from motorgrad.tasks._holding import tell_if_few_can_be_held
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
 from motorgrad.tasks.terms import (
@@ -131,6 +132,7 @@ class Composed(BodyTask):
     """
 
     name: ClassVar[str] = "composed"
+    clips_actions: ClassVar[bool] = True
 
     aliases: ClassVar[Mapping[str, str]] = {
         "observe": "observations",
@@ -174,7 +176,9 @@ class Composed(BodyTask):
             ends = term in self.terminations
             check(limited or not ends, f"terminate: {kind_of(term)}", "no limit", "above or below a limit")
         self._drive  # noqa: B018 (raises for unknown actuators)
-        self._bound  # noqa: B018 (raises for unknown names)
+        scene = self._bound.scene  # which raises for unknown names
+        assert self.body is not None
+        tell_if_few_can_be_held(self.body, scene.model)
 
     def __reduce__(self) -> tuple[Any, ...]:  # bound terms are functions, so they are made again
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
@@ -283,17 +287,20 @@ class Composed(BodyTask):
     def observe(
         self, memory: ComposedMemory, state: BodyState, uniforms: Float[Array, " 0"]
     ) -> tuple[ComposedMemory, Float[Array, " inputs"]]:
+        memory, raw = self.sense(memory, state, uniforms)
+        mean, variance, seen = self.observation_code.look(memory.mean, memory.variance, memory.frozen, raw)
+        return memory._replace(mean=mean, variance=variance), seen
+
+    def sense(
+        self, memory: ComposedMemory, state: BodyState, uniforms: Float[Array, " 0"]
+    ) -> tuple[ComposedMemory, Float[Array, " inputs"]]:
         del uniforms
         look = self._looks(memory, state)
-        seen = jnp.concatenate([scale * jnp.atleast_1d(look(each)) for scale, each in self._bound.observe])
-        if memory.mean is None or memory.variance is None:
-            return memory, seen
-        mean, variance = jax.tree.map(
-            lambda old, new: jnp.where(memory.frozen, old, new),
-            (memory.mean, memory.variance),
-            add_observation(memory.mean, memory.variance, seen),
-        )
-        return memory._replace(mean=mean, variance=variance), standardised(mean, variance, seen)
+        return memory, jnp.concatenate([scale * jnp.atleast_1d(look(each)) for scale, each in self._bound.observe])
+
+    @functools.cached_property
+    def observation_code(self) -> ObservationCode:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return ObservationCode.plain(self.observation_names, self.scaling == "running")
 
     @functools.cached_property
     def hindsight(self) -> Goal | None:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -317,15 +324,13 @@ class Composed(BodyTask):
         for name, target in parts.scene.targets.items():
             drawn[name] = target.draw(uniforms[place : place + target.uniforms])
             place += target.uniforms
-        nothing = running_mean(jnp.zeros(self.observation_size)) if self.scaling == "running" else None
         return ComposedMemory(
             jnp.zeros((), jnp.int32),
             jnp.zeros((), bool),
             jnp.zeros(len(self.body.groups)),
             drawn,
             tuple(each.init() for each in parts.remembering),
-            nothing,
-            nothing,
+            *self.observation_code.start(),
             jnp.zeros((), bool),
         )
 
@@ -368,6 +373,18 @@ class Composed(BodyTask):
         limit = self.episode_limit
         over = ended if limit is None else (memory.decisions >= limit) | ended
         return memory._replace(ended=jnp.asarray(over)), reward, ended
+
+    @property
+    def reward_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        labels = [_label(term) for term in self.rewards]
+        numbers = [labels[: place + 1].count(label) for place, label in enumerate(labels)]
+        return tuple(label if n == 1 else f"{label} {n}" for label, n in zip(labels, numbers, strict=True))
+
+    def reward_terms(self, memory: ComposedMemory, state: BodyState) -> dict[str, Scalar]:
+        """Each term times its weight; a further one of a name has its number, too."""
+        look = self._looks(memory, state)
+        terms = [jnp.asarray(weight * look(each)) for weight, each in self._bound.reward]
+        return dict(zip(self.reward_names, terms, strict=True))
 
     # -- readings
 

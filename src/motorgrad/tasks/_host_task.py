@@ -137,6 +137,12 @@ class BodyTask(HostTask):
         drives = self.drives
         return len(self.dynamics.groups if drives is None else drives)
 
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """The groups of muscles, where each has its own unit."""
+        groups = tuple(self.dynamics.groups)
+        return groups if self.drives is None and len(groups) == self.action_size else ()
+
     def control(self, action: Any, memory: Any = None) -> Any:
         """The activation of each group of muscles, from `(…, action_size)` to `(…, groups)`."""
         del memory

@@ -98,6 +98,8 @@ class Recruitment(Task):
     - `time_limit`: decisions after which an episode is cut; `None` for never.
     """
 
+    clips_actions: ClassVar[bool] = True
+
     units: int = 4
     size_ratio: float = 1.0
     drift: Drift = dataclasses.field(default_factory=Drift)

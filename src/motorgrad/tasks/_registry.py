@@ -1,10 +1,12 @@
 """The tasks by name, loaded from `motorgrad._task_table`."""
 
 import importlib
+import re
 from pathlib import Path
 from typing import Any
 
 from motorgrad._arguments import check_arguments
+from motorgrad._consent import allow
 from motorgrad._errors import choice
 from motorgrad._files import read_toml
 from motorgrad._settings import build
@@ -13,6 +15,8 @@ from motorgrad.tasks._task import Task
 
 COMPOSED = "composed"
 """The task that a file describes if it names none."""
+ENVIRONMENT = "gymnasium"
+"""The task that the id of a Gymnasium environment stands for."""
 
 
 def _load(entry: Entry) -> type[Task]:
@@ -27,12 +31,21 @@ TASKS: dict[str, type[Task]] = {name: _load(entry) for name, entry in TASK_TABLE
 def make(name: str, **settings: Any) -> Task:
     """Make the task called `name`, with settings that override its defaults.
 
-    Pass a body's settings as a table: `make("hopper", penalty=0.2, body={"load_mass": 3.0})`.
+    Pass a body's settings as a table: `make("hopper", penalty=0.2, body={"load_mass": 3.0})`. The id of a Gymnasium
+    environment is a name, too: `make("Pendulum-v1", repeat=2)`. One with a module, `module:Name-v0`, imports it.
 
     **Raises:** `ValueError` for an unknown name or setting, suggesting the nearest known one, and for invalid values.
     """
+    if is_environment(name) and name not in TASKS:
+        allow([name])
+        return build(TASKS[ENVIRONMENT], {"env_id": name, **settings}, ENVIRONMENT)
     choice("task", name, TASKS, registered=True)
     return build(TASKS[name], settings, name)
+
+
+def is_environment(word: Any) -> bool:
+    """Whether a word is the id of a Gymnasium environment: `Name-v0` or `module:Name-v0`."""
+    return isinstance(word, str) and re.fullmatch(r"(\S+:)?\S+-v\d+", word) is not None
 
 
 def load(path: Path | str) -> Task:

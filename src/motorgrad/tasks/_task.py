@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from motorgrad._errors import check_integer
+from motorgrad._errors import check, check_integer
 from motorgrad._goal import Goal
+from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
 from motorgrad.bodies import Body
 from motorgrad.worlds import World
 
@@ -54,8 +55,12 @@ class Task(abc.ABC):
     actions: ClassVar[Actions] = "binary"
     """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers; `"graded"`: a
     vector of `action_size` real numbers. A tuple with `"binary"` or `"graded"` for each action: a vector of both."""
+    clips_actions: ClassVar[bool] = False
+    """Whether graded actions beyond `action_range` act like its ends."""
     reports: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `readings`."""
+    reward_names: ClassVar[tuple[str, ...]] = ()
+    """The names of the terms in `reward_terms`, of a reward that is a sum."""
     episodic: ClassVar[bool] = False
     """Whether `reward` or `truncated` can end an episode."""
 
@@ -130,9 +135,39 @@ class Task(abc.ABC):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        """For graded actions: the least and the greatest value of each, within which bounded units act; −1 and 1 in an
-        environment's action space stand for them. An unbounded policy may exceed them."""
+        """For graded actions: the least and the greatest value of each, within which bounded units act: the action
+        space of an environment. An unbounded policy may exceed them."""
         return ((-1.0, 1.0),) * self.action_size
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Names of the actions; by default none."""
+        return ()
+
+    @property
+    def observation_code(self) -> ObservationCode:
+        """How `observe` scales what `sense` gives; by default not at all."""
+        return ObservationCode.plain(self.observation_names)
+
+    def interface(self, actions: Actions | None = None) -> Interface:
+        """What observations and actions of a policy mean in the task's own units; see `Interface`.
+
+        **Arguments:** `actions`: the kind of the policy's actions; by default the task's.
+
+        **Raises:** `ValueError` for a task that scales observations by what it remembers, and does not say how: one
+        that defines `freeze`, but neither `sense` nor `observation_code`.
+        """
+        own = type(self).freeze is Task.freeze or type(self).sense is not Task.sense
+        wanted = "with `sense` and `observation_code`, since what `freeze` keeps cannot be carried with a policy"
+        check(own, f"task {self.name!r}", "freeze", wanted)
+        kind, size = self.actions if actions is None else actions, self.action_size
+        shape = () if kind == "discrete" else (size,)
+        dtype, names = "int32" if kind == "discrete" else "float32", self.action_names
+        if not self.clips_actions or (kind != "graded" and not isinstance(kind, tuple)):
+            return Interface(self.observation_code, ActionCode(kind, size, "same", names, shape, dtype), self.period)
+        low, high = np.asarray(self.action_range, np.float32).T
+        code = ActionCode(kind, size, "clip", names, shape, dtype, low, high)
+        return Interface(self.observation_code, code, self.period)
 
     @property
     def mirror(self) -> Mirror | None:
@@ -169,6 +204,21 @@ class Task(abc.ABC):
     ) -> tuple[Any, Float[Array, " observation_size"]]:
         """The policy's observation of `state`, and the new memory."""
 
+    def sense(self, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]) -> tuple[Any, Float[Array, " size"]]:
+        """The raw observation of `state`, in the task's own units, and the new memory; by default what `observe` gives.
+
+        Override it, and `observation_code`, where `observe` scales: what is observed is then the code of this.
+        """
+        return self.observe(memory, state, uniforms)
+
+    def statistics(self, memory: Any) -> Statistics | None:
+        """The running statistics of raw observations in a memory, with any leading axes; `None` without any."""
+        return Statistics(memory.mean, memory.variance) if self.observation_code.running.any() else None
+
+    def with_statistics(self, memory: Any, statistics: Statistics | None) -> Any:
+        """The memory with running statistics of raw observations, from which they continue."""
+        return memory if statistics is None else memory._replace(**statistics._asdict())
+
     @abc.abstractmethod
     def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Scalar, Flag]:
         """The new memory, the reward for the step that led to `state` by `action`, and `terminated`."""
@@ -178,6 +228,11 @@ class Task(abc.ABC):
         `reward`."""
         del memory, state
         return False
+
+    def reward_terms(self, memory: Any, state: Any) -> dict[str, Scalar]:
+        """The terms of the last reward named in `reward_names`, each as it enters the sum. Called after `reward`."""
+        del memory, state
+        return {}
 
     def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
         """The quantities named in `reports`, each with whether it occurred at this decision. Called after `reward`."""
@@ -211,16 +266,6 @@ def observe(
     if shape != wanted:
         raise ValueError(f"task {task.name!r}: observe returns an observation of shape {shape}, not {wanted}")
     return found
-
-
-def scale_action(task: Task, action: np.ndarray) -> np.ndarray:
-    """Scale graded actions from −1 … 1 to the task's own range. Binary ones among them are 1 above 0. Others are
-    returned unchanged."""
-    if task.actions != "graded" and not isinstance(task.actions, tuple):
-        return action
-    low, high = np.asarray(task.action_range, np.float32).T
-    graded = low + (action + 1) / 2 * (high - low)
-    return graded if task.actions == "graded" else np.where(np.equal(task.actions, "graded"), graded, action > 0)
 
 
 class Outcome(NamedTuple):

@@ -12,7 +12,10 @@ from motorgrad.training._agents import (
 )
 from motorgrad.training._arguments import check_training
 from motorgrad.training._callbacks import EarlyStopping, Report
-from motorgrad.training._evaluate import Evaluation, evaluate
+from motorgrad.training._continuing import interface_of
+from motorgrad.training._episodes import MOST_EPISODES, EpisodeEvaluation
+from motorgrad.training._evaluate import STEPS, Evaluation, evaluate
+from motorgrad.training._evaluating import EvaluationCallback, KeepBest, evaluating_of
 from motorgrad.training._load import given_initial, load, saved_config
 from motorgrad.training._metrics import final_metrics
 from motorgrad.training._policy_score import PolicyScore
@@ -32,6 +35,7 @@ from motorgrad.training.engines import (
     training_stepper_for,
 )
 from motorgrad.training.plots import Curve, check_tensorboard, folders_of, learning_curves, write_tensorboard
+from motorgrad.training.rollout import Rollout, check_table, rollout
 from motorgrad.training.store import (
     RunDirectoryError,
     RunWarning,
@@ -42,16 +46,22 @@ from motorgrad.training.store import (
 )
 
 __all__ = [
+    "MOST_EPISODES",
+    "STEPS",
     "BodyStepper",
     "Curve",
     "EarlyStopping",
+    "EpisodeEvaluation",
     "Evaluation",
+    "EvaluationCallback",
     "HostStepper",
+    "KeepBest",
     "NamedPolicy",
     "NotSaved",
     "NotTrusted",
     "PolicyScore",
     "Report",
+    "Rollout",
     "Run",
     "RunDirectoryError",
     "RunWarning",
@@ -64,21 +74,25 @@ __all__ = [
     "changed",
     "changes_named",
     "check_imports",
+    "check_table",
     "check_tensorboard",
     "check_training",
     "clear_programs",
     "differences",
     "evaluate",
+    "evaluating_of",
     "final_metrics",
     "fingerprint",
     "folders_of",
     "given_initial",
+    "interface_of",
     "learning_curves",
     "load",
     "policy_settings",
     "provenance",
     "provenance_changes",
     "resume",
+    "rollout",
     "saved_agent",
     "saved_config",
     "setting_text",

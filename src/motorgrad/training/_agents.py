@@ -16,7 +16,8 @@ from motorgrad._presets import PRESETS, STEPS
 from motorgrad._settings import as_hinted, build, full_path, table
 from motorgrad._tree import KINDS, Part, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Estimator, Optax
-from motorgrad.tasks import Gymnasium, Task, make
+from motorgrad.tasks import Gymnasium, Task
+from motorgrad.training._trust import task_named
 
 LARGEST = 100_000_000  # weights of a policy
 
@@ -142,7 +143,7 @@ def agent_for(
     agent = mg.agent_for("hopper", estimator="gpomdp", metric="fisher")
     ```
     """
-    task = make(task) if isinstance(task, str) else task
+    task = task_named(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = changes is None or isinstance(changes, Mapping)
     check(known, "agent", changes, "a table of changes, such as {'estimator.trace.decay': 0.98}")

@@ -10,11 +10,12 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._tree import check_rounded
 from motorgrad.learning import Agent, SparseAgent
-from motorgrad.policies import Policy, trainable
-from motorgrad.tasks import Gymnasium, HostTask, Task, make
+from motorgrad.policies import Policy, trainable, with_interface
+from motorgrad.tasks import Gymnasium, HostTask, Task
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, sweep_settings
-from motorgrad.training.engines import MOST_AT_ONCE, validate, validate_needs, validate_score
+from motorgrad.training._trust import task_named
+from motorgrad.training.engines import MOST_AT_ONCE, check_carries, validate, validate_needs, validate_score
 from motorgrad.training.store import name_of
 
 MAX_LANES = 1_000_000
@@ -60,10 +61,12 @@ def check_training(
 
     **Raises** `ValueError` that names the impossible argument.
     """
-    task = make(task) if isinstance(task, str) else task
+    task = task_named(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = agent is None or isinstance(agent, Agent | Mapping)
     check(known, "agent", agent, "an Agent, a mapping of changes, or None for the task's own")
+    if isinstance(initial, Policy):  # it is said first what has changed, then what no longer fits
+        check_carries(task, initial, "initial")
     check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "a number of seeds, or a list of them")
     if isinstance(seeds, int | np.integer):
         check(0 < seeds <= MAX_LANES, "seeds", seeds, f"from 1 to {MAX_LANES} seeds")
@@ -127,6 +130,7 @@ def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
     check(isinstance(initial, Policy), "initial", initial, wanted)
     kinds = [type(policy).__name__ for policy in (initial, like)]
     check(type(initial) is type(like), "initial", kinds[0], f"of the kind of the agent's policy, {kinds[1]}")
+    interface, initial = initial.interface, with_interface(initial, None)
     places = [dict(jax.tree_util.tree_leaves_with_path(policy)) for policy in (initial, like)]
     parts = [sorted(map(name_of, place)) for place in places]
     check(parts[0] == parts[1], "initial", parts[0], f"of the parts of the agent's policy, {parts[1]}")
@@ -140,7 +144,15 @@ def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
     for place, leaf in jax.tree_util.tree_leaves_with_path(trainable(found)):
         finite = bool(jnp.isfinite(leaf).all())
         check(finite, f"initial.{name_of(place)}", "not all finite", "finite numbers")
-    return found
+    if interface is None or interface.statistics is None:
+        return with_interface(found, interface)
+    shapes, statistics = interface.shapes.statistics, interface.statistics
+    for place, (given, one) in enumerate(zip(jax.tree.leaves(statistics), jax.tree.leaves(shapes), strict=True)):
+        wanted = (seeds, *one.shape)
+        check(np.shape(given) == wanted, f"initial.interface.statistics, array {place}", np.shape(given), f"{wanted}")
+    interface.check_statistics("initial.interface.statistics")
+    numbers = jax.tree.map(lambda given, one: jnp.asarray(given, one.dtype), statistics, shapes)
+    return with_interface(found, interface.with_statistics(numbers))
 
 
 def _whole(value: Any) -> TypeGuard[int]:

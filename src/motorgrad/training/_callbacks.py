@@ -1,13 +1,18 @@
 """The reports that callbacks receive from `train`, and the callback that ends training early."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from motorgrad._errors import check, counted, unknown
+
+if TYPE_CHECKING:
+    from motorgrad.policies import Policy
+    from motorgrad.training._run import Run
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -20,6 +25,7 @@ class Report:
       in a sweep `(settings × seeds,)`. A reading that did not occur in the window is NaN. `docs/training.md` lists the
       columns; `parameters` is left out.
     - `path`: the run directory, `None` for a run in memory.
+    - `whole`: whether the window is complete. The last one of a run may not be: more steps then make its record again.
     """
 
     task: str
@@ -28,6 +34,23 @@ class Report:
     steps: int
     metrics: Mapping[str, np.ndarray]
     path: Path | None = None
+    whole: bool = True
+    make_run: Callable[[], "Run"] | None = dataclasses.field(default=None, repr=False)
+
+    @functools.cached_property
+    def run(self) -> "Run":
+        """The run as it is now, in memory and without records: its present policies are in `run.policies`, in the
+        order of every array, and `mg.evaluate(report.run, episodes=10)` evaluates them. Made when first asked for.
+
+        **Raises** `ValueError` for a report that was made by hand.
+        """
+        if self.make_run is None:
+            raise ValueError("run: this report was not made by train, so it has none")
+        return self.make_run()
+
+    def policy(self, seed: int | None = None) -> "Policy":
+        """The present policy of one seed, by default the first, as `Run.policy`."""
+        return self.run.policy(seed)
 
     def mean(self, quantity: str) -> float:
         """The mean of a column over the seeds in which it occurred; NaN if it occurred in none.

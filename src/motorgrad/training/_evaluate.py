@@ -3,7 +3,7 @@
 import dataclasses
 import warnings
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, overload
 
 import jax
 import numpy as np
@@ -12,16 +12,18 @@ import pyarrow as pa
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check_integer, choice, counted
 from motorgrad.learning import Agent
+from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training._broken import not_finite, told_lanes
+from motorgrad.training._episodes import EpisodeEvaluation, decision_seeds, evaluate_episodes
 from motorgrad.training._load import load
 from motorgrad.training._metrics import Records
 from motorgrad.training._run import Run
-from motorgrad.training.engines import MOST_AT_ONCE, BodyStepper, stepper_for, without_broken
+from motorgrad.training.engines import MOST_AT_ONCE, BodyStepper, Mode, stepper_for, without_broken
 from motorgrad.training.store import RunWarning
 
-FRESH = 1_000_000_000
-"""Added to seeds, so that a policy is not evaluated on the random numbers it learned from."""
+STEPS = 2000
+"""Decisions of an evaluation, by default."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -33,9 +35,9 @@ class Evaluation:
     - `readings`: mean of each of the task's readings, per seed; NaN where it never occurred.
     - `measures`: further measures of the motion, a number or a word per seed, such as the class of a gait; empty
       without a body.
-    - `time`, `position`, `sensors`, `activation`: for bodies, the recorded motion of the seeds at every decision, seeds
+    - `time`, `position`, `sensors`, `control`: for bodies, the recorded motion of the seeds at every decision, seeds
       leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
-    - `act`: the state of activation dynamics in that motion, `(seeds, decisions, na)`; `None` without any.
+    - `activation`: the state of activation dynamics in that motion, `(seeds, decisions, na)`; `None` without any.
     - `marks`: the places that the task marks, such as targets, `(seeds, decisions, marks, 4)`; `None` without any.
     """
 
@@ -45,9 +47,9 @@ class Evaluation:
     time: np.ndarray
     position: np.ndarray | None = None
     sensors: dict[str, np.ndarray] | None = None
-    activation: np.ndarray | None = None
+    control: np.ndarray | None = None
     measures: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
-    act: np.ndarray | None = None
+    activation: np.ndarray | None = None
     marks: np.ndarray | None = None
 
     def __repr__(self) -> str:
@@ -64,57 +66,115 @@ def _median(known: np.ndarray, seeds: int) -> str:
     return f"{np.median(known):.4g}{of}" if len(known) else "unknown"
 
 
+@overload
 def evaluate(
     run: Run | Path | str,
-    steps: int = 2000,
+    steps: int | None = None,
     *,
+    episodes: None = None,
+    seed: int = 0,
     mode: Literal["sample", "mode"] = "sample",
     untrained: bool = False,
     threads: int = 0,
     trust: bool = False,
     allow_changed: bool = False,
-) -> Evaluation:
+) -> Evaluation: ...
+
+
+@overload
+def evaluate(
+    run: Run | Path | str,
+    steps: int | None = None,
+    *,
+    episodes: int,
+    seed: int = 0,
+    mode: Literal["sample", "mode"] = "sample",
+    untrained: bool = False,
+    threads: int = 0,
+    trust: bool = False,
+    allow_changed: bool = False,
+) -> EpisodeEvaluation: ...
+
+
+def evaluate(
+    run: Run | Path | str,
+    steps: int | None = None,
+    *,
+    episodes: int | None = None,
+    seed: int = 0,
+    mode: Literal["sample", "mode"] = "sample",
+    untrained: bool = False,
+    threads: int = 0,
+    trust: bool = False,
+    allow_changed: bool = False,
+) -> Evaluation | EpisodeEvaluation:
     """Evaluate the policies of all seeds of a run from a fresh start, without learning.
 
-    Of a policy that is not finite, reward and readings are NaN, with a warning.
+    For a policy that is not finite, every result is NaN, with a warning.
 
     **Arguments:**
 
     - `run`: a run, or the directory of one.
-    - `steps`: decisions per seed.
+    - `steps`: decisions per seed, by default 2,000; with `episodes`, decisions after which an episode is cut, by
+      default 100,000 where the task has no limit.
+    - `episodes`: whole episodes of every policy, each in dynamics of its own, in place of a number of decisions.
+    - `seed`: of the random numbers of the evaluation, at least 0. They differ from those of learning.
     - `mode`: `"sample"` draws every action; `"mode"` takes the most probable one.
     - `untrained`: evaluate the policies as they were before learning.
     - `threads`: as in `train`.
     - `trust`, `allow_changed`: as in `load`, for a directory.
+
+    **Returns** an `Evaluation`; with `episodes` an `EpisodeEvaluation`, which has the return and the length of every
+    episode.
+
+    ```python
+    run = mg.train("t-maze", steps=2_000, seeds=4, progress=False)
+    found = mg.evaluate(run, episodes=50)
+    print(found.over_seeds("return"))  # the mean over four seeds, with its interval
+    ```
     """
     check_arguments(evaluate, locals(), ("run", "untrained", "trust", "allow_changed"))
     run = run if isinstance(run, Run) else load(run, trust=trust, allow_changed=allow_changed)
-    check_integer("steps", steps, 1, MOST_AT_ONCE, "decisions")
+    if steps is not None or episodes is None:
+        steps = STEPS if steps is None else steps
+        check_integer("steps", steps, 1, MOST_AT_ONCE, "decisions")
     choice("mode", mode, ("sample", "mode"))
+    check_integer("seed", seed, 0, 2**31 - 1)
     policies = run.initial if untrained else run.policies
+    if episodes is None:
+        assert steps is not None
+        return _by_decisions(run, policies, steps, seed, mode, threads)
+    return evaluate_episodes(
+        run.task,
+        policies,
+        run.memory,
+        run.seeds,
+        episodes,
+        seed=seed,
+        mode=mode,
+        threads=threads,
+        longest=steps,
+        settings=run.settings,
+    )
+
+
+def _by_decisions(run: Run, policies: Policy, steps: int, seed: int, mode: Mode, threads: int) -> Evaluation:
+    """The evaluation of the policies of a run for a number of decisions."""
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
     lanes = run.seeds * max(1, len(run.settings))
-    stepper = stepper_for(run.task, agent, [(seed + FRESH) % 2**31 for seed in lanes], mode, threads)
+    stepper = stepper_for(run.task, agent, decision_seeds(lanes, seed), mode, threads)
     stepper.set_policies(policies, run.memory)
-    motion: list[tuple[np.ndarray, np.ndarray]] = []
-    marks: list[np.ndarray] = []
-    if isinstance(stepper, BodyStepper):
-        task, marked = run.task, type(run.task).marks is not Task.marks
-        marked_now = stepper.viewer(lambda cycle, state: task.marks(cycle.memory, state))
-        for _ in range(steps):
-            action, before = np.array(stepper.activation), marked_now() if marked else None
-            stepper.advance(1)
-            motion.append((stepper.batch.packed.copy() if stepper.ended is None else stepper.ended, action))
-            if before is not None:  # where an episode has ended, the task already has the targets of the next one
-                renewed = (motion[-1][0] != stepper.batch.packed).any(axis=1)
-                marks.append(np.where(renewed[:, None, None], before, marked_now()))
-    else:
+    motion = _Motion(stepper, run.task) if isinstance(stepper, BodyStepper) else None
+    if motion is None:
         stepper.advance(steps)
+    else:
+        motion.record(steps)
     record = without_broken(stepper.harvest())
-    if (broken := not_finite(policies)).any():
+    broken = not_finite(policies)
+    if broken.any():
         found = told_lanes(broken, run.seeds, run.settings)
         warnings.warn(
-            f"{found}: parameters that are not finite; nothing is said of them (NaN)", RunWarning, stacklevel=2
+            f"{found}: parameters that are not finite; nothing is said of them (NaN)", RunWarning, stacklevel=3
         )
     records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings))
     records.add(record, steps, 0, 0.0)
@@ -123,16 +183,45 @@ def evaluate(
     skipped = {"reward", "baseline", "parameters", "episodes", "diverged"}
     readings = {name: record[name] for name in record if name not in skipped and not name.endswith("_count")}
     time = run.task.period * np.arange(1, steps + 1)
-    reward = metrics["reward"].to_numpy()
-    if not isinstance(stepper, BodyStepper):
-        return Evaluation(metrics, reward, readings, time)
-    state = stepper.batch.unpack(np.stack([packed for packed, _ in motion], axis=1))
-    activation = np.stack([a for _, a in motion], axis=1)
-    measures = run.task.measures(state)
-    if broken.any():
-        unknown = {name: "unknown" if each.dtype.kind == "U" else np.nan for name, each in measures.items()}
-        measures = {name: np.where(broken, unknown[name], each) for name, each in measures.items()}
-    moved = (state.position, state.sensors, activation)
-    return Evaluation(
-        metrics, reward, readings, time, *moved, measures, state.activation, np.stack(marks, axis=1) if marks else None
-    )
+    moved = {} if motion is None else motion.found(broken)
+    return Evaluation(metrics, metrics["reward"].to_numpy(), readings, time, **moved)
+
+
+class _Motion:
+    """The motion of bodies at every decision."""
+
+    def __init__(self, stepper: BodyStepper, task: Task):
+        self.stepper, self.task = stepper, task
+        self.packed: list[np.ndarray] = []
+        self.control: list[np.ndarray] = []
+        self.marks: list[np.ndarray] = []
+
+    def record(self, steps: int) -> None:
+        """Make decisions."""
+        stepper, task = self.stepper, self.task
+        marked_now = stepper.viewer(lambda cycle, state: task.marks(cycle.memory, state))
+        marked = type(task).marks is not Task.marks
+        for _ in range(steps):
+            self.control.append(np.array(stepper.control))
+            before = marked_now() if marked else None
+            stepper.advance(1)
+            self.packed.append(stepper.batch.packed.copy() if stepper.ended is None else stepper.ended)
+            if before is not None:  # where an episode has ended, the task already has the targets of the next one
+                renewed = (self.packed[-1] != stepper.batch.packed).any(axis=1)
+                self.marks.append(np.where(renewed[:, None, None], before, marked_now()))
+
+    def found(self, broken: np.ndarray) -> dict[str, Any]:
+        """What was recorded, by the names of `Evaluation`; nothing is said of `broken` lanes."""
+        state = self.stepper.batch.unpack(np.stack(self.packed, axis=1))
+        measures = self.task.measures(state)
+        if broken.any():
+            unknown = {name: "unknown" if each.dtype.kind == "U" else np.nan for name, each in measures.items()}
+            measures = {name: np.where(broken, unknown[name], each) for name, each in measures.items()}
+        return {
+            "position": state.position,
+            "sensors": state.sensors,
+            "control": np.stack(self.control, axis=1),
+            "measures": measures,
+            "activation": state.activation,
+            "marks": np.stack(self.marks, axis=1) if self.marks else None,
+        }

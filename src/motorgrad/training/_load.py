@@ -1,7 +1,7 @@
 """Reading the run in a directory, or only its configuration."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,10 @@ import pyarrow as pa
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
-from motorgrad.policies import Policy, rebuild, trainable
+from motorgrad._interface import Interface
+from motorgrad.policies import Policy, rebuild, trainable, with_interface
 from motorgrad.tasks import Task
+from motorgrad.training._evaluating import evaluations_in
 from motorgrad.training._metrics import mean_of_samples
 from motorgrad.training._run import Run
 from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, name_of, release_changes, versions
@@ -51,6 +53,9 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     shapes, lanes = _shapes(path, learner), len(config["run"]["seeds"]) * max(1, len(config.get("sweep", [])))
     policies = _filled(path, shapes, arrays, lanes, "kept.")
     initial = _filled(path, shapes, directory.initial(), lanes)
+    if policies.interface is not None and initial.interface is not None:
+        for interface in (policies.interface, initial.interface):
+            _checked(path, interface.check_statistics, "statistics of observations")
     metrics = directory.metrics(about)
     if metrics is not None and metrics.num_rows % lanes:
         raise RunDirectoryError(f"{path}: {metrics.num_rows:,} rows of records: must be {lanes:,} for each record")
@@ -58,7 +63,8 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     if any(name.startswith(mean) for name in arrays):
         single: Any = jax.ShapeDtypeStruct((), np.uint32)
         count = _filled(path, single, arrays, lanes, "cycle.agent.gradient.count")
-        one = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), trainable(policies))
+        learned = trainable(with_interface(policies, None))
+        one = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), learned)
         estimate = mean_of_samples(_filled(path, one, arrays, lanes, mean), count)
     return Run(
         config,
@@ -71,6 +77,8 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
         task,
         trust,
         memory_in(arrays),
+        evaluations_in(arrays),
+        critic_in(arrays),
     )
 
 
@@ -113,7 +121,18 @@ def _shapes(path: Path | str, learner: Mapping[str, Any]) -> Policy:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         why = " ".join(str(error).split())
         raise RunDirectoryError(f"{path}: the structure of its policy: {type(error).__name__}: {why}") from None
-    return found
+    table = learner.get("interface")
+    if table is None:  # of an earlier version, or of a task that does not know it
+        return found
+    return with_interface(found, _checked(path, Interface.of_table, table).shapes)
+
+
+def _checked(path: Path | str, read: Callable[..., Any], *given: Any) -> Any:
+    """What a function makes of stored data. **Raises** `RunDirectoryError`, where that refuses them."""
+    try:
+        return read(*given)
+    except ValueError as error:
+        raise RunDirectoryError(f"{path}: {error}") from None
 
 
 def _filled(path: Path | str, shapes: Policy, arrays: Mapping[str, np.ndarray], lanes: int, prefix: str = "") -> Policy:
@@ -132,5 +151,13 @@ def _filled(path: Path | str, shapes: Policy, arrays: Mapping[str, np.ndarray], 
 
 def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The arrays of a state that are the task's memory, by their paths within it."""
-    place = "cycle.memory"
+    return _part_of(arrays, "cycle.memory")
+
+
+def critic_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of a state that are of the learner's baseline or critic, by their paths within it."""
+    return _part_of(arrays, "cycle.agent.estimator.baseline")
+
+
+def _part_of(arrays: Mapping[str, np.ndarray], place: str) -> dict[str, np.ndarray]:
     return {name[len(place) + 1 :]: array for name, array in arrays.items() if f"{name}.".startswith(f"{place}.")}

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from motorgrad._errors import check
 from motorgrad.policies import Policy
 from motorgrad.training.engines import Record, mean_reward, without_broken
+from motorgrad.training.plots import weights_of
 
 if TYPE_CHECKING:
     from motorgrad.training._run import Run
@@ -71,9 +72,9 @@ def final_metrics(run: "Run", share: float = 0.1) -> dict[str, np.ndarray]:
 
     **Arguments:** `share`: of the records, the last ones, at least one.
 
-    **Returns** means over these records, without those in which nothing occurred (NaN where nothing occurred in any,
-    and for policies that are not finite); of what is counted, such as episodes and divergences, the totals of the whole
-    run as `NAME_total`. Empty for a run without records.
+    **Returns** means over all that occurred in these records (NaN where nothing did in any, and for policies that are
+    not finite): a record counts as often as the quantity occurred in it, or for its decisions; of what is counted, such
+    as episodes and divergences, the totals of the whole run as `NAME_total`. Empty for a run without records.
     """
     check(0 < share <= 1, "share", share, "above 0, at most 1")
     found: dict[str, np.ndarray] = {}
@@ -84,15 +85,18 @@ def final_metrics(run: "Run", share: float = 0.1) -> dict[str, np.ndarray]:
         if name.endswith("_count") or name in ("episodes", "diverged"):
             found[f"{name}_total"] = values.sum(axis=1)
             continue
-        last = values[:, -max(1, int(values.shape[1] * share)) :]
-        found[name] = np.where(run.broken, np.nan, mean_of_known(last))
+        last = slice(-max(1, int(values.shape[1] * share)), None)
+        found[name] = np.where(run.broken, np.nan, mean_of_known(values[:, last], weights_of(run, name)[:, last]))
     return found
 
 
-def mean_of_known(values: Float[np.ndarray, "lanes records"]) -> Float[np.ndarray, " lanes"]:
-    """The mean over the records in which something occurred; NaN where it occurred in none."""
+def mean_of_known(
+    values: Float[np.ndarray, "lanes records"], weights: Float[np.ndarray, "lanes records"]
+) -> Float[np.ndarray, " lanes"]:
+    """The weighted mean over the records in which something occurred; NaN where it occurred in none."""
+    weights = np.where(np.isnan(values), 0.0, weights)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nansum(values, axis=1) / (~np.isnan(values)).sum(axis=1)
+        return np.where(weights > 0, values * weights, 0.0).sum(axis=1) / weights.sum(axis=1)
 
 
 def mean_of_samples(mean: Policy, count: Any) -> Policy:

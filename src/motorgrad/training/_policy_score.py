@@ -17,7 +17,8 @@ from motorgrad._tree import path_of
 from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
 from motorgrad.search import Range, Space, WithGradients
-from motorgrad.tasks import Task, make
+from motorgrad.tasks import Task
+from motorgrad.training._trust import task_named
 from motorgrad.training.engines import MOST_AT_ONCE, mean_reward, stepper_for, validate, validate_needs
 
 
@@ -69,7 +70,7 @@ class PolicyScore:
     gradient: Estimator | None = None
 
     def __post_init__(self) -> None:
-        task = make(self.task) if isinstance(self.task, str) else self.task
+        task = task_named(self.task) if isinstance(self.task, str) else self.task
         check(isinstance(task, Task), "task", task, "a task, or the name of one")
         made: Any = self.policy
         if not isinstance(made, Policy) and callable(made):

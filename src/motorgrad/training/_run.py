@@ -19,15 +19,17 @@ from jaxtyping import Bool, Float
 
 from motorgrad._errors import check, counted, unknown
 from motorgrad.learning import Agent
-from motorgrad.policies import Policy, split
+from motorgrad.policies import Actor, Policy, split, with_interface
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
+from motorgrad.training._acting import Acting
 from motorgrad.training._agents import agent_from_table
 from motorgrad.training._broken import not_finite
+from motorgrad.training._evaluated import Evaluated
 from motorgrad.training._metrics import mean_of_known
 from motorgrad.training._sweep import setting_text
 from motorgrad.training._trust import check_imports
-from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves
+from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves, weights_of
 from motorgrad.training.store import (
     RunDirectory,
     RunDirectoryError,
@@ -41,14 +43,15 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class Run(Acting, Evaluated):
     """The outcome of training.
 
     - `config`: the effective configuration, as in `config.toml`.
     - `decision`: the number of decisions made per seed; `complete`, whether the run is finished.
     - `metrics`: a table of records (`docs/training.md` has its columns).
     - `policies`: the policies of all seeds, stacked along a leading axis, with averaged parameters where the learner
-      has `PolyakAveraging`; `initial`, the same before learning.
+      has `PolyakAveraging`; `initial`, the same before learning. Their `interface` says what observations and actions
+      mean, and has the running statistics of observations.
     - `gradient`: for estimators that batch, the mean of the gradient samples since the last step, of all seeds: with
       `gpomdp`, the estimate itself; NaN where there are none. `None` for online learners.
     - `path`: the run directory, `None` for a run in memory.
@@ -68,6 +71,9 @@ class Run:
     _task: Task | None = None
     _trust: bool = False
     _memory: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    _evaluations: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    _critic: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    _actors: dict[int | None, Actor] = dataclasses.field(default_factory=dict, init=False)
 
     def __repr__(self) -> str:
         done = f"{self.decision:,} of {counted(self.config['run']['steps'], 'decision')}"
@@ -112,6 +118,7 @@ class Run:
         if metrics.num_rows:
             metrics = metrics.filter(pc.field("setting") == index).drop_columns(["setting"])
         memory = {name: array[rows] for name, array in self._memory.items()}
+        found = {name: each if name == "decision" else each[rows] for name, each in self._evaluations.items()}
         return dataclasses.replace(
             self,
             config=config,
@@ -121,6 +128,8 @@ class Run:
             gradient=None if self.gradient is None else part(self.gradient),
             path=None,
             _memory=memory,
+            _evaluations=found,
+            _critic={name: array[rows] for name, array in self._critic.items()},
         )
 
     @property
@@ -165,6 +174,11 @@ class Run:
         return dataclasses.replace(self, _task=task)
 
     @property
+    def critic(self) -> Mapping[str, np.ndarray]:
+        """What the baseline or critic of the learner knew at the end, by path, lanes leading; empty without one."""
+        return self._critic
+
+    @property
     def memory(self) -> Any:
         """The memory of the task at the end, seeds leading, such as the scale of observations; `None` without one."""
         if not self._memory:
@@ -180,12 +194,16 @@ class Run:
         return fill_tree(template, first)
 
     def policy(self, seed: int | None = None) -> Policy:
-        """The learned policy of one seed, by default the first. A sweep has one for each setting: `split` it first."""
+        """The learned policy of one seed, by default the first. A sweep has one for each setting: `split` it first.
+
+        Its `act`, and what `export` writes, take raw observations and give raw actions, in the environment's units. It
+        warns (`RunWarning`) where this is unknown.
+        """
         check(not self.settings, "policy", self, "of a run of one setting: run.split()[0].policy()")
         seed = self.seeds[0] if seed is None else seed
         check(seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")
         row = self.seeds.index(seed)
-        return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.policies)
+        return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.whole_policies)
 
     def policies_at(self, records: Iterable[int] | None = None, seed: int | None = None) -> Any:
         """The policies at some records: all parameters over time as arrays, `(records, seeds, …)` each.
@@ -212,7 +230,8 @@ class Run:
         check(inside, "records", which.tolist(), f"among the {total} records of the run")
         column = self.metrics["parameters"].combine_chunks()
         numbers = column.flatten().to_numpy().reshape(total, self.lanes, -1)[which][:, lanes]
-        initial = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), self.initial)
+        # the statistics of observations are known at the end alone
+        initial = jax.tree.map(lambda leaf: jnp.asarray(leaf[lanes]), with_interface(self.initial, None))
         policies: Any = jax.vmap(jax.vmap(_with_numbers), (None, 0))(initial, jnp.asarray(numbers))
         if "units" in self.metrics.column_names:
             policies = _switched(policies, self.curve("units")[1][lanes][:, which].T)
@@ -253,12 +272,14 @@ class Run:
         return decision, values
 
     def final(self, quantity: str = "reward", share: float = 0.25) -> np.ndarray:
-        """Mean of a quantity over the last `share` of the records, of those in which it occurred, `(seeds,)`; NaN where
-        it occurred in none, and for policies that are not finite."""
+        """Mean of a quantity over all that occurred in the last `share` of the records, `(seeds,)`, such as the mean
+        return of all episodes that ended in them; NaN where it occurred in none (an episode may be longer: take a
+        larger share), and for policies that are not finite."""
         check(0 < share <= 1, "share", share, "above 0, at most 1")
         values = self.curve(quantity)[1]
-        last = values[:, -max(1, round(share * values.shape[1])) :]
-        return np.where(self.broken, np.nan, mean_of_known(last))
+        last = slice(-max(1, round(share * values.shape[1])), None)
+        means = mean_of_known(values[:, last], weights_of(self, quantity)[:, last])
+        return np.where(self.broken, np.nan, means)
 
     def ranked(self, quantity: str = "reward", *, share: float = 0.25, larger_is_better: bool = True) -> "list[Run]":
         """The run of each of the `settings`, the best first.

@@ -1,58 +1,34 @@
-"""The training loop: advance, record, commit; the same for every task and engine."""
+"""The two ways into training: a new run, and one that is resumed."""
 
-import time
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-import jax
-import numpy as np
-import pyarrow as pa
-from jaxtyping import Bool
-
 from motorgrad._arguments import check_arguments
-from motorgrad._compiler import compilations
-from motorgrad._errors import check, counted
-from motorgrad._progress import Progress
-from motorgrad._settings import table
-from motorgrad._signals import stop_when_asked
-from motorgrad.learning import Agent, RunningMean
-from motorgrad.policies import Policy, describe
-from motorgrad.tasks import HostTask, Task
-from motorgrad.training._agents import agent_table
-from motorgrad.training._arguments import TrainingArguments, check_training
-from motorgrad.training._broken import not_all_finite, not_finite, told_lanes
-from motorgrad.training._callbacks import Callback, Report, check_callbacks
-from motorgrad.training._load import given_initial, memory_in, saved_config
-from motorgrad.training._metrics import Records, mean_of_samples
+from motorgrad._errors import check
+from motorgrad._platform import tell_the_platform
+from motorgrad.learning import Agent
+from motorgrad.policies import Policy
+from motorgrad.tasks import Task
+from motorgrad.training._arguments import check_training
+from motorgrad.training._callbacks import Callback, check_callbacks
+from motorgrad.training._continuing import continued
+from motorgrad.training._load import given_initial, saved_config
+from motorgrad.training._progress import TrainingProgress
 from motorgrad.training._run import Run, saved_agent, saved_task
-from motorgrad.training._saving import GIVE_UP_AFTER, NotSaved, Saving
-from motorgrad.training._sweep import numbers_by_lane
-from motorgrad.training.engines import training_stepper_for
-from motorgrad.training.plots import EventFiles, check_tensorboard, start_time
-from motorgrad.training.store import (
-    CorruptCheckpoint,
-    RunDirectory,
-    RunDirectoryError,
-    RunWarning,
-    by_name,
-    differences,
-    fill_tree,
-    fingerprint,
-    release_changes,
-    versions,
-)
-
-SLICE = 0.2  # seconds of work between two checks of the clock and of Ctrl-C
+from motorgrad.training._saving import GIVE_UP_AFTER, Saving
+from motorgrad.training._training import Training
+from motorgrad.training._trust import task_named
+from motorgrad.training.plots import check_tensorboard
+from motorgrad.training.store import RunDirectory
 
 
 def train(
     task: Task | str,
     agent: Agent | Mapping[str, Any] | None = None,
     steps: int = 100_000,
-    seeds: int | Sequence[int] = 1,
+    seeds: int | Sequence[int] | None = None,
     out: Path | str | None = None,
     *,
     sweep: Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]] | None = None,
@@ -64,7 +40,7 @@ def train(
     progress: bool = True,
     tensorboard: bool = False,
     callbacks: Callback | Iterable[Callback] = (),
-    initial: Policy | None = None,
+    initial: Policy | Run | None = None,
     give_up_after: float = GIVE_UP_AFTER,
     allow_changed: bool = False,
 ) -> Run:
@@ -72,12 +48,14 @@ def train(
 
     **Arguments:**
 
-    - `task`: a task, or the name of one.
-    - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner.
-      A run whose parts are all registered can be resumed from its directory alone (`resume`).
+    - `task`: a task, or its name: as on the command line, also the id of a Gymnasium environment, such as
+      `"Pendulum-v1"`, or a TOML file of a task.
+    - `agent`: the learner; or changes to the task's own learner, as in `agent_for`; by default that learner, or that of
+      the run where `initial` is one. A run whose parts are all registered can be resumed from its directory alone
+      (`resume`).
     - `steps`: decisions per seed, those of all its environments together. If the directory holds a run with more
       decisions, that run is returned.
-    - `seeds`: their number (0, 1, 2 …), or a list of them.
+    - `seeds`: their number (0, 1, 2 …), or a list of them; by default 1, or those of the run where `initial` is one.
     - `out`: the run directory. If it holds the same run, unfinished, training continues from its last checkpoint, bit
       for bit; if it is finished, it is returned, or continued where `steps` are more than before.
     - `sweep`: several settings of the agent's numbers, which learn side by side in one compiled call: a mapping from
@@ -95,19 +73,24 @@ def train(
     - `progress`: whether to show progress.
     - `tensorboard`: whether to write TensorBoard event files to `tensorboard/` of the run directory. They hold every
       record up to the newest checkpoint exactly once, also after a kill.
-    - `callbacks`: functions that get every new record as a `Report`, to log it elsewhere for example; one or several.
-      Where one returns True, training ends early, as at Ctrl-C (`EarlyStopping`). They change no number.
-    - `initial`: the policies from which the seeds start, along a leading axis, such as the `policies` of a run; by
-      default the agent's own. They must have the structure of the agent's policy.
+    - `callbacks`: functions that get every new record as a `Report`, with the present policies, to log it elsewhere for
+      example; one or several. Where one returns True, training ends early, and the unfinished run is saved and returned
+      (`EarlyStopping`); `EvaluationCallback` and `KeepBest` evaluate. They change no number.
+    - `initial`: a run that the seeds continue, also on a changed body or task with the same observations and actions;
+      or the policies from which they start, along a leading axis, such as the `policies` of a run; by default the
+      agent's own. They must have the structure of the agent's policy. Running statistics of observations are taken
+      over.
     - `give_up_after`: seconds after which the run ends if nothing could be saved in them, because the disk is full or
       the directory is gone. Until then it learns on, warns, tries again at every checkpoint, and loses nothing.
     - `allow_changed`: whether to continue a run whose settings, or version of motorgrad, are not those with which it
       was made. The present ones are used.
 
-    **Returns** a `Run`. Ctrl-C or SIGTERM saves everything and returns the unfinished run (`complete` is `False`).
+    **Returns** a `Run`.
 
     **Raises** `ValueError` for impossible settings and `RunDirectoryError` for a directory that cannot be used, both
     before any work starts; `NotSaved`, whose `run` is all that was learned, where a run ends and could not be saved.
+    Ctrl-C or SIGTERM stops it, saves everything, and then raises `KeyboardInterrupt`, which says how far it is and has
+    the unfinished run as `run`: a script does not go on with it unless it catches this.
 
     ```python
     run = mg.train("hopper", steps=100_000, seeds=16, out="runs/hopper")
@@ -116,10 +99,15 @@ def train(
     ```
     """
     check_arguments(train, locals(), ("seeds", "out", "progress", "tensorboard", "allow_changed"))
+    if isinstance(initial, Run):
+        task = task_named(task) if isinstance(task, str) else task
+        agent, seeds, initial = continued(initial, task, agent, seeds)
+    seeds = 1 if seeds is None else seeds
     arguments = check_training(
         task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after, envs, workers
     )
     reported = check_callbacks(callbacks)
+    tell_the_platform()
     if tensorboard:
         check(not arguments.settings, "tensorboard", tensorboard, "False for a sweep: write it for each of run.split()")
         check(out is not None, "tensorboard", tensorboard, "False for a run in memory: give `out`")
@@ -127,10 +115,10 @@ def train(
     lanes = len(arguments.seeds) * max(1, len(arguments.settings))
     with (
         nullcontext() if out is None else RunDirectory(out) as directory,
-        _TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
+        TrainingProgress(arguments.task, lanes, arguments.steps, progress) as report,
     ):
         saving = None if directory is None else Saving(directory, checkpoint_every, give_up_after)
-        training = _Training(arguments, saving, threads, reported)
+        training = Training(arguments, saving, threads, reported)
         if directory is not None:
             training.open(directory, window, allow_changed)
             training.write_events(directory, tensorboard)
@@ -187,284 +175,3 @@ def resume(
         give_up_after=give_up_after,
         allow_changed=allow_changed,
     )
-
-
-class _Training:
-    """One call of `train`."""
-
-    def __init__(
-        self, arguments: TrainingArguments, saving: Saving | None, threads: int, callbacks: tuple[Callback, ...]
-    ):
-        task, agent, steps, seeds, initial, settings, window, envs, workers = arguments
-        self.task, self.saving, self.callbacks = task, saving, callbacks
-        self.ended = False  # by a callback
-        lanes = seeds * max(1, len(settings))
-        numbers = numbers_by_lane(settings, len(seeds))
-        mark = None if initial is None else fingerprint(initial)
-        if initial is not None and settings:
-            initial = jax.tree.map(lambda leaf: np.concatenate([leaf] * len(settings)), initial)
-        self.stepper = training_stepper_for(task, agent, lanes, threads, initial, numbers, envs, workers)
-        self.envs = envs
-        self.config: dict[str, Any] = {
-            "run": {"steps": steps, "seeds": seeds, "window": window},
-            "task": {"name": task.name, **table(task)},
-            "agent": agent_table(agent),
-        }
-        if settings:
-            self.config["sweep"] = settings
-        if envs > 1:
-            self.config["run"]["envs"] = envs
-        if mark is not None:
-            self.config["run"]["initial"] = mark
-        start = self.stepper.state["cycle"].agent
-        self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
-        self.records = Records(self.stepper.seeds, task.period, len(settings))
-        self.initial = self.stepper.policies()
-        self.wall, self.cpu, self.recorded = 0.0, 0.0, 0
-        self.lost = np.zeros(len(lanes), bool)
-        self.continues = self.finished = False
-        self._ending: tuple[Any, ...] | None = None
-
-    def open(self, directory: RunDirectory, window: int | None, allow_changed: bool) -> None:
-        """Resume the run in the directory, or start one."""
-        path, steps = directory.path, self.config["run"]["steps"]
-        found = directory.to_continue() if directory.is_run else None
-        about = None if found is None else found[1]
-        if directory.is_run:
-            before = directory.config(about, allow_changed)
-            if window is None:
-                self.config["run"]["window"] = before["run"]["window"]
-            self._compare(directory, before, about, allow_changed)
-            if about is not None:
-                _check_steps(path, steps, before["run"]["steps"], about["decision"])
-        self._check_resumable(path, about is not None and about["decision"])
-        if found is not None and about is not None:
-            self.continues = about["decision"] < steps
-            self.finished = not self.continues and not allow_changed and directory.has_its_end(about)
-            state = fill_tree(self.stepper.state, found[0])
-            if self.finished and "environments" in state.get("physics", {}):  # no more is done with them
-                state["physics"]["environments"] = np.zeros_like(state["physics"]["environments"])
-            self.stepper.restore(state)
-            self._look_for_broken(not_finite(self.stepper.policies()))
-            self.recorded, self.wall, self.cpu = about["recorded"], about["wall"], about.get("cpu", 0.0)
-            self.config["run"]["steps"] = max(steps, about["decision"])
-        directory.write_config(self.config)
-        directory.roll_back(about, self.finished)
-        self._restore_initial(directory, about)
-        directory.add_session(self.config["run"]["seeds"], about, self.continues)
-
-    def _compare(
-        self, directory: RunDirectory, before: dict[str, Any], about: dict[str, Any] | None, allow_changed: bool
-    ) -> None:
-        """Refuse to resume a run of another configuration, or of another release of motorgrad."""
-        if allow_changed:
-            return
-        path, now = directory.path, self.config
-        begins = self._stored_beginning(directory) if about is None else about["begins"]
-        if begins is not None:
-            before = {**before, "agent": {**before["agent"], **begins}}
-            now = {**now, "agent": {**now["agent"], **self.begins}}
-        # name a number rather than the fingerprint of the initial learner, which changes with it
-        found = (f"{where} was {then!r} and is now {new!r}" for where, new, then in differences(now, before))
-        changed = sorted(
-            (difference for difference in found if not difference.startswith("run.steps")),
-            key=lambda difference: difference.startswith("agent.initial"),
-        )
-        if changed:
-            steps, made = now["run"]["steps"], before["run"]["steps"]
-            own = ""
-            if steps != made and all(difference.startswith("agent.") for difference in changed):
-                own = (
-                    f"some learners scale with the steps, which were {made:,} and are now {steps:,}: go on with the "
-                    f"run's own learner by mg.resume({str(path)!r}, {steps}), or motorgrad train --resume {path} "
-                    f"--steps {steps}; or "
-                )
-            raise RunDirectoryError(
-                f"{path} holds a run of another configuration: {changed[0]}; {own}choose another directory, or the "
-                "same settings, or continue on purpose with allow_changed=True (--allow-changed)"
-            )
-        if about is not None and (changes := release_changes(about["versions"], versions(), ("motorgrad",))):
-            raise RunDirectoryError(
-                f"{path} holds a run of another version: {changes[0]}; continue it with that version, or on purpose "
-                "with allow_changed=True (--allow-changed)"
-            )
-
-    def _stored_beginning(self, directory: RunDirectory) -> dict[str, Any] | None:
-        learner = directory.learner()
-        return None if learner is None else {name: learner[name] for name in self.begins}
-
-    def _restore_initial(self, directory: RunDirectory, about: dict[str, Any] | None) -> None:
-        """Write the policies before learning, where they are missing or damaged."""
-        try:
-            if directory.has_initial_policies and directory.learner() is not None:
-                return
-        except CorruptCheckpoint as error:
-            warnings.warn(f"{error}; made again", RunWarning, stacklevel=2)
-        directory.save_initial(self.initial, {**self.config["agent"], **self.begins})
-
-    def write_events(self, directory: RunDirectory, asked: bool) -> None:
-        """Begin or continue the event files, where they are asked for or there."""
-        if self.saving is None or not (asked or (directory.path / "tensorboard").is_dir()):
-            return
-        check_tensorboard()
-        seeds = self.config["run"]["seeds"]
-        self.saving.events = EventFiles(directory.path / "tensorboard", seeds, start_time(directory.path))
-        self.saving.events.add(directory.metrics())
-
-    def _check_resumable(self, path: Path, made: int | bool) -> None:
-        """Warn where the dynamics cannot be saved; refuse to resume such a run."""
-        why = self.task.no_resume if isinstance(self.task, HostTask) else None
-        if why is None:
-            return
-        if made is False:
-            warnings.warn(f"{path}: this run cannot be resumed if it is stopped: {why}", RunWarning, stacklevel=2)
-        elif made < self.config["run"]["steps"]:
-            raise RunDirectoryError(
-                f"{path} holds a run stopped after {counted(made, 'decision')}, which cannot be resumed: {why}; "
-                "choose another directory, or delete this one"
-            )
-
-    def run(self, report: "_TrainingProgress") -> Run:
-        steps, window = self.config["run"]["steps"], self.config["run"]["window"]
-        stepper, saving, count = self.stepper, self.saving, 1
-        if self.continues:
-            self._commit()  # the files of this session are covered from its beginning
-        report.begin(stepper.decision, steps)
-        with stop_when_asked() as stopped:
-            while stepper.decision < steps and not self.ended and not stopped() and not (saving and saving.given_up):
-                due = min((stepper.decision // window + 1) * window, steps)
-                made, start = min(-(-count // self.envs) * self.envs, due - stepper.decision), time.perf_counter()
-                worked = time.process_time()
-                stepper.advance(made)
-                self.cpu += time.process_time() - worked
-                took = max(time.perf_counter() - start, 1e-6)
-                self.wall += took
-                # slices grow up to the time wanted; the time of the first includes compiling
-                count = max(1, min(2 * count, round(made * SLICE / took)))
-                latest = {} if stepper.decision % window else self._record()
-                report.report(stepper.decision, made / took, latest)
-                if saving and saving.due and stepper.decision < steps:
-                    self._commit()
-            while not self.finished and not self._commit() and saving and not stopped() and not saving.given_up:
-                _wait(saving.pause, stopped)
-        run = self._outcome()
-        if saving is not None and saving.why is not None:
-            error = NotSaved(
-                f"{saving.directory.path}: the run ended after {counted(stepper.decision, 'decision')} and could not "
-                f"be saved: {saving.why}. The last saved checkpoint stands; in Python, `run` of this error has all"
-            )
-            error.run = run
-            raise error
-        return run
-
-    def _outcome(self) -> Run:
-        saving, state = self.saving, self.stepper.state
-        learner = state["cycle"].agent
-        batches = isinstance(learner.gradient, RunningMean)
-        metrics = self.records.take() if saving is None else saving.metrics()
-        return Run(
-            self.config,
-            self.stepper.decision,
-            pa.table({}) if metrics is None else metrics,
-            self.stepper.policies(),
-            self.initial,
-            mean_of_samples(learner.gradient.mean, learner.gradient.count) if batches else None,
-            None if saving is None else saving.directory.path,
-            self.task,
-            _memory=memory_in(by_name(state)),
-        )
-
-    def _record(self) -> dict[str, float]:
-        """Add a record. Returns the means over the seeds of the reward and of the task's first reading."""
-        record = self.stepper.harvest()
-        self._look_for_broken(not_all_finite(record["parameters"]))
-        latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall, self.cpu)}
-        for name in self.task.reports[:1]:
-            seen = record[name][np.isfinite(record[name])]
-            latest |= {name: float(seen.mean())} if len(seen) else {}
-        self.recorded = self.stepper.decision
-        self._report()
-        return latest
-
-    def _look_for_broken(self, lost: Bool[np.ndarray, " lanes"]) -> None:
-        """Warn of the lanes whose parameters have ceased to be finite since the last record."""
-        if (new := lost & ~self.lost).any():
-            lanes = told_lanes(new, self.config["run"]["seeds"], self.config.get("sweep", []))
-            of = f"{np.count_nonzero(lost)} of {len(self.lost)}"
-            when = f"parameters not finite by decision {self.stepper.decision:,}"
-            what = "from then on nothing is learned, and reward and readings are NaN"
-            ways = "see what is observed and rewarded, or take a lower learning rate"
-            warnings.warn(f"{lanes}: {when} ({of} so far): {what}; {ways}", RunWarning, stacklevel=2)
-        self.lost |= lost
-
-    def _report(self) -> None:
-        """Tell the callbacks of the newest record."""
-        if not self.callbacks:
-            return
-        path = None if self.saving is None else self.saving.directory.path
-        run = self.config["run"]
-        report = Report(self.task.name, run["seeds"], self.recorded, run["steps"], self.records.newest(), path)
-        ends = [callback(report) is True for callback in self.callbacks]
-        self.ended = self.ended or any(ends)
-
-    def _commit(self) -> bool:
-        """Save everything, where there is a directory; whether that succeeded.
-
-        At the end, the unfinished window has a record, too. It is not part of the state, so more steps complete it.
-        """
-        short = self.recorded < self.stepper.decision == self.config["run"]["steps"]
-        if self.saving is None:
-            if short:
-                self._record()
-            return True
-        if self._ending is not None:  # to make the last record has changed the state
-            return self.saving.save(*self._ending)
-        about = {"decision": self.stepper.decision, "recorded": self.recorded, "wall": self.wall}
-        about |= {"cpu": self.cpu, "config": self.config, "begins": self.begins}
-        state = {**self.stepper.state, "kept": self.stepper.policies()}
-        records, last = self.records.take(), None
-        if short:
-            self._record()
-            last = self.records.take()
-            self._ending = (state, about, None, last)
-        return self.saving.save(state, about, records, last)
-
-
-def _wait(seconds: float, stopped: Callable[[], bool]) -> None:
-    """Wait, but not on after a request to stop."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end and not stopped():
-        time.sleep(min(SLICE, max(0.0, end - time.monotonic())))
-
-
-def _check_steps(path: Path, steps: int, before: int, made: int) -> None:
-    """Refuse fewer steps than an unfinished run has. (A finished run is returned.)"""
-    if steps < before and made < before:
-        raise RunDirectoryError(
-            f"{path} holds a run of {counted(before, 'decision')}, of which {made:,} are made, but steps = {steps:,}: "
-            f"give {before:,} or more, or choose another directory"
-        )
-
-
-class _TrainingProgress(Progress):
-    """Progress of a training: the latest means, decisions per second, simulated time."""
-
-    def __init__(self, task: Task, seeds: int, steps: int, shown: bool):
-        super().__init__(task.name, "decisions", steps, 0, shown, at_first="compiling")
-        self.task, self.seeds = task, seeds
-        self._latest: dict[str, float] = {}
-        self._rate: float | None = None
-        self._compiled = compilations()
-
-    def report(self, decision: int, rate: float, latest: Mapping[str, float]) -> None:
-        """Show progress at a `decision`, the `rate` in decisions per second and seed, and new means of the metrics."""
-        self._latest |= latest
-        before, self._compiled = self._compiled, compilations()
-        usual = self._compiled == before
-        if usual:
-            self._rate = rate
-        facts = [f"{name} {value:.4g}" for name, value in reversed(self._latest.items())]
-        if self._rate is not None:
-            facts.append(f"{self._rate * self.seeds:,.0f} decisions/s")
-        facts += [f"{decision * self.task.period:,.0f} s simulated"] if self.task.period != 1 else []
-        self.update(decision, " · ".join([*facts, counted(self.seeds, "seed")]), usual)

@@ -2,11 +2,12 @@
 
 import importlib.util
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from motorgrad._consent import HOW, allow
 from motorgrad._errors import NotTrusted, shown
-from motorgrad.tasks import TASKS
+from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, make, settings_in
 
 MOST = 10
 """Names in a message. Of more, and of longer ones than a message has room for, no question is asked, as it would not
@@ -20,7 +21,11 @@ def check_imports(settings: Any, where: str, trust: bool = False) -> None:
 
     **Raises:** `NotTrusted` that says what would be imported.
     """
-    if not isinstance(settings, Mapping) or not isinstance(settings.get("name"), str) or settings["name"] not in TASKS:
+    if not isinstance(settings, Mapping) or not isinstance(settings.get("name"), str):
+        return
+    if settings["name"] not in TASKS and is_environment(settings["name"]):  # which `make` takes for its name
+        settings = {**settings, "name": ENVIRONMENT, "env_id": settings["name"]}
+    if settings["name"] not in TASKS:
         return
     names = list(dict.fromkeys(TASKS[settings["name"]].imports(settings)))
     if trust:
@@ -34,6 +39,22 @@ def check_imports(settings: Any, where: str, trust: bool = False) -> None:
             f"nothing was imported. If you trust it: {HOW}",
             names if in_full else (),
         )
+
+
+def task_named(word: str) -> Task:
+    """The task that a word of the user's names, in a program as on the command line: its name, the id of a Gymnasium
+    environment, or a TOML file.
+
+    **Raises:** `ValueError` for an unknown name; `NotTrusted` where the file names code that would be imported.
+    """
+    if not word.lower().endswith(".toml"):
+        return make(word)
+    settings = settings_in(Path(word))
+    check_imports(settings, word)
+    try:
+        return make(**settings)
+    except ValueError as error:
+        raise ValueError(f"{word}: {error}") from None
 
 
 def _place(module: str) -> str:

@@ -31,7 +31,7 @@ def test_a_live_learner_is_the_learner_of_training_with_its_activations():
     state = engine.batch.unpack(engine.batch.packed)
     np.testing.assert_array_equal(sample["position"], state.position)
     np.testing.assert_array_equal(sample["activation"], state.activation)
-    np.testing.assert_array_equal(sample["control"], engine.activation)
+    np.testing.assert_array_equal(sample["control"], engine.control)
     assert (sample["activation"] > 0).any()
     *target, radius = sample["marks"][0]
     assert radius == np.float32(0.03)

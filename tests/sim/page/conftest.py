@@ -1,7 +1,6 @@
 """A page of a learner, paused, as a stranger finds it."""
 
 import pytest
-from page_clients import PLACES
 
 import motorgrad as mg
 from motorgrad import _gate
@@ -18,6 +17,8 @@ def _left(messages_to_who_has_left):
 def page(messages_to_who_has_left):
     """One for all tests of this folder, as its process takes seconds to start. It is left paused."""
     if not _pages:
+        from page_clients import PLACES  # which needs what a page does
+
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(_gate, "STRANGERS", PLACES)
             _pages.append(mg.sim.view("chain", playing=False))

@@ -93,7 +93,7 @@ def behaviour_of(
     return {
         "angle": np.stack([90 + np.rad2deg(sensed["knee_angle"][row, part]) for sensed in sensors]),
         "height": np.stack([sensed["foot_height"][row, part] for sensed in sensors]),
-        "firing": np.stack([outcome.activation[row, part] > 0.5 for outcome in both if outcome.activation is not None]),
+        "firing": np.stack([outcome.control[row, part] > 0.5 for outcome in both if outcome.control is not None]),
         "groups": np.array(run.task.dynamics.groups),  # type: ignore[union-attr]
         "period": np.array(run.task.period),
         "seed": np.array(seed),

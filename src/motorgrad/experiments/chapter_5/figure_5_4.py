@@ -40,7 +40,7 @@ class HopperDynamics(HopperStudy):
         """The median seed: what it observed, and the actions it chose."""
         assert outcome.sensors is not None
         assert outcome.position is not None
-        assert outcome.activation is not None
+        assert outcome.control is not None
         seed = median_seed(run, outcome)
         row = run.seeds.index(seed)
         sensed = {name: values[row, :-1].astype(float) for name, values in outcome.sensors.items()}
@@ -52,7 +52,7 @@ class HopperDynamics(HopperStudy):
             "rate": np.rad2deg(rate),
             "contact": sensed["foot_contact"] > 0,
             "height": sensed["foot_height"],
-            "firing": outcome.activation[row, 1:] > 0.5,
+            "firing": outcome.control[row, 1:] > 0.5,
             "position": outcome.position[row, :-1],
             "grid_angle": 90 + np.rad2deg(x),
             "grid_rate": np.rad2deg(y),
@@ -113,8 +113,8 @@ def firing_shares(outcome: Evaluation) -> Values:
     the air. The share of no decisions is one half, as before learning.
     """
     assert outcome.sensors is not None
-    assert outcome.activation is not None
-    firing = outcome.activation[:, 1:] > 0.5
+    assert outcome.control is not None
+    firing = outcome.control[:, 1:] > 0.5
     contact = outcome.sensors["foot_contact"][:, :-1] > 0
     upwards = np.diff(outcome.sensors["load_height"], axis=1) > 0
 

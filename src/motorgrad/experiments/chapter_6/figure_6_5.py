@@ -19,7 +19,7 @@ from motorgrad.experiments.chapter_6._local_study import (
     policy_at,
     visited,
 )
-from motorgrad.experiments.chapter_6._pairs import BothPairs, settings_of
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.policies import activity
 from motorgrad.sim import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.statistics import Measured, mean_of, share_of, tally_of
@@ -54,7 +54,7 @@ class LocalPolicies(BothPairs, LocalStudy):
 
     quick = smoke(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
 
-    def measure(self, work: Workspace, pair: str) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         found: Values = {}
         for layout in LAYOUTS:
             task = FallingParticle(layout=layout)  # type: ignore[arg-type]
@@ -124,7 +124,7 @@ class LocalPolicies(BothPairs, LocalStudy):
             axes[1].set_title("share of time in each place", fontsize=9.5)
         return figure
 
-    def judge(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         for layout, (before, after, deviation) in INDEPENDENT.items():
             late_reward = values[f"{layout} late"]
             yield positive(

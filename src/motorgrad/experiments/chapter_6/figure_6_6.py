@@ -11,7 +11,7 @@ from motorgrad.experiments._claims import Claim, below, more_than_half
 from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
-from motorgrad.experiments.chapter_6._pairs import BothPairs, settings_of
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.policies import Policy
 from motorgrad.statistics import exact, share_of
 from motorgrad.tasks import FallingParticle
@@ -40,7 +40,7 @@ class AnyUnitFires(BothPairs, LocalStudy):
 
     quick = smoke(decisions=2_000, seeds=3, looks=20, cells=20)
 
-    def measure(self, work: Workspace, pair: str) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         task, run = FallingParticle(layout="R2"), self.learned(work, "R2", **settings_of(pair))
         sides = (np.arange(self.cells) + 0.5) / self.cells
         places = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
@@ -72,7 +72,7 @@ class AnyUnitFires(BothPairs, LocalStudy):
         figure.suptitle("probability that at least one unit fires", fontsize=11)
         return figure
 
-    def judge(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         found, row = values["any"], int(values["row"])
         error = float(np.abs(found[row] - values["drawn"]).max())
         # six standard deviations of a share of one half

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -24,9 +24,11 @@ from motorgrad._files import check_writable, write_atomically
 from motorgrad.export import Program, c_literal, c_source, c_type
 from motorgrad.lab.diagram import Diagram, Port
 from motorgrad.lab.engine import MOST_TICKS, Run
+from motorgrad.lab.fmi._policy import names_of, policy_diagram
 from motorgrad.lab.fmi._slopes import SlopeProgram, slope_program
 from motorgrad.lab.fmi._step import TickProgram, tick_program
 from motorgrad.lab.fmi._wrapper import wrapper
+from motorgrad.policies import Policy
 
 VERSIONS = ("2.0", "3.0")
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", "-w")
@@ -38,7 +40,7 @@ EPOCH = (1980, 1, 1, 0, 0, 0)  # of the files in the unit, so that equal diagram
 
 
 def write_fmu(
-    source: Diagram | Run,
+    source: Diagram | Run | Policy,
     path: Path | str,
     version: str = "2.0",
     compiled: bool = True,
@@ -58,7 +60,9 @@ def write_fmu(
 
     **Arguments:**
 
-    - `source`: a diagram, or a run of one seed: the unit then begins where the run is, with what it has learned.
+    - `source`: a diagram, or a run of one seed: the unit then begins where the run is, with what it has learned; or the
+      policy of a run of training, `mg.load(path).policy(seed)`: the unit's input is then the raw observation, its
+      output the most probable raw action, its tick the period of decisions.
     - `path`: of the file, which ends in `.fmu`.
     - `version`: of the standard, `"2.0"` or `"3.0"`.
     - `compiled`: whether to compile it for this machine, with `cc`. The sources are always in it.
@@ -80,6 +84,10 @@ def write_fmu(
     choice("version", version, VERSIONS)
     choice("interface", interface, ("co-simulation", "model exchange"))
     exchanged = interface == "model exchange"
+    known: dict[str, tuple[str, ...]] = {}
+    if isinstance(source, Policy):
+        check(not exchanged, "interface", interface, "'co-simulation' for a policy, which decides at intervals")
+        known, source = names_of(source), policy_diagram(source)
     program: TickProgram | SlopeProgram = slope_program(source) if exchanged else tick_program(source)
     name = re.sub(r"\W|^(?=\d)", "_", path.stem, flags=re.ASCII)
     about = ["A diagram of motorgrad as a Functional Mock-up Unit."]
@@ -90,7 +98,7 @@ def write_fmu(
     guid = str(uuid.UUID(hashlib.sha256(f"{version}{program.inlets}{body}".encode()).hexdigest()[:32]))
     code = body + wrapper(version, guid, "slopes" if exchanged else "ticks", _parts(program))
     files: dict[str, bytes] = {
-        "modelDescription.xml": _description(program, name, guid, version),
+        "modelDescription.xml": _description(program, name, guid, version, known),
         f"sources/{name}.c": code.encode(),
     }
     if version == "3.0":
@@ -194,8 +202,10 @@ def _size(port: Port) -> int:
     return int(np.prod(port.shape))
 
 
-def _description(program: TickProgram | SlopeProgram, name: str, guid: str, version: str) -> bytes:
-    """`modelDescription.xml`."""
+def _description(
+    program: TickProgram | SlopeProgram, name: str, guid: str, version: str, known: Mapping[str, tuple[str, ...]]
+) -> bytes:
+    """`modelDescription.xml`, in which some ports have `known` names of their numbers."""
     old = version == "2.0"
     key = "guid" if old else "instantiationToken"
     root = ElementTree.Element("fmiModelDescription", fmiVersion=version, modelName=name, generationTool="motorgrad")
@@ -228,6 +238,8 @@ def _description(program: TickProgram | SlopeProgram, name: str, guid: str, vers
             place = "" if whole else f"[{','.join(str(n) for n in np.unravel_index(i, port.shape))}]"
             index += 1
             told = {"name": f"{title}{place}", "valueReference": str(reference + i), "causality": causality}
+            if title in known:
+                told["description"] = ", ".join(known[title]) if whole else known[title][i]
             told["variability"] = "continuous" if port.kind == "float" else "discrete"
             start = {} if resting is None else {"start": _start(resting if whole else resting.ravel()[i])}
             if old:

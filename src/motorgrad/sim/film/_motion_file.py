@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -94,6 +95,7 @@ def read_activations(path: Path | str, model: mujoco.MjModel) -> tuple[np.ndarra
         wrong = [name for name in found.names if name not in known and name not in joints]
         if wrong:
             raise unknown("muscle", wrong[0], known) if len(wrong) == 1 else ValueError(_listed("unknown", wrong))
+        _check_finite(found, known)
         places = [place for place, name in enumerate(found.names) if name in known]
         check(places, "columns", list(found.names), "the names of muscles")
         return found.time, [known[found.names[place]] for place in places], found.values[:, places]
@@ -119,6 +121,7 @@ def _motion(found: Columns, model: Any, partial: bool, label: str) -> Motion:
             known = ", ".join(joints)
             raise ValueError(f"{'; '.join(problems)}; the joints of the model are {known[:400]}. See `partial`")
     check(len(wrong) < len(found.names), "columns", list(found.names)[:20], "the names of joints of the model")
+    _check_finite(found, [*joints, *muscles])
     start = np.array(model.key_qpos[0] if model.nkey else model.qpos0)
     position = np.tile(start, (len(found.time), 1))
     turning = (int(mujoco.mjtJoint.mjJNT_HINGE),)
@@ -134,6 +137,13 @@ def _motion(found: Columns, model: Any, partial: bool, label: str) -> Motion:
             moved = position[:, source] - model.qpos0[source] if source is not None else np.zeros(len(position))
             position[:, place] = reference + np.polynomial.polynomial.polyval(moved, polynomial)
     return Motion(model, found.time, position, activation, label)
+
+
+def _check_finite(found: Columns, used: Iterable[str]) -> None:
+    """Refuse columns of these names that have other numbers than finite ones; what is left out may have."""
+    used = set(used)
+    for name, column in zip(found.names or (), found.values.T, strict=True):
+        check(name not in used or np.all(np.isfinite(column)), f"numbers of {shown(name)}", "not finite", "finite")
 
 
 def _coordinates(model: Any) -> dict[str, int]:
@@ -186,9 +196,10 @@ def _columns(path: Path, model: Any) -> Columns:
         raise ValueError(f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}") from None
     del model
     check(len(found.time) > 0, "rows", 0, "at least one")
-    told = [found.time, found.values, *([] if found.activation is None else [found.activation])]
-    check(all(np.all(np.isfinite(each)) for each in told), "numbers", "not finite", "finite")
-    for each in told[1:]:
+    told = [found.values, *([] if found.activation is None else [found.activation])]
+    for each in (found.time, *(told if found.names is None else told[1:])):
+        check(np.all(np.isfinite(each)), "numbers", "not finite", "finite")
+    for each in told:
         check(each.ndim == 2, "shape", each.shape, "rows and columns")
         check(len(each) == len(found.time), "rows", len(each), f"{len(found.time)}, one for each moment")
     return found

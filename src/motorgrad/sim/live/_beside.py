@@ -11,9 +11,10 @@ import numbers
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._consent import is_allowed
@@ -26,7 +27,7 @@ from motorgrad.policies import Policy
 from motorgrad.sim.live._policy import load_policy
 from motorgrad.sim.live._probe import Probed, probe
 from motorgrad.sim.live._snapshot import LONGEST_LABEL, MOST_BODIES
-from motorgrad.tasks import Task, scale_action
+from motorgrad.tasks import Task
 from motorgrad.training import Run, load, stepper_for
 
 UNTRAINED = "untrained"
@@ -62,6 +63,7 @@ class BesideBody:
             self.stepper.set_policies(self.stepper.policies(), what.memory)
         self._probe = probe(self.stepper, feet)
         self._recurrent: Any = None
+        self._raw = self.stepper.viewer(_raw_observation(task))
         if self._predict is not None:
             self._deterministic = "deterministic" in _parameters(self._predict)
             self._choose()
@@ -99,13 +101,19 @@ class BesideBody:
         settings: dict[str, Any] = {"deterministic": True} if self._deterministic else {}
         if self._recurrent is not None:
             settings["state"] = self._recurrent
-        found = self._predict(self._probe()["observation"][0].astype(np.float32), **settings)
+        code, seen = self._task.interface().actions, self._task.observation_code
+        found = self._predict(self._raw()[0].astype(np.float32).reshape(seen.shape), **settings)
         if isinstance(found, tuple):  # stable-baselines3 returns the state of recurrent policies, too
             found, self._recurrent = found
-        action = np.asarray(found)
-        size = 1 if self._task.actions == "discrete" else self._task.action_size
-        check(action.size == size, f"size of an action of {self.label!r}", action.size, f"{size}")
-        self.stepper.set_actions(scale_action(self._task, action.reshape(1, *([] if size == 1 else [size]))))
+        action = code.of_raw(found, f"action of {self.label!r}")
+        self.stepper.set_actions(action.reshape(1, *([] if action.size == 1 else [action.size])))
+
+
+def _raw_observation(task: Task) -> Any:
+    """A view of the observation as the environment gives it, in its own units."""
+    if task.observation_code.scales:  # such a task draws no numbers to observe
+        return lambda cycle, state: task.sense(cycle.memory, state, jnp.zeros(task.uniforms))[1]
+    return lambda cycle, state: cycle.observation
 
 
 def side_by_side(
@@ -120,7 +128,7 @@ def side_by_side(
     if isinstance(seeds, numbers.Integral):
         check_integer("seed", seeds, 0)
         return int(seeds), "", None if beside is None else dict(beside)
-    chosen = list(seeds)
+    chosen = list(cast(Sequence[int], seeds))
     for seed in chosen:
         check_integer("seed", seed, 0)
     check(len(chosen) == len(set(chosen)) > 0, "seed", chosen, "an integer, or several different ones")

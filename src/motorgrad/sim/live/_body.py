@@ -59,7 +59,7 @@ class BodyPart:
         """The control of every actuator until the next decision, `(seeds, actuators)`."""
         told = np.zeros((len(stepper.seeds), len(self.muscles)))
         if isinstance(stepper, BodyStepper):
-            told[:, self._driven] = np.clip(stepper.activation[:, self._source], *self._limits)
+            told[:, self._driven] = np.clip(stepper.control[:, self._source], *self._limits)
         return told
 
     def seen(self, stepper: Stepper) -> dict[str, np.ndarray]:

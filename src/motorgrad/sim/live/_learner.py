@@ -1,6 +1,7 @@
 """A learner that can be watched and changed while it runs."""
 
 import dataclasses
+import warnings
 from typing import Any
 
 import jax
@@ -9,6 +10,7 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad._tree import is_live, numbers_of
 from motorgrad.learning import SparseAgent
+from motorgrad.policies import with_interface
 from motorgrad.sim.live._beside import UNTRAINED, Beside, BesideBody
 from motorgrad.sim.live._foreign import Picture, body_in, picture_of
 from motorgrad.sim.live._messages import Ready
@@ -18,7 +20,7 @@ from motorgrad.sim.live._probe import Probed, gradient_norm, probe
 from motorgrad.sim.live._setup import Setup
 from motorgrad.sim.live._snapshot import Sample, Sizes, Tally
 from motorgrad.tasks import EnvironmentPictures, Task
-from motorgrad.training import Stepper, stepper_for
+from motorgrad.training import RunWarning, Stepper, interface_of, stepper_for
 from motorgrad.training.engines import mean_reward, without_broken
 
 ROOM = 20.0  # simulated seconds of the trail
@@ -178,13 +180,24 @@ class Learner:
         self._last = None
 
     def save(self, path: str) -> None:
-        policy = jax.tree.map(lambda leaf: leaf[0], self._stepper.policies())
+        policies, interface = self._stepper.policies(), interface_of(self.task, self._stepper.policy)
+        if interface is not None:
+            memory = self._stepper.viewer(lambda cycle, state: cycle.memory)()
+            policies = with_interface(policies, interface.with_statistics(self.task.statistics(memory)))
+        policy = jax.tree.map(lambda leaf: leaf[0], policies)
         save_policy(path, policy, self.task.name)
 
     def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
         return load_policy(path, self._stepper.policy, self.task.name, seed)
 
     def set_policy(self, policy: Any, memory: Any) -> None:
+        if memory is None and policy.interface is None and self.task.observation_code.running.any():
+            warnings.warn(
+                "the policy comes without the running statistics of its observations, which it now sees by the present "
+                "ones: save it again with this version",
+                RunWarning,
+                stacklevel=2,
+            )
         self._stepper.set_policies(policy, memory)
         self._last = None
         if EXPLORATION in self.settings:

@@ -16,7 +16,7 @@ from motorgrad._errors import check, shown
 from motorgrad._files import check_writable, write_atomically
 from motorgrad._limits import MOST_ARRAY_BYTES, MOST_POLICY_SPARE_BYTES
 from motorgrad._reading import array_in, content_of, entries_in, json_in, unpacked
-from motorgrad.policies import Policy, describe
+from motorgrad.policies import Interface, Policy, describe, with_interface
 from motorgrad.training import Run, load
 
 STRUCTURE = "structure"  # the entry of a file that describes the policy
@@ -32,7 +32,8 @@ def save_policy(path: str, policy: Policy, task: str) -> None:
     check(not file.exists() or _is_policy(file), "path", path, "new, or a saved policy, which is replaced")
     leaves = jax.tree_util.tree_leaves_with_path(policy)
     arrays = {jax.tree_util.keystr(place): np.asarray(leaf) for place, leaf in leaves}
-    about = json.dumps({"task": task, "policy": describe(policy)})
+    meaning = {} if policy.interface is None else {"interface": policy.interface.table()}
+    about = json.dumps({"task": task, "policy": describe(policy), **meaning})
     content = BytesIO()
     np.savez(content, **{STRUCTURE: np.array(about)}, **arrays)  # type: ignore[arg-type]
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -102,6 +103,8 @@ def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
         about = json_in(str(_array(packed, STRUCTURE, 0)))
         _check_task(path, about["task"], task)
         _check_structure(path, about["policy"], shape)
+        if "interface" in about:  # not of a file of an earlier version
+            shape = with_interface(shape, Interface.of_table(about["interface"]).shapes)
 
         def leaf(place: Any, wanted: Any) -> np.ndarray:
             name = jax.tree_util.keystr(place)
@@ -113,6 +116,8 @@ def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
 
         policy = jax.tree_util.tree_map_with_path(leaf, shape)
     _check_finite(path, policy)
+    if policy.interface is not None:
+        policy.interface.check_statistics("statistics of observations")
     return policy
 
 
@@ -127,7 +132,7 @@ def _is_policy(path: Path) -> bool:
         content = content_of(path, MOST_ARRAY_BYTES)
         with entries_in(content, len(content)) as packed:
             about = json_in(str(_array(packed, STRUCTURE, 0)))
-        return isinstance(about, dict) and about.keys() == {"task", "policy"}
+        return isinstance(about, dict) and about.keys() - {"interface"} == {"task", "policy"}
     except (OSError, ValueError, KeyError):
         return False
 

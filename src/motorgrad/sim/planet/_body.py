@@ -128,11 +128,11 @@ class PlanetBatch(BodyBatch):
     def _root(self) -> Float[np.ndarray, " 3"]:
         return self._qpos[self._places[0] : self._places[0] + 3].copy()
 
-    def step(self, activation: Any) -> None:
+    def step(self, control: Any) -> None:
         """Advance by one decision; as `BodyBatch.step`."""
         if np.isfinite(self._root).all():
             self.recentre()
-        super().step(activation)
+        super().step(control)
 
     def recentre(self) -> None:
         """Level the frame under the body if it has moved far, and update patch and gravity."""

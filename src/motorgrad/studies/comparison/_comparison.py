@@ -12,7 +12,7 @@ from motorgrad._settings import as_hinted, build, table
 from motorgrad._tree import hints_of
 from motorgrad.studies._grid import as_given, distinctions, has_range
 from motorgrad.studies._partition import Measure
-from motorgrad.studies._study import Design, Study, points_of
+from motorgrad.studies._study import Design, Study, points_of, whole
 from motorgrad.tasks import Task, make
 from motorgrad.training import changed, changes_named, check_imports
 
@@ -260,10 +260,13 @@ class Comparison:
         return {**self.case(method, task, steps), "agent": as_given(self.settings(method, task)[0])}
 
     def run(self, out: Path | str, **options: Any) -> "ComparisonResults":
-        """Run the comparison in a folder, or continue it there. `options` as in `run_study`."""
+        """Run the comparison in a folder, or continue it there. `options` as in `run_study`.
+
+        **Raises** as `Study.run`.
+        """
         from motorgrad.studies.comparison._run import run_comparison
 
-        return run_comparison(self, out, **options)
+        return whole(run_comparison(self, out, **options))
 
     @staticmethod
     def load(path: Path | str, *, trust: bool = False) -> "ComparisonResults":

@@ -66,7 +66,7 @@ def compare(
     check_arguments(compare, locals(), ("metric", "out", "run"))
     seeds = {"tune": 4, "judge": 16} if seeds is None else seeds
     made = Comparison(tasks, methods, metric, seeds, steps=steps, seconds=seconds, **settings)
-    return run_comparison(made, out, **(run or {}))
+    return made.run(out, **(run or {}))
 
 
 def run_comparison(comparison: Comparison, out: Path | str, **options: Any) -> ComparisonResults:

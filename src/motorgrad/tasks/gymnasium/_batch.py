@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, shown
+from motorgrad._interface import ActionCode
 from motorgrad.tasks.gymnasium._making import make_environment, one_line
 from motorgrad.tasks.gymnasium._outcomes import first_observation, misfit, one_number, stacked, step_outcome
-from motorgrad.tasks.gymnasium._spaces import ActionCode
 from motorgrad.tasks.gymnasium._state import read_state, write_state
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class EnvironmentBatch:
         self.seeds = [int(seed) for seed in seeds]
         self.repeat = repeat
         self.saved = saved
-        self._env_id, self._decode, self._shape = env_id, code.decode, tuple(shape)
+        self._env_id, self._code, self._shape = env_id, code, tuple(shape)
         self._size = size = math.prod(self._shape)
         self._decisions = 0
         self._begun = [0] * len(self.seeds)  # the decisions before each episode
@@ -86,7 +86,7 @@ class EnvironmentBatch:
     def step(self, actions: Float[np.ndarray, "seeds size"]) -> None:
         np.copyto(self._before, self.packed)
         repeat, keys = self.repeat, self.info
-        chosen = self._decode(actions)
+        chosen = self._code.native(actions[:, 0] if self._code.kind == "discrete" else actions)
         seen: list[Any] = []
         outcomes: list[tuple[Any, ...]] = []
         read: Sequence[float] = ()

@@ -7,15 +7,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._consent import allow
 from motorgrad._errors import check, check_integer, unknown
+from motorgrad._interface import ActionCode, Interface, ObservationCode
 from motorgrad._presets import STEPS, natural
-from motorgrad._running import RunningMean, add_observation, running_mean, standardised
+from motorgrad._running import RunningMean
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
@@ -28,12 +28,10 @@ from motorgrad.tasks.gymnasium._batch import (
 from motorgrad.tasks.gymnasium._making import foreign_code, id_of, make_environment
 from motorgrad.tasks.gymnasium._names import documented_names
 from motorgrad.tasks.gymnasium._spaces import (
-    ActionCode,
     Code,
-    ObservationScaling,
     Scaling,
     action_code,
-    observation_scaling,
+    observation_code,
 )
 from motorgrad.tasks.gymnasium._workers import WorkerBatch
 
@@ -62,9 +60,7 @@ class EnvironmentMemory(NamedTuple):
 
 
 class _Facts(NamedTuple):
-    shape: tuple[int, ...]
-    """Of an observation."""
-    scaling: ObservationScaling
+    seen: ObservationCode
     code: ActionCode
     period: float
     longest: int | None
@@ -72,9 +68,6 @@ class _Facts(NamedTuple):
     """The keys of `info` that are read, that of success first where there is one."""
     succeeds: bool
     """Whether there is one."""
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    """What the environment's documentation calls its observations and actions; empty where it names none."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,23 +136,23 @@ class Gymnasium(HostTask):
     def _facts(self) -> _Facts:
         environment = make_environment(self.env_id, self._kwargs)
         try:
-            scaling = observation_scaling(environment.observation_space, self.scaling, self.env_id)
+            seen = observation_code(environment.observation_space, self.scaling, self.env_id)
             code = action_code(environment.action_space, self.code, self.env_id)
-            shape = environment.observation_space.shape
-            assert shape is not None  # it is a Box
             step = _duration(environment)
             limit = environment.spec.max_episode_steps if environment.spec else None
             info = self._info(environment)
             doc = type(environment.unwrapped).__doc__
-            inputs = documented_names(doc, "observation", len(scaling.centre))
-            outputs = documented_names(doc, "action", code.size)
+            inputs = documented_names(doc, "observation", seen.size)
+            # a softmax has no bias
+            seen = dataclasses.replace(seen, names=inputs or seen.names, constant=code.kind == "discrete")
+            code = dataclasses.replace(code, names=documented_names(doc, "action", code.size))
         finally:
             with contextlib.suppress(Exception):  # it is no longer needed
                 environment.close()
         timed = isinstance(step, int | float | np.number) and 0 < step < np.inf
         period = self.repeat * float(step) if timed else 1.0
         longest = None if limit is None else math.ceil(limit / self.repeat)
-        return _Facts(shape, scaling, code, period, longest, info, any(key in SUCCESS for key in info), inputs, outputs)
+        return _Facts(seen, code, period, longest, info, any(key in SUCCESS for key in info))
 
     def _info(self, environment: "gymnasium.Env") -> tuple[str, ...]:
         """The keys of `info` to be read, that of success first. **Raises** `ValueError` for one that is not there."""
@@ -186,7 +179,7 @@ class Gymnasium(HostTask):
 
     @property
     def actions(self) -> Literal["binary", "discrete", "graded"]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return self._facts.code.actions
+        return self._facts.code.kind  # type: ignore[return-value]
 
     @property
     def reports(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -203,13 +196,13 @@ class Gymnasium(HostTask):
 
     @property
     def observation_size(self) -> int:
-        return len(self._facts.scaling.centre) + (self.actions == "discrete")
+        return self._facts.seen.size + self._facts.seen.constant
 
     @property
     def observation_names(self) -> tuple[str, ...]:
         """Names of the observed numbers, as the environment's documentation has them."""
-        named = self._facts.inputs or super().observation_names
-        return named if len(named) == self.observation_size else (*named, "constant")
+        seen = self._facts.seen
+        return (*seen.names, "constant") if seen.constant else seen.names
 
     @property
     def of_many_numbers(self) -> str:
@@ -217,7 +210,7 @@ class Gymnasium(HostTask):
         if self.observation_size <= MANY:
             return ""
         return (
-            f"{self.env_id} shows {math.prod(self._facts.shape):,} numbers, {self._facts.shape}: make fewer of them "
+            f"{self.env_id} shows {self._facts.seen.size:,} numbers, {self._facts.seen.shape}: make fewer of them "
             "with gymnasium.wrappers.GrayscaleObservation, ResizeObservation or TransformObservation, or take the "
             "preset 'ppo', which keeps no matrix of all parameters"
         )
@@ -229,7 +222,15 @@ class Gymnasium(HostTask):
     @property
     def action_names(self) -> tuple[str, ...]:
         """Names of the actions, as the environment's documentation has them; empty where it names none."""
-        return self._facts.outputs
+        return self._facts.code.names
+
+    @property
+    def observation_code(self) -> ObservationCode:
+        return self._facts.seen
+
+    def interface(self, actions: Any = None) -> Interface:
+        del actions  # it takes one kind
+        return Interface(self._facts.seen, self._facts.code, self.period)
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
@@ -260,15 +261,14 @@ class Gymnasium(HostTask):
         """One environment per seed, stepped one after the other in this process, or in worker processes (`workers`)."""
         del threads
         facts = self._facts
-        settings = (facts.shape, facts.code, self.repeat, self._not_saved is None, facts.info)
+        settings = (facts.seen.shape, facts.code, self.repeat, self._not_saved is None, facts.info)
         kind = functools.partial(WorkerBatch, workers) if workers else EnvironmentBatch
         return kind(self.env_id, self._kwargs, seeds, *settings)
 
     def init(self, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
-        scaling, zero = self._facts.scaling, jnp.zeros(())
-        nothing = running_mean(jnp.zeros(scaling.centre.shape)) if scaling.running.any() else None
+        zero = jnp.zeros(())
         solved = zero if self._facts.succeeds else None
-        return EnvironmentMemory(zero, zero, nothing, nothing, jnp.zeros((), bool), solved)
+        return EnvironmentMemory(zero, zero, *self._facts.seen.start(), jnp.zeros((), bool), solved)
 
     def renew(self, memory: EnvironmentMemory, uniforms: Float[Array, " 0"]) -> EnvironmentMemory:
         zero = jnp.zeros(())
@@ -280,17 +280,13 @@ class Gymnasium(HostTask):
     def observe(
         self, memory: EnvironmentMemory, state: EnvironmentState, uniforms: Float[Array, " 0"]
     ) -> tuple[EnvironmentMemory, Float[Array, " inputs"]]:
-        scaling, seen = self._facts.scaling, state.observation
-        observation = (seen - scaling.centre) / scaling.half
-        if memory.mean is not None and memory.variance is not None:
-            mean, variance = jax.tree.map(
-                lambda old, new: jnp.where(memory.frozen, old, new),
-                (memory.mean, memory.variance),
-                add_observation(memory.mean, memory.variance, seen),
-            )
-            memory = memory._replace(mean=mean, variance=variance)
-            observation = jnp.where(scaling.running, standardised(mean, variance, seen), observation)
-        return memory, jnp.append(observation, 1.0) if self.actions == "discrete" else observation
+        mean, variance, seen = self._facts.seen.look(memory.mean, memory.variance, memory.frozen, state.observation)
+        return memory._replace(mean=mean, variance=variance), seen
+
+    def sense(
+        self, memory: EnvironmentMemory, state: EnvironmentState, uniforms: Float[Array, " 0"]
+    ) -> tuple[EnvironmentMemory, Float[Array, " size"]]:
+        return memory, state.observation
 
     def reward(
         self, memory: EnvironmentMemory, state: EnvironmentState, action: Array
@@ -300,6 +296,13 @@ class Gymnasium(HostTask):
             memory = memory._replace(solved=memory.solved + state.info[0])
         reward = state.reward + self.end_reward * state.terminated if self.end_reward else state.reward
         return memory, reward, state.terminated
+
+    @property
+    def reward_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return ("environment", "end_reward") if self.end_reward else ()
+
+    def reward_terms(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Scalar]:
+        return {"environment": state.reward, "end_reward": self.end_reward * state.terminated}
 
     def truncated(self, memory: EnvironmentMemory, state: EnvironmentState) -> Flag:
         return state.truncated

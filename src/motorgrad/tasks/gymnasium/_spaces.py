@@ -1,14 +1,12 @@
 """How a policy's output becomes a Gymnasium action, and how Gymnasium observations are scaled."""
 
-import dataclasses
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from motorgrad._errors import choice, shown
+from motorgrad._interface import ActionCode, ObservationCode
 
 if TYPE_CHECKING:
     from gymnasium import Space
@@ -29,20 +27,6 @@ MOST_WHOLE = 2**24  # up to which single precision, in which policies compute, h
 USABLE = 1e6  # a bound beyond this carries no information about the observations
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ActionCode:
-    """How a policy's numbers become an environment's action: `size` units (binary or graded) or alternatives
-    (discrete)."""
-
-    actions: Literal["binary", "discrete", "graded"]
-    size: int
-    decode: Callable[[Float[np.ndarray, "seeds numbers"]], np.ndarray]
-    """Maps the units (0 or 1, or graded), or the one alternative, of every seed to the actions of all seeds, along a
-    leading axis."""
-    bounds: tuple[tuple[float, float], ...] | None = None
-    """Of graded units."""
-
-
 def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
     """The code for an action space. **Raises** `ValueError` for an unsupported space, or a code that does not fit
     it."""
@@ -57,9 +41,9 @@ def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
     if isinstance(space, spaces.Box):
         return _bounds(chosen, space, env_id)
     if isinstance(space, spaces.MultiBinary):
-        shape, kind = space.shape, space.dtype
+        shape, kind = space.shape, np.dtype(space.dtype)
         _check_units(chosen, math.prod(shape), env_id, "fewer actions")
-        return ActionCode("binary", math.prod(shape), lambda units: units.astype(kind).reshape(-1, *shape))
+        return ActionCode("binary", math.prod(shape), "same", (), shape, kind.name)
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
     counts = [int(space.n)] if isinstance(space, spaces.Discrete) else [int(n) for n in np.ravel(space.nvec)]
     make = _alternatives if chosen == "choice" else _sums
@@ -72,8 +56,8 @@ def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> Acti
     if size > MOST:
         raise ValueError(f"code = {code!r}: {env_id} has {size} combined actions, at most {MOST}; use 'count'")
     combined = np.stack(np.unravel_index(np.arange(size), counts), axis=-1).astype(space.dtype)
-    table = (combined + np.ravel(space.start).astype(space.dtype)).reshape(size, *space.shape)
-    return ActionCode("discrete", size, lambda numbers: table[numbers[:, 0].astype(np.intp)])
+    table = combined + np.ravel(space.start).astype(space.dtype)
+    return ActionCode("discrete", size, "choice", (), space.shape, table.dtype.name, matrix=table)
 
 
 def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
@@ -92,8 +76,7 @@ def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
     shape, kind = space.shape, space.dtype
     weights, start = np.zeros((size, len(parts)), kind), np.ravel(space.start).astype(kind)
     weights[np.arange(size), part_of] = np.concatenate(parts)
-    # in the space's own type, as floating-point numbers round the sums of large ones
-    return ActionCode("binary", size, lambda units: (units.astype(kind) @ weights + start).reshape(-1, *shape))
+    return ActionCode("binary", size, "sum", (), shape, weights.dtype.name, matrix=weights, start=start)
 
 
 def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
@@ -105,27 +88,15 @@ def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
             env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some"
         )
     _check_units(code, low.size * (1 if code != "antagonists" else 2), env_id, "fewer actions")
-    whole = low.dtype.kind in "biu"
-    if code == "graded":
-        _check_graded(low, high, whole, env_id)
-
-        def within(units: Float[np.ndarray, "seeds numbers"]) -> np.ndarray:
-            # of what is not a number there is no whole one: the policy of such a seed is told to be broken elsewhere
-            numbers = np.fmax(np.fmin(np.rint(units), high), low) if whole else np.clip(units, low, high)
-            return numbers.astype(low.dtype).reshape(-1, *shape)
-
-        bounds = tuple(zip(low.tolist(), high.tolist(), strict=True))
-        return ActionCode("graded", low.size, within, bounds)
-    if code == "each":
-        return ActionCode("binary", low.size, lambda units: np.where(units > 0, high, low).reshape(-1, *shape))
     rest, eye = np.clip(0, low, high).astype(low.dtype), np.eye(low.size)
+    raw: dict[str, Any] = {"shape": shape, "dtype": low.dtype.name, "low": low, "high": high}
+    if code == "graded":
+        _check_graded(low, high, low.dtype.kind in "biu", env_id)
+        return ActionCode("graded", low.size, "clip", **raw)
+    if code == "each":
+        return ActionCode("binary", low.size, "each", **raw)
     pull = np.concatenate([eye[rest < high], -eye[rest > low]])
-
-    def decode(units: Float[np.ndarray, "seeds numbers"]) -> np.ndarray:
-        net = units @ pull
-        return np.where(net > 0, high, np.where(net < 0, low, rest)).reshape(-1, *shape)
-
-    return ActionCode("binary", len(pull), decode)
+    return ActionCode("binary", len(pull), "antagonists", **raw, matrix=pull, start=rest)
 
 
 def _check_graded(low: np.ndarray, high: np.ndarray, whole: bool, env_id: str) -> None:
@@ -147,18 +118,9 @@ def _check_units(code: str, size: int, env_id: str, fewer: str) -> None:
         raise ValueError(f"code = {code!r}: {env_id} needs {size:,} units, at most {MOST_UNITS:,}; use {fewer}")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ObservationScaling:
-    """Which numbers of an observation are scaled from their bounds to −1 … 1 (`(y - centre) / half`), and which by
-    running statistics; the others are unchanged."""
-
-    centre: Float[np.ndarray, " size"]
-    half: Float[np.ndarray, " size"]
-    running: Bool[np.ndarray, " size"]
-
-
-def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> ObservationScaling:
-    """The scaling for an observation space. **Raises** `ValueError` for an unsupported space or scaling."""
+def observation_code(space: "Space", scaling: Scaling, env_id: str) -> ObservationCode:
+    """The scaling for an observation space: of some numbers from their bounds to −1 … 1, and of others by running
+    statistics. **Raises** `ValueError` for an unsupported space or scaling."""
     from gymnasium import spaces
 
     if not isinstance(space, spaces.Box):
@@ -181,7 +143,8 @@ def observation_scaling(space: "Space", scaling: Scaling, env_id: str) -> Observ
     running = ~bounded if scaling in ("auto", "running") else np.zeros_like(usable)
     low, high = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
     centre, half = (low + high) / 2, (high - low) / 2
-    return ObservationScaling(centre.astype(np.float32), half.astype(np.float32), running)
+    names = tuple(f"input {index}" for index in range(low.size))
+    return ObservationCode(names, centre.astype(np.float32), half.astype(np.float32), running, tuple(space.shape))
 
 
 def refuse_space(env_id: str, what: str, space: Any, wanted: str) -> NoReturn:

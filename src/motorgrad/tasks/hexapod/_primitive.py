@@ -59,6 +59,7 @@ class HexapodPrimitive(WalkingTask):
 
     name: ClassVar[str] = "hexapod-primitive"
     actions: ClassVar[Actions] = "graded"
+    clips_actions: ClassVar[bool] = True
     reports: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = {

@@ -64,6 +64,7 @@ class HexapodStride(WalkingTask):
 
     name: ClassVar[str] = "hexapod-stride"
     actions: ClassVar[Actions] = "graded"
+    clips_actions: ClassVar[bool] = True
     reports: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
     episodic: ClassVar[bool] = True
     uniforms: ClassVar[int] = 1

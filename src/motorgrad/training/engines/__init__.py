@@ -14,12 +14,14 @@ from motorgrad.training.engines._sparse import SparseStepper
 from motorgrad.training.engines._stepper import (
     Record,
     Stepper,
+    check_carries,
     mean_reward,
     validate,
     validate_needs,
     validate_score,
     without_broken,
 )
+from motorgrad.training.engines._transition import raw_names, state_names
 from motorgrad.training.engines._world import WorldStepper
 
 __all__ = [
@@ -33,8 +35,11 @@ __all__ = [
     "SparseStepper",
     "Stepper",
     "WorldStepper",
+    "check_carries",
     "clear_programs",
     "mean_reward",
+    "raw_names",
+    "state_names",
     "stepper_for",
     "training_stepper_for",
     "validate",
@@ -54,14 +59,19 @@ def stepper_for(
     numbers: Mapping[str, Any] | None = None,
     envs: int = 1,
     workers: int = 0,
+    first_episode: bool = False,
 ) -> Stepper:
     """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies; environments are stepped one by
-    one, or in worker processes (`workers`). Several `envs` can feed each learner if the dynamics run on the host."""
+    one, or in worker processes (`workers`). Several `envs` can feed each learner if the dynamics run on the host.
+
+    With `first_episode`, records count the first episode of each seed alone: its rewards, readings, and `decisions`.
+    """
     if isinstance(task, HostTask):
         kind = BodyStepper if isinstance(task, BodyTask) else HostStepper
-        return kind(task, agent, seeds, mode, threads, initial, numbers, envs=envs, workers=workers)
+        more = {"envs": envs, "workers": workers, "first_episode": first_episode}
+        return kind(task, agent, seeds, mode, threads, initial, numbers, **more)
     engine = SparseStepper if isinstance(agent, SparseAgent) and mode == "learn" else WorldStepper
-    return engine(task, agent, seeds, mode, initial, numbers)
+    return engine(task, agent, seeds, mode, initial, numbers, first_episode)
 
 
 def training_stepper_for(

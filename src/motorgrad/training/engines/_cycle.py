@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from motorgrad._interface import Statistics
 from motorgrad._tree import Numbers
 from motorgrad.learning import NEVER, Agent, AgentState, two_sum
 from motorgrad.tasks import Task, observe, outcome
@@ -29,12 +30,13 @@ class Tally(NamedTuple):
     """Sums since the last record, for one seed, in few arrays, which make a fast call.
 
     - `sums`: of the reward and of each reading; `carry`, what rounding took from them.
-    - `counts`: how often each reading occurred, episodes ended and the simulation diverged.
+    - `counts`: how often each reading occurred, episodes ended and the simulation diverged. Before the last two, where
+      only the first episode is counted, the number of its decisions.
     """
 
     sums: Float[Array, " 1+readings"]
     carry: Float[Array, " 1+readings"]
-    counts: Int[Array, " readings+2"]
+    counts: Int[Array, " _"]
 
 
 class CycleState(NamedTuple):
@@ -68,6 +70,8 @@ class Cycle:
     mode: Mode = "learn"
     diverges: bool = False
     """Whether the dynamics can diverge and say so."""
+    first_episode: bool = False
+    """Whether to count the decisions of the first episode alone."""
 
     @functools.cached_property
     def numbers(self) -> Numbers:
@@ -90,18 +94,29 @@ class Cycle:
         state: Any,
         init: Float[Array, " _"],
         uniforms: Float[Array, " _"],
+        statistics: Statistics | None = None,
     ) -> CycleState:
         """The state before the first decision, with the dynamics in `state`."""
-        return self.look(self.blank(agent, numbers, init), state, uniforms)
+        return self.look(self.blank(agent, numbers, init, statistics), state, uniforms)
 
-    def blank(self, agent: AgentState, numbers: Float[Array, " numbers"], init: Float[Array, " _"]) -> CycleState:
-        """The state before the first observation."""
+    def blank(
+        self,
+        agent: AgentState,
+        numbers: Float[Array, " numbers"],
+        init: Float[Array, " _"],
+        statistics: Statistics | None = None,
+    ) -> CycleState:
+        """The state before the first observation, with the running `statistics` of earlier ones, which a policy that
+        does not learn leaves as they are."""
         memory, observation = self.task.init(init), jnp.zeros(self.task.observation_size)
+        if statistics is not None:
+            memory = self.task.with_statistics(memory, statistics)
+            memory = memory if self.mode == "learn" else self.task.freeze(memory)
         seen = agent.policy.perceive(agent.memory, observation)
         action = agent.policy.emit(agent.policy.mode(seen))
         readings = len(self.task.reports)
         zero = jnp.zeros(1 + readings)
-        tally = Tally(zero, zero, jnp.zeros(readings + 2, jnp.int32))
+        tally = Tally(zero, zero, jnp.zeros(readings + 2 + self.first_episode, jnp.int32))
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
         return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
 
@@ -127,8 +142,10 @@ class Cycle:
     def resume_from(
         self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], uniforms: Float[Array, " _"]
     ) -> CycleState:
-        """Before the first decision: continue, frozen, from the `memory` of the task at the end of a run."""
-        memory = self.task.freeze(self.task.renew(memory, init))
+        """Before the first decision: continue from the `memory` of the task at the end of a run, frozen unless the
+        policy learns on."""
+        memory = self.task.renew(memory, init)
+        memory = memory if self.mode == "learn" else self.task.freeze(memory)
         memory, observation = observe(self.task, memory, state, uniforms)
         return cycle._replace(memory=memory, observation=observation)
 
@@ -136,6 +153,8 @@ class Cycle:
         """A tally by name: the sum of rewards, the mean of each reading (NaN if it never occurred) and its count, and
         the numbers of episodes and divergences where the task can have them."""
         found = {"reward": tally.sums[0]}
+        if self.first_episode:
+            found["decisions"] = tally.counts[-3]
         if self.task.has_episodes:
             found["episodes"] = tally.counts[-2]
         if self.diverges:
@@ -218,5 +237,9 @@ class Cycle:
         occurred = [jnp.logical_and(happened, kept) for _, happened in readings]
         sums = [jnp.where(kept, reward, 0.0)]
         sums += [jnp.where(yes, value, 0.0) for yes, (value, _) in zip(occurred, readings, strict=True)]
-        counts = jnp.stack([jnp.asarray(flag, jnp.int32) for flag in (*occurred, ended, diverged)])
-        return Tally(*two_sum(tally.sums, tally.carry, jnp.stack(sums)), tally.counts + counts)
+        decision = [True] if self.first_episode else []
+        counts = jnp.stack([jnp.asarray(flag, jnp.int32) for flag in (*occurred, *decision, ended, diverged)])
+        counted = Tally(*two_sum(tally.sums, tally.carry, jnp.stack(sums)), tally.counts + counts)
+        if not self.first_episode:
+            return counted
+        return jax.tree.map(lambda new, old: jnp.where(tally.counts[-2] > 0, old, new), counted, tally)

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._compiler import in_one_piece
 from motorgrad._errors import check
+from motorgrad._interface import Statistics
 from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
 from motorgrad.learning import Agent
@@ -20,7 +21,8 @@ from motorgrad.tasks import HostTask, Task
 from motorgrad.training.engines._cycle import CycleState, Mode
 from motorgrad.training.engines._packing import Packed, Packing
 from motorgrad.training.engines._programs import shared
-from motorgrad.training.engines._stepper import Program, Record, Stepper, View, fits
+from motorgrad.training.engines._stepper import Program, Record, Stepper, View, check_carries, fits, statistics_of
+from motorgrad.training.engines._transition import Watcher, transition_of_rows
 
 Uniforms = dict[str, Float[Array, " size"]]
 
@@ -34,13 +36,23 @@ class HostProgram(Program):
     **Arguments:** as `Program`; an `example` of the batch, for the layout of its rows; how many `seeds` at most;
     whether policies to begin from are `given`; how many environments, `envs`, feed each learner. With several, the
     state of a seed has a leading axis of environments in the leaves that belong to one, and a decision of the seed is
-    one of each environment, in turn.
+    one of each environment, in turn. Whether only the `first_episode` is counted.
     """
 
     task: HostTask
 
-    def __init__(self, task: HostTask, agent: Agent, mode: Mode, example: Any, seeds: int, given: Any, envs: int):
-        super().__init__(task, agent, mode, diverges=True)
+    def __init__(
+        self,
+        task: HostTask,
+        agent: Agent,
+        mode: Mode,
+        example: Any,
+        seeds: int,
+        given: Any,
+        envs: int,
+        first_episode: bool = False,
+    ):
+        super().__init__(task, agent, mode, True, first_episode)
         self._unpack_row, self._envs = example.unpack, envs
         row = jnp.asarray(example.packed[0])
         width = len(row)
@@ -75,6 +87,7 @@ class HostProgram(Program):
 
         compiled = functools.partial(self._over_seeds, packing)
         self._drawn = drawn
+        self.watched = transition_of_rows(task, unpack, self._unpack_row, self.sizes)
         self.pack = jax.jit(jax.vmap(pack))
         self.unpack = jax.jit(jax.vmap(unpack))
         self.start = jax.jit(
@@ -205,7 +218,7 @@ class HostProgram(Program):
         """The state of one seed with several environments."""
         agent = self.fresh(seed, numbers, own)
         init, uniforms = (jnp.stack(parts) for parts in zip(*self._starts(seed), strict=True))
-        blank = jax.vmap(lambda init: self.cycle.blank(agent, numbers, init))(init)
+        blank = jax.vmap(lambda init: self.cycle.blank(agent, numbers, init, statistics_of(own)))(init)
         shared, of_each = self._split(blank)
         begun = self._join([leaf[0] for leaf in shared], of_each)
         look = self._in_turn(lambda cycle, row, u: (self.cycle.look(cycle, self._unpack_row(row), u), ()))
@@ -229,7 +242,7 @@ class HostProgram(Program):
 
     def _begin(self, seed: Array, numbers: Array, row: Array, own: Policy | None) -> CycleState:
         agent = self.fresh(seed, numbers, own)
-        return self.cycle.begin(agent, numbers, self._unpack_row(row), *self.start_numbers(seed))
+        return self.cycle.begin(agent, numbers, self._unpack_row(row), *self.start_numbers(seed), statistics_of(own))
 
     def _resume(self, seed: Array, cycle: CycleState, row: Array, memory: Any) -> CycleState:
         return self.cycle.resume_from(cycle, memory, self._unpack_row(row), *self.start_numbers(seed))
@@ -275,7 +288,8 @@ class HostStepper(Stepper):
 
     **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them;
     `room`, for how many seeds the shared program is made, by default as many as there are; `envs`, the environments
-    that feed each learner; `workers`, the processes in which Gymnasium environments are stepped, 0 for this one.
+    that feed each learner; `workers`, the processes in which Gymnasium environments are stepped, 0 for this one;
+    `first_episode`, as in `stepper_for`.
     """
 
     task: HostTask
@@ -292,6 +306,7 @@ class HostStepper(Stepper):
         room: int = 0,
         envs: int = 1,
         workers: int = 0,
+        first_episode: bool = False,
     ):
         super().__init__(cast(Task, task), agent, seeds, mode, initial, numbers)
         self.envs = envs
@@ -299,9 +314,14 @@ class HostStepper(Stepper):
         self.batch = task.batch(rows, threads, **({"workers": workers} if workers else {}))
         given = jax.tree.map(lambda leaf: leaf[0], self._initial)
         room = max(room, len(self.seeds))
-        more = (mode, room, self.batch.packed.shape[1], given is None, envs)
+        kind = None if given is None else jax.tree.structure(given.interface)
+        more = (mode, room, self.batch.packed.shape[1], given is None, kind, envs, first_episode)
         self.program = shared(
-            HostProgram, task, agent, more, lambda: HostProgram(task, agent, mode, self.batch, room, given, envs)
+            HostProgram,
+            task,
+            agent,
+            more,
+            lambda: HostProgram(task, agent, mode, self.batch, room, given, envs, first_episode),
         )
         self.cycle = self.program.cycle
         width, drawn = self.batch.packed.shape[1], sum(self.program.sizes.values())
@@ -314,6 +334,8 @@ class HostStepper(Stepper):
             self.batch.reset(None, **start)
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
+        self.watcher: Watcher | None = None
+        """Told of every decision before anything is learned from it, where each seed has one environment."""
         cycles = self.program.start(self.seeds, self._start_vector, self.batch.packed, self._initial)
         self._cycles, self._out = self.program.first(cycles, self._input())
 
@@ -322,8 +344,12 @@ class HostStepper(Stepper):
         check(decisions % envs == 0, "decisions", decisions, f"a multiple of the {envs} environments of a learner")
         for _ in range(decisions // envs):
             rest = self._out[envs - 1 :: envs, -1] >= envs
+            before = None if self.watcher is None else self.batch.packed.copy()
             self.batch.step(self._out[:, :-2])
             self.decision += envs
+            if self.watcher is not None:
+                told = program.watched(self._cycles, before, self._input())
+                self.watcher({name: np.array(part)[None] for name, part in told.items()})
             if rests:
                 self._cycles, self._out = program.learn_each(self._cycles, rest, self._input())
             else:
@@ -368,10 +394,27 @@ class HostStepper(Stepper):
         cycles = cycles._replace(agent=self.agent.set_policy(cycles.agent, jax.tree.map(jnp.array, policies)))
         if memory is not None:
             cycles = self.program.resume(self.seeds, cycles, jnp.array(self.batch.packed), memory)
+        elif (statistics := statistics_of(policies)) is not None:
+            check_carries(self.task, policies)
+            cycles = self._with_statistics(cycles, statistics)
         if self.mode == "learn":  # the present action has its score in the trace; the next is the new policy's
             self._cycles = self.program.pack(cycles)
         else:
             self._cycles, self._out = self.program.first(self.program.pack(cycles), self._input())
+
+    def _with_statistics(self, cycles: CycleState, statistics: Statistics) -> CycleState:
+        """The state of all seeds with other running statistics of observations, by which the present one is seen."""
+        task = self.task
+        cycles = cycles._replace(memory=task.with_statistics(cycles.memory, jax.tree.map(jnp.array, statistics)))
+
+        def seen(cycle: CycleState, state: Any) -> Array:
+            raw = task.sense(cycle.memory, state, jnp.zeros(task.uniforms))[1]
+            return task.observation_code.encode(*(task.statistics(cycle.memory) or (None, None)), raw)
+
+        self._cycles = self.program.pack(cycles)
+        if self.envs > 1:  # the others see by them from the next observation on
+            return cycles
+        return cycles._replace(observation=jnp.asarray(self.viewer(seen)(), cycles.observation.dtype))
 
     def set_actions(self, actions: np.ndarray) -> None:
         cycles = self.program.unpack(self._cycles)
@@ -413,6 +456,6 @@ class BodyStepper(HostStepper):
     batch: BodyBatch
 
     @property
-    def activation(self) -> Float[np.ndarray, "seeds groups"]:
+    def control(self) -> Float[np.ndarray, "seeds groups"]:
         """The present actions: what each group of muscles does until the next decision."""
         return self._out[:, : len(self.batch.groups)]

@@ -54,7 +54,7 @@ class SideBySide(Stepper):
             own = jax.tree.map(lambda leaf, share=share: leaf[share], initial)
             part = {path: np.broadcast_to(values, len(self.seeds))[share] for path, values in (numbers or {}).items()}
             each, chosen = max(1, threads // count), self.seeds[share].tolist()
-            more = {"room": len(shares[0]), "envs": envs}
+            more: dict[str, Any] = {"room": len(shares[0]), "envs": envs}
             self.engines.append(BodyStepper(task, agent, chosen, "learn", each, own, part, **more))
         self.cycle = self.engines[0].cycle
 
@@ -99,9 +99,9 @@ class SideBySide(Stepper):
             engine.set_number(path, value)
 
     @property
-    def activation(self) -> Float[np.ndarray, "seeds groups"]:
+    def control(self) -> Float[np.ndarray, "seeds groups"]:
         """The present actions, as of `BodyStepper`."""
-        return np.concatenate([engine.activation for engine in self.engines])
+        return np.concatenate([engine.control for engine in self.engines])
 
     def _joined(self, parts: list[T]) -> T:
         def join(*leaves: Any) -> Any:

@@ -12,6 +12,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check, unknown
+from motorgrad._interface import Statistics
 from motorgrad._random import key_of
 from motorgrad._tree import is_live, with_number
 from motorgrad.learning import Agent, AgentState
@@ -42,12 +43,14 @@ class Program:
     """The compiled functions of an engine. It has no state, so engines of the same structure share one.
 
     **Arguments:** the task; the agent, of which only the structure matters; the `mode`; whether the dynamics can
-    diverge.
+    diverge; whether only the `first_episode` is counted.
     """
 
-    def __init__(self, task: Task, agent: Agent, mode: Mode = "learn", diverges: bool = False):
+    def __init__(
+        self, task: Task, agent: Agent, mode: Mode = "learn", diverges: bool = False, first_episode: bool = False
+    ):
         self.task = task
-        self.cycle = Cycle(task, agent, mode, diverges)
+        self.cycle = Cycle(task, agent, mode, diverges, first_episode)
         self.policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
         """The shapes of one seed's policy."""
 
@@ -116,8 +119,15 @@ class Stepper(abc.ABC):
             validate_score(self.policy, agent)
         if initial is None and isinstance(agent.policy, Policy):
             initial = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(self.seeds), *leaf.shape)), agent.policy)
+        if initial is not None:
+            check_carries(task, initial)
         self._initial = initial
         self._start_vector = self._vectors(numbers or {})
+
+    @property
+    def start_statistics(self) -> Statistics | None:
+        """The running statistics of observations with which the seeds begin, seeds leading; `None` without any."""
+        return statistics_of(self._initial)
 
     def _vectors(self, numbers: Mapping[str, Any]) -> Float[np.ndarray, "seeds numbers"]:
         """The hyperparameters of all seeds, one row each, with those given by path in place of the agent's."""
@@ -187,6 +197,19 @@ class Stepper(abc.ABC):
         validate_needs(self.task, agent)
         self.agent = agent
         return places[path]
+
+
+def check_carries(task: Task, policy: Policy, where: str = "policy") -> None:
+    """Refuse a policy whose observations or actions, as far as it knows them, mean something else on the task."""
+    if policy.interface is not None:
+        kind = policy.interface.actions.kind
+        own = task.interface(kind if kind in task.accepted_actions else None)  # type: ignore[arg-type]
+        own.check_carries(policy.interface, f"{where}, on the task {task.name!r}")
+
+
+def statistics_of(policy: Policy | None) -> Statistics | None:
+    """The running statistics of observations that a policy carries; `None` without any."""
+    return None if policy is None or policy.interface is None else policy.interface.statistics
 
 
 def validate(task: Task, policy: Policy) -> None:

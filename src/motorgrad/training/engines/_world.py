@@ -12,10 +12,11 @@ from motorgrad._compiler import loop_options
 from motorgrad._random import BLOCK, block_at, draw_block, key_of
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.tasks import Task
+from motorgrad.tasks import Task, outcome
 from motorgrad.training.engines._cycle import CycleState, Mode
 from motorgrad.training.engines._programs import shared
 from motorgrad.training.engines._stepper import Program, Record, Stepper, View, fits, seeds_first, seeds_last
+from motorgrad.training.engines._transition import Transition, Watcher, transition
 from motorgrad.worlds import World
 
 Carry = tuple[CycleState, Any]
@@ -27,8 +28,8 @@ class WorldProgram(Program):
     axes: ClassVar[Any] = (-1, -1)
     """Where the seeds are in the loop's state: one axis, or a tree of them."""
 
-    def __init__(self, task: Task, agent: Agent, mode: Mode):
-        super().__init__(task, agent, mode)
+    def __init__(self, task: Task, agent: Agent, mode: Mode, first_episode: bool = False):
+        super().__init__(task, agent, mode, first_episode=first_episode)
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
         self.begin = jax.jit(jax.vmap(self._begin, out_axes=self.axes))
@@ -37,6 +38,7 @@ class WorldProgram(Program):
             jax.vmap(self.summarize, in_axes=self.axes[:1], out_axes=(self.axes[0], -1)), donate_argnums=0
         )
         self.resume = jax.jit(jax.vmap(self._resume, in_axes=(0, *self.axes, 0), out_axes=self.axes[0]))
+        self.watch = jax.jit(self._watch, donate_argnums=0, compiler_options=loop_options())
 
     def _begin(self, seed: Array, numbers: Array, initial: Policy | None) -> Carry:
         state = self.world.reset(jax.random.uniform(key_of(seed, "start"), (self.world.reset_uniforms,)))
@@ -47,10 +49,23 @@ class WorldProgram(Program):
         return self.cycle.resume_from(cycle, memory, state, *self.start_numbers(seed))
 
     def _decide(self, carry: Carry, uniforms: dict[str, Array]) -> Carry:
+        return self._led(*self._acted(carry, uniforms), uniforms)
+
+    def _decide_watched(self, carry: Carry, uniforms: dict[str, Array]) -> tuple[Carry, Transition]:
+        """Make a decision. Also returns what it was."""
+        cycle, state = self._acted(carry, uniforms)
+        led = outcome(self.task, cycle.memory, state, cycle.action, uniforms["observe"], cycle.elapsed)
+        return self._led(cycle, state, uniforms), transition(self.task, cycle, carry[1], state, led)
+
+    def _acted(self, carry: Carry, uniforms: dict[str, Array]) -> Carry:
+        """The state after an action and a step of the world."""
         cycle, state = carry
         cycle = self.cycle.act(cycle, uniforms["policy"])
         # The barrier keeps the compiler from stepping the world again for everything that depends on the new state.
-        state = jax.lax.optimization_barrier(self.world.step(state, cycle.action, uniforms["world"]))
+        return cycle, jax.lax.optimization_barrier(self.world.step(state, cycle.action, uniforms["world"]))
+
+    def _led(self, cycle: CycleState, state: Any, uniforms: dict[str, Array]) -> Carry:
+        """The state after learning from what an action led to, where an episode has ended in the next one."""
         cycle, ended = self.cycle.learn(cycle, state, uniforms["observe"])
         if not isinstance(ended, bool):
             fresh = self.world.reset(uniforms["reset"])
@@ -84,6 +99,23 @@ class WorldProgram(Program):
 
         return jax.lax.while_loop(lambda position: position[0] < stop, block, (start, carry))[1]
 
+    def _watch(self, carry: Carry, seeds: Array, block: Array, first: Array, last: Array) -> tuple[Carry, Transition]:
+        """Decisions `first` … `last` − 1 of a block, and what each was, at its place along a leading axis."""
+        decide = jax.vmap(self._decide_watched, in_axes=(self.axes, -1), out_axes=(self.axes, -1))
+        uniforms = self._draw(carry, seeds, block)
+
+        def numbers(t: Array) -> dict[str, Array]:
+            return {name: drawn[t] for name, drawn in uniforms.items()}
+
+        shapes = jax.eval_shape(lambda: decide(carry, numbers(first))[1])
+        room = jax.tree.map(lambda shape: jnp.zeros((BLOCK, *shape.shape), shape.dtype), shapes)
+
+        def decision(t: Array, both: tuple[Carry, Transition]) -> tuple[Carry, Transition]:
+            carry, seen = decide(both[0], numbers(t))
+            return carry, jax.tree.map(lambda all, one: all.at[t].set(one), both[1], seen)
+
+        return jax.lax.fori_loop(first, last, decision, (carry, room))
+
 
 class WorldStepper(Stepper):
     """Learning in a JAX world."""
@@ -98,18 +130,33 @@ class WorldStepper(Stepper):
         mode: Mode = "learn",
         initial: Policy | None = None,
         numbers: Mapping[str, Any] | None = None,
+        first_episode: bool = False,
     ):
         super().__init__(task, agent, seeds, mode, initial, numbers)
-        kind = self.program_type
-        self.program = shared(kind, task, agent, mode, lambda: kind(task, agent, mode))
+        kind, more = self.program_type, (mode, first_episode)
+        self.program = shared(kind, task, agent, more, lambda: kind(task, agent, mode, first_episode))
         self.cycle, self._axes = self.program.cycle, self.program.axes
         self._carry = self.program.begin(self.seeds, self._start_vector, self._initial)
+        self.watcher: Watcher | None = None
+        """Told of every decision."""
 
     def advance(self, decisions: int) -> None:
+        if self.watcher is not None:
+            return self._advance_watched(decisions, self.watcher)
         begun, start = block_at(self.decision)
         self._carry = self.program.run(self._carry, self.seeds, *map(np.uint32, (begun, start, start + decisions)))
         jax.block_until_ready(self._carry)
         self.decision += decisions
+
+    def _advance_watched(self, decisions: int, watcher: Watcher) -> None:
+        last = self.decision + decisions
+        while self.decision < last:
+            block, first = block_at(self.decision)
+            made = min(BLOCK - first, last - self.decision)
+            place = np.uint32(block), np.int32(first), np.int32(first + made)
+            self._carry, seen = self.program.watch(self._carry, self.seeds, *place)
+            self.decision += made
+            watcher({name: np.moveaxis(np.asarray(part[first : first + made]), -1, 1) for name, part in seen.items()})
 
     @property
     def state(self) -> PyTree[np.ndarray]:

@@ -99,11 +99,11 @@ class Curve:
 
 def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, label: str) -> Curve:
     """A quantity of a run over an axis. Each point is the mean over the last `smooth` units of the axis."""
-    decision, values = run.curve(quantity)
+    values = run.curve(quantity)[1]
     values = np.where(np.isfinite(values), values, np.nan)
     x = _positions(run, axis, len(values))
     if smooth is not None:
-        values = trailing_mean(x, values, _weights(run, quantity, decision), smooth)
+        values = trailing_mean(x, values, weights_of(run, quantity), smooth)
     window, steps = run.config["run"]["window"], run.config["run"]["steps"]
     broken = int(np.count_nonzero(run.broken))
     return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps), broken)
@@ -165,12 +165,14 @@ def is_total(quantity: str) -> bool:
     return quantity in ("episodes", "diverged") or quantity.endswith("_count")
 
 
-def _weights(run: Plotted, quantity: str, decision: np.ndarray) -> Float[np.ndarray, "seeds records"]:
-    """The weight of each record, such that the weighted mean of records is the mean over their decisions."""
+def weights_of(run: Plotted, quantity: str) -> Float[np.ndarray, "lanes records"]:
+    """The weight of each record, such that the weighted mean of records is the mean over what occurred in them: how
+    often the quantity did, or how many decisions were made."""
+    decision, values = run.curve(quantity)
     names = run.metrics.column_names
     if f"{quantity}_count" in names:
         return run.curve(f"{quantity}_count")[1]
-    lengths = np.diff(decision, prepend=0).astype(float)[None]
+    lengths = np.broadcast_to(np.diff(decision, prepend=0).astype(float), values.shape)
     if quantity == "reward" and "diverged" in names:
         return lengths - run.curve("diverged")[1]
     return np.ones_like(lengths) if is_total(quantity) else lengths

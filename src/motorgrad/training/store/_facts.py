@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -36,6 +36,12 @@ class _Run:
     window: int
     envs: int = 1
     initial: str | None = None
+    evaluate_every: int | None = None
+    evaluate_episodes: int = 10
+    evaluate_seed: int = 1
+    evaluate_mode: Literal["sample", "mode"] = "sample"
+    keep_best: str | None = None
+    keep_least: bool = False
 
 
 def check_config(config: Mapping[str, Any]) -> None:
@@ -46,6 +52,10 @@ def check_config(config: Mapping[str, Any]) -> None:
     check_integer("run.steps", run.steps, 1, MOST_DECISIONS)
     check_integer("run.window", run.window, 1, MOST_DECISIONS)
     check_integer("run.envs", run.envs, 1, MOST_DECISIONS)
+    for name in ("every", "episodes", "seed"):
+        value = getattr(run, f"evaluate_{name}")
+        if value is not None:
+            check_integer(f"run.evaluate_{name}", value, name != "seed", MOST_DECISIONS)
     check(run.seeds, "run.seeds", run.seeds, "one seed at least")
     for name, key in (("task", "name"), ("agent", "policy")):
         check(isinstance(config[name], dict) and key in config[name], name, config[name], f"a table with {key}")
@@ -81,8 +91,9 @@ def facts_of(
 def learner_of(path: Path, about: dict[str, Any]) -> dict[str, Any] | None:
     """The learner that is stored beside the initial policies. **Raises** `ValueError` where it is none."""
     learner = about.get("learner")
-    right = isinstance(learner, dict) and isinstance(learner.get("structure"), dict)
-    if learner is not None and not (right and isinstance(learner.get("initial"), str)):
+    given = learner if isinstance(learner, dict) else {}
+    right = isinstance(given.get("structure"), dict) and isinstance(given.get("interface", {}), dict)
+    if learner is not None and not (right and isinstance(given.get("initial"), str)):
         raise ValueError(f"{path}: holds no learner with a structure and the fingerprint of its beginning")
     return learner
 

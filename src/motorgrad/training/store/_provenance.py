@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import jax
+
 LIBRARIES = "motorgrad jax jaxlib equinox optax mujoco gymnasium cloudpickle numpy scipy numba pyarrow"
 
 
@@ -20,7 +22,7 @@ def provenance() -> dict[str, Any]:
     """
     return {
         "versions": versions(),
-        "compiler": {"XLA_FLAGS": os.environ.get("XLA_FLAGS", "")},
+        "compiler": {"XLA_FLAGS": os.environ.get("XLA_FLAGS", ""), "computes on": jax.default_backend()},
         "processor": _processor(),
         "system": platform.platform(),
         "cores": os.cpu_count(),

@@ -13,7 +13,7 @@ from motorgrad.experiments._claims import Claim, at_most, negative, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
-from motorgrad.experiments.chapter_4._postures import OTHER, READ, arm_task, under
+from motorgrad.experiments.chapter_4._postures import READ, BothPostures, arm_task
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for
@@ -138,7 +138,7 @@ class SizePrinciple(Experiment):
                 "mean rank correlation of size and recruitment",
                 note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
                 kind="thesis" if name.endswith("plain") else "extension",
-                untested=OTHER if name.startswith(OTHERS) else "",
+                untested=BothPostures.otherwise if name.startswith(OTHERS) else "",
                 of="Units of different sizes organise by the size principle.",
             )
         for posture in POSTURES:
@@ -154,7 +154,7 @@ class SizePrinciple(Experiment):
                 f"{', '.join(map(str, best))}.",
                 kind="extension",
             )
-            yield under(posture, claim)
+            yield BothPostures.as_variant(claim, posture)
         for name in ("linear plain", "linear natural"):
             yield negative(
                 f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",

@@ -122,10 +122,10 @@ class FoundSynergies(MuscleStudy):
         """Synergies of the gaits that get farthest, and random ones of the same sizes."""
         run = self.trained(work)
         outcome = evaluate(run, round(self.watched / run.task.period), mode="mode", threads=work.threads)
-        assert outcome.activation is not None
+        assert outcome.control is not None
         best = np.argsort(-np.nan_to_num(outcome.readings["net"]), kind="stable")[: self.gaits]
         groups, random = self.task().dynamics.groups, np.random.default_rng(0)
-        synergies = [find_synergies(outcome.activation[row], UNITS) for row in best]
+        synergies = [find_synergies(outcome.control[row], UNITS) for row in best]
         words = [each.names(groups) for each in synergies]
         lots = [dict(zip(groups, random.permutation(groups), strict=True)) for _ in words]
         mixed = [

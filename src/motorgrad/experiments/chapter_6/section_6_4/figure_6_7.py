@@ -16,7 +16,7 @@ from motorgrad.experiments.chapter_6._local_study import (
     stored_paths,
     tile_grid,
 )
-from motorgrad.experiments.chapter_6._pairs import BothPairs, settings_of
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import GrowingStudy, after_units, grown_policies
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
@@ -50,7 +50,7 @@ class GrowingPolicy(BothPairs, GrowingStudy):
         settings = self.growing(self.task, **settings_of(self.pairs[0]))
         return {"animation": self.learned(work, self.task, settings)}
 
-    def measure(self, work: Workspace, pair: str) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         task = self.task
         run = self.learned(work, task, self.growing(task, **settings_of(pair)))
         decision, reward = run.curve()
@@ -79,7 +79,7 @@ class GrowingPolicy(BothPairs, GrowingStudy):
         hide_axes(list(tiles[len(counts) :]))
         return figure
 
-    def judge(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         new, others = centre_shifts(values["centre"])
         width = at_own_interval(np.exp(values["log width"])).max(-1)
         local = (width <= LOCAL).mean(1)

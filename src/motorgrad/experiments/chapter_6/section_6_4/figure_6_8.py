@@ -9,7 +9,7 @@ from motorgrad.experiments._claims import Claim, above, at_least, more_than_half
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row
-from motorgrad.experiments.chapter_6._pairs import BothPairs, settings_of
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     RATES,
@@ -46,7 +46,7 @@ class GrowingReward(BothPairs, GrowingStudy):
     - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    def measure(self, work: Workspace, pair: str) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         found: Values = {}
         for name, task in (
             ("grown", FallingParticle(layout="R3", units=self.units)),
@@ -82,7 +82,7 @@ class GrowingReward(BothPairs, GrowingStudy):
         _after(panels["after"], values, self.units, independent, WITHIN)
         return figure
 
-    def judge(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         after, other = values["grown after"], values["right first after"]
         for units in self.counts(tuple(INDEPENDENT)):
             expected = INDEPENDENT[units]

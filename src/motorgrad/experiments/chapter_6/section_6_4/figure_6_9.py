@@ -9,7 +9,7 @@ from motorgrad.experiments._claims import Claim, positive, within
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import draw_tile, median_row, policy_at, prefixed, stored_paths
-from motorgrad.experiments.chapter_6._pairs import BothPairs, settings_of
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     GrowingStudy,
@@ -53,7 +53,7 @@ class Orbits(BothPairs, GrowingStudy):
             f"animation-{name}": self.learned(work, task, self.growing(task, **first)) for name, task in tasks.items()
         }
 
-    def measure(self, work: Workspace, pair: str) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         found: Values = {"counts": np.array(self.counts(SHOWN))}
         for wanted in WANTED:
             task = self.task(wanted)
@@ -102,7 +102,7 @@ class Orbits(BothPairs, GrowingStudy):
         axes.set(xlabel="thousand decisions", ylabel="mean radius, all seeds", ylim=(0.1, 0.52))
         axes.legend(loc="upper left", ncols=4, fontsize=8)
 
-    def judge(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         for wanted, sign in (("wide", 1), ("narrow", -1)):
             expected, half = INDEPENDENT[wanted]
             unforced = self.task(wanted).physics.orbit_radius

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad import worlds
-from motorgrad._errors import check
+from motorgrad._errors import check, choice
 from motorgrad.lab.blocks._base import as_text, read_table
 from motorgrad.lab.blocks.worlds._scene import (
     Functions,
@@ -58,6 +58,7 @@ class World(Block):
     @functools.cached_property
     def instance(self) -> Task:
         """The task."""
+        choice("task", self.task, TASKS, registered=True)  # a file must not name an environment's module here
         return make(self.task, **read_table("settings", self.settings))
 
     @functools.cached_property
@@ -192,6 +193,7 @@ class Body(HostTaskBlock):
 
     @functools.cached_property
     def instance(self) -> BodyTask:
+        choice("task", self.task, TASKS, registered=True)
         return cast(BodyTask, make(self.task, **read_table("settings", self.settings)))
 
     def ticks(self, tick: float) -> int:

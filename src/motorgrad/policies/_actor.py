@@ -1,0 +1,102 @@
+"""A policy that acts in the environment itself, on raw observations."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from motorgrad._errors import check
+from motorgrad._interface import Interface
+from motorgrad.policies._policy import Policy
+
+
+class Decision(NamedTuple):
+    """The `action` that a task gets, and the policy's `memory` after it."""
+
+    action: Array
+    memory: Array | None
+
+
+def decide(policy: Policy, memory: Any, raw: Any, uniforms: Any = None) -> Decision:
+    """The decision of a policy on a raw observation. A pure function, which JAX can trace.
+
+    **Arguments:** `policy`: with its `interface`, or without one, for observations as it sees them; `memory`: the
+    policy's, or `None`; `raw`: the observation, flattened; `uniforms`: numbers from U[0, 1) by which the action is
+    drawn, by default the most probable one.
+
+    **Returns** the policy's own action, before `interface.decode`, and its memory after it.
+    """
+    seen = policy.perceive(memory, raw if policy.interface is None else policy.interface.encode(raw))
+    action = policy.mode(seen) if uniforms is None else policy.sample(seen, uniforms)
+    return Decision(policy.emit(action), policy.remember(seen, action))
+
+
+_decided = eqx.filter_jit(decide)
+
+
+@eqx.filter_jit
+def _decided_all(policy: Policy, raw: Any, uniforms: Any) -> Array:
+    return jax.vmap(lambda *of: decide(policy, None, *of).action)(raw, uniforms)
+
+
+class Actor:
+    """A policy of a run that acts in an environment: raw observations in, raw actions out. It keeps the memory of the
+    policy from decision to decision, where that has one.
+
+    **Arguments:** `policy`: of one seed, with its `interface`, as `run.policy(seed)` returns it.
+
+    **Raises:** `ValueError` for a policy without an interface, or without the running statistics that it needs.
+
+    ```python
+    environment = gymnasium.make("Pendulum-v1")
+    actor = mg.policies.Actor(run.policy())
+    observation, _ = environment.reset(seed=1)
+    actor.reset()
+    observation, *_ = environment.step(actor.act(observation))
+    ```
+    """
+
+    def __init__(self, policy: Policy):
+        self.policy, self.interface = policy, known_interface(policy)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode: the memory is as at the start of one. A policy without a memory needs no call."""
+        self.memory = self.policy.initial_memory()
+
+    def act(self, observation: Any, uniforms: Any = None) -> np.ndarray:
+        """The raw action for a raw observation; see `Policy.act`. Without a memory there may be leading axes."""
+        code = self.interface.observations
+        shape = np.shape(observation)
+        ends = len(shape) - len(code.shape)
+        several = shape[:ends] if ends > 0 else ()
+        right = shape[len(several) :] == code.shape and not (several and self.policy.has_memory)
+        check(right, "observation.shape", shape, f"{code.shape}{'' if self.policy.has_memory else ', after any axes'}")
+        raw = np.asarray(observation, np.float32).reshape(*several, code.size)
+        check(np.isfinite(raw).all(), "observation", np.asarray(observation).tolist(), "finite numbers")
+        if not several:
+            action, self.memory = _decided(self.policy, self.memory, raw, _drawn(uniforms))
+            return self.interface.actions.native(action)
+        rows = raw.reshape(-1, code.size)
+        chance = None if uniforms is None else _drawn(uniforms).reshape(len(rows), self.policy.uniforms)
+        action = np.asarray(_decided_all(self.policy, rows, chance))
+        return self.interface.actions.native(action.reshape(*several, *action.shape[1:]))
+
+
+def known_interface(policy: Policy) -> Interface:
+    """The interface of a policy. **Raises** `ValueError` where it has none, or is without its statistics."""
+    kind = type(policy).__name__
+    wanted = "one of a run, run.policy(seed), which knows the scale of observations and the code of actions"
+    interface = policy.interface
+    check(interface is not None, "policy", f"{kind} without an interface", wanted)
+    assert interface is not None
+    fine = interface.statistics is not None or not interface.running
+    check(fine, "policy", f"{kind} without the running statistics of its observations", wanted)
+    return interface
+
+
+def _drawn(uniforms: Any) -> Any:
+    return None if uniforms is None else jnp.asarray(uniforms, jnp.result_type(float))
