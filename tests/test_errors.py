@@ -1,8 +1,10 @@
 """Refusals name the thing, the value and what is allowed, on one line that can be read."""
 
+from pathlib import Path
+
 import pytest
 
-from motorgrad._errors import MOST, choice, unknown
+from motorgrad._errors import MOST, choice, shown_path, unknown
 
 
 def test_an_unknown_name_lists_what_is_known_and_guesses_what_was_meant():
@@ -22,3 +24,9 @@ def test_a_choice_among_few_names_passes_or_is_refused():
     choice("trace", "episodic", ("episodic", "exponential"))
     with pytest.raises(ValueError, match="did you mean 'episodic'"):
         choice("trace", "episod", ("episodic", "exponential"))
+
+
+def test_a_path_is_shown_with_its_end():
+    usual, endless = Path("/home" + "/folder" * 30, "reach.toml"), "x" * 5000
+    assert shown_path(usual) == repr(str(usual))
+    assert len(shown_path(endless)) <= 100

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 LONGEST = 100  # characters of a value in a message
+MAX_PATH_CHARACTERS = 1000  # of a path that a message shows whole
 MOST = 40  # names in a message; of more, only the nearest are listed
 OWN = "import the module that registers your own first, as motorgrad --import MODULE COMMAND"
 
@@ -71,6 +72,12 @@ def shown(value: Any) -> str:
     except (ValueError, RecursionError):  # an integer of thousands of digits; deeply nested lists
         return f"{type(value).__name__} too large to show"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def shown_path(path: Any) -> str:
+    """A path for an error message: whole, as its end says which file is meant, unless that fills a screen."""
+    text = str(path)
+    return repr(text) if len(text) <= MAX_PATH_CHARACTERS else shown(text)
 
 
 def plain(text: Any) -> str:

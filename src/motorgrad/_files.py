@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from motorgrad._errors import shown
+from motorgrad._errors import shown_path
 from motorgrad._limits import MOST_ARRAY_BYTES, MOST_JSON_BYTES, MOST_METRICS_BYTES, MOST_SETTINGS_BYTES
 from motorgrad._reading import arrays_in, content_of, json_in, toml_in
 
@@ -184,4 +184,4 @@ def check_writable(name: str, path: Path, folder: bool = False) -> None:
     if not why and not os.access(above, os.W_OK | os.X_OK):
         why = f"{above} is not writable"
     if why:
-        raise ValueError(f"{name} = {shown(str(path))}: cannot be written: {why}")
+        raise ValueError(f"{name} = {shown_path(path)}: cannot be written: {why}")

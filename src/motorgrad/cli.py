@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from motorgrad._commands import COMMANDS, IMPORTED
 from motorgrad._consent import allow, allow_words
-from motorgrad._errors import NotTrusted, plain
+from motorgrad._errors import NotTrusted, plain, shown_path
 from motorgrad._processes import SAFE
 from motorgrad._signals import asked, interrupt_when_asked
 
@@ -120,7 +120,10 @@ def _answer(name: str, error: BaseException) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     if isinstance(error, ValueError | OSError | RuntimeError):
-        told = "; ".join(map(plain, (error, *getattr(error, "__notes__", ()))))
+        words: Any = error
+        if isinstance(error, OSError) and error.filename is not None and error.strerror:
+            words = f"{shown_path(error.filename)}: {error.strerror}"
+        told = "; ".join(map(plain, (words, *getattr(error, "__notes__", ()))))
         print(f"motorgrad {plain(name)}: {told}", file=sys.stderr)
         return 2
     raise error

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import mujoco
 
-from motorgrad._errors import check, check_finite, shown
+from motorgrad._errors import check, check_finite, shown_path
 from motorgrad.bodies.models._bounds import asset_files, check_size
 from motorgrad.bodies.models._meaning import check_meaning, check_user_types
 from motorgrad.bodies.models._scan import Documents, read_bytes, scan
@@ -56,7 +56,7 @@ def read_model(source: Path | str, edit: Callable[[mujoco.MjSpec], object] | Non
 
 def in_source(source: Path | str, do: Callable[[], T]) -> T:
     """Call a function; its errors name the model, in one line."""
-    where = f"file = {shown(str(source))}" if isinstance(source, Path) else "xml"
+    where = f"file = {shown_path(source)}" if isinstance(source, Path) else "xml"
     try:
         return do()
     except ValueError as error:

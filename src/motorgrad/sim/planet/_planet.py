@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check, choice, shown
+from motorgrad._errors import check, choice, shown_path
 from motorgrad._limits import MOST_MAP_BYTES
 from motorgrad._reading import array_in, content_of
 from motorgrad.sim.planet._elevation import Elevation, Kind, MapElevation, SeededElevation, Surface
@@ -264,9 +264,9 @@ def _read(path: Path) -> MapElevation:
     try:
         heights = array_in(content_of(path, MOST_MAP_BYTES))
     except OSError as error:
-        raise ValueError(f"map = {shown(str(path))}: {error.strerror or 'not a NumPy file'}") from None
+        raise ValueError(f"map = {shown_path(path)}: {error.strerror or 'not a NumPy file'}") from None
     except ValueError as error:
-        raise ValueError(f"map = {shown(str(path))}: must be a NumPy file (.npy) of numbers: {error}") from None
+        raise ValueError(f"map = {shown_path(path)}: must be a NumPy file (.npy) of numbers: {error}") from None
     try:
         return MapElevation(heights)
     except ValueError as error:

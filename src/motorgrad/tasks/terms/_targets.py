@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, shown
+from motorgrad._errors import check, shown_path
 from motorgrad._limits import MOST_MOTION_BYTES
 from motorgrad._reading import arrays_in, content_of, numbers_in, told
 from motorgrad._tree import static
@@ -261,7 +261,7 @@ def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
         rows = tuple(tuple(row) for row in values.reshape(len(time), -1).tolist())
         _check_trajectory(moments, rows)
     except (ValueError, OSError, IndexError) as error:
-        raise ValueError(f"file = {shown(str(file))}: {told(error)}") from None
+        raise ValueError(f"file = {shown_path(file)}: {told(error)}") from None
     return moments, rows
 
 
