@@ -63,7 +63,7 @@ def test_the_two_on_the_linear_mapping_share_their_runs(out, done):
         done(name)
     tasks = [
         config["task"]
-        for folder in (out / "trained").iterdir()
+        for folder in (out / "trained").glob("[!.]*")
         if (config := tomllib.loads((folder / "config.toml").read_text()))["task"]["name"] == "linear-recruitment"
     ]
     assert sorted((task["units"], task["output"]) for task in tasks) == [(2, "count"), (2, "ratio"), (4, "count")]

@@ -326,7 +326,7 @@ def test_the_least_error_is_that_of_ideal_thresholds():
 @pytest.mark.slow
 def test_pools_learn_on_from_what_they_had_learned(name, further, tmp_path):
     reproduce(EXPERIMENTS[name].quick(), tmp_path, progress=False)
-    runs = [mg.load(path) for path in (tmp_path / "trained").iterdir()]
+    runs = [mg.load(path) for path in (tmp_path / "trained").glob("[!.]*")]
     going_on = [run for run in runs if "initial" in run.config["run"]]
     assert len(going_on) == further
     starts = [thresholds_and_gains(run.policies) for run in runs if run not in going_on]

@@ -14,6 +14,7 @@ from motorgrad.experiments._claims import Claim, at_least, at_most, more_than_ha
 from motorgrad.experiments._experiment import Values, Workspace, experiment, rising, smoke
 from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
+from motorgrad.policies import with_interface
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run, agent_for
@@ -128,7 +129,7 @@ class Forgetting(LocalStudy):
         settings = agent_for(sides[1], **kind.changes)
         second = work.train(sides[1], settings, self.decisions, self.seeds, first.policies)
         checked = [run.policies_at(_checks(run)) for run in (first, second)]
-        way = _together([first.initial, *(jax.tree.map(_flat, policies) for policies in checked)])
+        way = _together([with_interface(first.initial, None), *(jax.tree.map(_flat, policies) for policies in checked)])
         reward = frozen_reward(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
         times = [n * self.decisions + run.curve()[0][_checks(run)] for n, run in enumerate((first, second))]
         return {
