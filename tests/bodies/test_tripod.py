@@ -164,10 +164,10 @@ def test_walks_over_bumps_of_16_cm_and_deadlocks_there_as_the_source_words_it():
     worded = walk(grounds, TripodController(mended=False), seconds=20.0)
     stuck = worded.gait(since=17.0).net < 0.03
     assert stuck.any()
-    # their legs wait for each other: at least four, and never is there more than one in stance
+    # one tripod waits, as two legs of the other never reach the ground
     last = worded.states[worded.time > 18.0][:, stuck]
-    assert ((last == WAIT).sum(-1) >= 4).all()
-    assert ((last == STANCE).sum(-1) <= 1).all()
+    hang = [(last[..., tripod] == DROP).sum(-1) >= 2 for tripod in (FIRST, SECOND)]
+    assert np.any(hang, axis=0).all()
 
 
 @pytest.mark.ci
