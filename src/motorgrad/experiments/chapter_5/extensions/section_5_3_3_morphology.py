@@ -47,6 +47,7 @@ MEASURED = {"speed": "m/s faster", "duty": "feet longer on the ground\n(fraction
 BODIES = {"usual": ("standard body", "C0", 0.12), "chance": ("random bodies", "C1", -0.12)}
 SOURCE = "section 5.3.3"
 BODY_WORDS = {"usual": "standard body", "chance": "random bodies"}
+UNTESTED = {"usual": "", "chance": "Random bodies are ours: the thesis adjusted one body by hand."}
 
 
 @experiment("sec-5.3.3-morphology", "a search for the hexapod's body", "section 5.3.3", needs=("evosax", "search"))
@@ -323,6 +324,7 @@ def _observation_claims(values: Values) -> Iterator[Claim]:
             "m/s",
             note=f"Width alone: {width.words('m/s')}; mass alone: {mass.words('m/s')}.",
             of="A wide heavy trunk is faster than a slim light one.",
+            untested=UNTESTED[bodies],
         )
     for bodies, words in BODY_WORDS.items():
         speeds = [np.nanmean(values[f"{bodies} {variant} speed"]) for variant in ("vertical", "lateral")]
@@ -333,6 +335,7 @@ def _observation_claims(values: Values) -> Iterator[Claim]:
             "m/s",
             note=f"{speeds[0]:.2f} m/s and {speeds[1]:.2f} m/s.",
             of="Vertical joints between the sections make the hexapod faster than lateral ones.",
+            untested=UNTESTED[bodies],
         )
 
 
@@ -346,6 +349,7 @@ def _explanation_claims(values: Values) -> Iterator[Claim]:
                 "fraction of the time: difference",
                 "of the time",
                 of="It is faster because its feet are on the ground longer.",
+                untested=UNTESTED[bodies],
             )
     for bodies, of in BODY_WORDS.items():
         yield positive(
@@ -354,4 +358,5 @@ def _explanation_claims(values: Values) -> Iterator[Claim]:
             "root mean square tilt against the ground: difference",
             "° less",
             of="A wide heavy trunk is more stable: it tilts less.",
+            untested=UNTESTED[bodies],
         )
