@@ -2,12 +2,13 @@
 
 import dataclasses
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 
-from motorgrad.experiments import EXPERIMENTS, Reproduction, reproduce
+from motorgrad.experiments import EXPERIMENTS, Reproduction, reproduce, statements
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +30,29 @@ def done(out) -> Callable[[str], Reproduction]:
     return of
 
 
+def _said(words: Iterable[str]) -> set[str]:
+    """Statements without their numbers, which a smoke test may have others of."""
+    return {re.sub(r"[\d.]+", "#", each) for each in words}
+
+
 @pytest.fixture(scope="session")
-def check_complete() -> Callable[[str, Reproduction], None]:
-    """That an experiment left its figure and its settings, and that every claim stands on a number and its interval."""
+def on_record() -> dict[str, set[str]]:
+    """The statements of the thesis on record for the page about the reproduction, by experiment."""
+    data = json.loads((Path(__file__).parents[2] / "docs" / "data" / "reproduction.json").read_text())
+    return {name: _said(each["words"] for each in found) for name, found in data.items()}
+
+
+@pytest.fixture(scope="session")
+def check_complete(on_record) -> Callable[[str, Reproduction], None]:
+    """That an experiment left its figure and its settings, that every claim stands on a number and its interval, and
+    that every statement of the thesis that it judges is on record."""
 
     def check(name: str, found: Reproduction) -> None:
         assert found.figure.read_text().startswith("<?xml")
         assert (found.folder / "figure.png").read_bytes().startswith(b"\x89PNG")
         settings = json.loads(json.dumps(dataclasses.asdict(EXPERIMENTS[name].quick())))
         assert json.loads((found.folder / "record.json").read_text())["settings"] == settings
+        assert _said(each.words for each in statements([found.record()])) <= on_record.get(name, set())
         for claim in found.claims:
             unknown = claim.verdict == "undecided" and claim.measured.value != claim.measured.value
             assert unknown or claim.measured.low <= claim.measured.value <= claim.measured.high

@@ -1,11 +1,13 @@
 """Experiments of chapter 6 with growing pools, flow fields, gates and the hopper: numbers, judgements, end to end."""
 
+from typing import get_args
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.experiments import EXPERIMENTS, reproduce
+from motorgrad.experiments import EXPERIMENTS, Kind, reproduce
 from motorgrad.experiments.appendix_a.figure_a_2 import Circular, force_at, orbit
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import after_units, disturbance, grown_policies
 from motorgrad.experiments.chapter_6.section_6_4.figure_6_7 import GrowingPolicy, at_own_interval, centre_shifts
@@ -28,9 +30,9 @@ from motorgrad.tasks import Hopper, ParticleNavigation
 CLAIMS = {
     "sec-6.4-criteria": 7,
     "sec-6.4-placement": 3,
-    "fig-6.7": 3,
-    "fig-6.8": 4,  # the greater targets are not reached with so few units
-    "fig-6.9": 6,
+    "fig-6.7": 6,
+    "fig-6.8": 7,  # the greater targets are not reached with so few units
+    "fig-6.9": 10,
     "sec-6.5.4-hierarchy": 6,
     "sec-6.5.4-navigation": 7,
     "sec-6.5.4-hopper": 13,
@@ -134,13 +136,13 @@ def reward(after, static, drop=0.13):
 
 def test_the_claims_of_figure_6_8_can_come_out_either_way():
     usual = np.interp(np.arange(1, 21), list(INDEPENDENT), list(INDEPENDENT.values()))
-    holds = [claim.holds for claim in GrowingReward().claims(reward(usual, 0.2))]
-    assert holds == [True] * 6 + [False, True] + [True] * 2
+    holds = [claim.holds for claim in GrowingReward().judge(reward(usual, 0.2), "exact")]
+    assert holds == [True] * 7 + [False, True] + [True] * 2
     peaked = usual - 0.02 * np.abs(np.arange(1, 21) - 13)
-    assert [claim.holds for claim in GrowingReward().claims(reward(peaked, 0.2))][6:8] == [True, False]
-    off = [claim.holds for claim in GrowingReward().claims(reward(usual + 1.5 * WITHIN, 0.1, drop=0.0))]
-    assert off[:6] == [False] * 6
-    assert off[8:] == [False] * 2
+    assert [claim.holds for claim in GrowingReward().judge(reward(peaked, 0.2), "exact")][7:9] == [True, False]
+    off = [claim.holds for claim in GrowingReward().judge(reward(usual + 1.5 * WITHIN, 0.1, drop=0.0), "exact")]
+    assert off[:7] == [False] * 7
+    assert off[9:] == [False] * 2
 
 
 def test_the_claims_of_figure_6_7_can_come_out_either_way():
@@ -151,20 +153,20 @@ def test_the_claims_of_figure_6_7_can_come_out_either_way():
         finds[unit:, :, unit] = 0.5 + 0.2 * (1 + rng.random((24, 2)))
     narrow = np.log(np.full((20, 24, 20, 2), 0.15))
     values = {"centre": finds, "log width": narrow, "reward": rise}
-    assert [claim.holds for claim in GrowingPolicy().claims(values)] == [True] * 3
+    assert [claim.holds for claim in GrowingPolicy().judge(values, "exact")] == [True] * 3
     wanders = rng.random(finds.shape)
     for unit in range(1, 20):  # the new one stays where it begins, while all others move
         wanders[unit, :, unit] = wanders[unit - 1, :, unit]
     worse = {"centre": wanders, "log width": narrow + 2, "reward": rise[:, ::-1]}
-    assert [claim.holds for claim in GrowingPolicy().claims(worse)] == [False] * 3
+    assert [claim.holds for claim in GrowingPolicy().judge(worse, "exact")] == [False] * 3
 
 
 def test_the_claims_about_orbits_can_come_out_either_way():
     chance = 0.001 * np.random.default_rng(2).standard_normal((24, 1))
     good = {"wide after": np.linspace(0.35, 0.46, 16) + chance, "narrow after": np.linspace(0.3, 0.18, 16) + chance}
-    assert all(claim.holds for claim in Orbits().claims(good))
+    assert all(claim.holds for claim in Orbits().judge(good, "exact"))
     flat = {name: np.full((24, 16), 1 / 3) + chance for name in good}
-    assert not any(claim.holds for claim in Orbits().claims(flat))
+    assert not any(claim.holds for claim in Orbits().judge(flat, "exact"))
 
 
 # --- criteria and placement ---
@@ -355,11 +357,14 @@ def test_the_orbit_of_a_field_without_a_turn_is_its_radius():
 
 @pytest.mark.slow
 def test_grown_pools_come_to_the_rewards_of_an_independent_model(tmp_path):
-    found = reproduce(GrowingReward(), tmp_path, progress=False)
+    found = reproduce(GrowingReward(pairs=("exact",)), tmp_path, progress=False)
     # the first unit pushes to the left here, to the right in the independent model, by all appearances
-    assert [claim.holds for claim in found.claims] == [False] + [True] * 5 + [False, True] + [True] * 2
+    assert [claim.holds for claim in found.claims] == [False] + [True] * 6 + [False, True] + [True] * 2
 
 
 @pytest.mark.slow
 def test_orbits_widen_and_narrow_as_much_as_in_an_independent_model(tmp_path):
-    assert all(claim.holds for claim in reproduce(Orbits(), tmp_path, progress=False).claims)
+    claims = reproduce(Orbits(pairs=("exact",)), tmp_path, progress=False).claims
+    verdicts = {kind: {claim.verdict for claim in claims if claim.kind == kind} for kind in get_args(Kind)}
+    assert verdicts["thesis"] == verdicts["extension"] == {"holds"}
+    assert "refuted" not in verdicts["reference model"]

@@ -33,14 +33,14 @@ from motorgrad.worlds import ParticleState
 
 CLAIMS = {
     "fig-6.1": 2,
-    "sec-6.1.1-forgetting": 4,
+    "sec-6.1.1-forgetting": 5,
     "fig-6.2": 3,
     "beyond-6.2-natural": 2,
     "fig-6.3": 2,
     "sec-6.3-noise": 6,
     "fig-6.4": 4,
-    "fig-6.5": 11,
-    "fig-6.6": 4,
+    "fig-6.5": 22,
+    "fig-6.6": 8,
     "sec-6.5-mixtures": 9,
     "sec-6.5.4-pruning": 3,
 }
@@ -106,6 +106,11 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
 
 def held(experiment, values):
     return [claim.holds for claim in experiment.claims(values)]
+
+
+def judged(experiment, values):
+    """The verdicts with one pair of probability and score of an experiment that is done with both."""
+    return [claim.holds for claim in experiment.judge(values, "exact")]
 
 
 # --- what they share ---
@@ -230,10 +235,10 @@ def test_claims_of_where_it_acts():
     local[:, :5] = 0.95
     values = {"any": local, "row": np.array(0), "drawn": local[0], "any where it is": np.full(24, 0.6)}
     values["any before learning"] = local[0]
-    assert held(AnyUnitFires(), values) == [True] * 4
+    assert judged(AnyUnitFires(), values) == [True] * 4
     everywhere = np.full((24, 20, 20), 0.5)
     values |= {"any": everywhere, "drawn": np.zeros((20, 20)), "any where it is": np.full(24, 0.1)}
-    assert held(AnyUnitFires(), values) == [False] * 4
+    assert judged(AnyUnitFires(), values) == [False] * 4
 
 
 # --- what is learned ---
@@ -257,10 +262,26 @@ def learned(late_of, sided, junk):
 
 def test_claims_of_what_is_learned():
     good = learned({"R1": 0.283, "R2": 0.329}, True, True)
-    assert held(LocalPolicies(), good) == [True] * 11
-    poor = held(LocalPolicies(), learned({"R1": -0.01, "R2": 0.1}, False, False))
+    assert judged(LocalPolicies(), good) == [True] * 13
+    poor = judged(LocalPolicies(), learned({"R1": -0.01, "R2": 0.1}, False, False))
     # before learning they pay the same
-    assert poor == [False, True, False, False] * 2 + [False] * 3
+    assert poor == [False, True, False, False] * 2 + [False] * 5
+
+
+def test_both_pairs_are_judged_and_statements_by_the_printed_one():
+    good, poor = (learned({"R1": late, "R2": late + 0.05}, True, True) for late in (0.283, 0.2))
+    values = {f"printed {name}": value for name, value in poor.items()}
+    values |= {f"exact {name}": value for name, value in good.items()}
+    claims = list(LocalPolicies().claims(values))
+    thesis = [claim for claim in claims if claim.kind == "thesis"]
+    assert [bool(claim.untested) for claim in thesis] == [False] * 5 + [True] * 5
+    assert [claim.of for claim in thesis[:5]] == [claim.of for claim in thesis[5:]]
+    assert all("exact pair" in claim.statement for claim in claims if claim.kind == "reference model")
+    better = [claim for claim in claims if "learns better" in claim.statement]
+    assert [claim.measured.value for claim in better] == pytest.approx([0.083, 0.083])
+    assert [claim.verdict for claim in better] == ["holds", "holds"]
+    with pytest.raises(ValueError, match="pairs = "):
+        LocalPolicies(pairs=())
 
 
 def course(before, after_a, after_b, seeds=24):
@@ -274,7 +295,7 @@ def test_what_is_gained_and_lost():
     np.testing.assert_allclose(reward_lost(values, 0.2, "local"), 0.05)
 
 
-@pytest.mark.parametrize(("local", "far", "holds"), [(0.299, 0.12, True), (0.12, 0.299, False)])
+@pytest.mark.parametrize(("local", "far", "holds"), [(0.299, 0.12, True), (0.12, 0.301, False)])
 def test_claims_about_forgetting(local, far, holds):
     values = {}
     for name in KINDS:
@@ -282,7 +303,7 @@ def test_claims_about_forgetting(local, far, holds):
         values[f"0.2 {name} B gain"] = about(0.1)
     judgements = held(Forgetting(gaps=(0.2,)), values)
     assert judgements[:2] == [True, True]
-    assert judgements[2:] == [holds] * 8
+    assert judgements[2:] == [holds] * 10
 
 
 def test_claims_about_forgetting_need_learners():

@@ -303,6 +303,6 @@ def test_the_logarithm_of_the_deviation_runs_away_without_damping():
 @pytest.mark.slow
 def test_only_graded_units_are_given_the_damping_of_the_deviation(done, out):
     done("sec-4.4.1-rate-modulation")
-    found = [mg.load(path).config["agent"] for path in (out / "trained").iterdir()]
+    found = [mg.load(path).config["agent"] for path in (out / "trained").glob("[!.]*")]
     graded = [agent["metric"]["damping"] for agent in found if agent["policy"]["kind"] == "graded-motoneurons"]
     assert graded == [DAMPING] * 3

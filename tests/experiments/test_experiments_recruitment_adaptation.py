@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 import motorgrad as mg
+from motorgrad.bodies import POSTURES
 from motorgrad.experiments import EXPERIMENTS, reproduce
 from motorgrad.experiments.chapter_4._pools import (
     NATURAL,
@@ -25,19 +26,30 @@ from motorgrad.experiments.chapter_4.section_4_4.negative_inputs import (
     always_firing,
     best_activation,
 )
-from motorgrad.experiments.chapter_4.section_4_4.size_principle import order, order_pay, orders_of, recruitment_loads
+from motorgrad.experiments.chapter_4.section_4_4.size_principle import (
+    WORDS,
+    order,
+    order_pay,
+    orders_of,
+    recruitment_loads,
+)
 from motorgrad.policies import Motoneurons
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.worlds import immediate_reward
 
 CLAIMED = {
-    "sec-4.4-negative-inputs": 8,
-    "sec-4.4-large-loads": 9,
+    "sec-4.4-negative-inputs": 2 * 8,
+    "sec-4.4-large-loads": 2 * 9,
     "sec-4.4.1-baseline": 6,
     "sec-4.4.1-gain-decay": 9,
-    "sec-4.4.1-size-principle": 7,
+    "sec-4.4.1-size-principle": 10,
 }
 SEEDS = 40
+
+
+def twice(values):
+    """The same values for both postures of the arm."""
+    return {f"{posture} {name}": value for posture in POSTURES for name, value in values.items()}
 
 
 LONG = (
@@ -164,18 +176,18 @@ def inputs(caught, threshold=15.0, start=5.0, gain=-2.0):
 
 def test_claims_about_negative_inputs_see_a_trap_and_its_absence():
     kind = EXPERIMENTS["sec-4.4-negative-inputs"]()
-    trap = inputs([38, 36, 4, 2, 38, 2])
-    assert [claim.holds for claim in kind.claims(trap)] == [True] * 8
+    trap = twice(inputs([38, 36, 4, 2, 38, 2]))
+    assert [claim.holds for claim in kind.claims(trap)] == [True] * 16
     kind.figure(trap)
     # those whose sample was enlarged after a first run say so
-    assert ["In a first run" in claim.note for claim in kind.claims(trap)] == [False, True] * 2 + [False] * 4
+    assert ["In a first run" in claim.note for claim in kind.claims(trap)] == 2 * ([False, True] * 2 + [False] * 4)
     # as many pools are caught wherever sweeps begin; they are so by low thresholds; they come free without a decay
     harmless = inputs([12, 12, 12, 12, 1, 12], threshold=-6.0, gain=2.0)
     harmless["firing"][0] = harmless["firing"][2]
-    holds = [claim.holds for claim in kind.claims(harmless)]
-    assert holds == [False] * 8
-    nobody = inputs([0] * 6)
-    assert [claim.holds for claim in kind.claims(nobody)][1:] == [False] * 7
+    holds = [claim.holds for claim in kind.claims(twice(harmless))]
+    assert holds == [False] * 16
+    nobody = twice(inputs([0] * 6))
+    assert [claim.holds for claim in kind.claims(nobody)][1:8] == [False] * 7
 
 
 # only large loads
@@ -198,7 +210,7 @@ def test_the_reward_of_a_common_probability_is_that_of_the_oracle(reward_type):
 
 @pytest.mark.ci
 def test_pools_that_are_paid_complete_lifts_can_be_loaded_and_evaluated(tmp_path):
-    task = EXPERIMENTS["sec-4.4-large-loads"].quick().task("complete", "large", 2)
+    task = EXPERIMENTS["sec-4.4-large-loads"].quick().task("complete", "large", 2, "vertical")
     assert task == ArmRecruitment(units=2, reward_type="complete", low=12.0)
     mg.train(task, steps=200, seeds=2, out=tmp_path / "run", progress=False)
     again = mg.load(tmp_path / "run")
@@ -216,13 +228,16 @@ def loads_values(silent, slope):
 def test_claims_about_large_loads_see_a_collapse_and_its_absence():
     kind = EXPERIMENTS["sec-4.4-large-loads"]()
     collapse = {"height large": [0, 38], "complete large": [0, 38], "height all": [0, 0], "complete all": [0, 2]}
-    values = loads_values(collapse, -1.0)
-    assert [claim.holds for claim in kind.claims(values)] == [True] * 9
+    values = twice(loads_values(collapse, -1.0))
+    assert [claim.holds for claim in kind.claims(values)] == [True] * 18
     kind.figure(values)
-    none = loads_values({**collapse, "height large": [0, 0], "complete large": [0, 0]}, 1.0)
-    assert [claim.holds for claim in kind.claims(none)] == [False] * 8 + [True]
-    whatever = loads_values({**collapse, "complete large": [38, 38], "complete all": [0, 38]}, -1.0)
-    assert [claim.holds for claim in kind.claims(whatever)][6:] == [False] * 3
+    none = twice(loads_values({**collapse, "height large": [0, 0], "complete large": [0, 0]}, 1.0))
+    assert [claim.holds for claim in kind.claims(none)] == 2 * ([False] * 8 + [True])
+    whatever = twice(loads_values({**collapse, "complete large": [38, 38], "complete all": [0, 38]}, -1.0))
+    assert [claim.holds for claim in kind.claims(whatever)][6:9] == [False] * 3
+    # each posture is judged by its own pools
+    mixed = values | {name: value for name, value in none.items() if name.startswith("horizontal")}
+    assert [claim.holds for claim in kind.claims(mixed)] == [True] * 9 + [False] * 8 + [True]
 
 
 # baselines and decays
@@ -311,7 +326,7 @@ def test_the_least_error_is_that_of_ideal_thresholds():
 @pytest.mark.slow
 def test_pools_learn_on_from_what_they_had_learned(name, further, tmp_path):
     reproduce(EXPERIMENTS[name].quick(), tmp_path, progress=False)
-    runs = [mg.load(path) for path in (tmp_path / "trained").iterdir()]
+    runs = [mg.load(path) for path in (tmp_path / "trained").glob("[!.]*")]
     going_on = [run for run in runs if "initial" in run.config["run"]]
     assert len(going_on) == further
     starts = [thresholds_and_gains(run.policies) for run in runs if run not in going_on]
@@ -351,8 +366,9 @@ def test_orders_pay_alike_in_the_arm_where_units_are_equal():
 
 def sizes(loads, pay):
     rng = np.random.default_rng(0)
-    values = {"size": np.array([1, 2, 4, 8]) / 15, "orders": np.array(orders_of(4)), "order pay": np.array(pay)}
-    for name, high in (("linear plain", 1), ("linear natural", 1), ("arm plain", 14), ("arm natural", 14)):
+    values = {"size": np.array([1, 2, 4, 8]) / 15, "orders": np.array(orders_of(4))}
+    values |= {f"{posture} order pay": np.array(pay) for posture in POSTURES}
+    for name, high in ((name, 1 if name.startswith("linear") else 14) for name in WORDS):
         made = high * (np.array(loads) + 1e-4 * rng.normal(size=(SEEDS, 4)))
         values |= {f"{name} load": made, f"{name} gain": np.ones((SEEDS, 4)), f"{name} high": np.array(high)}
     return values
@@ -362,15 +378,15 @@ def test_claims_about_sizes_go_both_ways():
     kind = EXPERIMENTS["sec-4.4.1-size-principle"]()
     falling, rising = np.linspace(1, 0.9, 24), np.linspace(0.9, 1, 24)
     ordered = sizes([0.1, 0.2, 0.3, 0.45], falling)
-    assert [claim.holds for claim in kind.claims(ordered)] == [True] * 7
+    assert [claim.holds for claim in kind.claims(ordered)] == [True] * 10
     kind.figure(ordered)
     backwards = sizes([0.55, 0.4, 0.3, 0.05], rising)
-    assert [claim.holds for claim in kind.claims(backwards)] == [False] * 7
+    assert [claim.holds for claim in kind.claims(backwards)] == [False] * 10
 
 
 def test_the_arm_s_damping_is_the_linear_one_in_its_units():
     study = EXPERIMENTS["sec-4.4.1-size-principle"]().studies()
-    arm, linear = study["arm natural"][1], study["linear natural"][1]
+    arm, linear = study["vertical arm natural"][1], study["linear natural"][1]
     assert linear == NATURAL
     assert arm["metric"]["damping"]["threshold"] * 14**2 == pytest.approx(linear["metric"]["damping"]["threshold"])
-    assert stats.rankdata(study["arm natural"][0].sizes).tolist() == [1, 2, 3, 4]
+    assert stats.rankdata(study["horizontal arm natural"][0].sizes).tolist() == [1, 2, 3, 4]

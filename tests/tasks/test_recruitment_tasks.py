@@ -187,7 +187,7 @@ def test_the_parameters_move_once_a_sweep(sweeps):
 def test_the_arm_is_paid_its_height_less_the_cost():
     task = ArmRecruitment(units=4)
     for load, fired in ((3.0, 1), (3.0, 0), (10.0, 2), (14.0, 4)):
-        height = 10 * lift(Arm(), load, Arm().strength * fired / 4)
+        height = 10 * lift(Arm(), load, Arm().full_force * fired / 4)
         assert pays(task, load, [1.0] * fired + [0.0] * (4 - fired)) == pytest.approx(height - fired, abs=5e-3)
     assert pays(task, 14.0, [1.0] * 4) == pytest.approx(6.0, abs=5e-3)
     for load in (-2.0, -0.1, 0.0):  # no load: only the cost counts

@@ -19,7 +19,9 @@ from motorgrad.experiments import (
     Reproductions,
     count_verdicts,
     reproduce_all,
+    score_words,
     select_experiments,
+    statements,
 )
 
 MARKS = {"holds": "✓", "refuted": "✗", "undecided": "?"}
@@ -123,6 +125,8 @@ def _print(made: Reproductions) -> None:
         for claim in each.claims:
             print(f"  {MARKS[claim.verdict]} {claim.statement}")
             print(f"      expected {claim.criterion}; measured {claim.finding}")
+    if judged := statements(each.record() for each in made.done):
+        print(f"\n{score_words(judged)}".replace("of", "Of", 1))
     for failure in made.failures:
         said = plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
         print(f"\n{said}")

@@ -19,7 +19,7 @@ from motorgrad.bodies._contraction import Contraction, contract
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
 from motorgrad.bodies._reader import BodyReader, Column, joint_columns
-from motorgrad.bodies.arm._arm import Arm
+from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
 from motorgrad.bodies.arm._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
 from motorgrad.bodies.hexapod._controllers import TRIPODS, LegState, TripodClock, TripodController, Turning
 from motorgrad.bodies.hexapod._gait import TOUCH, Gait, Walk, debounced, measure_gait, walk
@@ -56,6 +56,7 @@ __all__ = [
     "BUNDLED",
     "CURVES",
     "LEGS",
+    "POSTURES",
     "TOUCH",
     "TRIPODS",
     "Actuator",
@@ -84,6 +85,7 @@ __all__ = [
     "Mjcf",
     "Muscle",
     "OnTerrain",
+    "Posture",
     "Section",
     "Segment",
     "Sensor",

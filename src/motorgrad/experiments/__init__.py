@@ -7,6 +7,7 @@ many, and `write_report` puts all records of a folder on one page.
 
 from motorgrad.experiments._claims import (
     Claim,
+    Kind,
     Verdict,
     above,
     at_least,
@@ -25,13 +26,16 @@ from motorgrad.experiments._jobs import Reproductions, reproduce_all
 from motorgrad.experiments._registry import EXPERIMENTS
 from motorgrad.experiments._report import write_report
 from motorgrad.experiments._reproduce import Reproduction, reproduce, select_experiments
+from motorgrad.experiments._score import Statement, score_rows, score_words, standing, statements
 
 __all__ = [
     "EXPERIMENTS",
     "Claim",
     "Experiment",
+    "Kind",
     "Reproduction",
     "Reproductions",
+    "Statement",
     "Values",
     "Verdict",
     "Workspace",
@@ -50,7 +54,11 @@ __all__ = [
     "positive",
     "reproduce",
     "reproduce_all",
+    "score_rows",
+    "score_words",
     "select_experiments",
+    "standing",
+    "statements",
     "within",
     "write_report",
 ]

@@ -4,15 +4,22 @@ import dataclasses
 import functools
 import math
 from collections.abc import Iterable
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
+from motorgrad._errors import choice
 from motorgrad.statistics import LEVEL, Measured, tally_of
 
 Verdict = Literal["holds", "refuted", "undecided"]
 """Whether the measurement supports a claim."""
 
 VERDICTS: tuple[Verdict, ...] = ("holds", "refuted", "undecided")
+
+Kind = Literal["thesis", "extension", "reference model"]
+"""Whose statement a claim is: the thesis's; our own, about what goes beyond it; or a number of another implementation,
+published or not."""
+
 OURS = "our own expectation"
+MODEL = "an independent model"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,9 +35,14 @@ class Claim:
     - `quantity`: what was measured, in words, where statement and unit do not say it.
     - `unit`: unit of the quantity.
     - `note`: what a reader must know to judge the claim.
-    - `source`: where the statement is made; empty for the source of the experiment.
+    - `source`: where the statement is made; by default that of the experiment for a statement of the thesis, else a
+      description of the kind.
     - `low`, `high`: the bounds of the range; infinite for none.
     - `closed`: whether the range contains its bounds.
+    - `kind`: whose statement it is: `"thesis"`, `"extension"` (ours) or `"reference model"`.
+    - `of`: the statement of which this claim is one variant, where an experiment tests it in several (for each decay,
+      pool or layout); the variants share these words. By default the claim's own statement.
+    - `untested`: why the measurement does not test the statement by the thesis's own settings; empty where it does.
     """
 
     statement: str
@@ -42,8 +54,12 @@ class Claim:
     low: float = -math.inf
     high: float = math.inf
     closed: bool = False
+    kind: Kind = "thesis"
+    of: str = ""
+    untested: str = ""
 
     def __post_init__(self) -> None:
+        choice("kind", self.kind, get_args(Kind))
         # NumPy's own numbers cannot be written to a file
         object.__setattr__(self, "low", float(self.low))
         object.__setattr__(self, "high", float(self.high))
@@ -90,8 +106,21 @@ class Claim:
         return dataclasses.asdict(self) | derived
 
 
+def claim_source(claim: Claim, thesis: str) -> str:
+    """Where a claim is made, in words; `thesis` is the place of a statement of the thesis that names none."""
+    return claim.source or {"thesis": thesis, "extension": OURS, "reference model": MODEL}[claim.kind]
+
+
 def _beyond(value: float, bound: float, closed: bool) -> bool:
     return value > bound or (value == bound and (closed or math.isinf(bound)))
+
+
+class More(TypedDict, total=False):
+    """Arguments of `Claim` that the functions below pass on."""
+
+    kind: Kind
+    of: str
+    untested: str
 
 
 def above(
@@ -102,9 +131,10 @@ def above(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity exceeds `bound`; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, low=bound)
+    return Claim(statement, measured, quantity, unit, note, source, low=bound, **more)
 
 
 def at_least(
@@ -115,9 +145,10 @@ def at_least(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity is `bound` or more; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, low=bound, closed=True)
+    return Claim(statement, measured, quantity, unit, note, source, low=bound, closed=True, **more)
 
 
 def below(
@@ -128,9 +159,10 @@ def below(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity is less than `bound`; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, high=bound)
+    return Claim(statement, measured, quantity, unit, note, source, high=bound, **more)
 
 
 def at_most(
@@ -141,9 +173,10 @@ def at_most(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity is `bound` or less; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, high=bound, closed=True)
+    return Claim(statement, measured, quantity, unit, note, source, high=bound, closed=True, **more)
 
 
 def within(
@@ -155,9 +188,10 @@ def within(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity lies from `low` to `high`; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, low, high, closed=True)
+    return Claim(statement, measured, quantity, unit, note, source, low=low, high=high, closed=True, **more)
 
 
 positive = functools.partial(above, 0)
@@ -173,9 +207,10 @@ def more_than_half(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that something is so most often: that a share exceeds one half."""
-    return above(0.5, statement, measured, quantity, unit, note, source)
+    return above(0.5, statement, measured, quantity, unit, note, source, **more)
 
 
 def in_every(
@@ -185,9 +220,10 @@ def in_every(
     unit: str = "",
     note: str = "",
     source: str = "",
+    **more: Unpack[More],
 ) -> Claim:
     """A claim that something happened in every seed at hand, given a boolean for each."""
-    return within(1, 1, statement, tally_of(happened), quantity, unit, note, source)
+    return within(1, 1, statement, tally_of(happened), quantity, unit, note, source, **more)
 
 
 def count_verdicts(verdicts: Iterable[str]) -> str:

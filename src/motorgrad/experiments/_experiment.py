@@ -102,6 +102,9 @@ class Experiment(abc.ABC):
     """A title of a few words."""
     source: ClassVar[str]
     """Where it comes from: `"figure 5.5"`, `"section 5.2.2"`; in the thesis unless another source is named."""
+    reading: ClassVar[str] = ""
+    """How the experiment reads the thesis, in sentences, where the text is ambiguous or misprinted, or leaves out
+    something that a verdict depends on; empty where it takes the text as it stands."""
     needs: ClassVar[tuple[str, str] | None] = None
     """An optional package and the extra that installs it: `("evosax", "search")`."""
 

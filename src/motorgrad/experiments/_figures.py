@@ -13,9 +13,9 @@ from motorgrad.statistics import Measured, moving_mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 else:
-    Axes = Figure = Any
+    Axes = Figure = SubFigure = Any
 
 FLEXOR, EXTENSOR = "#3b6fb6", "#c8452f"
 """Colours of the two kinds of muscle."""

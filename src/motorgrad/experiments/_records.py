@@ -9,9 +9,13 @@ from motorgrad._files import read_json
 NUMBER = (int, float)
 WORDS: dict[Any, Any] = {str: str}
 """A table of texts, by any name."""
-CLAIM = {"statement": str, "criterion": str, "finding": str, "verdict": str, "source": str, "note": str}
+CLAIM = {
+    **{"statement": str, "criterion": str, "finding": str, "verdict": str, "source": str, "note": str},
+    **{"kind": str, "of": str, "untested": str},
+}
 RECORD = {
-    **{"name": str, "title": str, "source": str, "summary": str, "command": str, "processor": str},
+    **{"name": str, "title": str, "part": str, "source": str, "reading": str, "summary": str},
+    **{"command": str, "processor": str},
     **{"settings": dict, "versions": WORDS, "claims": [CLAIM], "films": [str]},
     **{"quick": bool, "seconds": NUMBER, "trained": NUMBER},
 }

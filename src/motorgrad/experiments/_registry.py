@@ -41,6 +41,7 @@ MODULES = (
     "chapter_5.extensions.section_5_3_3_forces",
     "chapter_5.hexapod.figure_5_8",
     "chapter_5.hexapod.section_5_3_4_gaits",
+    "chapter_5.hexapod.section_5_3_4_episodes",
     "chapter_5.extensions.beyond_5_3_4_muscles",
     "chapter_5.extensions.beyond_5_3_4_proprioception",
     "chapter_5.extensions.section_5_4_1_primitive",

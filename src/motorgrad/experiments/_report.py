@@ -8,8 +8,9 @@ from typing import Any
 
 from motorgrad._errors import shown
 from motorgrad._files import write_atomically
-from motorgrad.experiments._claims import count_verdicts
+from motorgrad.experiments._claims import MODEL, OURS, count_verdicts
 from motorgrad.experiments._records import AGAIN, FAILURE, RECORD, read_record
+from motorgrad.experiments._score import HEADS, Statement, score_rows, score_words, statements
 
 
 def write_report(out: Path | str, order: Iterable[str]) -> Path:
@@ -37,6 +38,7 @@ def page(records: list[dict[str, Any]], out: Path, failures: list[dict[str, Any]
     """The page about these records. Figures are read from their folders in `out` and embedded. Experiments that were
     set aside are listed with their reasons."""
     claims = [claim for record in records for claim in record["claims"]]
+    found = statements(records)
     took = _time(sum(record["seconds"] for record in records))
     quick = any(record["quick"] for record in records)
     contents = "".join(f'<li><a href="#{_text(r["name"])}">{_heading(r)}</a> {_score(r)}</li>' for r in records)
@@ -54,10 +56,14 @@ def page(records: list[dict[str, Any]], out: Path, failures: list[dict[str, Any]
 <body>
 <main>
 <h1>Experiments reproduced</h1>
-<p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad. {_counts(claims)}.
-Brackets hold 95 % intervals over seeds, or over runs if there are no seeds. A claim holds if the whole interval meets
-its criterion, is refuted if none of it does, and is undecided otherwise. Total time: {took}.</p>
-{warning}{missing}
+<p>From <em>Policy-Gradient Learning for Motor Control</em> (Field), by motorgrad: {score_words(found)}.</p>
+{_table(HEADS, score_rows(found), "score")}
+<p>A statement that is tested in several variants (for each decay, pool or layout) counts once: it holds if all of them
+hold, and is refuted if one is. It is not testable where no measurement follows the thesis's own settings. All claims,
+those about extensions and about numbers of other implementations included: {_counts(claims)}. A claim holds if
+the whole interval meets its criterion, is refuted if none of it does, and is undecided otherwise. Brackets hold 95 %
+intervals over seeds, or over runs if there are no seeds. Total time: {took}.</p>
+{warning}{missing}{_refuted(found)}
 <nav aria-label="Experiments"><ol>{contents}</ol></nav>
 {"".join(_section(record, out) for record in records)}
 </main>
@@ -75,6 +81,7 @@ def _section(record: dict[str, Any], out: Path) -> str:
 <section id="{name}">
 <h2>{about}</h2>
 <p>{_text(record["summary"])}</p>
+<p class="reading">Reading: {_text(record["reading"] or "the text as it stands.")}</p>
 <figure><img src="data:image/svg+xml;base64,{picture}" alt="{about}"></figure>
 {_films(record)}{_claims(record)}
 <details><summary>Settings, versions, time</summary>
@@ -83,6 +90,26 @@ def _section(record: dict[str, Any], out: Path) -> str:
 <p>To run it again in another folder: <code>{_text(record["command"])} --out FOLDER</code></p>
 </details>
 </section>"""
+
+
+def _table(heads: Iterable[str], rows: Iterable[Iterable[Any]], kind: str) -> str:
+    head = "".join(f'<th scope="col">{_text(each)}</th>' for each in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{_text(each)}</td>' for each in row)}</tr>" for row in rows)
+    return f'<table class="{kind}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+
+
+def _refuted(found: list[Statement]) -> str:
+    """The statements that are refuted, each with what was found, and those that are not testable, with the reason."""
+    parts = []
+    for standing, title in (("refuted", "Refuted statements"), ("not testable", "Statements that are not testable")):
+        rows = [each for each in found if each.standing == standing]
+        items = "".join(
+            f'<li><a href="#{_text(each.experiment)}">{_text(each.words)}</a> '
+            f"<small>{_text(each.source)}: {_text('; '.join(each.reasons))}</small></li>"
+            for each in rows
+        )
+        parts.append(f"<details><summary>{title}: {len(rows)}</summary><ul>{items}</ul></details>" if rows else "")
+    return "".join(parts)
 
 
 def _heading(record: dict[str, Any]) -> str:
@@ -111,7 +138,9 @@ def _claims(record: dict[str, Any]) -> str:
 
 
 def _row(claim: dict[str, Any], source: str) -> str:
-    about = [claim["source"]] if claim["source"] != source else []
+    about = [] if claim["kind"] == "thesis" else [claim["kind"]]
+    about += [claim["source"]] if claim["source"] not in (source, OURS, MODEL) else []
+    about += [f"does not test the statement: {claim['untested']}"] if claim["untested"] else []
     about += [claim["note"]] if claim["note"] else []
     below = f"<small>{_text('; '.join(about))}</small>" if about else ""
     verdict = claim["verdict"]
@@ -155,6 +184,8 @@ figcaption { color: #555; text-align: center; }
 table { border-collapse: collapse; width: 100%; }
 th, td { text-align: left; vertical-align: top; padding: .4rem .7rem .4rem 0; border-bottom: 1px solid var(--line); }
 td:last-child { white-space: nowrap; }
+.score td { font-variant-numeric: tabular-nums; } .score tr:last-child { font-weight: 600; }
+.reading { color: var(--soft); }
 small { display: block; color: var(--soft); }
 .holds { color: var(--good); } .holds::before { content: "✓ "; }
 .refuted { color: var(--bad); font-weight: 600; } .refuted::before { content: "✗ "; }

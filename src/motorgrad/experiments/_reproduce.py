@@ -16,7 +16,7 @@ import tomli_w
 from motorgrad._errors import check, unknown
 from motorgrad._files import read_arrays, read_toml, refuse_links, replacing, write_arrays, write_atomically
 from motorgrad._settings import table
-from motorgrad.experiments._claims import Claim
+from motorgrad.experiments._claims import Claim, claim_source
 from motorgrad.experiments._experiment import Experiment, Values, Workspace
 from motorgrad.experiments._figures import STYLE
 from motorgrad.experiments._films import animate
@@ -77,7 +77,9 @@ class Reproduction:
         return {
             "name": about.name,
             "title": about.title,
+            "part": about.part,
             "source": about.source,
+            "reading": about.reading,
             "summary": about.summary,
             "settings": table(about),
             "quick": self.quick,
@@ -135,7 +137,7 @@ def _reproduce(experiment: Experiment, folder: Path, work: Workspace, quick: boo
     try:
         _draw(experiment, values, folder)
         made = experiment.claims(values)
-        claims = tuple(dataclasses.replace(claim, source=claim.source or experiment.source) for claim in made)
+        claims = tuple(dataclasses.replace(claim, source=claim_source(claim, experiment.source)) for claim in made)
     except KeyError as error:
         raise ValueError(f"{stored}: holds no {error}: made by another version; delete the folder {folder}") from None
     if films:

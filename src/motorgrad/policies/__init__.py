@@ -23,7 +23,15 @@ from motorgrad.policies._grow_and_prune import Masked, activity, grow, growing, 
 from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, primitives
 from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
 from motorgrad.policies._layered import Layered, Sequential, layered
-from motorgrad.policies._local import FreeGaussians, GaussianUnits, LocalGaussians, LocalUnits, gaussians, tiles
+from motorgrad.policies._local import (
+    FreeGaussians,
+    GaussianUnits,
+    LocalGaussians,
+    LocalUnits,
+    PrintedGaussians,
+    gaussians,
+    tiles,
+)
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
 from motorgrad.policies._policy import Policy, Regions, fixed, split, trainable, with_interface
@@ -71,6 +79,7 @@ __all__ = [
     "ObservationCode",
     "Policy",
     "Primitives",
+    "PrintedGaussians",
     "Querying",
     "Recurrence",
     "Recurrent",

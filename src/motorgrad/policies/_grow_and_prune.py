@@ -15,7 +15,7 @@ from motorgrad._errors import check, choice
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
-from motorgrad.policies._local import LocalGaussians, LocalUnits
+from motorgrad.policies._local import LocalUnits, Pair, local_gaussians
 from motorgrad.policies._policy import (
     Composed,
     Policy,
@@ -110,6 +110,7 @@ def growing(
     shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = "gaussians",
     p_max: float = 0.5,
     hardness: float = 10.0,
+    pair: Pair = "exact",
 ) -> Masked:
     """A pool of local units that are all switched off, for a learner that grows (`motorgrad.learning.Growth`).
 
@@ -122,16 +123,19 @@ def growing(
     - `shape`: the kind of local units.
     - `p_max`: the probability of firing at a unit's centre, in (0, 1]; of Gaussians only.
     - `hardness`: how steeply the probability falls at a unit's surface; of soft spheres and boxes only.
+    - `pair`: `"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`); of Gaussians
+      only.
     """
     inputs, outputs = sizes(task, units)
     check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
     check(0 < hardness < math.inf, "hardness", hardness, "positive")
     kinds: dict[str, Callable[[], LocalUnits]] = {
-        "gaussians": lambda: LocalGaussians(centre, jnp.zeros_like(centre), p_max=jnp.asarray(p_max)),
+        "gaussians": lambda: local_gaussians(pair)(centre, jnp.zeros_like(centre), p_max=jnp.asarray(p_max)),
         "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), log_hardness),
         "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), log_hardness),
     }
     choice("shape", shape, kinds)
+    check(pair == "exact" or shape == "gaussians", "pair", pair, f"exact for {shape}")
     centre, log_hardness = jnp.zeros((outputs, inputs)), jnp.full(outputs, math.log(hardness))
     return Masked(kinds[shape](), jnp.zeros(outputs, bool))
 

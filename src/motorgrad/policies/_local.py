@@ -3,7 +3,7 @@
 import abc
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check
+from motorgrad._errors import check, choice
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
@@ -142,6 +142,49 @@ class LocalGaussians(GaussianUnits):
         return in_structure(self, centre=surprise * scaled * jnp.exp(-self.log_width), log_width=surprise * scaled**2)
 
 
+class PrintedGaussians(LocalGaussians):
+    r"""Local Gaussian units as section 6.2.2 of the thesis prints them: a biased pair of probability and score.
+
+    The height is tied to the widths by equation 6.1, so that the probability is that of `LocalGaussians`; the score of
+    the log-widths is that of a free height, $z_j^2 - 1$ for firing, and $-p/(1 - p)$ times that for silence. Its mean
+    is 0, as that of any score, so that baselines add no bias, but it is not the derivative of the log-probability. Mean
+    gradient samples for $\lambda_{ij}$ fall short of the gradient by the derivative of the objective $\eta$ by the
+    logarithm of the unit's height $h_i$, in every input $j$ alike:
+
+    $$\mathbb E\,[r\,\hat\partial_{\lambda_{ij}}\log\pi] =
+    \frac{\partial\eta}{\partial\lambda_{ij}} - \frac{\partial\eta}{\partial\log h_i}$$
+
+    For an immediate reward, the last term is $\mathbb E\,[p_i(y)\,(r_i^1(y) - r_i^0(y))]$, with the mean rewards
+    $r_i^1$ and $r_i^0$ if the unit fires and if it does not: as soon as firing pays, widths shrink faster or grow less
+    than the reward asks for. The gradient by the centres is exact, and so is the Fisher matrix.
+
+    This class is for comparison with the thesis; use `LocalGaussians` to learn. Estimators that differentiate the
+    log-probability instead of asking for scores (`ClippedSurrogate`) are refused: the pair would have no effect.
+
+    **Arguments:** those of `LocalGaussians`.
+    """
+
+    def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
+        exact = super().score(observation, action)
+        surprise = self._surprise(observation, action)[:, None]
+        return in_structure(self, centre=exact.centre, log_width=exact.log_width - surprise)
+
+    def _fisher_rows(self, observation: Float[Array, " inputs"]) -> Float[Array, "units parameters"]:
+        exact = LocalGaussians(centre=self.centre, log_width=self.log_width, p_max=self.p_max)
+        return exact._fisher_rows(observation)
+
+
+Pair = Literal["exact", "printed"]
+"""Which score local Gaussian units of fixed height have: the derivative of the log-probability, or the printed one."""
+
+
+def local_gaussians(pair: Pair) -> type[LocalGaussians]:
+    """The class of local Gaussian units with this score."""
+    kinds = {"exact": LocalGaussians, "printed": PrintedGaussians}
+    choice("pair", pair, kinds)
+    return kinds[pair]
+
+
 class FreeGaussians(GaussianUnits):
     r"""Local Gaussian units of learned height, $p_i = e^{\alpha_i}\,\prod_j \mathcal N(y_j; \mu_j, \sigma_j)$.
 
@@ -224,6 +267,7 @@ def tiles(
     high: float | None = None,
     least_log_width: float = -4.0,
     most_log_width: float = 2.0,
+    pair: Pair = "exact",
 ) -> LocalGaussians:
     """Local Gaussian units laid out evenly over the range of the inputs (section 6.3 of the thesis).
 
@@ -243,6 +287,7 @@ def tiles(
     - `high`: the upper end of the range, by default the task's.
     - `least_log_width`: the lower limit of the logarithm of a width.
     - `most_log_width`: the upper limit of the logarithm of a width.
+    - `pair`: `"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`).
 
     **Example:**
 
@@ -262,7 +307,7 @@ def tiles(
     log_width = np.clip(np.log(width * extent), *limits)
     centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
     widths = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
-    return LocalGaussians(centre, widths, p_max=jnp.asarray(p_max), log_width_limits=limits)
+    return local_gaussians(pair)(centre, widths, p_max=jnp.asarray(p_max), log_width_limits=limits)
 
 
 def input_ranges(task: Any, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:

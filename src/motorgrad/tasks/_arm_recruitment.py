@@ -85,7 +85,7 @@ class ArmRecruitment(Recruitment):
 
     def effect(self, load: Scalar, ratio: Scalar, strength: Scalar | float = 1.0) -> Scalar:
         """H, the height to which a fraction of the pool lifts a load; JAX arrays, which broadcast."""
-        force = self.body.strength * strength * ratio
+        force = self.body.full_force * strength * ratio
         lifted = lift_table(self.body).lift if self.height == "table" else functools.partial(_simulated, self.body)
         part = lifted(load, force)
         if self.reward_type == "complete":

@@ -20,11 +20,11 @@ def tripod_machine(controller, immediate):
         states=("stance", "wait", "swing", "drop"),
         transitions=(
             ("stance", "lateral < back", "wait"),
-            ("wait", "opposing > 1 or (first and waiting == 6)", "swing"),
+            ("wait", "opposing > 1", "swing"),
             ("swing", "lateral > forward", "drop"),
             ("drop", "contact > touch or vertical < low", "stance"),
         ),
-        reads=("lateral", "vertical", "contact", "opposing", "waiting", "first"),
+        reads=("lateral", "vertical", "contact", "opposing"),
         gives=("lateral_velocity", "vertical_velocity"),
         table=tuple((each.lateral, each.vertical) for each in turning),
         constants=("back", "forward", "touch", "low"),
@@ -68,10 +68,9 @@ def test_is_the_leg_controller_of_the_hexapod_tick_by_tick():
     controller, seen = TripodController(), readings(600)
     states = by_oracle(controller, seen)
     first = np.array([leg in TRIPODS[0] for leg in LEGS])
-    standing = states[:-1] == 0
+    standing = states[:-1] <= 1
     opposing = np.where(first, (standing & ~first).sum(-1, keepdims=True), (standing & first).sum(-1, keepdims=True))
-    waiting = np.broadcast_to((states[:-1] == 1).sum(-1, keepdims=True), standing.shape)
-    inputs = {**seen, "opposing": opposing, "waiting": waiting, "first": np.broadcast_to(first, standing.shape)}
+    inputs = {**seen, "opposing": opposing}
     at_once = drive(tripod_machine(controller, True), 600, **inputs)
     np.testing.assert_array_equal(at_once["state"], states[1:])
     velocities = np.stack([controller.velocities(row) for row in states[1:]])
@@ -85,7 +84,7 @@ def test_is_the_leg_controller_of_the_hexapod_tick_by_tick():
 
 @pytest.mark.ci
 def test_six_legs_coupled_by_wires_walk_as_the_controller_does(tmp_path):
-    """All in one diagram: legs count who stands of the other tripod, and all that wait."""
+    """All in one diagram: legs count who stands of the other tripod."""
     controller, seen = TripodController(), readings(300)
     states = by_oracle(controller, seen)
     for name, values in seen.items():
@@ -99,20 +98,13 @@ def test_six_legs_coupled_by_wires_walk_as_the_controller_does(tmp_path):
         for number, leg in enumerate(LEGS, 1):
             diagram.connect(f"{name} file.{leg}", f"{name}.u{number}")
         diagram.connect(name, f"legs.{name}")
-    diagram.add("stands", of("expression", "if(s == 0, 1, 0)", ("s",), shape=(6,)))
-    diagram.add("waits", of("expression", "if(s == 1, 1, 0)", ("s",), shape=(6,)))
+    diagram.add("stands", of("expression", "if(s <= 1, 1, 0)", ("s",), shape=(6,)))
     diagram.add("opposing", of("matrix gain", [[float(a != b) for b in first] for a in first]))
-    diagram.add("waiting", of("matrix gain", np.ones((6, 6))))
-    diagram.add("first", of("constant", np.array(first, float), (6,)))
     diagram.add("out", Outlet((6,), "int"))
     for source, target in (
         ("legs.state", "stands"),
-        ("legs.state", "waits"),
         ("stands", "opposing"),
-        ("waits", "waiting"),
         ("opposing", "legs.opposing"),
-        ("waiting", "legs.waiting"),
-        ("first", "legs.first"),
         ("legs.state", "out"),
     ):
         diagram.connect(source, target)

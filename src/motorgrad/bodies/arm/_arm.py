@@ -1,4 +1,22 @@
-"""The arm: a lower arm with a load in the hand, hanging from a fixed upper arm and bent by one straight flexor."""
+"""The arm: a lower arm with a load in the hand, hanging from a fixed upper arm and bent by one straight flexor.
+
+The thesis's upper arm is "held by a harness at right angles", and its figure 4.5 is not at hand. Two readings are
+possible: at right angles to the ground, or to the lower arm, which hangs. More of the text agrees with the first, the
+vertical upper arm, so it is the default:
+
+- Section 4.3.2 says that the torque is greater than zero because the muscle's ends are offset. Of a straight lower arm
+  that is so: the moment arm is the offset, 2 cm. At a right angle it is 12 cm, and 11 cm without any offset.
+- It says that the mechanical advantage is least at full extension, and passes through a right angle of the joint. Only
+  from a vertical upper arm does the elbow start at full extension.
+- It says that too little force fails to lift the load. Below a vertical upper arm, less and less force holds the load
+  once the elbow is bent by some 55°, so that a load is lifted to the top or to less than half of it; below a horizontal
+  one, every force lifts in proportion.
+- Section 4.4 says that a large pool that sees only large loads falls silent. With a reward for height, that follows
+  from a lift that is all or nothing, and does not from one in proportion.
+
+That the advantage is least at full flexion, too, is true of neither: with both ends half way along bones of equal
+length, the moment arm of a straight muscle is greatest there.
+"""
 
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's compiled modules carry no type information.)
@@ -7,17 +25,25 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 
-from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad._errors import check, check_not_negative, check_positive, choice
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, groups_of
 
-HANGING = 90.0  # degrees between the bones when the lower arm hangs, as the upper arm is level
+Posture = Literal["vertical", "horizontal"]
+"""How the upper arm is held."""
+POSTURES: tuple[Posture, ...] = get_args(Posture)
+HANGING: Mapping[Posture, float] = MappingProxyType({"vertical": 180.0, "horizontal": 90.0})
+"""Degrees between the bones when the lower arm hangs."""
+STRENGTH: Mapping[Posture, float] = MappingProxyType({"vertical": 371.6, "horizontal": 164.6})
+"""Force in N that just lifts 14 kg to the top."""
 GRAVITY = 9.81
 COARSEST = 0.01  # s, the largest time step; flexions are accurate to 5e-4 rad with it, and to 2e-2 with ten times that
+_WAY = 2001  # flexions at which the greatest force on the way is looked for: it is exact to 1e-6
 _BONE = (0.90, 0.87, 0.80, 1.0)
 _LOAD = (0.27, 0.30, 0.36, 1.0)
 _HARNESS = (0.55, 0.58, 0.62, 1.0)
@@ -27,20 +53,30 @@ _HARNESS = (0.55, 0.58, 0.62, 1.0)
 class Arm:
     """An arm with one degree of freedom that lifts a load (thesis, section 4.3.2 and figure 4.5).
 
-    A harness holds the upper arm level. The lower arm hangs from the elbow, with the load in its hand. One flexor bends
-    it upwards: a straight line from the middle of one bone to the middle of the other. Both ends are offset from the
-    bones towards the inside of the elbow, so that the muscle never pulls along a bone. Its force does not depend on its
-    length. x points from the shoulder to the elbow, z up, and the plane is y = 0.
+    A harness holds the upper arm, vertical or horizontal: the thesis's "at right angles" can be read as either. The
+    lower arm hangs from the elbow, with the load in its hand. One flexor bends it upwards: a straight line from the
+    middle of one bone to the middle of the other. Both ends are offset from the bones towards the inside of the elbow,
+    so that the muscle never pulls along a bone. Its force does not depend on its length. The lower arm bends towards
+    −x, z points up, and the plane is y = 0.
+
+    Below a vertical upper arm the elbow bends from 180°, where the muscle's moment arm is only the offset. Once it is
+    bent by some 55°, less and less force holds the load, so the arm snaps: a force lifts the load to the top, or less
+    than half of that. Below a horizontal one it bends from 90°, where the moment arm is already four fifths of its
+    greatest, and the load is lifted the higher, the greater the force.
 
     **Arguments:**
 
     - `load` (kg): mass in the hand, at least 0.
     - `bone_length` (m): length of each of the two bones.
     - `lower_mass` (kg): mass of the lower arm, evenly distributed.
-    - `strength` (N): the muscle's force at full activation. The default is just enough to lift 14 kg to the top.
+    - `posture`: `"vertical"` or `"horizontal"`, how the upper arm is held. More of the thesis's text agrees with the
+      first: the torque above zero only because of the offset, full extension, loads that are lifted or not, and large
+      pools that fall silent (section 4.4).
+    - `strength` (N): the muscle's force at full activation. By default just enough to lift 14 kg to the top with bones,
+      offset and stop as they are by default: 371.6 N with a vertical upper arm, 164.6 N with a horizontal one.
     - `offset` (m): distance of the muscle's ends from the bones.
-    - `least_angle` (degrees): the interior angle of the elbow at the stop. The muscle's ends would meet at 2 atan(2
-      `offset` / `bone_length`), and the stop must come before.
+    - `least_angle` (degrees): the interior angle of the elbow at the stop, less than where it hangs. The muscle's ends
+      would meet at 2 atan(2 `offset` / `bone_length`), and the stop must come before.
     - `joint_damping` (N m s/rad): damping of the elbow.
     - `elbow_height` (m): height above the floor, which nothing touches.
     - `timestep` (s): time step of the physics, at most 0.01.
@@ -56,34 +92,50 @@ class Arm:
     load: float = 5.0
     bone_length: float = 0.3
     lower_mass: float = 1.0
-    strength: float = 164.6
+    strength: float | None = None
     offset: float = 0.02
     least_angle: float = 20.0
     joint_damping: float = 0.02
     elbow_height: float = 0.6
     timestep: float = 0.001
+    posture: Posture = "vertical"
 
     def __post_init__(self) -> None:
-        for name in ("bone_length", "lower_mass", "strength", "elbow_height", "timestep"):
+        choice("posture", self.posture, POSTURES)
+        for name in ("bone_length", "lower_mass", "elbow_height", "timestep"):
             check_positive(name, getattr(self, name))
+        check_positive("strength", self.full_force)
         for name in ("load", "offset", "joint_damping"):
             check_not_negative(name, getattr(self, name))
         check(self.timestep <= COARSEST, "timestep", self.timestep, f"a finite number > 0 and at most {COARSEST:g} s")
         meet = math.degrees(2.0 * math.atan(2.0 * self.offset / self.bone_length))
-        allowed = f"an interior angle between {meet:.4g}, where the muscle's ends would meet, and {HANGING:g} degrees"
-        check(meet < self.least_angle < HANGING, "least_angle", self.least_angle, allowed)
+        allowed = (
+            f"an interior angle between {meet:.4g}, where the muscle's ends would meet, and {self.hanging:g} degrees"
+        )
+        check(meet < self.least_angle < self.hanging, "least_angle", self.least_angle, allowed)
+
+    @property
+    def full_force(self) -> float:
+        """The muscle's force in N at full activation: `strength`, or its default for the posture."""
+        return STRENGTH[self.posture] if self.strength is None else self.strength
+
+    @property
+    def hanging(self) -> float:
+        """The interior angle of the elbow in degrees when the lower arm hangs: 180 or 90."""
+        return HANGING[self.posture]
 
     @property
     def muscles(self) -> tuple[Muscle, ...]:
         """The flexor."""
         half = self.bone_length / 2.0
+        origin = (-self.offset, 0.0, half) if self.posture == "vertical" else (-half, 0.0, -self.offset)
         return (
             Muscle(
                 name="flexor",
                 group="flexor",
-                origin=Attachment("upper_arm", (-half, 0.0, -self.offset)),
+                origin=Attachment("upper_arm", origin),
                 insertion=Attachment("lower_arm", (-self.offset, 0.0, -half)),
-                strength=self.strength,
+                strength=self.full_force,
                 rest_length=float(self.muscle_length(0.0)),
                 damping=0.0,
                 shape=math.inf,
@@ -103,7 +155,7 @@ class Arm:
     @property
     def most_flexion(self) -> float:
         """The flexion at the stop, in rad."""
-        return math.radians(HANGING - self.least_angle)
+        return math.radians(self.hanging - self.least_angle)
 
     def muscle_length(self, flexion: float | np.ndarray) -> float | np.ndarray:
         """Length of the muscle in m at a flexion in rad."""
@@ -131,6 +183,13 @@ class Arm:
         equals the gain in potential energy."""
         return self.weight_moment * (1.0 - np.cos(flexion)) / (self.muscle_length(0.0) - self.muscle_length(flexion))
 
+    @property
+    def throwing_force(self) -> float:
+        """The constant force in N that takes the arm from rest just to the stop without friction: the greatest
+        `ballistic_force` on the way, which need not be that of the stop."""
+        way = self.most_flexion * np.linspace(0.0, 1.0, _WAY)[1:]
+        return float(np.max(self.ballistic_force(way)))
+
     def spec(self) -> mujoco.MjSpec:
         """A new, editable `mujoco.MjSpec` of the arm, hanging at rest."""
         spec = mujoco.MjSpec()
@@ -140,7 +199,8 @@ class Arm:
         spec.option.gravity = (0.0, 0.0, -GRAVITY)
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         self._add_bones(spec)
-        add_scenery(spec, rail=(-self.bone_length, 0.06), target="upper_arm")
+        across = 0.0 if self.posture == "vertical" else -self.bone_length
+        add_scenery(spec, rail=(across, 0.06), target="upper_arm")
         add_sensors(spec, "JOINTPOS", "JOINT", {"flexion": "elbow"})
         add_sensors(spec, "JOINTVEL", "JOINT", {"flexion_velocity": "elbow"})
         add_sensors(spec, "FRAMEPOS", "SITE", {"hand_height": "hand"})
@@ -155,21 +215,23 @@ class Arm:
 
     def _between(self, flexion: float | np.ndarray) -> float | np.ndarray:
         """The angle at the elbow between the muscle's ends, in rad."""
-        return math.radians(HANGING) - flexion - 2.0 * math.atan(2.0 * self.offset / self.bone_length)
+        return math.radians(self.hanging) - flexion - 2.0 * math.atan(2.0 * self.offset / self.bone_length)
 
     def _add_bones(self, spec: mujoco.MjSpec) -> None:
         length, thick = self.bone_length, 0.05 * self.bone_length
         capsule, sphere, box = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
         upper = spec.worldbody.add_body(name="upper_arm", pos=(0.0, 0.0, self.elbow_height))
-        level = (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
-        add_geom(upper, "harness", box, (0.02, 0.04, 0.05), (-length, 0.0, 0.0), 0.0, _HARNESS)
-        bone = add_geom(upper, "upper_arm", capsule, (thick, length / 2.0, 0.0), (-length / 2.0, 0.0, 0.0), 0.0, _BONE)
-        bone.quat = level
+        upright = self.posture == "vertical"
+        shoulder = np.array((0.0, 0.0, length) if upright else (-length, 0.0, 0.0))
+        add_geom(upper, "harness", box, (0.02, 0.04, 0.05), shoulder, 0.0, _HARNESS)
+        bone = add_geom(upper, "upper_arm", capsule, (thick, length / 2.0, 0.0), shoulder / 2.0, 0.0, _BONE)
+        bone.quat = (1.0, 0.0, 0.0, 0.0) if upright else (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0)
         lower = upper.add_body(name="lower_arm")
         elbow = lower.add_joint(name="elbow", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 1, 0))
         elbow.damping[0] = self.joint_damping
         elbow.limited = True
-        elbow.range = (-math.pi, self.most_flexion)
+        # an elbow that hangs straight does not bend the other way
+        elbow.range = (0.0 if upright else -math.pi, self.most_flexion)
         elbow.solref_limit = (0.004, 1.0)
         elbow.solimp_limit[:3] = (0.95, 0.99, 0.001)
         size = (thick, length / 2.0, 0.0)

@@ -35,14 +35,17 @@ class TripodController:
     It is deterministic and does not learn. At each decision, a leg changes its state if a condition holds:
 
     - stance → wait when the leg is behind `back`;
-    - wait → swing when more than one leg of the opposing tripod is in stance;
+    - wait → swing when more than one leg of the opposing tripod supports the body;
     - swing → drop when the leg is ahead of `forward`;
     - drop → stance when the foot touches the ground with more than `contact`.
 
-    The rules of the source, as above, can deadlock in two ways, which `mended` prevents. First, a leg over a hollow
-    drops for ever while the others wait; so the vertical joint within `margin` of its lower limit also counts as
-    contact. Second, if legs land one by one, each reaching `back` before the next lands, there are never two in stance,
-    until all six wait; then the first tripod swings.
+    A leg supports the body in stance and while it waits. The thesis counts the legs "in the stance phase", and knows
+    two phases (section 5.3): in one a leg stands on the ground, in the other it swings. A waiting leg stands, so it
+    counts, though the state machine has a state of its own for it. If only legs in the *state* stance counted, legs
+    that land one by one, each reaching `back` before the next lands, would soon all wait for each other, for ever.
+
+    A leg over a hollow drops for ever, and if two of a tripod do, the others wait. `mended` prevents that: the vertical
+    joint within `margin` of its lower limit also counts as contact. This is our addition.
 
     The state of a leg sets the velocities of its two joints:
 
@@ -64,7 +67,7 @@ class TripodController:
     - `press` (rad/s): downward velocity in stance and wait.
     - `contact` (N): force above which a foot counts as touching the ground.
     - `margin` (degrees): distance from the lower limit that counts as contact, if `mended`.
-    - `mended`: whether to prevent the two deadlocks.
+    - `mended`: whether a leg at its lower limit counts as touching the ground; without, the rules are the thesis's.
 
     **Raises:** `ValueError` naming the field and what it may be.
     """
@@ -111,17 +114,15 @@ class TripodController:
         """
         xp = _xp(states)
         first = _members(reading.lateral)
-        standing = states == LegState.STANCE
-        in_first = xp.sum(standing & first, axis=-1, keepdims=True)
-        in_second = xp.sum(standing & ~first, axis=-1, keepdims=True)
+        supports = (states == LegState.STANCE) | (states == LegState.WAIT)
+        of_first = xp.sum(supports & first, axis=-1, keepdims=True)
+        of_second = xp.sum(supports & ~first, axis=-1, keepdims=True)
         down = reading.contact > self.contact
-        go = xp.where(first, in_second, in_first) > 1
         if self.mended:
-            go = go | (first & xp.all(states == LegState.WAIT, axis=-1, keepdims=True))
             down = down | (reading.vertical < xp.asarray(lowest) + math.radians(self.margin))
         done = {
             LegState.STANCE: reading.lateral < math.radians(self.back),
-            LegState.WAIT: go,
+            LegState.WAIT: xp.where(first, of_second, of_first) > 1,
             LegState.SWING: reading.lateral > math.radians(self.forward),
             LegState.DROP: down,
         }

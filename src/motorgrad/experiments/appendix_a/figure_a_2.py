@@ -1,7 +1,7 @@
 """Figure A.2: the circular force field."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -31,6 +31,11 @@ class Circular(Experiment):
     - `radius`: r* in the drawing.
     - `seconds` (simulated s): duration of a motion before its orbit is measured.
     """
+
+    reading: ClassVar[str] = (
+        "The printed force turns anticlockwise and leaves the centre out of its second part; here it turns "
+        "clockwise, as the text says, about the centre."
+    )
 
     tangential: float = 0.5
     radial: float = 1.0
@@ -101,6 +106,7 @@ class Circular(Experiment):
             "deviation of the ratio of measured to expected radius from 1",
             note=f"The greatest deviation over {len(radius)} fields and particles, masses {mass.min():g} and "
             f"{mass.max():g}, drags {drag.min():g} and {drag.max():g}.",
+            kind="extension",
             source="appendix A.3, solved for a steady circle",
         )
         yield at_most(
@@ -109,6 +115,7 @@ class Circular(Experiment):
             exact(float(turning.max())),
             "greatest difference",
             "rad/s",
+            kind="extension",
             source="appendix A.3, solved for a steady circle",
         )
         yield within(
@@ -124,6 +131,7 @@ class Circular(Experiment):
             "There is no orbit unless k₂ exceeds k₁².",
             exact(float(refused(lambda: self.physics(np.sqrt(self.radial), self.radial)))),
             "whether a field with k₂ = k₁² is refused (1 if it is)",
+            kind="extension",
             source="appendix A.3, solved for a steady circle",
         )
 

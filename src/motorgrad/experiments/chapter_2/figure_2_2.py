@@ -145,6 +145,9 @@ def _values(bumps: Bumps, points: Float[np.ndarray, "points 2"]) -> np.ndarray:
     return np.asarray(surface(bumps, jnp.asarray(points, float)), float)
 
 
+WIDE_START = "A wide start reaches the best optimum more often than a narrow one."
+
+
 def _wide_claims(values: Values) -> Iterator[Claim]:
     best = values["best"] - NEAR
     wide, narrow = (
@@ -158,6 +161,7 @@ def _wide_claims(values: Values) -> Iterator[Claim]:
         f"they are narrow (σ = {NARROW:g}).",
         exact(wide),
         unit="of initial means",
+        of=WIDE_START,
         note="For the reward drawn, by exact gradients.",
     )
     yield above(
@@ -165,19 +169,26 @@ def _wide_claims(values: Values) -> Iterator[Claim]:
         "Learning from rewards alone reaches it more often from a wide, unbiased start than from narrow ones.",
         learned["wide"],
         unit="of runs",
+        of=WIDE_START,
         note=f"From narrow starts: {learned['narrow']}. For the reward drawn.",
     )
 
 
 def _random_claims(values: Values) -> Iterator[Claim]:
     middle, sides, narrow = (values[f"random {name}"].mean(axis=1) for name in ("middle", "sides", "narrow"))
-    for statement, other, words in (
+    for statement, of, other, words in (
         (
             "Over random rewards, a wide start in the middle reaches the best optimum more often than narrow starts",
+            WIDE_START,
             narrow,
             "narrow",
         ),
-        ("A wide start is better in the middle of the rewarded interval (unbiased) than at one side", sides, "biased"),
+        (
+            "A wide start is better in the middle of the rewarded interval (unbiased) than at one side",
+            "",
+            sides,
+            "biased",
+        ),
     ):
         yield positive(
             f"{statement}.",
@@ -185,7 +196,11 @@ def _random_claims(values: Values) -> Iterator[Claim]:
             unit="difference of the shares of starts",
             note=f"{middle.mean():.3g} against {other.mean():.3g} from {words} starts; sums of five bumps of random "
             "position, height and width, by exact gradients.",
+            of=of,
         )
+
+
+DETERMINISTIC = "Hill climbing converges to a deterministic policy."
 
 
 def _noise_claims(values: Values) -> Iterator[Claim]:
@@ -195,6 +210,7 @@ def _noise_claims(values: Values) -> Iterator[Claim]:
         "Hill climbing converges to a deterministic policy, σ = 0, from every start.",
         exact(left),
         unit="is the greatest remaining σ",
+        of=DETERMINISTIC,
         note="By exact gradients, for the reward drawn.",
     )
     yield below(
@@ -202,6 +218,7 @@ def _noise_claims(values: Values) -> Iterator[Claim]:
         "So does learning from rewards alone.",
         median_of(np.concatenate([values[f"learned {name}"][:, 1] for name in ("wide", "narrow")])),
         unit="is the remaining σ",
+        of=DETERMINISTIC,
         note="It falls like the inverse square root of time, because the step size is proportional to σ².",
     )
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from motorgrad.experiments._claims import Claim, above, at_least, at_most, below, within
+from motorgrad.experiments._claims import Claim, Kind, above, at_least, at_most, below, within
 from motorgrad.experiments._experiment import Values
 from motorgrad.experiments.chapter_3._estimates import WORLDS
 from motorgrad.statistics import exact, mean_of, ratio_of
@@ -13,6 +13,8 @@ GROUPS = 20  # groups of runs, each of which yields one variance
 SOURCE = "section 3.2.1"
 FAR, NEAR = 8.0, 0.5  # reaches of a trace, in mixing times
 SMALL = 0.1  # a relative bias
+ANNEALS = "A baseline reduces the step size as learning proceeds."
+MIXING = "The mixing time determines the decay of the trace, by 1/(1 − β)."
 CLOSE = 0.01  # distance from the average reward, for rewards between 0 and 1
 
 
@@ -39,6 +41,7 @@ def _variance_claims(values: Values) -> Iterator[Claim]:
             "factor of reduction",
             note=f"Over groups of runs of {longest:,} decisions. In the limit of long runs {limit:.4g}, by linear "
             "algebra.",
+            of="An appropriate baseline reduces the variance of the estimate.",
         )
 
 
@@ -69,13 +72,15 @@ def _bias_claims(values: Values) -> Iterator[Claim]:
     thousand, last = int(np.flatnonzero(length == 1_000)[0]), len(length) - 1
     foretold = shared_rewards(decay, length)
     about = f"β = {decay:g}, {int(length[thousand]):,} decisions"
-    for statement, added, note in (
+    rows: list[tuple[Kind, str, np.ndarray, str]] = [
         (
+            "thesis",
             f"A constant baseline does not change the mean of the estimate ({about}).",
             values["added by constant"][thousand],
             "The baseline is the average reward; pairs of estimates on the same trajectory, with and without it.",
         ),
         (
+            "extension",
             f"A running mean does not change the mean of the estimate ({about}).",
             values["added by mean"][thousand],
             "Compared with the constant on the same trajectory. The running mean contains the rewards of the "
@@ -83,12 +88,17 @@ def _bias_claims(values: Values) -> Iterator[Claim]:
             f"β/(1 − β) · (ln((1 − β)T) + 0.577)/T, here {-foretold[thousand]:.3g}.",
         ),
         (
+            "extension",
             f"In long runs, a running mean does not change it (β = {decay:g}, {int(length[last]):,} decisions).",
             values["added by mean"][last],
             f"To first order {foretold[last]:.3g}; the bias vanishes like (ln T)/T.",
         ),
-    ):
-        yield within(-UNBIASED, UNBIASED, statement, mean_of(added), unit="of the gradient", note=note)
+    ]
+    for kind, statement, added, note in rows:
+        of = "A baseline that is constant adds no bias." if kind == "thesis" else ""
+        yield within(
+            -UNBIASED, UNBIASED, statement, mean_of(added), unit="of the gradient", note=note, kind=kind, of=of
+        )
 
 
 def _best(values: Values) -> Iterator[Claim]:
@@ -104,6 +114,7 @@ def _best(values: Values) -> Iterator[Claim]:
             "best constant",
             note=f"By linear algebra. At the average reward the variance is {excess:.1%} above the least.",
             source=f"{SOURCE}, after Weaver & Tao 2001",
+            of="The average reward is the constant baseline of the least variance.",
         )
     off = np.abs(values["limit best"] - eta)
     yield at_most(
@@ -112,6 +123,7 @@ def _best(values: Values) -> Iterator[Claim]:
         exact(off[-1]),
         f"distance of the best constant at β = {values['limit'][-1]:g}",
         note="By linear algebra.",
+        kind="reference model",
         source="Weaver & Tao 2001",
     )
     yield at_most(
@@ -119,6 +131,7 @@ def _best(values: Values) -> Iterator[Claim]:
         "On the way, it comes closer at every step of β.",
         exact(np.diff(off).max()),
         "greatest change of the distance",
+        kind="reference model",
         source="Weaver & Tao 2001",
     )
 
@@ -136,8 +149,9 @@ def _learning(values: Values) -> Iterator[Claim]:
         last["olgarb"],
         quantity,
         note="Rewards are 0 or 1: the more certain a reward, the smaller |δ|. It does not anneal to 0.",
+        of=ANNEALS,
     )
-    yield at_least(1, "Without one, it does not fall: it grows with the reward.", last["olpomdp"], quantity)
+    yield at_least(1, "Without one, it does not fall: it grows with the reward.", last["olpomdp"], quantity, of=ANNEALS)
 
 
 def _decay(values: Values) -> Iterator[Claim]:
@@ -152,12 +166,14 @@ def _decay(values: Values) -> Iterator[Claim]:
         f"The variance rises with the decay (running mean, β = {last:g} against {first:g}).",
         ratio_of(variances(values["estimate mean"][-1], longest), variances(values["estimate mean"][0], longest)),
         unit="times the variance",
+        of="The variance rises with the decay.",
     )
     yield at_most(
         1,
         "The bias falls with the decay (three states, over all reaches measured).",
         exact(np.max(bias[1:] / bias[:-1])),
         "greatest ratio of a bias to that at the next shorter reach",
+        of="The bias falls with the decay.",
         note=f"That at the longest reach is {bias[-1] / bias[0]:.3g} of that at the shortest.",
     )
     yield below(
@@ -165,6 +181,7 @@ def _decay(values: Values) -> Iterator[Claim]:
         f"The bias is small if 1/(1 − β) is {FAR:g} times the mixing time.",
         far,
         "relative bias, the worst of the three-state MDP and walks of 4 to 20 states,",
+        kind="extension",
         source=f"{SOURCE}, with the inequality reversed",
     )
     yield below(
@@ -174,6 +191,7 @@ def _decay(values: Values) -> Iterator[Claim]:
         "relative bias, the worst of the same worlds,",
         note="The printed inequality is reversed.",
         source=f"{SOURCE}, as printed",
+        of=MIXING,
     )
     yield below(
         SMALL,
@@ -181,6 +199,7 @@ def _decay(values: Values) -> Iterator[Claim]:
         reset,
         "relative bias, the worst of chains in which a wrong move leads back to the start,",
         note="Such a chain of N states mixes in 2 steps, and yet an action affects a reward N − 1 decisions later.",
+        of=MIXING,
     )
 
 

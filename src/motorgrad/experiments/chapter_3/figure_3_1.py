@@ -1,7 +1,7 @@
 """Figure 3.1: the learner, and how good its gradient estimates are on the three-state MDP."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -64,6 +64,11 @@ class Learner(Experiment):
     - `steps` (decisions): for which each learner learns.
     - `decays`: decays of the traces, per decision, 0 and 0.95 among them.
     """
+
+    reading: ClassVar[str] = (
+        "Two slips of the listing are corrected: rewards are counted from one, because it divides by t = 0, "
+        "and the last step uses the reward and the trace after the action."
+    )
 
     runs: int = ranged(1000, 2, 100_000)
     longest: int = ranged(100_000, 1_000, 10**8, " decisions")
@@ -157,6 +162,7 @@ def _exact_claims(values: Values) -> Iterator[Claim]:
         f"At the point of comparison, the average reward of the three-state MDP is {ETA}.",
         exact(abs(values["average reward"] - ETA)),
         "deviation",
+        kind="reference model",
         source=SOURCE,
     )
     yield at_most(
@@ -164,6 +170,7 @@ def _exact_claims(values: Values) -> Iterator[Claim]:
         "The exact gradient there is (∓0.03272585, ∓0.03524847).",
         exact(np.abs(values["gradient"] - GRADIENT).max()),
         "greatest deviation of a component",
+        kind="reference model",
         source=SOURCE,
     )
     yield at_most(
@@ -173,6 +180,7 @@ def _exact_claims(values: Values) -> Iterator[Claim]:
         exact(np.abs(exactly).max()),
         "greatest relative deviation",
         note=f"For decays of {', '.join(f'{decay:g}' for decay in values['decay'])}.",
+        kind="reference model",
         source=SOURCE,
     )
 
@@ -186,6 +194,7 @@ def _bias_claims(values: Values) -> Iterator[Claim]:
             f"The mean estimate with a trace of decay {decay:g} has a relative bias of {expected:g}.",
             mean_of(values["bias"][row]),
             note=f"By linear algebra {values['exact bias'][row]:.6g}; a hundredth of the gradient is allowed.",
+            kind="reference model",
             source=SOURCE,
         )
 
@@ -204,6 +213,7 @@ def _error_claims(values: Values) -> Iterator[Claim]:
                 f"{LONG:g}).",
                 mean_of(errors),
                 note=f"The expected figure is itself a mean of {ERROR_RUNS} runs.",
+                kind="reference model",
                 source=SOURCE,
             )
 
@@ -223,6 +233,7 @@ def _trade_off(values: Values) -> Iterator[Claim]:
             mean_of(errors[decays.index(LONG)] - errors[decays.index(SHORT)]),
             f"relative error at β = {LONG:g} minus that at {SHORT:g}",
             source="section 3.2.1",
+            of="The decay of the trace trades bias against variance.",
         )
 
 
@@ -233,6 +244,7 @@ def _learned(values: Values) -> Claim:
         f"From θ = 0, OLGARB (β = {decay:g}, α = {rate:g}) reaches an average reward of {GOOD} of 0.8.",
         values["earned"][:, -1] >= GOOD,
         f"share of these seeds after {int(values['decision'][-1]):,} decisions",
+        kind="reference model",
         source=SOURCE,
     )
 

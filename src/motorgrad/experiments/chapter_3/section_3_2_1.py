@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -47,6 +47,12 @@ class Baselines(Experiment):
     - `seeds`: learners with each estimator.
     - `steps` (decisions): for which each learner learns.
     """
+
+    reading: ClassVar[str] = (
+        '"A constant baseline" and "any function of state" are read as such: a running mean is neither, and '
+        "the bias that it adds to a run of finite length refutes no statement. The rule for the decay is "
+        "judged as printed, and also the other way round."
+    )
 
     runs: int = ranged(2000, 40, 100_000)
     longest: int = ranged(10_000, 1_000, 10**8, " decisions")

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check
+from motorgrad.experiments._claims import Kind
 from motorgrad.experiments._experiment import Experiment, Workspace, ranged, rising, smoke
 from motorgrad.experiments._figures import Axes
 from motorgrad.policies import Motoneurons, Policy, grow, trainable
@@ -39,8 +40,17 @@ RATE = 2e-4
 SPACED = 0.25
 """A pool counts as equally spaced if every threshold is within this many spacings of its ideal place."""
 
+WITHIN_REACH = 4
+"""The largest pool whose convergence the practice suffices for. How large the thesis's pools were, and how long they
+practised, is not known; the six million decisions are ours, and eight units need 31 million in the mean field."""
+
 THRESHOLD, EXPECTED, IDEAL = "#c0392b", "black", "#1b6b3a"
 NEVER, ALWAYS = "#ffffff", "#5a9bd4"  # light enough for lines of any colour
+
+
+def whose(units: int) -> Kind:
+    """Whose statement a claim about a pool of the linear mapping is: about larger pools than can converge, our own."""
+    return "thesis" if units <= WITHIN_REACH else "extension"
 
 
 def firing_probability(policies: Policy, loads: Any) -> np.ndarray:
@@ -125,6 +135,12 @@ class LinearStudy(Experiment):
     - `seeds`: pools of each size.
     - `rate`: the step size of all parameters.
     """
+
+    reading: ClassVar[str] = (
+        "The coefficients of the mapping are taken the other way round than printed, as 1.2 x − 0.1: as "
+        "printed, the force would fall with the load. The force is the number of active units, not their "
+        "ratio, which takes N² times as long. How long the thesis practised is not known."
+    )
 
     units: tuple[int, ...] = (2, 3, 4, 8)
     steps: int = ranged(6_000_000, 200, 10**9, " decisions")

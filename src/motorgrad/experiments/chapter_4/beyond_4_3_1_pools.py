@@ -1,7 +1,7 @@
 """Beyond section 4.3.1: large pools of motoneurons, by the natural step of each unit."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -65,6 +65,8 @@ class LargePools(Experiment):
     - `tries`: number of step sizes, 1 to 5, that each learner with a replaced part may try.
     - `share`: fraction of the full number of decisions.
     """
+
+    reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
     seeds: int = ranged(20, 2, 1000)
     pools: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128)
@@ -158,7 +160,7 @@ class LargePools(Experiment):
         yield in_every(
             f"With OLGARB, {SHOWN} units take more than {values['plain_budget'][place] / 1e6:g} million decisions.",
             np.isinf(values["plain_times"][place]),
-            source="section 3 of the reading",
+            kind="reference model",
         )
         yield _growth_claim(values, "plain", 2.0, 8)
         yield _growth_claim(values, "normal", 1.0, 64)
@@ -179,11 +181,26 @@ class LargePools(Experiment):
                     f"With {name}, {self.dissected} units do not become equally spaced in {self._steps(TRIED):,} "
                     "decisions."
                 )
-                yield below(0.5, said, share_of(np.isfinite(times)), "share of seeds in which they do", note=note)
+                yield below(
+                    0.5,
+                    said,
+                    share_of(np.isfinite(times)),
+                    "share of seeds in which they do",
+                    note=note,
+                    kind="extension",
+                )
                 continue
             late = median_of(np.where(np.isfinite(times), times, self._steps(TRIED)) / min(whole, self._steps(TRIED)))
             said = f"With {name}, {self.dissected} units become equally spaced later."
-            yield above(1, said, late, "time relative to the median of the whole learner", "times as long", note)
+            yield above(
+                1,
+                said,
+                late,
+                "time relative to the median of the whole learner",
+                "times as long",
+                note,
+                kind="extension",
+            )
 
     def _spaced(self, values: Values, units: int) -> Claim:
         place = list(values["normal_units"]).index(units)
@@ -195,6 +212,7 @@ class LargePools(Experiment):
             "share of these seeds in which, from some record to the end, every threshold is within a quarter of a "
             "spacing",
             note=middle,
+            kind="extension",
         )
 
 
@@ -213,9 +231,9 @@ def _growth_claim(values: Values, learner: str, power: float, most: int, least: 
     note = f"{missing} runs did not get there, and count with their whole budget." if missing else ""
     if plain:
         said = f"The time of OLGARB grows faster than the square of the number of units, over {over} units."
-        return above(power, said, measured, "power of the number of units", note=note)
+        return above(power, said, measured, "power of the number of units", note=note, kind="extension")
     said = f"The time of the natural step grows more slowly than the number of units, over {over} units."
-    return below(power, said, measured, "power of the number of units", note=note)
+    return below(power, said, measured, "power of the number of units", note=note, kind="extension")
 
 
 def _band(axes: Axes, decision: np.ndarray, errors: np.ndarray, colour: str, label: str) -> None:

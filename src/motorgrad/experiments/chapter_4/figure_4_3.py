@@ -19,6 +19,7 @@ from motorgrad.experiments.chapter_4._pools import (
     parameter_history,
     spacing_deviation,
     thresholds_and_gains,
+    whose,
 )
 from motorgrad.policies import Motoneurons
 from motorgrad.statistics import median_of, share_of
@@ -97,6 +98,8 @@ class LinearPolicies(LinearStudy):
                 "place, and every gain is positive."
                 + ("" if known is None else f" In the mean field, this takes {_millions(known)}."),
                 source="section 4.3.1, figure 4.3",
+                kind=whose(units),
+                of="Policies converge to the optimal policy of equally spaced thresholds.",
             )
         for units in (units for units in sizes if units in SOON):
             at = int(values[f"soon {units}"])
@@ -104,6 +107,7 @@ class LinearPolicies(LinearStudy):
             yield more_than_half(
                 f"{units} units are equally spaced by {at:,} decisions.",
                 spaced,
+                kind="reference model",
                 source=f"the mean field: after {_millions(values[f'mean field {units}'])}",
             )
         for units in sizes:
@@ -118,6 +122,8 @@ class LinearPolicies(LinearStudy):
                 note=f"The median unit of each pool after {self.steps:,} decisions; {positive:.0%} of the pools have "
                 "only positive gains. Gains keep growing, ever more slowly.",
                 source="section 4.3.1",
+                kind=whose(units),
+                of="Its gains are moderate.",
             )
 
 

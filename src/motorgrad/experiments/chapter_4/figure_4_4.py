@@ -15,6 +15,7 @@ from motorgrad.experiments.chapter_4._pools import (
     least_error,
     parameter_history,
     spacing_deviation,
+    whose,
 )
 from motorgrad.statistics import LEVEL, mean_of, share_of
 from motorgrad.tasks import LinearRecruitment
@@ -72,6 +73,8 @@ class LinearPerformance(LinearStudy):
                 f"Pools of {units} units improve by learning.",
                 share_of(last[units] < values[f"error {units}"][:, 0]),
                 note="The last tenth of learning compared with the first record.",
+                kind=whose(units),
+                of="Pools improve by learning.",
             )
         for few, many in pairwise(numbers):
             yield negative(
@@ -80,6 +83,8 @@ class LinearPerformance(LinearStudy):
                 unit="of the full force: difference of mean |error|",
                 note=f"Paired by seed, in the last tenth of {self.steps:,} decisions.",
                 source="figure 4.4, section 4.2",
+                kind=whose(many),
+                of="More units approximate the mapping better.",
             )
         for few, many in pairwise(numbers):
             found = {units: equally_spaced_from(values["decision"], values[f"off {units}"]) for units in (few, many)}
@@ -93,6 +98,9 @@ class LinearPerformance(LinearStudy):
                 note=f"The time after which every threshold stays within {SPACED:g} spacings of its ideal place. "
                 f"{never[few]} and {never[many]} of {later.count} pools never get there, and count with all "
                 f"{self.steps:,} decisions.",
+                source="section 4.4",
+                kind=whose(many),
+                of="More units converge more slowly.",
             )
 
 

@@ -5,9 +5,11 @@ from collections.abc import Iterator
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad.bodies import Posture
 from motorgrad.experiments._claims import Claim, at_least, at_most, within
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged
-from motorgrad.experiments._figures import Figure, subplots
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged
+from motorgrad.experiments._figures import SubFigure
+from motorgrad.experiments.chapter_4._postures import BothPostures, arm_task
 from motorgrad.statistics import exact
 from motorgrad.tasks import ArmRecruitment
 
@@ -15,10 +17,10 @@ CLOSE = 0.02  # fraction of the full activation
 
 
 @experiment("fig-4.7", "the reward surface", "figure 4.7")
-class RewardSurface(Experiment):
+class RewardSurface(BothPostures):
     """The reward of every activation at every load (the height minus four times the activation), and the best
-    activation at each load. The weakest activation that lifts the load to the top is best: below it the height falls
-    steeply, above it only the cost rises.
+    activation at each load, with the upper arm held vertically and horizontally. The weakest activation that lifts the
+    load to the top is best: below it the height falls steeply, above it only the cost rises.
 
     **Arguments:**
 
@@ -29,14 +31,16 @@ class RewardSurface(Experiment):
     loads: int = ranged(321, 11, 10_001)
     activations: int = ranged(1001, 11, 10_001)
 
-    def run(self, work: Workspace) -> Values:
-        task = ArmRecruitment()
+    size = (7, 4.6)
+
+    def measure(self, work: Workspace, posture: Posture) -> Values:
+        task = arm_task(posture)
         loads, active = np.linspace(task.low, task.high, self.loads), np.linspace(0, 1, self.activations)
         reward = rewards(task, loads, active)
         return {"load": loads, "activation": active, "reward": reward, "best": active[reward.argmax(0)]}
 
-    def figure(self, values: Values) -> Figure:
-        figure, axes = subplots(7, 4.6)
+    def draw(self, figure: SubFigure, values: Values, posture: Posture) -> None:
+        axes = figure.subplots()
         load, active = values["load"], values["activation"]
         mesh = axes.pcolormesh(load, active, values["reward"], cmap="viridis", shading="nearest", rasterized=True)
         some = load > 0
@@ -46,9 +50,8 @@ class RewardSurface(Experiment):
         axes.set(xlabel="load (kg); none below 0", ylabel="activation", ylim=(0, 1))
         axes.legend(loc="lower right", labelcolor="white")
         figure.colorbar(mesh, ax=axes, label="reward", pad=0.01)
-        return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, posture: Posture) -> Iterator[Claim]:
         load, best = values["load"], values["best"]
         idle, full, falls = best[load <= 0].max(), best[-1], float(np.diff(best).min())
         yield at_most(

@@ -7,9 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad.bodies import Posture
 from motorgrad.experiments._claims import Claim, at_least, more_than_half, negative
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
-from motorgrad.experiments._figures import Figure, subplots
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import SubFigure
 from motorgrad.experiments.chapter_4._pools import (
     IDEAL,
     THRESHOLD,
@@ -20,6 +21,7 @@ from motorgrad.experiments.chapter_4._pools import (
     firing_probability,
     thresholds_and_gains,
 )
+from motorgrad.experiments.chapter_4._postures import BothPostures, arm_task
 from motorgrad.experiments.chapter_4.figure_4_7 import rewards
 from motorgrad.policies import Motoneurons
 from motorgrad.statistics import mean_of, share_of
@@ -34,11 +36,11 @@ SWEEPS = 6  # sweeps shown as samples
 
 
 @experiment("fig-4.8", "learned realistic policies", "figure 4.8")
-class ArmPolicies(Experiment):
-    """Policies that pools learn on the arm, from sweeps over the loads with an update at the end of each. Colour: the
-    exact probability of each number of active units. Black: the expected number. Red: the thresholds. Dotted: the best
-    number at each load. Right: samples of the reward under the largest pool's policy. Above, the median pool; below,
-    the thresholds of every seed.
+class ArmPolicies(BothPostures):
+    """Policies that pools learn on the arm, from sweeps over the loads with an update at the end of each; with the
+    upper arm held vertically and horizontally. Colour: the exact probability of each number of active units. Black: the
+    expected number. Red: the thresholds. Dotted: the best number at each load. Right: samples of the reward under the
+    largest pool's policy. Above, the median pool; below, the thresholds of every seed.
 
     **Arguments:**
 
@@ -57,29 +59,25 @@ class ArmPolicies(Experiment):
 
     quick = smoke(units=(2, 3), steps=2_000, seeds=3)
 
-    def run(self, work: Workspace) -> Values:
+    @property
+    def size(self) -> tuple[float, float]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return 2.7 * (len(self.units) + 1) + 0.6, 5.7
+
+    def measure(self, work: Workspace, posture: Posture) -> Values:
         found: Values = {"units": np.array(self.units)}
-        runs = {units: self._trained(work, units) for units in self.units}
+        tasks = {units: arm_task(posture, units) for units in self.units}
+        runs = {units: work.train(task, agent_for(task), self.steps, self.seeds) for units, task in tasks.items()}
         for units, run in runs.items():
-            found |= {f"{name} {units}": value for name, value in pool_rewards(self.task(units), run).items()}
+            found |= {f"{name} {units}": value for name, value in pool_rewards(tasks[units], run).items()}
         largest = max(self.units)
         shown = runs[largest].seeds[int(found[f"middle {largest}"])]
-        return found | sampled_sweeps(self.task(largest), runs[largest].policy(shown))
+        return found | sampled_sweeps(tasks[largest], runs[largest].policy(shown))
 
-    def task(self, units: int) -> ArmRecruitment:
-        return ArmRecruitment(units=units)
-
-    def _trained(self, work: Workspace, units: int) -> Run:
-        task = self.task(units)
-        return work.train(task, agent_for(task), self.steps, self.seeds)
-
-    def figure(self, values: Values) -> Figure:
+    def draw(self, figure: SubFigure, values: Values, posture: Posture) -> None:
         """Above, the policies of the median pools, and samples; below, the results of every seed."""
 
         counts = values["units"].tolist()
-        figure, panels = subplots(
-            2.7 * (len(counts) + 1) + 0.6, 5.4, 2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False
-        )
+        panels = figure.subplots(2, len(counts) + 1, height_ratios=[1.5, 1], squeeze=False)
         mesh: Any = None
         for (policy, seeds), units in zip(panels.T, counts, strict=False):
             load, best = values[f"load {units}"], values[f"best count {units}"]
@@ -99,9 +97,8 @@ class ArmPolicies(Experiment):
         _samples(figure, panels[0, -1], values, counts[-1])
         _earned(panels[1, -1], values)
         figure.colorbar(mesh, ax=panels[0, :-1], label="probability", aspect=14, pad=0.01)
-        return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, posture: Posture) -> Iterator[Claim]:
         for units in values["units"].tolist():
             best = float(values[f"best {units}"])
             yield at_least(
@@ -111,6 +108,7 @@ class ArmPolicies(Experiment):
                 unit="of the best mean reward",
                 note=f"The best number of units at each load earns {best:.3f} on average, the pools earn "
                 f"{values[f'reward {units}'].mean():.3f}.",
+                of="Pools learn to lift the loads.",
             )
         for units in values["units"].tolist():
             yield more_than_half(
@@ -118,6 +116,7 @@ class ArmPolicies(Experiment):
                 share_of((values[f"gain {units}"] > 0).all(1)),
                 note="The others have a unit of negative gain, mostly with a threshold beyond the loads, which fires "
                 "at every load (the pathology of section 4.4).",
+                of="Pools learn to recruit: all gains are positive.",
             )
         for units in values["units"].tolist():
             shifts = threshold_shifts(values, units)
@@ -129,6 +128,7 @@ class ArmPolicies(Experiment):
                 unit="kg above them",
                 note="Means over the units of pools without a unit of negative gain.",
                 source="section 4.3.2",
+                of="Thresholds do not sit where the best number of units changes, because actions are uncertain.",
             )
 
 
@@ -176,7 +176,7 @@ def threshold_shifts(values: Values, units: int) -> np.ndarray:
     return (np.sort(values[f"threshold {units}"][good], axis=1) - ideal).mean(1)
 
 
-def _samples(figure: Figure, axes: Any, values: Values, units: int) -> None:
+def _samples(figure: SubFigure, axes: Any, values: Values, units: int) -> None:
     load, count, paid = (values[f"sample {what}"] for what in ("load", "count", "reward"))
     # jitter, so that samples do not hide each other
     moved = count + np.random.default_rng(1).uniform(-0.22, 0.22, len(count))

@@ -1,6 +1,7 @@
 """Figure 4.9: the time that undirected exploration takes to the reward at the end of a chain."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -39,6 +40,13 @@ class ChainExploration(Experiment):
     - `runs`: walks over which each wait is averaged.
     - `seed`: seed of the walks.
     """
+
+    reading: ClassVar[str] = (
+        "The thesis both draws a chain whose actions lead one state to the left or right and says that enough "
+        "steps to the right must be taken in a row. Its statement is judged for the chain as drawn; a wrong "
+        "move that leads back to the start, and episodes as long as the shortest path, are reported beside "
+        "it."
+    )
 
     longest: int = ranged(12, DRAWN, 20, " states")
     runs: int = ranged(4000, 2, 10**6)
@@ -80,7 +88,9 @@ class ChainExploration(Experiment):
             ("cut", "In episodes of N − 1 decisions, it takes (N − 1) 2^(N − 1) steps, here 160"),
         ):
             expected, waits = EXPLORERS[name][2](DRAWN), mean_of(values[name][row])
-            yield within(expected * (1 - CLOSE), expected * (1 + CLOSE), f"{statement}.", waits, unit="steps")
+            yield within(
+                expected * (1 - CLOSE), expected * (1 + CLOSE), f"{statement}.", waits, unit="steps", kind="extension"
+            )
         for name, words in (("walk", "as drawn"), ("reset", "if a wrong move leads back to the start")):
             yield at_least(
                 0.9,
@@ -88,6 +98,7 @@ class ChainExploration(Experiment):
                 doublings(values[name]),
                 unit="doublings with the last state",
                 note="" if name == "reset" else "The wait of the chain as drawn grows quadratically.",
+                kind="thesis" if name == "walk" else "extension",
             )
 
 

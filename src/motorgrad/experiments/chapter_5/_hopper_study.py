@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -36,6 +36,11 @@ class HopperStudy(Experiment):
     - `action_period` (simulated s): time between decisions.
     - `watched` (simulated s): for which the frozen policies are evaluated.
     """
+
+    reading: ClassVar[str] = (
+        "The thesis gives no numbers of the body and does not say how long its hoppers practised; both are "
+        "ours. The reward is paid at the first apex of a flight."
+    )
 
     seconds: float = 1500.0
     seeds: int = ranged(16, 1, 10_000)

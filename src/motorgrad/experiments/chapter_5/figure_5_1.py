@@ -120,6 +120,7 @@ class MusclePair(Experiment):
             exact(off),
             "greatest difference",
             "m",
+            kind="extension",
             source="appendix A.2",
         )
         yield at_most(
@@ -128,6 +129,7 @@ class MusclePair(Experiment):
             exact(hurried),
             "greatest difference",
             "m",
+            kind="extension",
             source="appendix A.2",
         )
         yield at_most(
@@ -136,6 +138,7 @@ class MusclePair(Experiment):
             exact(forced),
             "greatest difference",
             "N",
+            kind="extension",
             source="section 5.1.2",
         )
 

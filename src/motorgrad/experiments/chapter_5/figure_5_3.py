@@ -64,6 +64,7 @@ class HopperBehaviour(HopperStudy):
             "median; 315 s in that model, its seeds from 270 to 450:",
             "s",
             note=f"{same} A seed that never does counts with the whole practice.",
+            kind="reference model",
             source=INDEPENDENT,
         )
         yield at_least(
@@ -73,6 +74,7 @@ class HopperBehaviour(HopperStudy):
             "median; 0.72 ± 0.08 in that model:",
             "m",
             note=same,
+            kind="reference model",
             source=INDEPENDENT,
         )
 

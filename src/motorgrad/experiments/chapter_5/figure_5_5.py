@@ -26,6 +26,9 @@ SENSOR, MUSCLE = (1.5, 0.56), (1.25, 0.7)
 ALONG = ((0.3, 0.16), (0.3, 0.2), (0.2, 0.3), (0.16, 0.3))
 
 
+SAME = "Learning finds the same signs of the weights in every run."
+
+
 @experiment("fig-5.5", "the policy that hoppers learn", "figure 5.5")
 class HopperWeights(HopperStudy):
     """Signs of the weights that hoppers have learned, from each sensor to the firing probability of each muscle. The
@@ -87,11 +90,13 @@ class HopperWeights(HopperStudy):
                     share_of(signed[:, unit, sensor], level=1 - (1 - LEVEL) / 4),
                     note="The intervals of the four such claims hold jointly at 95 %.",
                     source="section 5.2.2",
+                    of=SAME,
                 )
         yield more_than_half(
             "Learning finds these signs of all six weights between sensors and muscles in every run.",
             share_of(signed.all(axis=(1, 2))),
             source="section 5.2.2",
+            of=SAME,
         )
 
 

@@ -1,7 +1,7 @@
 """Section 5.2.2: the trade-off in the choice of the action period."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -25,6 +25,9 @@ PARTS = (0.1, 0.25, 0.5, 1.0)
 """Fractions of the practice after which heights are evaluated."""
 
 
+SHORT = "A short action period makes learning very slow."
+
+
 @experiment("sec-5.2.2", "the action period", "section 5.2.2")
 class ActionPeriod(Experiment):
     """Hoppers with different action periods practise for the same simulated time: how high they hop, and how soon. A
@@ -43,6 +46,11 @@ class ActionPeriod(Experiment):
       trace and the penalty of a muscle per decision; with `"second"`, their effect per second does, and 10 ms has the
       given numbers.
     """
+
+    reading: ClassVar[str] = (
+        "The thesis does not say what else changes with the period; here decay and penalty stay as they are "
+        "per decision."
+    )
 
     periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
     seconds: float = 1500.0
@@ -135,18 +143,21 @@ class ActionPeriod(Experiment):
             unit="s of practice later",
             note=f"The soonest is {soonest:g} ms; nothing counts before {SMOOTH:g} s. A seed that never passes counts "
             f"with the whole practice. {chosen} {numbers}",
+            of=SHORT,
         )
         yield positive(
             f"After the same practice, hoppers that decide every {short} hop lower than at the best period.",
             low,
             unit="m lower",
             note=f"The best is {best:g} ms. {numbers}",
+            of=SHORT,
         )
         yield positive(
             f"With too long a period, muscles cannot respond in time: at {long}, hops are lower than at the best.",
             late,
             unit="m lower",
             note=f"The best is {best:g} ms. {numbers}",
+            of="With too long an action period, control cannot respond in time.",
         )
 
 

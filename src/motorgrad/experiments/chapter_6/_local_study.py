@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,8 @@ from motorgrad.tasks import FallingParticle, ParticleTask, Task
 from motorgrad.training import Run, agent_for
 
 LAYOUTS = ("R1", "R2")
+LAYOUTS_READ = "The layouts of rewards are ours: the thesis shows its own only as pictures."
+EXACT_READ = f"Local units have the exact gradient, z², not the printed score, z² − 1. {LAYOUTS_READ}"
 EPISODES = 2_000  # episodes of learning in the thesis
 LATE = 0.1  # share of the episodes, the last, that counts as the end of learning
 FORGETTING: dict[str, Any] = {"baseline": {"kind": "fixed-step", "rate": 1e-3}}
@@ -34,6 +36,8 @@ class LocalStudy(Experiment):
     - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners of each kind.
     """
+
+    reading: ClassVar[str] = EXACT_READ
 
     decisions: int = ranged(50_000, 1_000, 10**8)
     seeds: int = ranged(48, 2, 10_000)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, above, below
+from motorgrad.experiments._claims import Claim, above, below
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import LayoutStudy, late_reward
@@ -67,7 +67,7 @@ class NaturalStep(LayoutStudy):
                 "of the decisions",
                 note=f"Medians {np.median(times['natural']):,.0f} and {np.median(times['plain']):,.0f}; never: "
                 f"{never['natural']} and {never['plain']} of {len(times['plain'])}, which count with all decisions.",
-                source=OURS,
+                kind="extension",
             )
             yield above(
                 -0.005,
@@ -76,5 +76,5 @@ class NaturalStep(LayoutStudy):
                 "reward in the last 200 of 2,000 episodes minus that of the plain gradient",
                 "per decision",
                 note=f"{values[f'{layout} natural late'].mean():.4f} and {values[f'{layout} plain late'].mean():.4f}.",
-                source=OURS,
+                kind="extension",
             )

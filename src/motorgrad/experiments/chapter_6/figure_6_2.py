@@ -99,6 +99,7 @@ class Partition(Experiment):
             note=f"From {min(len(parts(best[row])) for best in values['linear'])} to "
             f"{max(len(parts(best[row])) for best in values['linear'])}; {np.mean(used):.1f} predictors are the "
             "best somewhere.",
+            kind="extension",
         )
         yield above(
             1,

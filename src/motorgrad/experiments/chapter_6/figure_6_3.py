@@ -116,6 +116,7 @@ class ParticlePolicy(Experiment):
             exact(np.abs(values["patterns"] - 4**sides).max()),
             "greatest difference",
             note=f"For N = {last}: {values['patterns'][-1]:,}.",
+            of="N forces to each side have 2^(2N) firing patterns.",
         )
         yield at_most(
             0,
@@ -123,6 +124,7 @@ class ParticlePolicy(Experiment):
             exact(np.abs(values["motions"] - (2 * sides + 1)).max()),
             "greatest difference in the number of distinct velocities after one decision",
             note=f"For N = {last}: {values['motions'][-1]}. Counted by simulation, from rest in the middle of the box.",
+            of="They produce only 2N + 1 distinct actions.",
         )
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,11 @@ class InitialPolicy(Experiment):
     - `drawn` (episodes): paths in the picture.
     - `seed`: seed of the episodes.
     """
+
+    reading: ClassVar[str] = (
+        "The stages of the integrator are halved and multiplied by the step, which the printed formulas of "
+        "appendix A.3 leave out."
+    )
 
     episodes: int = ranged(15_000, 10, 10**6)
     drawn: int = ranged(12, 1, 1_000, " episodes")
@@ -85,6 +91,7 @@ class InitialPolicy(Experiment):
             "An episode takes about 24.5 decisions.",
             length,
             unit="decisions",
+            kind="reference model",
             source="an independent model of section 6.3",
         )
         yield within(
@@ -106,6 +113,7 @@ class InitialPolicy(Experiment):
             exact(float(values["drop"])),
             unit="of the box",
             note="The stages as printed, without the step, would yield 0.318765.",
+            kind="extension",
             source="appendix A.3, with the step inside the stages",
         )
         yield below(
@@ -114,4 +122,5 @@ class InitialPolicy(Experiment):
             exact(mirrored),
             "total variation distance from its mirror image",
             note="From samples: the distance shrinks with more episodes.",
+            kind="extension",
         )

@@ -11,6 +11,7 @@ from motorgrad.experiments._claims import Claim, below, more_than_half
 from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, new_figure
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.policies import Policy
 from motorgrad.statistics import exact, share_of
 from motorgrad.tasks import FallingParticle
@@ -21,7 +22,7 @@ QUIET_SHARE = 0.1  # fraction of the box
 
 
 @experiment("fig-6.6", "where a learned policy acts", "figure 6.6")
-class AnyUnitFires(LocalStudy):
+class AnyUnitFires(BothPairs, LocalStudy):
     """The probability that at least one unit fires, over the box, for the policy of the median seed in R2: a landscape
     of the places where it acts.
 
@@ -31,6 +32,7 @@ class AnyUnitFires(LocalStudy):
     - `seeds`: number of learners.
     - `looks` (episodes): episodes of every seed, for the places that its particle visits.
     - `cells`: along each side of the box.
+    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
     looks: int = ranged(200, 1, 10**6, " episodes")
@@ -38,8 +40,8 @@ class AnyUnitFires(LocalStudy):
 
     quick = smoke(decisions=2_000, seeds=3, looks=20, cells=20)
 
-    def run(self, work: Workspace) -> Values:
-        task, run = FallingParticle(layout="R2"), self.learned(work, "R2")
+    def measure(self, work: Workspace, pair: Pair) -> Values:
+        task, run = FallingParticle(layout="R2"), self.learned(work, "R2", **settings_of(pair))
         sides = (np.arange(self.cells) + 0.5) / self.cells
         places = np.stack(np.meshgrid(sides, sides), axis=-1).reshape(-1, 2)
         policies = [policy_at(run.policies, row) for row in range(self.seeds)]
@@ -53,7 +55,7 @@ class AnyUnitFires(LocalStudy):
             "drawn": sampled_firing(policies[row], places).reshape(self.cells, self.cells),
         }
 
-    def figure(self, values: Values) -> Figure:
+    def draw(self, values: Values) -> Figure:
         figure = new_figure(9.4, 4.6)
         x, y = np.meshgrid(values["sides"], values["sides"])
         before, learned = values["any before learning"], values["any"][int(values["row"])]
@@ -70,7 +72,7 @@ class AnyUnitFires(LocalStudy):
         figure.suptitle("probability that at least one unit fires", fontsize=11)
         return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         found, row = values["any"], int(values["row"])
         error = float(np.abs(found[row] - values["drawn"]).max())
         # six standard deviations of a share of one half
@@ -80,6 +82,7 @@ class AnyUnitFires(LocalStudy):
             "The surface is 1 − Π(1 − p), the probability that some unit fires.",
             exact(error),
             f"greatest difference from the share in {DRAWS:,} samples, against six standard deviations,",
+            kind="extension",
         )
         yield more_than_half(
             "The response is local: in part of the box, the policy does not act.",
@@ -99,7 +102,8 @@ class AnyUnitFires(LocalStudy):
             share_of(values["any where it is"] > found.mean((1, 2))),
             "share of seeds that act more probably along the particle's paths than over the whole box",
             note=f"{values['any where it is'].mean():.2f} along the paths, {found.mean():.2f} over the box.",
-            source="section 6.5.4: local units only have an effect near the dynamics",
+            kind="extension",
+            source="our own expectation, from section 6.5.4: local units only have an effect near the dynamics",
         )
 
 

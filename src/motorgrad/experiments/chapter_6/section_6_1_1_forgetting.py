@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from motorgrad.experiments._claims import Claim, at_least, at_most, more_than_ha
 from motorgrad.experiments._experiment import Values, Workspace, experiment, rising, smoke
 from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
+from motorgrad.policies import with_interface
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run, agent_for
@@ -94,6 +95,8 @@ class Forgetting(LocalStudy):
     - `gaps`: between the starts on the left and those on the right, as fractions of the box; the smallest first.
     """
 
+    reading: ClassVar[str] = "The thesis describes no experiment; tasks, gaps and global policies are ours."
+
     kinds: tuple[str, ...] = tuple(KINDS)
     gaps: tuple[float, ...] = (0.2, 0.4)
 
@@ -126,7 +129,7 @@ class Forgetting(LocalStudy):
         settings = agent_for(sides[1], **kind.changes)
         second = work.train(sides[1], settings, self.decisions, self.seeds, first.policies)
         checked = [run.policies_at(_checks(run)) for run in (first, second)]
-        way = _together([first.initial, *(jax.tree.map(_flat, policies) for policies in checked)])
+        way = _together([with_interface(first.initial, None), *(jax.tree.map(_flat, policies) for policies in checked)])
         reward = frozen_reward(work, sides[0], way, min(LOOKS, self.decisions), **kind.changes)
         times = [n * self.decisions + run.curve()[0][_checks(run)] for n, run in enumerate((first, second))]
         return {
@@ -218,6 +221,7 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> Iterator[Claim]
         note="Gain on A: "
         + ", ".join(f"{KINDS[name].words} {pair[0].value:.3f}" for name, pair in gains.items())
         + ".",
+        kind="extension",
         source="a condition of the comparison",
     )
     if "quadratic" in kinds:
@@ -229,13 +233,24 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> Iterator[Claim]
             shares[name],
             "fraction of the gain on A lost while learning B",
             "of the gain",
+            kind=whose(name),
+            of="With local units, learning in one region does not affect another.",
         )
     for name in (name for name in FAR if name in kinds):
-        yield more_than_half(
+        yield positive(
             f"Global policies forget {apart}: {KINDS[name].words}.",
             shares[name],
             "fraction of the gain on A lost while learning B",
             "of the gain",
+            kind=whose(name),
+            of="Global policies forget.",
+        )
+        yield more_than_half(
+            f"They forget most {apart}: {KINDS[name].words}.",
+            shares[name],
+            "fraction of the gain on A lost while learning B",
+            "of the gain",
+            kind="extension",
         )
         for local in (local for local in LOCAL if local in kinds):
             yield positive(
@@ -243,7 +258,14 @@ def _claims(values: Values, gap: float, kinds: Sequence[str]) -> Iterator[Claim]
                 mean_of(reward_lost(values, gap, name) - reward_lost(values, gap, local)),
                 "reward lost on A minus the loss of local units",
                 "per decision",
+                kind="thesis" if whose(name) == whose(local) == "thesis" else "extension",
+                of="Global policies forget more than local ones.",
             )
+
+
+def whose(name: str) -> Literal["thesis", "extension"]:
+    """Whose statement a claim about a kind of policy is: narrow units and quadratic boundaries are ours."""
+    return "thesis" if name in ("local", "linear") else "extension"
 
 
 def _as_well(values: Values, gap: float, apart: str) -> Claim:
@@ -254,6 +276,7 @@ def _as_well(values: Values, gap: float, apart: str) -> Claim:
         f"Quadratic boundaries learn one side as well as local units do {apart}.",
         mean_of(values[f"{gap:g} quadratic A"][half] / values[f"{gap:g} local A"][half].mean()),
         "reward on A after learning A, relative to the mean of eight local units,",
+        kind="extension",
         source="a condition of the comparison",
     )
 

@@ -148,7 +148,7 @@ class LiftedArm(Layer):
         assert snapshot is not None
         load = max(float(np.nan_to_num(snapshot.observation[0, 0])), 0.0)
         ratio = float(self._sizes @ np.nan_to_num(snapshot.probability[0, : len(self._sizes)]))
-        part = float(self._lift(load, ratio * self._body.strength))
+        part = float(self._lift(load, ratio * self._body.full_force))
         data.qpos[0] = np.arccos(1 - part * (1 - np.cos(self._body.most_flexion)))  # whose hand is that high
         model.geom_size[self._load, 0] = self._ball * np.cbrt(load)
         mujoco.mj_forward(model, data)

@@ -16,7 +16,7 @@ from motorgrad._interface import Statistics
 from motorgrad._random import key_of
 from motorgrad._tree import is_live, with_number
 from motorgrad.learning import Agent, AgentState
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, PrintedGaussians, trainable
 from motorgrad.tasks import Task
 from motorgrad.training.engines._cycle import Cycle, CycleState, Mode
 
@@ -231,9 +231,15 @@ def validate(task: Task, policy: Policy) -> None:
 
 
 def validate_score(policy: Policy, agent: Agent) -> None:
-    """Refuse a policy without an exact score for a learner by scores."""
+    """Refuse a policy without an exact score for a learner by scores, and the printed score for one without scores."""
+    printed = any(_is_printed(part) for part in jax.tree.leaves(policy, is_leaf=_is_printed))
+    check(not (printed and agent.estimator.climbs), "pair", "printed", "exact for an estimator that asks for no scores")
     wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
     check(policy.has_exact_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
+
+
+def _is_printed(part: Any) -> bool:
+    return isinstance(part, PrintedGaussians)
 
 
 def _told(actions: str | tuple[str, ...]) -> str:

@@ -1,11 +1,11 @@
 """Section 4.4.1: learners that query the loads at which they learn."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, at_most, below
+from motorgrad.experiments._claims import Claim, at_most, below
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_4._pools import (
@@ -40,6 +40,8 @@ class ActiveLearning(Experiment):
     - `cells`: in which the entropy is evaluated.
     - `seeds`: pools of each kind.
     """
+
+    reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
     plain_units: int = ranged(4, 2, 64)
     plain_steps: int = ranged(5_000_000, 200, 10**9)
@@ -107,11 +109,13 @@ class ActiveLearning(Experiment):
                 median_of(times[1] / times[0]),
                 "decisions until equally spaced for good, relative to uniform loads from the same start,",
                 note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}. {late}",
+                kind="thesis" if name == "plain" else "extension",
+                of="Querying loads in proportion to the policy's entropy shortens learning.",
             )
             yield at_most(
                 NO_WORSE,
                 f"Over uniform loads, the learned force is no worse ({words}).",
                 median_of(values[f"{name} queried error"][:, -1] / values[f"{name} uniform error"][:, -1]),
                 "root mean square error in the end, relative to uniform loads,",
-                source=OURS,
+                kind="extension",
             )

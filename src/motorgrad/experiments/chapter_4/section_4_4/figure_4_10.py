@@ -1,6 +1,7 @@
 """Figure 4.10: the local effect of a new unit on a learned pool."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from motorgrad.training import agent_for
 LOADS = np.linspace(0, 1, 401)
 
 
+LOCAL = "The effect of the new unit becomes increasingly local as its gain increases."
+
+
 @experiment("fig-4.10", "the local effect of a new unit", "figure 4.10")
 class LocalEffect(Experiment):
     """A pool that has learned the linear mapping receives one more unit: the change of the mean activation at each
@@ -29,6 +33,8 @@ class LocalEffect(Experiment):
     - `seeds`: pools that learn.
     - `steps` (decisions): for which each pool learns, by the natural gradient.
     """
+
+    reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
     units: int = ranged(6, 1, 100)
     threshold: float = ranged(0.5, 0, 1)
@@ -100,12 +106,14 @@ class LocalEffect(Experiment):
             "The effect becomes more local with every increase of the gain.",
             share_of((np.diff(width, axis=0) < 0).all(axis=0)),
             "share of pools whose spread around the threshold falls at every step",
+            of=LOCAL,
         )
         yield at_most(
             0.75,
             f"At a gain of {top}, the effect is less spread than at zero gain.",
             median_of(width[-1] / width[0]),
             "spread relative to that at zero gain",
+            of=LOCAL,
             note="The change falls in steps from the threshold to both ends, because the learned "
             "activation is a staircase.",
         )
@@ -114,6 +122,7 @@ class LocalEffect(Experiment):
             f"At a gain of {top}, there is no effect at the extremes.",
             median_of(np.maximum(effect[-1, :, 0], effect[-1, :, -1]) / effect[-1].max(-1)),
             "effect at either end, of the greatest,",
+            of=LOCAL,
         )
         yield at_most(
             0.1,
@@ -121,6 +130,7 @@ class LocalEffect(Experiment):
             median_of(np.abs(peak - values["threshold"])),
             "distance from it",
             "load",
+            of=LOCAL,
         )
 
 

@@ -1,11 +1,12 @@
 """Section 4.4.1: gains that decay, so that units keep exploring."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import OURS, Claim, positive
+from motorgrad.experiments._claims import Claim, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
 from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import entropy, least_error, parameter_history
@@ -36,6 +37,8 @@ class GainDecay(Experiment):
     - `decays` (per decision): three decays of the gains, λ, rising. By default a gain without gradient falls to 1/e in
       half a period, and in ten times and a tenth of that. The middle one is also used from the start.
     """
+
+    reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
     units: int = 2
     seeds: int = ranged(20, 2, 10_000)
@@ -127,6 +130,7 @@ class GainDecay(Experiment):
             mean_of(values["still entropy"][1][:, end].mean(axis=1) - plain),
             "constant muscle: entropy at the end minus that without decay",
             "bits per unit",
+            of="Decaying gains force the network to explore.",
         )
         tracking = values["drifting error"][:, :, after].mean(axis=2)
         still = values["still error"][:, :, end].mean(axis=2)
@@ -137,6 +141,7 @@ class GainDecay(Experiment):
                 "mean error after the first change without decay minus that with it",
                 "of the pool's force",
                 note=f"Mean error {tracking[row].mean():.4f}; without decay, {tracking[0].mean():.4f}.",
+                of="Gains that decay let a network adapt to a changing world.",
             )
             yield positive(
                 f"Decay costs precision if nothing changes ({decay:g}).",
@@ -144,7 +149,7 @@ class GainDecay(Experiment):
                 "mean error at the end minus that without decay",
                 "of the pool's force",
                 note=f"Mean error {still[row].mean():.4f}; without decay, {still[0].mean():.4f}.",
-                source=OURS,
+                kind="extension",
             )
         error = values["first error"][:, :, _last(values["first decision"])].mean(axis=2)
         yield positive(
@@ -154,6 +159,7 @@ class GainDecay(Experiment):
             "of the pool's force",
             note=f"Stated after the first results. Mean error {error[1].mean():.4f}; "
             f"without decay, {error[0].mean():.4f}.",
+            kind="extension",
             source="our own observation",
         )
 

@@ -1,7 +1,7 @@
 """Section 4.4: pools that grow one unit at a time."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from motorgrad.statistics import exact, median_of, share_of
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, agent_for
 
+BETTER = "It is a suitable strategy to begin with few units and to add a unit once the others have converged."
 POINTS = 25  # points of a curve in each phase
 
 
@@ -49,6 +50,8 @@ class Growth(Experiment):
     - `plain_phase` (decisions): with each number of units, by the plain gradient.
     - `seeds`: pools of each kind.
     """
+
+    reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
     units: int = ranged(8, 3, 64)
     phase: int = ranged(100_000, 200, 10**8)
@@ -146,12 +149,16 @@ class Growth(Experiment):
                 median_of(values[f"{name} grown error"].mean(1) / values[f"{name} start error"].mean(1)),
                 "mean error over all decisions, relative to a pool complete from the start,",
                 note=f"{way.units} units, {way.units * way.phase:,} decisions.",
+                of=BETTER,
+                **_tests(name),
             )
             yield below(
                 1,
                 f"Growing is the better strategy: closer to equal spacing in the end ({way.words}).",
                 median_of(values[f"{name} grown spacing"][-1] / values[f"{name} start spacing"]),
                 "spacing error, relative to a pool complete from the start,",
+                of=BETTER,
+                **_tests(name),
             )
             yield _converged_claim(values, name, way)
             yield _sooner_claim(values, name, way)
@@ -179,6 +186,14 @@ class Growth(Experiment):
         )
 
 
+def _tests(name: str) -> dict[str, Any]:
+    """Whose statement the claims about a way to learn are: the natural gradient is ours; and with the thesis's plain
+    one, the phases end before the pools have converged, which the rule requires."""
+    if name != "plain":
+        return {"kind": "extension"}
+    return {"untested": "With the plain gradient, phases end before the pools have converged, as the rule requires."}
+
+
 def _converged_claim(values: Values, name: str, way: Way) -> Claim:
     shares = [share_of(spaced) for spaced in values[f"{name} grown spaced"]]
     whole = values[f"{name} start from"]
@@ -188,7 +203,8 @@ def _converged_claim(values: Values, name: str, way: Way) -> Claim:
         "share of grown pools that are equally spaced at the end of a phase, the least over phases,",
         note=f"From 1 unit to {len(shares)}: {', '.join(f'{share.value:.0%}' for share in shares)}. A phase has "
         f"{way.phase:,} decisions; complete pools take: {_middle(whole)}.",
-        source="section 4.4: the rule for adding a unit",
+        kind="extension",
+        source="a condition of the rule for adding a unit, section 4.4",
     )
 
 
@@ -205,6 +221,8 @@ def _sooner_claim(values: Values, name: str, way: Way) -> Claim:
         f"spaced at the end: {int(np.isinf(grown).sum())} of {grown.size} phases, "
         f"{int(np.isinf(whole).sum())} of {whole.size} complete pools. The last phase alone: "
         f"{_middle(grown[-1])}; complete pools: {_middle(whole)}.",
+        of=BETTER,
+        **_tests(name),
     )
 
 

@@ -7,10 +7,12 @@ from typing import Literal
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import Claim, below, more_than_half, negative, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
-from motorgrad.experiments._figures import Axes, Figure, subplots
+from motorgrad.bodies import Posture
+from motorgrad.experiments._claims import Claim, Kind, below, more_than_half, negative, positive
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad.experiments._figures import Axes, SubFigure
 from motorgrad.experiments.chapter_4._pools import firing_probability
+from motorgrad.experiments.chapter_4._postures import BothPostures, arm_task
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import agent_for
@@ -24,10 +26,11 @@ TITLES = {"height": "rewarded by height", "complete": "rewarded only if complete
 
 
 @experiment("sec-4.4-large-loads", "only large loads", "section 4.4")
-class LargeLoads(Experiment):
+class LargeLoads(BothPostures):
     """Pools of several sizes learn to lift only large loads, for which more than 85 % of the pool must fire, or all
     loads. The reward is the height of the lift, or only a complete lift is rewarded. In addition, computed exactly: the
-    reward at large loads of a pool whose units all fire with the same probability.
+    reward at large loads of a pool whose units all fire with the same probability. All this with the upper arm held
+    vertically, so that a force that is too small lifts little, and horizontally, so that it lifts in proportion.
 
     **Arguments:**
 
@@ -48,36 +51,35 @@ class LargeLoads(Experiment):
         check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
 
     quick = smoke(sizes=(2, 4), seeds=3, steps=2_000)
+    size = (8, 6.7)
 
-    def task(self, reward_type: Literal["height", "complete"], seen: str, units: int) -> ArmRecruitment:
-        """The task of pools of this size, with this reward and these loads."""
-        task = ArmRecruitment(units=units, reward_type=reward_type)
+    def task(
+        self, reward_type: Literal["height", "complete"], seen: str, units: int, posture: Posture
+    ) -> ArmRecruitment:
+        """The task of pools of this size, with this reward, these loads and this arm."""
+        task = dataclasses.replace(arm_task(posture, units), reward_type=reward_type)
         return dataclasses.replace(task, low=self.least) if seen == "large" else task
 
-    def run(self, work: Workspace) -> Values:
+    def measure(self, work: Workspace, posture: Posture) -> Values:
         loads = np.linspace(self.least, 14.0, 41)
         found: Values = {"size": np.array(self.sizes), "probability": PROBABILITY}
         for reward_type in REWARD_TYPES:
-            pays = [common_pay(self.task(reward_type, "large", units), loads) for units in self.sizes]
+            pays = [common_pay(self.task(reward_type, "large", units, posture), loads) for units in self.sizes]
             found[f"{reward_type} pay"] = np.array(pays)
             for seen in SEEN:
-                found[f"{reward_type} {seen}"] = np.array(
-                    [self._active(work, reward_type, seen, n, loads) for n in self.sizes]
-                )
+                tasks = [self.task(reward_type, seen, units, posture) for units in self.sizes]
+                found[f"{reward_type} {seen}"] = np.array([self._active(work, task, loads) for task in tasks])
         return found
 
-    def _active(
-        self, work: Workspace, reward_type: Literal["height", "complete"], seen: str, units: int, loads: np.ndarray
-    ) -> np.ndarray:
+    def _active(self, work: Workspace, task: ArmRecruitment, loads: np.ndarray) -> np.ndarray:
         """The fraction of each pool that fires at large loads after learning, `(seeds,)`."""
-        task = self.task(reward_type, seen, units)
         run = work.train(task, agent_for(task), self.steps, self.seeds)
         return firing_probability(run.policies, loads).mean(axis=(1, 2))
 
-    def figure(self, values: Values) -> Figure:
+    def draw(self, figure: SubFigure, values: Values, posture: Posture) -> None:
         """Above: the reward for a common probability. Below: the fraction of each pool that fires after learning, and
         the number of silent pools."""
-        figure, axes = subplots(8, 6.4, 2, 2, sharex="row", sharey="row")
+        axes = figure.subplots(2, 2, sharex="row", sharey="row")
         for column, (reward_type, title) in enumerate(TITLES.items()):
             _pay(axes[0, column], values, reward_type)
             axes[0, column].set_title(title, fontsize=11)
@@ -86,11 +88,14 @@ class LargeLoads(Experiment):
         axes[1, 0].set_ylabel("fraction that fires at large loads\nafter learning")
         axes[0, 0].legend(title="units")
         axes[1, 0].legend(title="learned from")
-        return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, posture: Posture) -> Iterator[Claim]:
         sizes = values["size"]
-        for reward_type, words in (("height", "rewarded by height"), ("complete", "rewarded only if complete")):
+        rewards: tuple[tuple[str, str, Kind], ...] = (
+            ("height", "rewarded by height", "thesis"),
+            ("complete", "rewarded only if complete", "extension"),
+        )
+        for reward_type, words, whose in rewards:
             silent = {seen: values[f"{reward_type} {seen}"] < SILENT for seen in SEEN}
             pay = values[f"{reward_type} pay"][-1]
             yield negative(
@@ -99,6 +104,8 @@ class LargeLoads(Experiment):
                 "pay for firing with a small probability minus that for silence",
                 "reward",
                 note=f"For {sizes[-1]} units with a probability of {PROBABILITY[1]:g}.",
+                kind=whose,
+                of="Silence is a local maximum at large loads.",
             )
             yield negative(
                 f"At half activation, the gradient makes a large pool fire less (lifts {words}).",
@@ -106,6 +113,8 @@ class LargeLoads(Experiment):
                 "slope of the reward in the common probability at one half",
                 "reward per unit of probability",
                 note=f"For {sizes[-1]} units. For {sizes[0]}: {_slope(values, reward_type, 0):.2f}.",
+                kind=whose,
+                of="At half activation, the gradient makes a large pool fire less.",
             )
             yield more_than_half(
                 f"With only large loads, a large pool falls silent (lifts {words}).",
@@ -113,23 +122,28 @@ class LargeLoads(Experiment):
                 "share of pools",
                 note=f"For {sizes[-1]} units; silent: less than {SILENT:.0%} fires. "
                 f"For {sizes[0]} units: {share_of(silent['large'][0])}.",
+                kind=whose,
+                of="With only large loads, a large pool falls silent.",
             )
         silent = {seen: values[f"complete {seen}"] < SILENT for seen in SEEN}
         yield positive(
             "Large pools fall silent more often than small ones (lifts rewarded only if complete).",
             mean_of(silent["large"][-1] * 1.0 - silent["large"][0]),
             f"{sizes[-1]} against {sizes[0]} units, difference of shares",
+            kind="extension",
         )
         yield positive(
             "Exposure to small loads prevents it (lifts rewarded only if complete).",
             mean_of(silent["large"][-1] * 1.0 - silent["all"][-1]),
             f"share of pools of {sizes[-1]} that fall silent with large loads only minus that with all loads",
+            kind="extension",
         )
         yield below(
             0.5,
             "With it, most large pools stay active (lifts rewarded only if complete).",
             share_of(silent["all"][-1]),
             f"share of pools of {sizes[-1]} that fall silent",
+            kind="extension",
         )
 
 

@@ -1,14 +1,17 @@
 """Section 4.4: leaving out the loads at which no unit should fire."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.bodies import Posture
 from motorgrad.experiments._claims import Claim, more_than_half, positive
-from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
-from motorgrad.experiments._figures import Axes, Figure, draw_intervals, new_figure
+from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad.experiments._figures import Axes, SubFigure, draw_intervals
 from motorgrad.experiments.chapter_4._pools import firing_probability, thresholds_and_gains
+from motorgrad.experiments.chapter_4._postures import READ, BothPostures, arm_task
 from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, agent_for
@@ -30,10 +33,10 @@ COLOURS = ("C3", "C1", "C0", "C9", "C4", "C2", "C8", "C5")
 
 
 @experiment("sec-4.4-negative-inputs", "too few negative inputs", "section 4.4")
-class NegativeInputs(Experiment):
+class NegativeInputs(BothPostures):
     """Pools learn to lift with sweeps that begin above 0 kg, at 0, at −2 (the thesis) and at −6. Without loads of 0 and
     below, a unit comes to fire always. Then those loads are restored, and learning continues from there, with and
-    without decay of the gains.
+    without decay of the gains. With the upper arm held vertically and horizontally.
 
     **Arguments:**
 
@@ -52,17 +55,15 @@ class NegativeInputs(Experiment):
         super().__post_init__()
         for decay in self.decays:
             check(0 < decay <= 1, "decays", decay, "in (0, 1]")
-        self.task("thesis")
+        arm_task(READ, self.units)
 
     quick = smoke(seeds=4, steps=4_000, decays=(1e-3,))
+    size = (8.6, 6.9)
 
-    def task(self, inputs: str) -> ArmRecruitment:
-        """The task with the inputs of this name."""
-        return ArmRecruitment(units=self.units, low=LOWS[inputs])
-
-    def run(self, work: Workspace) -> Values:
-        runs = {name: work.train(self.task(name), agent_for(self.task(name)), self.steps, self.seeds) for name in LOWS}
-        found, task = {name: _found(run) for name, run in runs.items()}, self.task("thesis")
+    def measure(self, work: Workspace, posture: Posture) -> Values:
+        tasks = {name: dataclasses.replace(arm_task(posture, self.units), low=low) for name, low in LOWS.items()}
+        runs = {name: work.train(task, agent_for(task), self.steps, self.seeds) for name, task in tasks.items()}
+        found, task = {name: _found(run) for name, run in runs.items()}, tasks["thesis"]
         for decay in (0.0, *self.decays):
             settings = agent_for(task, weight_decay={"gain": decay} if decay else None)
             found[_again(decay)] = _found(work.train(task, settings, self.steps, self.seeds, runs["never"].policies))
@@ -75,19 +76,17 @@ class NegativeInputs(Experiment):
             **{key: np.stack([each[key] for each in found.values()]) for key in found["never"]},
         }
 
-    def figure(self, values: Values) -> Figure:
+    def draw(self, figure: SubFigure, values: Values, posture: Posture) -> None:
         """Shares of affected pools; parameters of their units; and activation of the pools over the loads."""
         caught = always_firing(values)
-        figure = new_figure(8.6, 6.6)
         top, bottom = figure.add_gridspec(2, 1)
         words = [WORDS.get(state, f"the same, gains\ndecay {state[6:]}") for state in map(str, values["state"])]
         _shares(figure.add_subplot(top), words, np.asarray(caught.any(axis=2)))
         left, right = (figure.add_subplot(place) for place in bottom.subgridspec(1, 2))
         _units(left, values, caught[0])
         _activation(right, values, words)
-        return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, posture: Posture) -> Iterator[Claim]:
         states = [str(state) for state in values["state"]]
         caught = dict(zip(states, np.asarray(always_firing(values).any(axis=2)), strict=True))
         firing = dict(zip(states, values["firing"][:, :, LOADS <= 0].mean(axis=(2, 3)), strict=True))
@@ -98,6 +97,7 @@ class NegativeInputs(Experiment):
                 "share of the pool that fires at −2 to 0 kg minus that if sweeps begin at −2 kg",
                 "of the pool",
                 note=f"Mean: {firing[name].mean():.3f}, for sweeps from −2 kg {firing['thesis'].mean():.3f}.",
+                of="If negative loads are rare, some force is always produced.",
             )
             yield positive(
                 f"If loads of 0 and below are {words}, more pools have a unit that fires at all of them.",
@@ -105,6 +105,7 @@ class NegativeInputs(Experiment):
                 "share of pools minus that if sweeps begin at −2 kg",
                 note=f"Shares: {share_of(caught[name])}; from −2 kg {share_of(caught['thesis'])}; "
                 f"from −6 kg {share_of(caught['often'])}. {ENLARGED}",
+                of="If negative loads are rare, a unit learns to fire always.",
             )
         yield from _way_there(values, caught["never"])
         yield from _way_back(values, caught)
@@ -141,6 +142,7 @@ def _way_back(values: Values, caught: Mapping[str, np.ndarray]) -> Iterator[Clai
             share_of(~caught[_again(decay)][caught["never"] & caught[_again(0.0)]]),
             "share of these",
             note=f"Median reward of all pools: {reward[_again(decay)]:.2f}; without decay, {reward[_again(0.0)]:.2f}.",
+            kind="extension",
             source="our own question, after section 4.4.1",
         )
 

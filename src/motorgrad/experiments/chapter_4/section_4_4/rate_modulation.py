@@ -1,13 +1,13 @@
 """Section 4.4.1: units with graded activation (rate modulation)."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import OURS, Claim, below
+from motorgrad.experiments._claims import Claim, below
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
 from motorgrad.experiments._figures import Figure, draw_band, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, least_error
@@ -38,6 +38,8 @@ class RateModulation(Experiment):
     - `floor`: lower bound of that deviation.
     - `seeds`: pools of each kind.
     """
+
+    reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
     units: tuple[int, ...] = (1, 2, 4)
     steps: int = ranged(300_000, 200, 10**9)
@@ -130,7 +132,7 @@ class RateModulation(Experiment):
                 "mean error in the last tenth, relative to the least possible for binary units,",
                 note=f"Median errors with the mean or most probable action: graded {quiet[1]:.4f}, "
                 f"binary {quiet[0]:.4f}; least possible for binary units {least:.4f}.",
-                source=OURS,
+                kind="extension",
             )
             yield below(
                 1,
@@ -139,7 +141,7 @@ class RateModulation(Experiment):
                 f"decisions to {REACHED} times that least error, relative to binary units,",
                 note=f"Medians {np.median(times[1]):,.0f} and {np.median(times[0]):,.0f}; never within "
                 f"{steps:,} decisions: {never[1]} and {never[0]}.",
-                source=OURS,
+                kind="extension",
             )
             yield below(
                 0.1,
@@ -149,4 +151,6 @@ class RateModulation(Experiment):
                 note=f"Initially {self.deviation:g}; the floor is {self.floor:g}. In the second half of learning it "
                 f"fell to {np.median(falls):.2f} of its value.",
                 source="section 6.2.3",
+                of="As learning progresses, units with noise converge to a deterministic output.",
+                untested="The section speaks of a schedule that slows learning down; learner and time are ours.",
             )

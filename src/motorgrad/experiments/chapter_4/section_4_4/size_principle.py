@@ -1,26 +1,33 @@
 """Section 4.4.1: units of different sizes, and the order in which learning recruits them."""
 
+import dataclasses
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.bodies import POSTURES, Posture
 from motorgrad.experiments._claims import Claim, at_most, negative, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, subplots
 from motorgrad.experiments.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
+from motorgrad.experiments.chapter_4._postures import READ, BothPostures, arm_task
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for
 
+OTHERS = tuple(each for each in POSTURES if each != READ)
 GRID = 201  # loads over which the firing of a unit is averaged
 WORDS = {
     "linear plain": "linear mapping, plain gradient",
     "linear natural": "linear mapping, natural gradient",
-    "arm plain": "arm, plain gradient",
-    "arm natural": "arm, natural gradient",
+    **{
+        f"{posture} arm {gradient}": f"{posture} upper arm, {gradient} gradient"
+        for posture in POSTURES
+        for gradient in ("plain", "natural")
+    },
 }
 
 
@@ -28,7 +35,8 @@ WORDS = {
 class SizePrinciple(Experiment):
     """Units whose force grows exponentially from one to the next learn to share a load, from random thresholds. Are
     they recruited in the order of their sizes? In the linear mapping every order has the same reward, so that an order
-    can only result from learning; on the arm, orders differ in reward.
+    can only result from learning; on the arm, whose upper arm is held vertically or horizontally, orders differ in
+    reward.
 
     **Arguments:**
 
@@ -38,8 +46,13 @@ class SizePrinciple(Experiment):
     - `seeds`: pools of each kind.
     - `linear` (decisions): for which pools learn the linear mapping by the plain gradient.
     - `linear_natural` (decisions): the same by the natural gradient.
-    - `arm` (decisions): for which pools learn to lift, by either gradient.
+    - `arm` (decisions): for which pools learn to lift, in either posture and by either gradient.
     """
+
+    reading: ClassVar[str] = (
+        "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3; the arm is held in both ways, "
+        "as for figure 4.8."
+    )
 
     units: int = ranged(4, 3, 6)
     size_ratio: float = 8.0
@@ -57,16 +70,20 @@ class SizePrinciple(Experiment):
     def studies(self) -> dict[str, tuple[LinearRecruitment | ArmRecruitment, dict[str, Any], int]]:
         """For every line: the task, what differs from its own learner, and the decisions."""
         linear = LinearRecruitment(units=self.units, size_ratio=self.size_ratio)
-        arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
+        arms = {posture: self.arm_task(posture) for posture in POSTURES}
         # a threshold in kg is some 14 times one in 0 … 1, and its Fisher information smaller by the square of that
-        damping = {"threshold": NATURAL["metric"]["damping"]["threshold"] / arm.high**2}
+        damping = {"threshold": NATURAL["metric"]["damping"]["threshold"] / ArmRecruitment.high**2}
         scaled = NATURAL | {"metric": {**NATURAL["metric"], "damping": damping}}
         return {
             "linear plain": (linear, {}, self.linear),
             "linear natural": (linear, NATURAL, self.linear_natural),
-            "arm plain": (arm, {}, self.arm),
-            "arm natural": (arm, scaled, self.arm),
+            **{f"{posture} arm plain": (arm, {}, self.arm) for posture, arm in arms.items()},
+            **{f"{posture} arm natural": (arm, scaled, self.arm) for posture, arm in arms.items()},
         }
+
+    def arm_task(self, posture: Posture) -> ArmRecruitment:
+        """The task of lifting with units of different sizes and the upper arm held so."""
+        return dataclasses.replace(arm_task(posture, self.units), size_ratio=self.size_ratio)
 
     def run(self, work: Workspace) -> Values:
         found: Values = {"size": LinearRecruitment(units=self.units, size_ratio=self.size_ratio).sizes}
@@ -76,14 +93,14 @@ class SizePrinciple(Experiment):
             found[f"{name} load"] = recruitment_loads(firing_probability(run.policies, loads), loads)
             found[f"{name} gain"] = thresholds_and_gains(run.policies)[1]
             found[f"{name} high"] = np.array(task.high)
-        arm = ArmRecruitment(units=self.units, size_ratio=self.size_ratio)
-        return found | {"orders": np.array(orders_of(self.units)), "order pay": order_pay(arm)}
+        pay = {f"{posture} order pay": order_pay(self.arm_task(posture)) for posture in POSTURES}
+        return found | {"orders": np.array(orders_of(self.units))} | pay
 
     def figure(self, values: Values) -> Figure:
         """For every line: the load from which each unit fires, over its size, and the rank correlations of all pools. A
         grey line joins the units of a pool; units of negative gain are hollow."""
         orders = {name: order(values, name) for name in WORDS}
-        figure, axes = subplots(8, 6.8, 2, 2, sharex=True)
+        figure, axes = subplots(8, 10.0, len(WORDS) // 2, 2, sharex=True)
         size = values["size"]
         for place, (name, title) in zip(axes.flat, WORDS.items(), strict=True):
             loads = values[f"{name} load"]
@@ -103,14 +120,14 @@ class SizePrinciple(Experiment):
             place.set_xticks(size, [f"{part:.2f}" for part in size])
             place.minorticks_off()
             place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
-        for row, unit in zip(axes, ("", ", kg"), strict=True):
-            row[0].set_ylabel(f"fires above this load{unit}")
-        for place in axes[1]:
+        for number, row in enumerate(axes):
+            row[0].set_ylabel(f"fires above this load{', kg' if number else ''}")
+        for place in axes[-1]:
             place.set_xlabel("size / total force (hollow: negative gain)")
         return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:
-        chance, pay = 1 / len(values["orders"]), values["order pay"]
+        chance = 1 / len(values["orders"])
         for name, words in WORDS.items():
             found = order(values, name)
             whole = share_of(found > 1 - 1e-9)
@@ -120,23 +137,31 @@ class SizePrinciple(Experiment):
                 mean_of(found),
                 "mean rank correlation of size and recruitment",
                 note=f"In exactly this order: {whole}; by chance {chance:.3f}. All gains positive: {graded}.",
+                kind="thesis" if name.endswith("plain") else "extension",
+                untested=BothPostures.otherwise if name.startswith(OTHERS) else "",
+                of="Units of different sizes organise by the size principle.",
             )
-        best = values["orders"][pay.argmax()] + 1
-        yield at_most(
-            0,
-            "On the arm, the order of the size principle has the highest reward.",
-            exact(pay.max() - pay[0]),
-            "deficit to the best order of noiseless units",
-            "reward",
-            note=f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
-            f"{', '.join(map(str, best))}.",
-        )
+        for posture in POSTURES:
+            pay = values[f"{posture} order pay"]
+            best = values["orders"][pay.argmax()] + 1
+            claim = at_most(
+                0,
+                "On the arm, the order of the size principle has the highest reward.",
+                exact(pay.max() - pay[0]),
+                "deficit to the best order of noiseless units",
+                "reward",
+                note=f"The best order, numbered from the smallest, 1, to the largest, {len(best)}: "
+                f"{', '.join(map(str, best))}.",
+                kind="extension",
+            )
+            yield BothPostures.as_variant(claim, posture)
         for name in ("linear plain", "linear natural"):
             yield negative(
                 f"The larger a unit, the closer to the middle of the range it is recruited ({WORDS[name]}).",
                 mean_of(correlations(values, np.abs(values[f"{name} load"] - 0.5))),
                 "mean rank correlation of size and distance from the middle",
                 note="Stated after the first results.",
+                kind="extension",
                 source="our own observation",
             )
 

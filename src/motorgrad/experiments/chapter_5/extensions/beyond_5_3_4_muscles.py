@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.experiments._claims import OURS, Claim, at_least, at_most, in_every, negative, positive
+from motorgrad.experiments._claims import Claim, at_least, at_most, in_every, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, SMOOTH, VARIANTS, WORDS, MuscleStudy
@@ -138,7 +138,7 @@ def muscle_claims(values: Values) -> Iterator[Claim]:
         "most probable actions: median speed along the heading",
         "m/s",
         note=gaits,
-        source=OURS,
+        kind="extension",
     )
     yield at_least(
         NET,
@@ -148,7 +148,7 @@ def muscle_claims(values: Values) -> Iterator[Claim]:
         "m/s",
         note=f"With sampled actions: speed {median_of(sample['speed']).words('m/s')}, net displacement "
         f"{median_of(sample['net']).words('m/s')}.",
-        source=OURS,
+        kind="extension",
     )
     yield in_every(
         "No hexapod stalls with its most probable actions.",
@@ -156,7 +156,7 @@ def muscle_claims(values: Values) -> Iterator[Claim]:
         "share of these seeds without a second below 0.3 m/s",
         note=f"Fraction of all seconds; {np.count_nonzero(mode['stalls'] > 0)} of {seeds} seeds have such a second. "
         f"Falls: {np.count_nonzero(mode['falls'] > 0)} seeds.",
-        source=OURS,
+        kind="extension",
     )
 
 
@@ -170,7 +170,7 @@ def ablation_claims(values: Values) -> Iterator[Claim]:
             mean_of(theirs - ours),
             "most probable actions, net displacement over 20 s: difference from the unchanged learner",
             "m/s",
-            source=OURS,
+            kind="extension",
             note=f"Medians: {np.median(theirs):.2f} against {np.median(ours):.2f} m/s; speed along the heading "
             f"{np.median(values[f'{variant} mode speed']):.2f} against "
             f"{np.median(values[f'{FULL} mode speed'][:count]):.2f}.",

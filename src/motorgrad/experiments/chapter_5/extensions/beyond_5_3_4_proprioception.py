@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, at_least, in_every
+from motorgrad.experiments._claims import Claim, at_least, in_every
 from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import FULL, SMOOTH, WORDS, MuscleStudy
@@ -82,7 +82,7 @@ class Proprioception(MuscleStudy):
                 "m/s",
                 note=f"With the most probable actions: {probable[name]}. No synergies and no gait are given, and all "
                 "weights start at 0; left and right share their parameters.",
-                source=OURS,
+                kind="extension",
             )
         yield in_every(
             "No hexapod stalls with sampled actions.",
@@ -90,5 +90,5 @@ class Proprioception(MuscleStudy):
             "share of these seeds without a second below 0.3 m/s",
             note=f"Falls: {np.count_nonzero(found['falls'] > 0)} seeds. With the most probable actions, "
             f"{np.count_nonzero(values[f'{FULL} mode stalls'] > 0)} seeds have such a second.",
-            source=OURS,
+            kind="extension",
         )

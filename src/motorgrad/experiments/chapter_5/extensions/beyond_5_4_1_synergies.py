@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
-from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, positive
+from motorgrad.experiments._claims import Claim, above, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.extensions._muscle_study import MuscleStudy
@@ -97,7 +97,7 @@ class FoundSynergies(MuscleStudy):
             "Four synergies account for most of the activity of 24 muscles in a learned gait.",
             mean_of(values["explained"]),
             "fraction of the activations' sum of squares",
-            source=OURS,
+            kind="extension",
         )
         yield above(
             level,
@@ -108,14 +108,14 @@ class FoundSynergies(MuscleStudy):
             note=f"Net displacement over 20 s: {net.words('m/s')}; with the most probable actions {mode}; on hand-made "
             "synergies "
             f"{hand}.",
-            source=OURS,
+            kind="extension",
         )
         yield positive(
             "The synergies themselves help: with randomly drawn muscles, learners get less far.",
             mean_of(each[0] - each[1]),
             "frozen, sampled actions, net displacement over 20 s: mean difference by gait",
             "m/s",
-            source=OURS,
+            kind="extension",
         )
 
     def _find(self, work: Workspace) -> dict[str, Any]:

@@ -159,6 +159,7 @@ class Forces(Experiment):
                 "of the time",
                 note=f"In the air {air[-1]:.0%} of the time instead of {air[level]:.0%}, on the belly {belly[-1]:.0%} "
                 f"instead of {belly[level]:.0%}.",
+                of="With more force, feet spend less time on the ground.",
             )
 
 

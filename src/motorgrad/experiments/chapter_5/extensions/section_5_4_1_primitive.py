@@ -1,7 +1,7 @@
 """Section 5.4.1: motor primitives whose preconditions and movement parameters are learned together."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -10,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
-from motorgrad.experiments._claims import OURS, Claim, more_than_half, positive
+from motorgrad.experiments._claims import Claim, more_than_half, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_5._hopper_study import check_practice
@@ -52,6 +52,9 @@ class LearnedPrimitives(Experiment):
     - `watched` (simulated s): for which the learned policies are evaluated, without learning.
     """
 
+    first_seed: ClassVar[int] = 100
+    """Some of the earlier seeds were used to choose the settings."""
+
     seconds: float = 400.0
     seeds: int = ranged(20, 2, 10_000)
     watched: float = 10.0
@@ -80,8 +83,9 @@ class LearnedPrimitives(Experiment):
 
     def run(self, work: Workspace) -> Values:
         task, found = self.task, {}
+        seeds = list(range(self.first_seed, self.first_seed + self.seeds))
         for kind in WORDS:
-            run = work.train(task, self.learner(kind), round(self.seconds / task.period), self.seeds)
+            run = work.train(task, self.learner(kind), round(self.seconds / task.period), seeds)
             decision, speed = run.curve("speed")
             found |= {"time": decision * task.period, f"{kind} curve": speed}
             seen = work.part(kind, lambda run=run: self._watch(work, run.policies))
@@ -137,6 +141,8 @@ class LearnedPrimitives(Experiment):
                 mean_of(curve[:, -4 * part :].mean(1) - curve[:, :part].mean(1)),
                 "the last fifth of the practice minus the first twentieth",
                 "m/s",
+                kind="thesis" if kind == "both" else "extension",
+                of="Preconditions and movements can be learned at the same time.",
             )
         for kind in ("precondition", "movement"):
             sure = mean_of(values["both sure"] - values[f"{kind} sure"])
@@ -147,13 +153,14 @@ class LearnedPrimitives(Experiment):
                 "frozen after learning, paired by seed: difference",
                 "m/s",
                 note=f"{speeds} With mean movements instead of sampled ones, the difference is {sure}.",
+                of="Learning preconditions and movements at the same time is better than either alone.",
             )
         yield more_than_half(
             "A tripod learns to start a step when its own legs are back, rather than the other tripod's.",
             share_of((values["own"] < 0).all(1) & (values["other"] > values["own"]).all(1)),
             "share of seeds whose weights of its own legs sum to less than 0 and less than the others', for both "
             "tripods,",
-            source=OURS,
+            kind="extension",
         )
 
 

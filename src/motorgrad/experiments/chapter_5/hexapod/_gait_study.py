@@ -3,7 +3,7 @@ controller."""
 
 import dataclasses
 import math
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -36,6 +36,12 @@ class SynergyStudy(Experiment):
     - `rate`: the step size of all parameters.
     - `watched` (simulated s): for which the frozen policies are evaluated, at least 20.
     """
+
+    reading: ClassVar[str] = (
+        "The thesis has no lag between observation and action, so that only hexapods without one judge its "
+        "statements. A gait counts as tripod or pronk by the phase and the correlation of the tripods; the "
+        "bounds are ours."
+    )
 
     seconds: float = 600.0
     seeds: int = ranged(20, 2, 10_000)

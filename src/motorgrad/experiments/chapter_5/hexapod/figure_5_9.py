@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -41,6 +41,10 @@ class BiomimeticHexapod(Experiment):
     - `seconds` (simulated s): length of each walk, after two seconds that do not count.
     - `seeds`: walks of each body.
     """
+
+    reading: ClassVar[str] = (
+        "The fixed controller is read as for figure 5.7: legs that wait count as supporting the body."
+    )
 
     frictions: tuple[float, ...] = (0.2, 0.4, 0.8, 1.6)
     highest: float = ranged(0.0, 0, 45, " degrees")

@@ -1,13 +1,13 @@
 """Section 5.3.3: the fixed controller over varying terrain."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
-from motorgrad.experiments._claims import OURS, Claim, above, at_least, positive
+from motorgrad.experiments._claims import Claim, Kind, above, at_least, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad.experiments.chapter_5.hexapod._gait_study import INDEPENDENT, jittered_hexapods
@@ -21,9 +21,13 @@ advances."""
 STILL = 0.03
 """Mean speed (m/s) below which a body counts as standing still: the bound of the class stalled."""
 
-WORDINGS = {"mended": True, "worded": False}
-LOOKS = {"mended": ("#0072B2", "o-", "deadlocks fixed"), "worded": ("#CC79A7", "s--", "as worded in the thesis")}
-THESIS = "section 5.3.3"
+WORDINGS = {"worded": False, "mended": True}
+LOOKS = {
+    "worded": ("#CC79A7", "s--", "as worded in the thesis"),
+    "mended": ("#0072B2", "o-", "a leg at its lower limit counts as touching the ground"),
+}
+MENDED = " if a leg at its lower limit counts as touching the ground"
+"""Our addition, at the end of a statement about it."""
 CONSISTENT, ROBUST = 0.75, 0.9
 """Bound of the interval of a share of grounds that counts as consistent (with 20 grounds, at most one exception); and
 the least fraction of the speed on level ground that counts as robust."""
@@ -32,8 +36,9 @@ the least fraction of the speed on level ground that counts as robust."""
 @experiment("sec-5.3.3-terrain", "the fixed controller on uneven ground", "section 5.3.3")
 class RoughGround(Experiment):
     """The fixed controller on bumps, slopes, steps and waves of increasing difficulty, each seed on its own ground:
-    speed, phase between the tripods, gait, and whether it still walks at the end; with its deadlocks fixed, and as the
-    thesis words it.
+    speed, phase between the tripods, gait, and whether it still walks at the end. Once as the thesis words it, legs
+    that wait counting as being in the "stance phase"; and once with our addition, by which a leg at its lower limit
+    counts as touching the ground.
 
     **Arguments:**
 
@@ -43,6 +48,11 @@ class RoughGround(Experiment):
     - `clearance` (m): the height up to which the ground counts as passable, one of `heights`; by default about the
       clearance under the belly.
     """
+
+    reading: ClassVar[str] = (
+        '"More than one leg in the stance phase" counts all legs that support the body, those in the states stance and '
+        "wait: section 5.3 knows two phases, support and swing."
+    )
 
     heights: tuple[float, ...] = (0.05, 0.1, 0.16, 0.2, 0.25)
     seconds: float = ranged(20.0, LAST, 20, " simulated s: the field ends")
@@ -139,73 +149,86 @@ def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, lin
 
 
 def kind_claims(values: Values, kind: str, clearance: float) -> Iterator[Claim]:
-    """Claims about one kind of ground, under the fixed version of the controller."""
+    """Claims about one kind of ground: the thesis's about the controller as it is worded, ours about the mended one."""
+    for wording in WORDINGS:
+        yield from _wording_claims(values, kind, clearance, wording)
+
+
+def _wording_claims(values: Values, kind: str, clearance: float, wording: str) -> Iterator[Claim]:
     rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
-    gaits = values[f"{kind} mended gait"]
-    net = values[f"{kind} mended net"]
+    gaits = values[f"{kind} {wording} gait"]
+    net = values[f"{kind} {wording} net"]
     most = f"{100 * values['height'][-1]:g} cm"
+    whose: Kind = "thesis" if wording == "worded" else "extension"
+    added = "" if wording == "worded" else MENDED
+    phases = ", ".join(f"{phase:.2f}" for phase in values[f"{kind} {wording} phase"][rows].mean(1))
     yield above(
         CONSISTENT,
-        f"The controller consistently generates a tripod gait on {kind} up to {top}.",
+        f"The controller consistently generates a tripod gait on {kind} up to {top}{added}.",
         share_of((gaits[rows] == "tripod").all(0)),
         f"at every height up to {top}: share of the grounds",
-        note=f"Mean phase between the tripods by height: {_phases(values, kind, rows)} cycles.",
+        note=f"Mean phase between the tripods by height: {phases} cycles.",
+        kind=whose,
+        of="The controller consistently generates a tripod gait over varying terrain.",
     )
     yield above(
         CONSISTENT,
-        f"It also does so on {kind} of {most}.",
+        f"It also does so on {kind} of {most}{added}.",
         share_of(gaits[-1] == "tripod"),
         "share of the grounds",
         note=f"Net speed there {net[-1].mean():.2f} m/s; on level ground {net[0].mean():.2f}.",
-        source=OURS,
+        kind="extension",
     )
+    modelled = whose == "extension" and kind == "bumps"
     yield at_least(
         ROBUST,
-        f"It is robust: {kind} of {top} hardly slow it.",
+        f"It is robust: {kind} of {top} hardly slow it{added}.",
         mean_of(net[rows][-1] / net[0].mean()),
         "net displacement relative to that on level ground",
         "of the speed on level ground",
-        source=INDEPENDENT if kind == "bumps" else THESIS,
+        kind="reference model" if modelled else whose,
+        source=INDEPENDENT if modelled else "",
+        of="The controller is robust: varying terrain hardly slows it.",
     )
 
 
 def controller_claims(values: Values, kinds: Sequence[str], clearance: float) -> Iterator[Claim]:
-    """Claims about the thesis's wording and our fix, over all kinds of ground up to the clearance."""
+    """Claims about the thesis's wording and our addition, over all kinds of ground up to the clearance."""
     rows, top = _rows(values, clearance), f"{100 * clearance:g} cm"
     still = {
         wording: np.concatenate([values[f"{kind} {wording} still"][rows].any(0) for kind in kinds])
-        for wording in ("mended", "worded")
+        for wording in WORDINGS
     }
     stands = {wording: share_of(each) for wording, each in still.items()}
     by_kind = ", ".join(f"{kind} {np.count_nonzero(values[f'{kind} worded still'][rows].any(0))}" for kind in kinds)
     seeds = len(still["mended"]) // len(kinds)
     yield above(
         CONSISTENT,
-        f"As the thesis words it, the controller is robust up to {top}: it does not come to a standstill.",
+        f"The controller is robust up to {top}: it does not come to a standstill.",
         share_of(~still["worded"]),
         f"walks at every height up to {top}: share of the grounds",
         note=f"Grounds, of {seeds} each, on which it stands still at the end of any walk: {by_kind}.",
     )
     yield above(
         CONSISTENT,
-        f"With its deadlocks fixed, it does not come to a standstill up to {top}.",
+        f"It does not come to a standstill up to {top}{MENDED}.",
         share_of(~still["mended"]),
         f"walks at every height up to {top}: share of the grounds",
-        source=OURS,
+        kind="extension",
     )
     yield positive(
-        "The fix is what keeps it walking.",
+        "That a leg at its lower limit counts as touching the ground keeps the controller walking.",
         mean_of(still["worded"] * 1.0 - still["mended"]),
-        "share of grounds on which it stands still, as worded minus fixed,",
+        "share of grounds on which it stands still, as worded minus with that addition,",
         note=f"{stands['worded'].value:.2f} and {stands['mended'].value:.2f} of the grounds.",
-        source=OURS,
+        kind="extension",
     )
     yield above(
         CONSISTENT,
         "It never overturns, at any height.",
-        share_of(~np.concatenate([values[f"{kind} mended overturned"].any(0) for kind in kinds])),
+        share_of(~np.concatenate([values[f"{kind} {each} overturned"].any(0) for kind in kinds for each in WORDINGS])),
         "share of the grounds",
-        source=OURS,
+        kind="extension",
     )
 
 
@@ -213,7 +236,3 @@ def _rows(values: Values, clearance: float) -> np.ndarray:
     """Indices of the heights above level ground and up to the clearance."""
     height = values["height"]
     return np.flatnonzero((height > 0) & (height <= clearance + 1e-9))
-
-
-def _phases(values: Values, kind: str, rows: np.ndarray) -> str:
-    return ", ".join(f"{phase:.2f}" for phase in values[f"{kind} mended phase"][rows].mean(1))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, at_least, below, more_than_half, positive
+from motorgrad.experiments._claims import Claim, Kind, at_least, below, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5.hexapod._gait_study import (
@@ -143,10 +143,15 @@ def viable(gaits: np.ndarray) -> np.ndarray:
     return np.isin(gaits, ("tripod", "pronk"))
 
 
+def whose(lag: int) -> Kind:
+    """Whose statement a claim about hexapods with this lag is: the thesis has none."""
+    return "extension" if lag else "thesis"
+
+
 def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
     """Claims made for every lag; the thesis has none."""
     late = f"observations delayed by {lag}" if lag else "no lag"
-    source, gaits = (OURS if lag else THESIS), values[f"lag {lag} sample gait"]
+    kind, gaits = whose(lag), values[f"lag {lag} sample gait"]
     both = {mode: f"{ACTIONS[mode]}: {counted(values[f'lag {lag} {mode} gait'])}" for mode in ACTIONS}
     counts = f"Number of seeds with {both['sample']}; with {both['mode']}."
     either = viable(gaits)
@@ -156,14 +161,14 @@ def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
         share_of(either),
         "frozen, from a fresh start, with sampled actions: share of seeds",
         note=counts,
-        source=source,
+        kind=kind,
     )
     yield more_than_half(
         f"Pronking is learned more often than not ({late}).",
         share_of(gaits[either] == "pronk"),
         "share of the seeds that learned either gait",
         note=counts if either.any() else f"No seed learned either gait. {counts}",
-        source=source,
+        kind=kind,
     )
     yield below(
         min(SOON, values["time"][-1]),
@@ -173,6 +178,7 @@ def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
         "s",
         note="Mean speed over 12 s. Sooner counts as holding. A seed that never gets there counts with the whole "
         "practice; the claim fails if the interval reaches that.",
+        kind="reference model",
         source=INDEPENDENT,
     )
     yield at_least(
@@ -183,6 +189,7 @@ def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
         "m/s",
         note=f"{np.count_nonzero(values[f'lag {lag} practice'][:, -1] < 0.3)} seeds end below 0.3 m/s. All falls "
         f"during practice: {values[f'lag {lag} falls'].sum():.0f}.",
+        kind="reference model",
         source=INDEPENDENT,
     )
     for mode, words in ACTIONS.items():
@@ -192,7 +199,7 @@ def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
             f"share of seeds with a net displacement in 20 s above {level:.2f} m/s",
             note=f"Medians: {median_of(values[f'lag {lag} {mode} net']).words('m/s')}; heading speed "
             f"{median_of(values[f'lag {lag} {mode} speed']).words('m/s')}.",
-            source=OURS,
+            kind="extension",
         )
     yield below(
         RARE,
@@ -201,7 +208,7 @@ def lag_claims(values: Values, lag: int) -> Iterator[Claim]:
         "share of seeds of the class stalled",
         note=f"Mean fraction of stalled seconds: {values[f'lag {lag} mode stalls'].mean():.2f}; with sampled actions "
         f"{values[f'lag {lag} sample stalls'].mean():.2f}.",
-        source=OURS,
+        kind="extension",
     )
 
 
@@ -217,6 +224,7 @@ def common_claims(values: Values, lags: Sequence[int]) -> Iterator[Claim]:
         "Without lag, gaits lie between tripod and pronk.",
         share_of(gaits[first] == "intermediate"),
         f"in all seeds of that model; share of seeds, with lag {first},",
+        kind="reference model",
         source=INDEPENDENT,
     )
     for lag in others:
@@ -224,5 +232,6 @@ def common_claims(values: Values, lags: Sequence[int]) -> Iterator[Claim]:
             f"With observations delayed by {lag}, more seeds learn tripod or pronk than with {first}.",
             mean_of(viable(gaits[lag]) * 1.0 - viable(gaits[first])),
             "4 of 8 with a lag of 1, 5 of 6 with 2, none without; difference of the shares",
+            kind="reference model",
             source=INDEPENDENT,
         )

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.experiments._experiment import Experiment, Workspace, ranged, smoke
+from motorgrad.experiments.chapter_6._local_study import EXACT_READ
 from motorgrad.learning import Agent
 from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
@@ -28,6 +29,8 @@ class GrowingStudy(Experiment):
     - `units`: number of units of the complete pool.
     - `seeds`: independent learners.
     """
+
+    reading: ClassVar[str] = EXACT_READ
 
     units: int = ranged(20, 2, 1_000)
     seeds: int = ranged(24, 2, 10_000)

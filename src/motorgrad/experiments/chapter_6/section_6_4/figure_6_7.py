@@ -16,6 +16,7 @@ from motorgrad.experiments.chapter_6._local_study import (
     stored_paths,
     tile_grid,
 )
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import GrowingStudy, after_units, grown_policies
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
@@ -27,7 +28,7 @@ LOCAL = 0.25
 
 
 @experiment("fig-6.7", "a policy that grows", "figure 6.7")
-class GrowingPolicy(GrowingStudy):
+class GrowingPolicy(BothPairs, GrowingStudy):
     """A policy grows in the layout R3: local units are added one by one, wide at first, and find their places. The
     units of the median seed with paths of its particle, at the end of the learning phase that follows each addition.
 
@@ -36,6 +37,7 @@ class GrowingPolicy(GrowingStudy):
     - `units`: number of units of the complete pool; 20 take 8,000 episodes.
     - `seeds`: independent learners.
     - `drawn` (episodes): paths in each tile.
+    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
     drawn: int = 10
@@ -45,11 +47,12 @@ class GrowingPolicy(GrowingStudy):
         return FallingParticle(layout="R3", units=self.units)
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
-        return {"animation": self.learned(work, self.task, self.growing(self.task))}
+        settings = self.growing(self.task, **settings_of(self.pairs[0]))
+        return {"animation": self.learned(work, self.task, settings)}
 
-    def run(self, work: Workspace) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         task = self.task
-        run = self.learned(work, task, self.growing(task))
+        run = self.learned(work, task, self.growing(task, **settings_of(pair)))
         decision, reward = run.curve()
         found: Values = {"reward": after_units(decision, reward, self.units)}
         row = median_row(found["reward"][:, -1])
@@ -63,7 +66,7 @@ class GrowingPolicy(GrowingStudy):
             found |= prefixed(str(count), {name: np.asarray(shape) for name, shape in shapes.items()})
         return found
 
-    def figure(self, values: Values) -> Figure:
+    def draw(self, values: Values) -> Figure:
 
         counts, row = values["counts"], int(values["row"])
         rows, columns = tile_grid(len(counts), 5)
@@ -76,7 +79,7 @@ class GrowingPolicy(GrowingStudy):
         hide_axes(list(tiles[len(counts) :]))
         return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         new, others = centre_shifts(values["centre"])
         width = at_own_interval(np.exp(values["log width"])).max(-1)
         local = (width <= LOCAL).mean(1)

@@ -9,6 +9,7 @@ from motorgrad.experiments._claims import Claim, above, at_least, more_than_half
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad.experiments.chapter_6._local_study import median_row
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     RATES,
@@ -26,6 +27,7 @@ INDEPENDENT = {1: 0.033, 5: 0.141, 9: 0.154, 13: 0.175, 19: 0.184}
 
 WITHIN = 0.03
 DROP, DROP_WITHIN = 0.13, 0.03
+LARGE = 0.25  # part of the reward
 PEAK = 13
 RIGHT_FIRST = ((0.4, 0.0), (-0.4, 0.0))
 STATIC = {"static": {}, "static like grown": {"policy": {"copies": 2, "p_max": 0.5}, "learning_rate": RATES}}
@@ -33,7 +35,7 @@ AVERAGES = (50, 500)  # episodes
 
 
 @experiment("fig-6.8", "the reward of a policy that grows", "figure 6.8")
-class GrowingReward(GrowingStudy):
+class GrowingReward(BothPairs, GrowingStudy):
     """The reward of a growing policy in R3 over episodes, with the additions marked: of the median seed and of all. For
     comparison, eight units that are present from the start, and growth with a first unit that pushes to the right.
 
@@ -41,15 +43,16 @@ class GrowingReward(GrowingStudy):
 
     - `units`: number of units of the complete pool; 20 take 8,000 episodes.
     - `seeds`: learners of each kind.
+    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    def run(self, work: Workspace) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         found: Values = {}
         for name, task in (
             ("grown", FallingParticle(layout="R3", units=self.units)),
             ("right first", FallingParticle(layout="R3", units=self.units, forces=RIGHT_FIRST)),
         ):
-            run = self.learned(work, task, self.growing(task))
+            run = self.learned(work, task, self.growing(task, **settings_of(pair)))
             decision, reward = run.curve()
             found |= {
                 f"{name} reward": reward,
@@ -60,11 +63,16 @@ class GrowingReward(GrowingStudy):
                 found |= {"decision": decision, "episode": np.cumsum(run.curve("episodes")[1], axis=1)}
         for name, changes in STATIC.items():
             task = FallingParticle(layout="R3")
-            found[f"{name} reward"] = self.learned(work, task, agent_for(task, **changes)).curve()[1]
+            found[f"{name} reward"] = self.learned(work, task, agent_for(task, **changes, **settings_of(pair))).curve()[
+                1
+            ]
         found["row"] = np.array(median_row(found["grown after"][:, -1]))
         return found
 
-    def figure(self, values: Values) -> Figure:
+    def learned_reward(self, values: Values) -> Values:
+        return {f"{self.units} units": values["grown after"][:, -1]}
+
+    def draw(self, values: Values) -> Figure:
         """Moving averages of one seed as in the thesis; all seeds; and the reward after each unit."""
         independent = {units: INDEPENDENT[units] for units in self.counts(tuple(INDEPENDENT))}
         figure = new_figure(9.4, 6.6)
@@ -74,7 +82,7 @@ class GrowingReward(GrowingStudy):
         _after(panels["after"], values, self.units, independent, WITHIN)
         return figure
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         after, other = values["grown after"], values["right first after"]
         for units in self.counts(tuple(INDEPENDENT)):
             expected = INDEPENDENT[units]
@@ -85,17 +93,25 @@ class GrowingReward(GrowingStudy):
                 mean_of(after[:, units - 1]),
                 unit="reward per decision",
                 note=f"{mean_of(other[:, units - 1])} if the first unit pushes to the right.",
-                source="an independent model",
+                kind="reference model",
             )
         yield within(
             DROP - DROP_WITHIN,
             DROP + DROP_WITHIN,
-            "Each new unit disrupts the dynamics and causes a large drop in reward.",
+            f"The drop in reward as a unit is added is {DROP:g}.",
             mean_of(values["grown drop"].mean(1)),
             "the last record before an addition minus the first after it",
             "reward per decision",
             note=f"A record is {int(values['decision'][0]):,} decisions.",
-            source="figure 6.8; an independent model",
+            kind="reference model",
+        )
+        before = values["grown after"][:, :-1].mean(1)
+        yield above(
+            LARGE,
+            "Each new unit disrupts the dynamics and causes a large drop in reward.",
+            mean_of(values["grown drop"].mean(1) / before.mean()),
+            "mean drop, relative to the mean reward in the learning phases",
+            note="Large: by more than a quarter.",
         )
         yield from self._peak(after)
         yield from self._static(values)
@@ -107,7 +123,7 @@ class GrowingReward(GrowingStudy):
             "Performance peaks after approximately 13 units.",
             share_of(np.abs(after.argmax(1) + 1 - PEAK) <= 1),
             f"share of seeds whose best learning phase is that of the {PEAK - 1}th to {PEAK + 1}th unit",
-            note="The thesis shows one run.",
+            untested="The thesis reads the number off one run of its own layout of rewards, which it does not give.",
         )
         yield at_least(
             0,
@@ -115,7 +131,7 @@ class GrowingReward(GrowingStudy):
             mean_of(after[:, -1] - after[:, PEAK - 1]),
             f"reward after {self.units} units minus that after {PEAK}",
             "reward per decision",
-            source="an independent model",
+            kind="reference model",
         )
 
     def _static(self, values: Values) -> Iterator[Claim]:
@@ -132,7 +148,7 @@ class GrowingReward(GrowingStudy):
                 "difference of final rewards after equally many decisions",
                 "reward per decision",
                 note=f"{static.mean():.3f}, grown {grown.mean():.3f}, in the last learning phase.",
-                source="an independent model",
+                kind="reference model",
             )
 
 

@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, positive, within
+from motorgrad.experiments._claims import Claim, positive, within
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import draw_tile, median_row, policy_at, prefixed, stored_paths
+from motorgrad.experiments.chapter_6._pairs import BothPairs, Pair, settings_of
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
     INTERVAL,
     GrowingStudy,
@@ -28,7 +29,7 @@ ONCE_ROUND, SETTLING = 63, 100  # decisions; one revolution takes 2π/(k₁ · p
 
 
 @experiment("fig-6.9", "orbits that widen and narrow", "figure 6.9")
-class Orbits(GrowingStudy):
+class Orbits(BothPairs, GrowingStudy):
     """A particle orbits in a circular field, without episodes, and units that push in eight directions are added one by
     one. If the distance from the centre is rewarded, the orbit widens; if it is penalised, it narrows. Tiles: units and
     path of the median seed for one revolution, at the end of the learning phase after this many units.
@@ -37,6 +38,7 @@ class Orbits(GrowingStudy):
 
     - `units`: number of units of the complete pool.
     - `seeds`: learners with each reward.
+    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
     units: int = 16
@@ -46,13 +48,16 @@ class Orbits(GrowingStudy):
 
     def films(self, work: Workspace) -> Mapping[str, Run]:
         tasks = {wanted: self.task(wanted) for wanted in WANTED}
-        return {f"animation-{name}": self.learned(work, task, self.growing(task)) for name, task in tasks.items()}
+        first = settings_of(self.pairs[0])
+        return {
+            f"animation-{name}": self.learned(work, task, self.growing(task, **first)) for name, task in tasks.items()
+        }
 
-    def run(self, work: Workspace) -> Values:
+    def measure(self, work: Workspace, pair: Pair) -> Values:
         found: Values = {"counts": np.array(self.counts(SHOWN))}
         for wanted in WANTED:
             task = self.task(wanted)
-            run = self.learned(work, task, self.growing(task))
+            run = self.learned(work, task, self.growing(task, **settings_of(pair)))
             decision, radius = run.curve("radius")
             after = after_units(decision, radius, self.units)
             row = median_row(after[:, -1])
@@ -66,7 +71,7 @@ class Orbits(GrowingStudy):
                 found[f"{wanted} {count} log width"] = np.asarray(policy.pool.log_width)
         return found
 
-    def figure(self, values: Values) -> Figure:
+    def draw(self, values: Values) -> Figure:
 
         counts = values["counts"]
         figure = new_figure(10.2, 7.4)
@@ -97,7 +102,7 @@ class Orbits(GrowingStudy):
         axes.set(xlabel="thousand decisions", ylabel="mean radius, all seeds", ylim=(0.1, 0.52))
         axes.legend(loc="upper left", ncols=4, fontsize=8)
 
-    def claims(self, values: Values) -> Iterator[Claim]:
+    def judge(self, values: Values, pair: Pair) -> Iterator[Claim]:
         for wanted, sign in (("wide", 1), ("narrow", -1)):
             expected, half = INDEPENDENT[wanted]
             unforced = self.task(wanted).physics.orbit_radius
@@ -114,7 +119,7 @@ class Orbits(GrowingStudy):
                 mean_of(values[f"{wanted} after"][:, -1]),
                 unit="of the box",
                 note=f"After {self.decisions:,} decisions, {self.units} units.",
-                source="an independent model",
+                kind="reference model",
             )
             yield positive(
                 f"The second half of the units is useful, too, if the orbit should be {wanted}.",
@@ -122,5 +127,5 @@ class Orbits(GrowingStudy):
                 f"difference of the radius with {self.units} units from that with {self.units // 2}, in this "
                 "direction,",
                 "of the box",
-                source=OURS,
+                kind="extension",
             )

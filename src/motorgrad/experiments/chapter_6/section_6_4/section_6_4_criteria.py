@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, negative, positive
+from motorgrad.experiments._claims import Claim, above, more_than_half, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, draw_intervals, subplots
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import INTERVAL, GrowthComparison, learning_phase
@@ -86,6 +86,7 @@ class Criteria(GrowthComparison):
             note=f"{median_of(sizes['first']).words('units')}; {ends['first'].mean():.3f} and "
             f"{ends['clock'].mean():.3f}.",
             source="section 6.4.3",
+            of="Stopping once a unit brings no improvement is naive: it stops too early.",
         )
         for way in ("plateau", "short"):
             units = values[f"{layout} {way} units"]
@@ -98,6 +99,7 @@ class Criteria(GrowthComparison):
                 "decisions,",
                 note=f"{median_of(sizes[way]).words('units')}; the last was added after "
                 f"{last_added(values, layout, way)} decisions.",
+                kind="extension",
                 source="sections 6.4.1 and 6.4.3, which leave the criterion open; our own",
             )
             yield above(
@@ -107,7 +109,7 @@ class Criteria(GrowthComparison):
                 "final reward minus that by the clock",
                 "reward per decision",
                 note=f"{late}{ends[way].mean():.3f}; by the clock {ends['clock'].mean():.3f}.",
-                source=OURS,
+                kind="extension",
             )
             yield positive(
                 "Over the whole practice, the reward is higher, because disturbances are fewer "
@@ -116,7 +118,7 @@ class Criteria(GrowthComparison):
                 "reward over all decisions minus that by the clock",
                 "reward per decision",
                 note=f"{late}{lives[way].mean():.3f}; by the clock {lives['clock'].mean():.3f}.",
-                source=OURS,
+                kind="extension",
             )
 
 

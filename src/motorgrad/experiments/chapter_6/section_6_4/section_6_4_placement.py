@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, negative, positive
+from motorgrad.experiments._claims import Claim, negative, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Axes, Figure, draw_band, subplots
 from motorgrad.experiments.chapter_6.section_6_4._growing_study import (
@@ -86,6 +86,7 @@ class Placement(GrowthComparison):
                     "reward minus that with units that start at the centre",
                     "reward per decision",
                     note=f"{found['visited'].mean():.3f}, for the centre {found['centre'].mean():.3f}.",
+                    kind="extension",
                     source="section 6.5.4: local units only have an effect near the dynamics; our own",
                 )
             yield negative(
@@ -94,5 +95,5 @@ class Placement(GrowthComparison):
                 "distance moved until the next addition minus that from the centre",
                 "of the box",
                 note=f"{ways['visited'].mean():.3f}, for the centre {ways['centre'].mean():.3f}.",
-                source=OURS,
+                kind="extension",
             )

@@ -1,7 +1,7 @@
 """Section 6.5.4: sub-policies that act only while the unit above them fires."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ import numpy as np
 from motorgrad.experiments._claims import Claim, above, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
-from motorgrad.experiments.chapter_6._local_study import median_row, policy_at, prefixed, stored_paths
+from motorgrad.experiments.chapter_6._local_study import EXACT_READ, median_row, policy_at, prefixed, stored_paths
 from motorgrad.learning import Agent
 from motorgrad.policies import Gated, Policy, split
 from motorgrad.sim import draw_paths, draw_reward
@@ -52,6 +52,9 @@ CURVES = {
 LEVELS = ("#222222", "#B07500")
 
 
+USEFUL = "Hierarchies of gates and sub-policies are useful."
+
+
 @experiment("sec-6.5.4-hierarchy", "sub-policies behind gates", "section 6.5.4")
 class Hierarchy(Experiment):
     """A hierarchy of gates, local units in the plane of the falling particle, each with two hyperplane units behind it
@@ -65,6 +68,8 @@ class Hierarchy(Experiment):
     - `seeds`: learners of each kind.
     - `drawn` (episodes): paths in each picture.
     """
+
+    reading: ClassVar[str] = EXACT_READ
 
     decisions: int = ranged(200_000, 400, 10**9)
     seeds: int = ranged(24, 2, 10_000)
@@ -152,6 +157,8 @@ class Hierarchy(Experiment):
                 note=f"{ends[better].mean():.3f} with {counts[better]} parameters, {ends[worse].mean():.3f} with "
                 f"{counts[worse]}.",
                 source=f"{source}, which proposes hierarchies",
+                kind="extension" if "flat" in worse else "thesis",
+                of=USEFUL,
             )
         yield above(
             0.05,

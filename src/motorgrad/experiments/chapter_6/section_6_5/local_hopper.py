@@ -1,13 +1,13 @@
 """Section 6.5.4: local policies on a body, the hopper."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, above, more_than_half, positive
+from motorgrad.experiments._claims import Claim, above, more_than_half, positive
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
 from motorgrad.experiments._figures import Axes, Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_5._hopper_study import HIGH, check_practice, practice_heights
@@ -65,6 +65,8 @@ class LocalHopper(Experiment):
     - `static`: local units that are present from the start.
     - `grown`: local units that are added at even intervals.
     """
+
+    reading: ClassVar[str] = "Local units have the exact gradient, z², not the printed score, z² − 1."
 
     seconds: float = 500.0
     seeds: int = ranged(20, 2, 10_000)
@@ -157,12 +159,13 @@ class LocalHopper(Experiment):
                 "height at the end minus that after a twentieth of the practice",
                 "m",
                 note=f"Final height {median_of(ends[name]).words('m')}.",
+                of="Local policies learn on a body.",
             )
             yield more_than_half(
                 f"They hop higher than with random firing ({WORDS[name]}).",
                 share_of(ends[name] > HIGH),
                 f"share of seeds above {HIGH:g} m at the end",
-                source=OURS,
+                kind="extension",
             )
         for one_, other in COMPARED:
             yield above(
@@ -172,7 +175,7 @@ class LocalHopper(Experiment):
                 "difference of final heights",
                 "m",
                 note=f"{ends[one_].mean():.2f} m and {ends[other].mean():.2f} m.",
-                source=OURS,
+                kind="extension",
             )
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from motorgrad.experiments._claims import OURS, Claim, at_least, more_than_half, positive
+from motorgrad.experiments._claims import Claim, at_least, more_than_half, positive
 from motorgrad.experiments._experiment import Values, Workspace, experiment
 from motorgrad.experiments._figures import Figure, draw_band, new_figure
 from motorgrad.experiments.chapter_6._local_study import (
@@ -134,6 +134,7 @@ class Mixtures(LayoutStudy):
                     "reward in the last 200 of 2,000 episodes minus that before learning",
                     "per decision",
                     source=source,
+                    of=f"This policy learns: {words}.",
                 )
                 yield at_least(
                     AS_WELL,
@@ -141,7 +142,7 @@ class Mixtures(LayoutStudy):
                     mean_of(reward / plain.mean()),
                     f"reward relative to the mean of {KINDS['plain'].words}",
                     note=f"{reward.mean():.3f} and {plain.mean():.3f}.",
-                    source=OURS,
+                    kind="extension",
                 )
             for name, axis in AXES:
                 yield self._sides(values, layout, name, axis)
@@ -156,6 +157,7 @@ class Mixtures(LayoutStudy):
             share_of((strength > 0).any(1) & (strength < 0).any(1)),
             f"all start neutral; share of seeds in which in the end some push {ways[0]} and some {ways[1]}",
             note=f"Mean size of the strengths {np.abs(strength).mean():.2f}; a fixed force has 1.",
+            of="Units learn the direction of their force.",
             source="section 6.5.4",
         )
 

@@ -110,12 +110,14 @@ class Pruning(LayoutStudy):
                 note=f"{junk.sum(1).mean():.2f} of 8 units fire less than once per {1 / values['bounds'][0]:g} "
                 f"episodes; the reward is {reward[:, 0].mean():.3f}.",
                 source="section 6.3.1",
+                of="Junk units can be pruned.",
             )
             yield at_most(
                 0,
                 f"No more episodes change than their expected firings allow ({layout}).",
                 mean_of(values[f"{layout} changed"][:, 0] - allowed),
                 "share of changed episodes minus the expected firings of the removed units",
+                kind="extension",
                 source="the bound on the page about pruning",
             )
             yield below(
@@ -127,6 +129,7 @@ class Pruning(LayoutStudy):
                 f"{(values[f'{layout} reach'] < values['bounds'][0]).sum(1).mean():.2f} reach a probability of "
                 f"{values['bounds'][0]:g} nowhere in it.",
                 source="section 6.3.1",
+                of="Units beyond a wall have no part in the policy.",
             )
 
 

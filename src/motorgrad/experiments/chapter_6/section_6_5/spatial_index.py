@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -13,6 +13,7 @@ from motorgrad._errors import check
 from motorgrad.experiments._claims import Claim, at_least, at_most, below, positive, within
 from motorgrad.experiments._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
 from motorgrad.experiments._figures import STYLE, Figure, subplots
+from motorgrad.experiments.chapter_6._local_study import EXACT_READ
 from motorgrad.learning import Agent, SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
 from motorgrad.statistics import difference_of, exact, mean_of, median_of
@@ -22,6 +23,9 @@ from motorgrad.training import agent_for, stepper_for
 OVERLAP = 0.64  # width of a unit in spacings, as for 32 units of width 0.16, two to a place
 KINDS = {"dense": "all units", "indexed": "those that can fire"}
 TIMES = 8.0
+
+
+SUBDIVIDED = "With a subdivision of space, a decision costs little although there are many units."
 
 
 @experiment("sec-6.5.4-index", "a spatial index for local units", "section 6.5.4")
@@ -43,6 +47,8 @@ class Index(Experiment):
     - `seeds`: number of seeds of either learner.
     - `steps`: decisions of each of these.
     """
+
+    reading: ClassVar[str] = EXACT_READ
 
     sizes: tuple[int, ...] = (16, 64, 256, 1024, 4096)
     pairs: int = ranged(7, 1, 20)
@@ -112,6 +118,7 @@ class Index(Experiment):
             median_of(values["dense_cost"][-1] / values["indexed_cost"][-1]),
             "factor, including random draws and tables,",
             note="Ratio of each pair of stretches, one after the other on one machine.",
+            of=SUBDIVIDED,
         )
         yield self._growth(values)
         yield from self._learning(values)
@@ -121,6 +128,7 @@ class Index(Experiment):
             "listed.",
             exact(values["worst"]),
             note=f"On average, {float(values['missed']):.2g} units per decision would have fired and could not.",
+            kind="extension",
         )
 
     def _growth(self, values: Values) -> Claim:
@@ -130,7 +138,7 @@ class Index(Experiment):
         if kept.sum() > 1:
             power = median_of(np.polyfit(np.log(values["sizes"][kept]), np.log(values["indexed_cost"][kept]), 1)[0])
         said = "From 256 units on, the cost of a decision grows far more slowly than the number of units."
-        return below(0.5, said, power, "power of the number of units")
+        return below(0.5, said, power, "power of the number of units", of=SUBDIVIDED)
 
     def _learning(self, values: Values) -> Iterator[Claim]:
         last = values["decision"] > 0.75 * values["decision"][-1]
@@ -139,7 +147,7 @@ class Index(Experiment):
         ends = [reward[:, last].mean(axis=1) for reward in (dense, indexed)]
         rise = mean_of(ends[0] - dense[:, first].mean(axis=1))
         tenth = 0.1 * rise.value
-        yield positive("Reward is learned.", rise, "rise", "reward")
+        yield positive("Reward is learned.", rise, "rise", "reward", kind="extension")
         yield within(
             -tenth,
             tenth,
@@ -147,6 +155,7 @@ class Index(Experiment):
             difference_of(ends[1], ends[0]),
             "difference, against a tenth of the learned reward,",
             "reward",
+            kind="extension",
         )
 
 
