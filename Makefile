@@ -9,11 +9,10 @@ EVERY_EXTRA := dev,all,docs,fmi,myosuite,onnx,peers,ray,slurm
 comma := ,
 # Files are fetched, checked by hashes.txt, and installed; CHECK=no leaves all of that to pip.
 CHECK ?= yes
-ifeq ($(CHECK),no)
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$(1)]'
-else
-INSTALL = $(BIN)/python tools/install.py $(1)
-endif
+INSTALL = $(BIN)/python tools/install.py $(if $(filter no,$(CHECK)),--unchecked) $(1)
+# The library, TimSim, TimLab and the thesis: installed editable, with tests of their own.
+PACKAGES := . apps/timsim apps/timlab thesis
+CODE := conftest.py src tests tools apps thesis
 STAMP := $(VENV)/.installed-$(subst $(comma),-,$(EXTRAS))
 WORKERS ?= 2
 
@@ -25,14 +24,14 @@ KEPT_MEMORY := MALLOC_TRIM_THRESHOLD_=2000000000 MALLOC_TOP_PAD_=67108864 MALLOC
 PYTEST := $(QUIET_THREADS) $(KEPT_MEMORY) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo editor test test-extras test-share test-all lint format release bench torture docs figures gallery notebooks numbers clean
+.PHONY: help install demo editor test test-motorgrad test-timsim test-timlab test-thesis test-extras test-share test-all lint format release bench torture docs figures gallery notebooks numbers clean
 
 help:  ## say what there is
-	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):[^#]*##  *\(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-22s %s\n", $$1, $$2 }'
 
 install: $(STAMP)  ## set up .venv with the tested versions (the other targets do it by themselves)
 
-$(STAMP): pyproject.toml constraints.txt hashes.txt tools/install.py
+$(STAMP): $(PACKAGES:%=%/pyproject.toml) constraints.txt hashes.txt tools/install.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "motorgrad needs Python 3.11 or later; say make PYTHON=python3.12, for example"; exit 1; }
 	@echo "Setting up $(VENV): some minutes the first time, on a slow line."
@@ -45,17 +44,29 @@ demo: $(STAMP)  ## a body learns to hop: learning curve, behaviour and film, in 
 		echo "runs/demo holds a run: it goes on, or is shown again if it is complete. For a new one: rm -r runs/demo"; fi
 	@$(BIN)/motorgrad demo
 
-EDITOR := src/motorgrad/lab/editor
+EDITOR := apps/timlab/src/timlab/editor
 BUILT := $(EDITOR)/static/index.html
 EDITOR_SOURCES := $(shell find $(EDITOR)/frontend -type f -not -path "*/node_modules/*")
 
 $(BUILT): $(STAMP) $(EDITOR_SOURCES)
-	$(BIN)/python tools/build_editor.py
+	$(BIN)/python apps/timlab/tools/build_editor.py
 
 editor: $(BUILT)  ## build the pages of TimLab's editor (the other targets do it by themselves)
 
-test: $(STAMP) $(BUILT)  ## the quick tests
+test: $(STAMP) $(BUILT)  ## the quick tests of all four packages
 	$(PYTEST) -m "not slow"
+
+test-motorgrad: $(STAMP) $(BUILT)  ## the quick tests of the library and of what all packages share
+	$(PYTEST) -m "not slow" tests
+
+test-timsim: $(STAMP)  ## the quick tests of TimSim
+	$(PYTEST) -m "not slow" apps/timsim/tests
+
+test-timlab: $(STAMP) $(BUILT)  ## the quick tests of TimLab
+	$(PYTEST) -m "not slow" apps/timlab/tests
+
+test-thesis: $(STAMP)  ## the quick tests of the thesis' experiments
+	$(PYTEST) -m "not slow" thesis/tests
 
 test-extras:  ## install every extra, and run the quick tests that need one, a browser or OpenGL
 	@$(MAKE) --no-print-directory EXTRAS=$(EVERY_EXTRA) install editor
@@ -68,15 +79,15 @@ test-all: $(STAMP) $(BUILT)  ## all tests
 	$(PYTEST)
 
 lint: $(STAMP)  ## style, format and types
-	$(BIN)/ruff check src tests tools
-	$(BIN)/ruff format --check src tests tools
+	$(BIN)/ruff check $(CODE)
+	$(BIN)/ruff format --check $(CODE)
 	$(BIN)/pyright
 
 format: $(STAMP)  ## put the format right
-	$(BIN)/ruff check --fix src tests tools
-	$(BIN)/ruff format src tests tools
+	$(BIN)/ruff check --fix $(CODE)
+	$(BIN)/ruff format $(CODE)
 
-release: $(STAMP) $(BUILT)  ## build wheel and source distribution, and try them on the oldest and the newest Python
+release: $(STAMP) $(BUILT)  ## build wheels and source distributions, and try them on the oldest and the newest Python
 	$(BIN)/python -m tools.try_release $(PYTHONS)
 
 bench: $(STAMP)  ## the speed table of docs/performance.md
@@ -109,5 +120,5 @@ notebooks: $(STAMP)  ## run the notebooks of the documentation again, in place
 	$(BIN)/python -m tools.notebooks docs/notebooks/*.ipynb
 
 clean:  ## remove caches and built files; runs and .venv stay
-	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
-	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	rm -rf build $(PACKAGES:%=%/dist) .pytest_cache .ruff_cache .hypothesis
+	find $(CODE) -name __pycache__ -type d -prune -exec rm -rf {} +

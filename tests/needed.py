@@ -5,29 +5,35 @@ A test says so with the mark `needs`, and is skipped, with one line that names w
     @pytest.mark.needs("motorgrad[onnx]")
     def test_the_runtime_computes_the_same(): ...
 
-`-m needs` selects all such tests.
+`-m needs` selects all such tests. The tests of a module, or of a folder with a conftest.py, that cannot be imported for
+want of an extra are skipped likewise. The root's conftest.py registers this file as a plugin of pytest.
 """
 
 import functools
 import importlib.util
+from collections.abc import Generator
 from pathlib import Path
+
+import pytest
 
 CHROMIUM = Path("/usr/bin/chromium")
 PACKAGES = {
     "docs": ("ipykernel", "ipywidgets", "mkdocs_jupyter", "mkdocstrings", "nbclient", "nbformat"),
     "fmi": ("fmpy",),
-    "lab": ("anywidget", "control", "diffrax", "pandas", "starlette", "uvicorn"),
+    "lab": ("timlab", "anywidget", "control", "diffrax", "platformdirs", "starlette", "uvicorn", "websockets"),
     "myosuite": ("myosuite",),
     "onnx": ("onnx", "onnxruntime"),
+    "pandas": ("pandas",),
     "peers": ("pathsim", "stable_baselines3", "torch"),
     "ray": ("ray",),
     "search": ("evosax", "optuna", "tinygp"),
-    "sim": ("msgspec", "trimesh", "viser", "websockets"),
+    "sim": ("timsim", "msgspec", "trimesh", "viser", "websockets"),
     "slurm": ("submitit",),
     "tensorboard": ("tensorboard",),
+    "thesis": ("motorgrad_thesis",),
     "video": ("imageio_ffmpeg",),
 }
-"""The modules that the extras of motorgrad install and that tests or the library import."""
+"""The modules that the extras of motorgrad install and that tests or the packages import."""
 
 
 def of_extra(extra: str) -> str:
@@ -43,7 +49,9 @@ def _browser() -> str:
 
 
 def _opengl() -> str:
-    from motorgrad.sim import gl_problem  # not before a test asks: it starts a process
+    if importlib.util.find_spec("timsim") is None:
+        return "timsim cannot be imported"
+    from timsim import gl_problem  # not before a test asks: it starts a process
 
     return gl_problem()
 
@@ -78,3 +86,26 @@ def lacked_by(error: BaseException) -> str:
                 return f"needs motorgrad[{extras[0]}]: {top} cannot be imported"
         found = getattr(found, "cause", None) or found.__cause__ or found.__context__  # `cause` is of a conftest
     return ""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Skips, with one line that names it, a module or a folder that cannot be imported without an extra."""
+    report = yield
+    call = getattr(report, "call", None)
+    if report.failed and call is not None and (why := lacked_by(call.excinfo.value)):
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 0, f"Skipped: {why}")
+        report.result = []
+    return report
+
+
+@pytest.hookimpl(tryfirst=True)  # before fixtures are made
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skips, with one line that names it, a test that needs what is not there."""
+    for mark in item.iter_markers("needs"):
+        for name in mark.args:
+            if why := lacking(name):
+                pytest.skip(why)

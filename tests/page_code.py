@@ -2,10 +2,11 @@
 
 Imports are made. Of every other name the code tells where it comes from: `mg.train` is an attribute of an imported
 module, and `run` in `run = mg.train(...)` is what that function returns. So it can be said of most names and calls
-whether motorgrad has them, and whether they take what they are given.
+whether motorgrad and its applications have them, and whether they take what they are given.
 """
 
 import ast
+import builtins
 import dataclasses
 import functools
 import importlib
@@ -41,12 +42,15 @@ class Method:
 
 Found = Known | Instance | Method | None
 
+PACKAGES = ("motorgrad", "timsim", "timlab", "motorgrad_thesis")
+"""What a page is held to; of other packages only imports are checked."""
+
 
 class PageCode(ast.NodeVisitor):
-    """Reads the blocks of a page in order; `faults` grows with what motorgrad does not have, a line for each."""
+    """Reads the blocks of a page in order; `faults` grows with what there is not, a line for each."""
 
     def __init__(self) -> None:
-        self.names: dict[str, Found] = {}
+        self.names: dict[str, Found] = {"__name__": None}
         self.faults: list[str] = []
         self.checked = 0
 
@@ -117,6 +121,9 @@ class PageCode(ast.NodeVisitor):
         for statement in node.body:
             self.visit(statement)
         self.faults = before
+        for handler in node.handlers:
+            if handler.name is not None:
+                self.names[handler.name] = None
         for statement in (*(each for handler in node.handlers for each in handler.body), *node.orelse, *node.finalbody):
             self.visit(statement)
 
@@ -189,6 +196,8 @@ class PageCode(ast.NodeVisitor):
     def found(self, node: ast.expr) -> Found:
         """What an expression stands for, as far as is known."""
         if isinstance(node, ast.Name):
+            if node.id not in self.names and not hasattr(builtins, node.id):
+                self.fault(node, "no block before this line defines it")
             return self.names.get(node.id)
         if isinstance(node, ast.Attribute):
             return self.attribute(node, self.found(node.value))
@@ -245,9 +254,9 @@ def arguments_of(arguments: ast.arguments) -> list[str]:
 
 
 def ours(value: Any) -> bool:
-    """Whether something is motorgrad's."""
+    """Whether something is of our packages."""
     name = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", None)
-    return str(name).partition(".")[0] == "motorgrad"
+    return str(name).partition(".")[0] in PACKAGES
 
 
 def has(cls: type, name: str) -> bool:

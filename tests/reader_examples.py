@@ -14,16 +14,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 import motorgrad as mg
+import timlab
 from motorgrad._files import read_arrays
 from motorgrad.bodies import Arm, read_model
 from motorgrad.bodies.arm._lift import LiftTable
 from motorgrad.cli import main
 from motorgrad.export._reader import read as read_exported
-from motorgrad.lab.blocks._tables import read_columns
-from motorgrad.lab.editor._unsaved import JOURNAL_FORMAT, read_unsaved
-from motorgrad.sim.film._motion_file import read_activations, read_motion
-from motorgrad.sim.live._policy import load_policy, save_policy
-from motorgrad.sim.planet import Planet
 from motorgrad.studies import Comparison, Results, Study
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._jobs import _failure
@@ -31,9 +27,14 @@ from motorgrad.tasks.gymnasium._state import read_state, write_state
 from motorgrad.tasks.terms import Follow
 from motorgrad.training import NotTrusted, RunDirectoryError
 from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum
+from timlab.blocks._tables import read_columns
+from timlab.editor._unsaved import JOURNAL_FORMAT, read_unsaved
+from timsim.film._motion_file import read_activations, read_motion
+from timsim.live._policy import load_policy, save_policy
+from timsim.planet import Planet
 
 REFUSALS = (ValueError, NotTrusted, RunDirectoryError, CorruptCheckpoint, OSError)
-UNITS = Path(__file__).parent / "lab" / "fmi"
+UNITS = Path(__file__).parents[1] / "apps" / "timlab" / "tests" / "fmi"
 
 
 @dataclasses.dataclass
@@ -136,7 +137,7 @@ def made_environment() -> Any:
 
 
 def diagram(folder: Path) -> Path:
-    mg.lab.save(mg.lab.example("ball"), folder / "ball.lab.json")
+    timlab.save(timlab.example("ball"), folder / "ball.lab.json")
     return folder / "ball.lab.json"
 
 
@@ -193,7 +194,7 @@ def pack(file: Path) -> None:
 
 
 def read_unit(file: Path) -> Any:
-    block = mg.lab.Fmu(str(file.with_suffix(".fmu")))
+    block = timlab.Fmu(str(file.with_suffix(".fmu")))
     return block.inputs, block.outputs, block.unit_variables, block.no_restore
 
 
@@ -223,7 +224,7 @@ def read_index(file: Path) -> Any:
 
 
 def journal(folder: Path) -> Path:
-    text = mg.lab.dumps(mg.lab.example("ball"))
+    text = timlab.dumps(timlab.example("ball"))
     edit = {"op": "set", "at": [], "name": None, "field": "title", "value": "x"}
     lines = [{"format": JOURNAL_FORMAT, "file": None, "diagram": text}, {"do": edit}, {"diagram": text}]
     return written("ball.journal", "".join(f"{json.dumps(line)}\n" for line in lines))(folder)
@@ -275,7 +276,7 @@ READERS = {
         state_of_environment, lambda file: read_state(file.read_bytes(), made_environment()), nameless=True
     ),
     "exported policy": Reader(exported, call_exported),
-    "diagram": Reader(diagram, lambda file: mg.lab.load(file)),
+    "diagram": Reader(diagram, lambda file: timlab.load(file)),
     "model": Reader(written("m.xml", MODEL), lambda file: mg.bodies.Mjcf(str(file)).model),
     "robot": Reader(written("r.urdf", ROBOT), read_model),
     "included model": Reader(including, lambda file: read_model(file.with_name("whole.xml"))),

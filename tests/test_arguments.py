@@ -14,9 +14,12 @@ import pytest
 from matplotlib.axes import Axes
 
 import motorgrad as mg
+import timlab
+import timsim
+from motorgrad import plane
 from motorgrad._arguments import check_arguments
-from motorgrad.sim.live import Camera, Session, Setup, Stage
-from motorgrad.sim.page import Page
+from timsim.live import Camera, Session, Setup, Stage
+from timsim.page import Page
 
 ODD = (object(), b"x", 1j)  # of no kind that any argument is
 TOP = {  # what is not refused by checks of the function's own; they take more than annotations say, such as 1e6 steps
@@ -29,24 +32,24 @@ TOP = {  # what is not refused by checks of the function's own; they take more t
 }
 DOORS = {f"mg.{name}": getattr(mg, name) for name in TOP}
 MADE = (
-    *(mg.lab.Diagram, mg.lab.DiagramEnv, mg.lab.DiagramPolicy, mg.lab.Interpreter, mg.lab.Run, mg.lab.Timeline),
+    *(timlab.Diagram, timlab.DiagramEnv, timlab.DiagramPolicy, timlab.Interpreter, timlab.Run, timlab.Timeline),
     *(
-        mg.sim.Course,
-        mg.sim.DrawnPaths,
-        mg.sim.DrawnUnits,
-        mg.sim.Motion,
-        mg.sim.Painter,
-        mg.sim.Plot,
-        mg.sim.Viewpoint,
+        timsim.Course,
+        plane.DrawnPaths,
+        plane.DrawnUnits,
+        timsim.Motion,
+        timsim.Painter,
+        timsim.Plot,
+        timsim.Viewpoint,
     ),
     *(Camera, Stage, Session, Page),
 )
 DOORS |= {kind.__name__: kind for kind in MADE}
 EDITS = ("add", "connect", "contains", "disconnect", "remove", "rename", "replace", "use", "uses_of")
-DOORS |= {f"diagram.{name}": getattr(mg.lab.Diagram(tick=0.1), name) for name in EDITS}
-for room in (mg.sim, mg.lab):
+DOORS |= {f"diagram.{name}": getattr(timlab.Diagram(tick=0.1), name) for name in EDITS}
+for room in (timsim, timlab, plane):
     found = {name: getattr(room, name) for name in room.__all__ if inspect.isfunction(getattr(room, name))}
-    DOORS |= {f"{room.__name__.removeprefix('motorgrad.')}.{name}": each for name, each in found.items()}
+    DOORS |= {f"{room.__name__}.{name}": each for name, each in found.items()}
 
 
 def blank(kind):
@@ -64,25 +67,25 @@ def good(door, name, parameter):
         "ax": lambda: blank(Axes),
         "address": lambda: "x",
         "axes": lambda: blank(Axes),
-        "cls": lambda: mg.lab.Gain,
-        "block": lambda: mg.lab.Gain(1.0),
-        "course": lambda: blank(mg.sim.Course),
+        "cls": lambda: timlab.Gain,
+        "block": lambda: timlab.Gain(1.0),
+        "course": lambda: blank(timsim.Course),
         "decision": lambda: np.arange(1),
-        "diagram": lambda: mg.lab.Diagram(tick=0.1),
+        "diagram": lambda: timlab.Diagram(tick=0.1),
         "forces": lambda: np.zeros((1, 2)),
         "frame": lambda: 0,
-        "linear": lambda: blank(mg.lab.Linear),
+        "linear": lambda: blank(timlab.Linear),
         "log": list,
         "methods": dict,
         "model": lambda: mujoco.MjModel.from_xml_string("<mujoco/>"),
-        "motion": lambda: blank(mg.sim.Motion),
+        "motion": lambda: blank(timsim.Motion),
         "motions": list,
         "name": lambda: "x",
         "names": list,
         "new": lambda: "x",
         "occupancy": lambda: np.zeros((2, 2)),
         "old": lambda: "x",
-        "other": lambda: mg.lab.Diagram(tick=0.1),
+        "other": lambda: timlab.Diagram(tick=0.1),
         "out": lambda: "x",
         "path": lambda: "x",
         "paths": list,
@@ -90,17 +93,19 @@ def good(door, name, parameter):
         "policies": lambda: mg.policies.hyperplanes(2, 3),
         "policy": lambda: mg.policies.hyperplanes(2, 3),
         "position": lambda: np.zeros(3),
-        "record": lambda: blank(mg.lab.Record),
+        "record": lambda: blank(timlab.Record),
         "records": list,
         "regions": list,
         "reward": lambda: np.zeros((1, 1)),
-        "run": lambda: blank(mg.Run if door.startswith("mg.") else mg.lab.Run),
+        "outcome": lambda: blank(mg.training.Evaluation),
+        "run": lambda: blank(mg.Run if door.startswith(("mg.", "timsim.")) else timlab.Run),
         "session": lambda: blank(Session),
         "setup": lambda: blank(Setup),
-        "source": lambda: mg.lab.Diagram(tick=0.1),
+        "source": lambda: timlab.Diagram(tick=0.1),
         "target": lambda: (0.0, 0.0, 1.0),
         "task": lambda: mg.make("particle"),
         "tasks": dict,
+        "seed": lambda: 0,
         "text": lambda: "x",
         "time": lambda: np.arange(1),
         "title": lambda: "x",
@@ -172,7 +177,7 @@ VIEWED = [
 @pytest.mark.parametrize(("name", "value", "allowed"), VIEWED)
 def test_view_refuses_odd_values_before_anything_starts(name, value, allowed):
     with pytest.raises(ValueError, match=rf"{name}\b.* = .*must be .*{allowed}") as error:
-        mg.sim.view(**{"task": "hopper", name: value})
+        timsim.view(**{"task": "hopper", name: value})
     assert len(str(error.value).splitlines()) == 1
 
 

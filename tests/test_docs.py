@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._tree import KINDS
+import timlab
+from motorgrad._tree import PART_CLASSES
 from motorgrad.tasks import TASKS
 from page_code import PageCode
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("apps/*/*.md"), *ROOT.glob("thesis/*.md")])
 MOST = 500  # decisions per seed that a page may train for here; docs/index.md says so
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -54,15 +55,15 @@ def anchors_of(page: Path) -> set[str]:
 
 @pytest.fixture
 def _left_as_found(tmp_path, monkeypatch):
-    (tmp_path / "tests").symlink_to(ROOT / "tests")  # a page may use a model from there
+    (tmp_path / "apps").symlink_to(ROOT / "apps")  # a page may use a model from there
     monkeypatch.chdir(tmp_path)
     callback, tasks = mujoco.get_mjcb_act_gain(), dict(TASKS)
-    kinds = {base: dict(parts) for base, parts in KINDS.items()}
+    kinds = {base: dict(parts) for base, parts in PART_CLASSES.items()}
     yield
     mujoco.set_mjcb_act_gain(callback)
     TASKS.clear()
     TASKS.update(tasks)
-    KINDS.update(kinds)
+    PART_CLASSES.update(kinds)
 
 
 def check_bodies(names):
@@ -130,6 +131,8 @@ def test_the_code_compiles_and_motorgrad_has_what_it_uses(page):
         ("import motorgrad as mg\nmg.make('hopper', penalti=0.3)", "has no setting 'penalti'"),
         ("import motorgrad as mg\nrun = mg.train(1, steps=2)\nrun.plott('apex')", "Run has no 'plott'"),
         ("import motorgrad as mg\nmg.load('x').plot(colour=3)", "unexpected keyword argument 'colour'"),
+        ("import timlab\ntimlab.Gane(2.0)", "has no 'Gane'"),
+        ("run = mg.train('hopper', steps=2)", "no block before this line defines it"),
         ("import motorgrad as mg\ndef f(run: mg.Run):\n    return [run.seedz for _ in 'ab']", "Run has no 'seedz'"),
     ],
 )
@@ -147,13 +150,13 @@ def test_the_first_lines_of_the_front_page_run():
     """Up to where its learners are made."""
     names: dict = {}
     first, *_, last = python_of(ROOT / "README.md")
-    for block, long in ((first, "mg.train("), (last, "mg.lab.Run(")):
+    for block, long in ((first, "mg.train("), (last, "timlab.Run(")):
         statements = ast.parse(block).body
         quick = next(number for number, each in enumerate(statements) if long in ast.unparse(each))
         exec(compile(ast.Module(statements[:quick], []), "README.md", "exec"), names)
     assert isinstance(names["task"], mg.tasks.Task)
     assert isinstance(names["agent"], mg.Agent)
-    assert isinstance(names["diagram"], mg.lab.Diagram)
+    assert isinstance(names["diagram"], timlab.Diagram)
 
 
 @pytest.mark.usefixtures("_left_as_found")

@@ -1,82 +1,14 @@
-"""Doors that must not jam: what installs has its pages, names work in Python as on the command line."""
-
-import importlib.util
-import os
-import tomllib
-from pathlib import Path
+"""Doors that must not jam: names work in Python as on the command line, and pages say what the library does."""
 
 import pytest
 
 import motorgrad as mg
 from motorgrad.training import NotTrusted, RunDirectoryError
-
-ROOT = Path(__file__).parents[1]
-
-
-@pytest.fixture
-def builder(monkeypatch, tmp_path):
-    """`tools/build_editor.py`, whose pages and sources are in an empty folder."""
-    from tools import build_editor
-
-    sources, built = tmp_path / "frontend", tmp_path / "static" / "index.html"
-    sources.mkdir()
-    (sources / "index.html").write_text("source")
-    icons = tmp_path / "icons.json"
-    icons.write_text("{}")
-    for name, value in {"SOURCES": sources, "BUILT": built, "ICONS": icons}.items():
-        monkeypatch.setattr(build_editor, name, value)
-    return build_editor
-
-
-def test_pages_are_outdated_where_missing_or_older_than_a_source(builder):
-    assert builder.outdated()
-    builder.BUILT.parent.mkdir()
-    builder.BUILT.write_text("built")
-    for source, age in ((builder.ICONS, 10), (builder.SOURCES / "index.html", 10), (builder.BUILT, 10)):
-        os.utime(source, (age, age))
-    assert not builder.outdated()  # as in a source distribution, all of whose files are one age
-    os.utime(builder.SOURCES / "index.html", (11, 11))
-    assert builder.outdated()
-
-
-def hook(builder, monkeypatch):
-    spec = importlib.util.spec_from_file_location("hatch_build_tested", ROOT / "tools" / "hatch_build.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    monkeypatch.setattr(module, "build_editor", builder)
-    told = []
-    made = module.EditorPages.__new__(module.EditorPages)
-    monkeypatch.setattr(
-        module.EditorPages, "app", property(lambda _: type("App", (), {"display_warning": told.append}))
-    )
-    return made, told
-
-
-def test_a_build_without_pages_fails_and_an_installation_warns(builder, monkeypatch):
-    made, told = hook(builder, monkeypatch)
-    monkeypatch.setenv("PATH", "/nowhere")  # no Node
-    monkeypatch.delenv("PIP_BUILD_TRACKER", raising=False)
-    assert made.dependencies() == [builder.PACKAGED]
-    with pytest.raises(RuntimeError, match=r"pages of TimLab's editor could not be built: .*Node\.js 20\.19 or later"):
-        made.initialize("standard", {})
-    monkeypatch.setenv("PIP_BUILD_TRACKER", "/tmp/tracker")
-    made.initialize("standard", {})
-    assert "Everything but `motorgrad lab` works" in told[0]
-    made.initialize("editable", {})  # which has those of the checkout
-    assert len(told) == 1
+from tools.install import requirements
 
 
 def test_everything_has_pandas_for_to_pandas():
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    named = extras["all"][0].partition("[")[2].rstrip("]").split(",")
-    assert any(each.startswith("pandas") for name in named for each in extras[name])
-
-
-@pytest.mark.ci  # TimLab is large
-def test_the_message_about_missing_pages_names_the_checkout():
-    from motorgrad.lab.editor._static import NOT_BUILT
-
-    assert str(ROOT) in NOT_BUILT
+    assert any(each.startswith("pandas") for each in requirements(["all"])[0])
 
 
 def test_a_gymnasium_id_names_a_task_as_on_the_command_line():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from motorgrad._errors import MOST, choice, shown_path, unknown
+from motorgrad._errors import MAX_LISTED_NAMES, choice, shown_path, unknown
 
 
 def test_an_unknown_name_lists_what_is_known_and_guesses_what_was_meant():
@@ -13,11 +13,11 @@ def test_an_unknown_name_lists_what_is_known_and_guesses_what_was_meant():
 
 
 def test_of_many_names_the_nearest_are_listed():
-    names = [f"setting_{i}" for i in range(2 * MOST)] + ["baseline"]
+    names = [f"setting_{i}" for i in range(2 * MAX_LISTED_NAMES)] + ["baseline"]
     said = str(unknown("setting", "xaseline", names))
     assert "did you mean 'baseline'? known are baseline, " in said
-    assert said.endswith(f" and {MOST + 1} more")
-    assert said.count("setting_") == MOST - 1
+    assert said.endswith(f" and {MAX_LISTED_NAMES + 1} more")
+    assert said.count("setting_") == MAX_LISTED_NAMES - 1
 
 
 def test_a_choice_among_few_names_passes_or_is_refused():

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from motorgrad import bodies, learning, policies
-from motorgrad.lab import GALLERY
 from motorgrad.tasks import TASKS
+from timlab import GALLERY
 
 ROOT = Path(__file__).parents[1]
 KINDS = ("units", "estimators", "bodies", "tasks")
@@ -48,9 +48,9 @@ MARKS = {
 
 
 def test_the_names_are_those_of_the_registry():
-    from tools.figures._registry import NAMES
+    from tools.figures._registry import FIGURE_NAMES
 
-    assert (*DRAWN, *MEASURED, *FILMS) == NAMES
+    assert (*DRAWN, *MEASURED, *FILMS) == FIGURE_NAMES
 
 
 @pytest.mark.representatives("hexapod-muscles")

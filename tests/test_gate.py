@@ -15,9 +15,19 @@ from urllib.request import url2pathname
 
 import pytest
 
-from motorgrad import _gate
-from motorgrad._browser import open_in_browser
-from motorgrad._gate import BACKLOG, COOKIE, STRANGERS, Answer, Gate, Lobby, Pace, Passed, strangers
+from motorgrad.pages import (
+    BACKLOG,
+    COOKIE,
+    STRANGERS,
+    Answer,
+    Gate,
+    Lobby,
+    Pace,
+    Passed,
+    _gate,
+    open_in_browser,
+    strangers,
+)
 
 HOST = "127.0.0.1:8080"
 
@@ -130,8 +140,8 @@ def test_who_sends_too_fast_waits(monkeypatch):
     async def sleep(seconds):
         clock[0] += seconds
 
-    monkeypatch.setattr("motorgrad._gate.time", SimpleNamespace(monotonic=lambda: clock[0]))
-    monkeypatch.setattr("motorgrad._gate.asyncio", SimpleNamespace(sleep=sleep))
+    monkeypatch.setattr("motorgrad.pages._gate.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr("motorgrad.pages._gate.asyncio", SimpleNamespace(sleep=sleep))
 
     async def send(count, size=0):
         pace, start = Pace(rate=1000.0, burst=100.0), clock[0]

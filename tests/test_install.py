@@ -1,10 +1,19 @@
-"""Installing the tested versions: files are what `hashes.txt` says, or nothing is installed."""
+"""Installing the four packages in the tested versions: files are what `hashes.txt` says, or nothing is installed."""
 
+import itertools
 import re
+import tomllib
 from pathlib import Path
 
+import pytest
+from packaging.requirements import Requirement
+
+import motorgrad
 from tools.hashes import pins
-from tools.install import ROOT, all_known, hashes, normal, requirements
+from tools.install import PACKAGES, ROOT, all_known, hashes, normal, requirements
+
+PROJECTS = {folder: tomllib.loads((ROOT / folder / "pyproject.toml").read_text()) for folder in PACKAGES}
+TOPIC = "Topic :: Scientific/Engineering :: Artificial Intelligence"
 
 
 def test_every_tested_version_has_hashes():
@@ -26,6 +35,48 @@ def test_an_exchanged_file_is_refused_by_name(tmp_path: Path, capsys):
 
 
 def test_extras_ask_for_what_they_name():
-    asked = {re.split(r"[<>=\[]", each)[0] for each in requirements(["all"])}
+    wanted, folders = requirements(["all"])
+    asked = {normal(Requirement(each).name) for each in wanted}
     assert {"hatchling", "editables", "jax", "viser", "starlette", "optuna"} <= asked
-    assert not {"motorgrad", "ray", "pytest"} & asked
+    assert not {"motorgrad", "timsim", "timlab", "motorgrad-thesis", "ray", "pytest"} & asked
+    assert folders[0] == ROOT
+    assert set(folders) == {ROOT / folder for folder in PACKAGES}
+
+
+@pytest.mark.parametrize(
+    ("extras", "reached"),
+    [
+        ([], []),
+        (["sim"], ["apps/timsim"]),
+        (["lab"], ["apps/timlab"]),
+        (["thesis"], ["apps/timsim", "thesis"]),
+        (["video", "pandas"], ["apps/timsim"]),
+        (["fmi", "dev"], ["apps/timlab"]),
+    ],
+    ids=",".join,
+)
+def test_an_extra_reaches_no_more_packages_than_it_needs(extras, reached):
+    wanted, folders = requirements(extras)
+    assert sorted(folder.relative_to(ROOT).as_posix() for folder in folders) == sorted([".", *reached])
+    asked = {normal(Requirement(each).name) for each in wanted}
+    assert ("viser" in asked) == ("apps/timsim" in reached)
+    assert ("starlette" in asked) == ("apps/timlab" in reached)
+
+
+def test_the_packages_are_in_step():
+    library = PROJECTS["."]["project"]
+    own = {project["project"]["name"] for project in PROJECTS.values()}
+    assert library["version"] == motorgrad.__version__
+    assert f"\nversion: {library['version']}\n" in (ROOT / "CITATION.cff").read_text()
+    for folder, whole in PROJECTS.items():
+        project = whole["project"]
+        for name in ("version", "requires-python", "license", "license-files", "readme"):
+            assert project[name] == library[name], folder
+        assert set(project["classifiers"]) <= set(library["classifiers"]) <= {*project["classifiers"], TOPIC}, folder
+        assert (ROOT / folder / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes(), folder
+        extras = project.get("optional-dependencies", {}).values()
+        for each in map(Requirement, [*project["dependencies"], *itertools.chain(*extras)]):
+            pin = "" if each.name == project["name"] else f"=={library['version']}"
+            assert each.name not in own or str(each.specifier) == pin, (folder, str(each))
+        (package,) = whole["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+        assert (ROOT / folder / package / "py.typed").exists(), folder

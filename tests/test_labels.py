@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad import sim
+import timsim
 from motorgrad._labels import literal
 from motorgrad.cli import main
 
@@ -40,7 +40,7 @@ def test_a_name_with_control_characters_leaves_a_figure_that_can_be_read():
 
 
 def test_names_of_blocks_are_shown_as_they_are():
-    from motorgrad.lab.blocks import _figure
+    from timlab.blocks import _figure
 
     figure, axes = _figure.picture()
     _figure.draw_series(axes, np.arange(3.0), np.zeros((1, 3)), 0, WRONG)
@@ -51,9 +51,9 @@ def test_names_of_blocks_are_shown_as_they_are():
 
 
 def test_names_of_lines_beside_a_film_are_shown_as_they_are():
-    from motorgrad.sim.film._plots import PlotStrip
+    from timsim.film._plots import PlotStrip
 
     time = np.arange(5.0)
     for values in (np.eye(5)[:, :2], -np.eye(5)[:, :2]):
-        plot = sim.Plot(WRONG, time, values, names=(WRONG, "_hidden"))
+        plot = timsim.Plot(WRONG, time, values, names=(WRONG, "_hidden"))
         assert PlotStrip([plot], 240).at(1.0).any()

@@ -1,4 +1,4 @@
-"""The shape of the house: imports point down the rooms, and a room is entered through its front door."""
+"""The shape of the house: imports point down, between packages and between the library's rooms, through front doors."""
 
 import ast
 import importlib
@@ -8,9 +8,20 @@ from pathlib import Path
 import pytest
 
 import motorgrad
-from motorgrad.cli import COMMANDS
+import motorgrad_thesis
+import timlab
+import timsim
+from motorgrad.commands import COMMANDS, ELSEWHERE, command_named
 
 ROOT = Path(motorgrad.__file__).parent
+PACKAGES = {each.__name__: Path(each.__file__).parent for each in (motorgrad, timsim, timlab, motorgrad_thesis)}
+USES = {
+    "motorgrad": set(),
+    "timsim": {"motorgrad"},
+    "timlab": {"motorgrad"},
+    "motorgrad_thesis": {"motorgrad", "timsim"},
+}
+"""What each package may import beside itself."""
 
 # What a room may import beside its own files: the rooms below it, and the private files under all of them.
 ANYWHERE = {file.stem for file in ROOT.glob("_*.py")} - {"__init__", "__main__"}
@@ -19,29 +30,29 @@ DYNAMICS = {"bodies", "worlds"}
 BELOW = {
     "statistics": set(),
     "export": set(),
+    "pages": set(),
     "policies": {"export"},
     "learning": {"policies"},
     "search": set(),
     "bodies": set(),
     "worlds": {"policies"},  # the oracle is exact about any policy of ours
     "tasks": DYNAMICS,
+    "plane": {"tasks", "worlds", "policies"},
     "training": {"search", "tasks", "statistics"} | DYNAMICS | LEARNING,
     "studies": {"training", "tasks", "statistics"},
     "presets": {"training", "tasks", "learning"},
-    "sim": {"training", "tasks"} | DYNAMICS | LEARNING,  # it shows bodies and learners, and lets them learn
-    "environments": {"tasks", "sim"} | DYNAMICS,
-    "experiments": {"studies", "training", "tasks", "sim", "search", "statistics"} | DYNAMICS | LEARNING,
-    "lab": {"environments", "sim", "tasks", "training", "export"} | DYNAMICS | LEARNING,
-    "benchmarks": {"environments", "lab", "presets", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
-    "_commands": {"benchmarks", "lab", "experiments", "studies", "training", "tasks", "sim"} | DYNAMICS | LEARNING,
-    "cli": {"_commands"},
+    "environments": {"tasks"} | DYNAMICS,
+    "benchmarks": {"environments", "presets", "training", "tasks"} | DYNAMICS | LEARNING,
+    "options": {"studies", "training", "tasks"} | LEARNING,
+    "commands": {"options", "benchmarks", "studies", "training", "tasks"} | DYNAMICS | LEARNING,
+    "cli": {"commands"},
     "__main__": {"cli"},
 }
-FILES = sorted(file for file in ROOT.rglob("*.py") if file.parent != ROOT or file.name != "__init__.py")
+FILES = [(name, file) for name, root in PACKAGES.items() for file in sorted(root.rglob("*.py"))]
 
 
 def room_of(file):
-    """The room that a file belongs to."""
+    """The room of the library that a file belongs to."""
     return file.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
@@ -54,82 +65,80 @@ def statements(block):
                 yield from statements(node)
 
 
-def imported(file):
-    """Every module of this library that a file imports, wherever in the file, as (line, dotted name)."""
-    package = ["motorgrad", *file.relative_to(ROOT).parts[:-1]]
+def imported(file, package, root):
+    """Every module of our packages that a file of a package imports, wherever in it, as (line, parts of its name)."""
+    own = [package, *file.relative_to(root).parts[:-1]]
     for node in statements(ast.parse(file.read_text(), str(file))):
         if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names if alias.name.split(".")[0] == "motorgrad")
+            found = [(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            start = package[: len(package) - node.level + 1] if node.level else []
+            start = own[: len(own) - node.level + 1] if node.level else []
             base = ".".join([*start, *([node.module] if node.module else [])])
-            if base.split(".")[0] == "motorgrad":
-                # `from motorgrad.a import b`: b may be a module
-                yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
-
-
-def crossings(file):
-    """The imports that leave a file's own room, as (line, the other room, the parts of the name beyond it)."""
-    for line, name in imported(file):
-        parts = name.split(".")
-        if len(parts) > 1 and parts[1] != room_of(file):
-            yield line, parts[1], parts[2:]
+            found = [(node.lineno, f"{base}.{alias.name}") for alias in node.names]  # b of `from a import b`: a module?
+        else:
+            continue
+        yield from ((line, name.split(".")) for line, name in found if name.split(".")[0] in PACKAGES)
 
 
 def test_every_room_has_its_place():
-    assert {room_of(file) for file in FILES} - ANYWHERE == set(BELOW)
+    rooms = {room_of(file) for name, file in FILES if name == "motorgrad" and file != ROOT / "__init__.py"}
+    assert rooms - ANYWHERE == set(BELOW)
 
 
-def test_the_table_itself_points_down():
-    order = list(BELOW)
-    for room, below in BELOW.items():
-        assert all(order.index(other) < order.index(room) for other in below)
+def test_the_tables_themselves_point_down():
+    for table in (BELOW, USES):
+        order = list(table)
+        for name, below in table.items():
+            assert all(order.index(other) < order.index(name) for other in below)
 
 
-@pytest.mark.parametrize("file", FILES, ids=[str(file.relative_to(ROOT)) for file in FILES])
-def test_imports_point_down_and_go_through_the_front_door(file):
-    # the private files under all rooms know no room themselves
-    allowed = ANYWHERE | BELOW.get(room_of(file), set())
+@pytest.mark.parametrize(
+    ("package", "file"), FILES, ids=[str(file.relative_to(PACKAGES[n].parent)) for n, file in FILES]
+)
+def test_imports_point_down_and_go_through_the_front_door(package, file):
+    home = room_of(file) if package == "motorgrad" and file != ROOT / "__init__.py" else ""
     wrong = []
-    for line, room, beyond in crossings(file):
-        if room == "__version__":
-            continue
-        if room not in allowed:
-            wrong.append(f"line {line}: {room_of(file)} imports {room}, which is not below it")
-        if room not in ANYWHERE and beyond and beyond[0].startswith("_"):
-            wrong.append(f"line {line}: {room}.{beyond[0]} is private to {room}")
+    for line, (other, *beyond) in imported(file, package, PACKAGES[package]):
+        if other != package and other not in USES[package]:
+            wrong.append(f"line {line}: {package} imports {other}")
+        if other == "motorgrad" and beyond and beyond[0] not in (home, "__version__"):
+            room, *rest = beyond
+            # the private files under all rooms know no room themselves
+            allowed = ANYWHERE | BELOW.get(home, set()) if home else ANYWHERE | set(BELOW) | set(motorgrad.__all__)
+            if room not in allowed:
+                wrong.append(f"line {line}: {home or package} imports {room}, which is not below it")
+            if room not in ANYWHERE and rest and rest[0].startswith("_"):
+                wrong.append(f"line {line}: {room}.{rest[0]} is private to {room}")
+        elif other != package and beyond and beyond[0].startswith("_"):
+            wrong.append(f"line {line}: {other}.{beyond[0]} is private to {other}")
     assert not wrong
 
 
-def test_the_walk_over_imports_sees_every_kind(tmp_path, monkeypatch):
-    monkeypatch.setattr("test_layers.ROOT", tmp_path)
-    (tmp_path / "sim").mkdir()
-    file = tmp_path / "sim" / "_x.py"
+def test_the_walk_over_imports_sees_every_kind(tmp_path):
+    (tmp_path / "tasks").mkdir()
+    file = tmp_path / "tasks" / "_x.py"
     file.write_text(
         "import motorgrad.training\nfrom motorgrad import tasks\nfrom motorgrad.bodies._batch import BodyBatch\n"
-        "def f():\n    from ..learning import Agent\n    from . import y\n    import numpy\n"
+        "def f():\n    from ..learning import Agent\n    from . import y\n    import numpy\n    import timsim.film\n"
         "class C:\n    async def f():\n        for x in y:\n            with z:\n"
         "                import motorgrad.worlds\n"
         "try:\n    pass\nexcept E:\n    import motorgrad.search\nelse:\n    import motorgrad.export\n"
-        "finally:\n    import motorgrad.lab\n"
+        "finally:\n    import timlab\n"
         "match a:\n    case 1:\n        if b:\n            pass\n        else:\n            import motorgrad.cli\n"
     )
-    found = {(room, tuple(beyond)) for _, room, beyond in crossings(file)}
-    assert found == {
-        ("training", ()),
-        ("tasks", ()),
-        ("bodies", ("_batch", "BodyBatch")),
-        ("learning", ("Agent",)),
-        *((room, ()) for room in ("worlds", "search", "export", "lab", "cli")),
-    }
+    found = {".".join(name) for _, name in imported(file, "motorgrad", tmp_path)}
+    inside = {"tasks", "bodies._batch.BodyBatch", "learning.Agent", "tasks.y"}
+    inside |= {"training", "worlds", "search", "export", "cli"}
+    assert found == {f"motorgrad.{name}" for name in inside} | {"timsim.film", "timlab"}
 
 
-ROOMS = [room for room in BELOW if (ROOT / room / "__init__.py").exists() and not room.startswith("_")]
+ROOMS = [f"motorgrad.{room}" for room in BELOW if (ROOT / room / "__init__.py").exists() and room != "commands"]
+ROOMS += [name for name in PACKAGES if name != "motorgrad"]
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_public_names_exist_and_explain_themselves(room):
-    module = importlib.import_module(f"motorgrad.{room}")
+    module = importlib.import_module(room)
     assert module.__doc__
     assert module.__all__
     assert len(set(module.__all__)) == len(module.__all__)
@@ -150,11 +159,11 @@ def own_words(thing):
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_public_names_are_what_the_front_door_imports(room):
-    module = importlib.import_module(f"motorgrad.{room}")
+    module = importlib.import_module(room)
     taken = {
         alias.asname or alias.name
-        for node in ast.parse((ROOT / room / "__init__.py").read_text()).body
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("motorgrad")
+        for node in ast.parse(Path(module.__file__).read_text()).body
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES
         for alias in node.names
         if alias.name != "*"  # a registry, whose entries are exported as they are
         and not (alias.asname or "").startswith("_")
@@ -165,12 +174,12 @@ def test_public_names_are_what_the_front_door_imports(room):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_a_module(name):
-    module = importlib.import_module(f"motorgrad._commands.{name}")
-    assert callable(module.run)
-    assert module.__doc__.startswith(f"`motorgrad {name}")
+def test_every_command_is_found_and_explains_itself(name):
+    command = command_named(name)
+    assert callable(command)
+    assert importlib.import_module(command.__module__).__doc__.startswith(f"`motorgrad {name}")
 
 
 def test_every_module_of_a_command_is_a_command():
-    found = {file.stem for file in (ROOT / "_commands").glob("*.py") if not file.stem.startswith("_")}
-    assert found == set(COMMANDS)
+    found = {file.stem for file in (ROOT / "commands").glob("*.py") if not file.stem.startswith("_")}
+    assert found == set(COMMANDS) - set(ELSEWHERE)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from motorgrad import lab
-from motorgrad.lab.editor._static import STATIC
+import timlab
+import timsim
+from timlab.editor._static import STATIC
 
 PACKAGE = re.compile(r"^(\S+) (\d\S*): \S", re.MULTILINE)
 TERMS = re.compile(r"permission|redistribution|license", re.IGNORECASE)
@@ -50,16 +51,16 @@ def test_what_is_built_for_pages_of_timlab_begins_with_them(name):
 def test_a_page_of_a_diagram_has_them():
     if not STATIC.is_dir():
         pytest.skip("the editor's pages are not built: make editor")
-    diagram = lab.Diagram()
-    diagram.add("one", lab.Constant(1.0))
-    page = lab.to_html(diagram, lab.Run(diagram).advance(1))
+    diagram = timlab.Diagram()
+    diagram.add("one", timlab.Constant(1.0))
+    page = timlab.to_html(diagram, timlab.Run(diagram).advance(1))
     assert all(f"\n{name} {version}: " in page for name, version in told((STATIC / "viewer.js").read_text("utf-8"))[0])
 
 
 def test_a_recorded_scene_has_those_of_visers_client():
     import viser
 
-    from motorgrad.sim.panels._capture import LICENCES, SceneRecording
+    from timsim.panels._capture import LICENCES, SceneRecording
 
     text = LICENCES.read_text(encoding="utf-8")
     packages, whole = told(text)
@@ -79,7 +80,7 @@ def test_a_recorded_scene_has_those_of_visers_client():
 
 
 def test_replays_have_nothing_of_others_in_them():
-    replay = Path(lab.__file__).parents[1] / "sim" / "replay"
+    replay = Path(timsim.__file__).parent / "replay"
     own = [path for path in replay.iterdir() if path.suffix in (".js", ".css", ".html")]
     assert own
     for path in own:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motorgrad._playback import Change, Clock, History, Playback
+from motorgrad.pages import Change, Clock, History, Playback
 
 
 class Map:
@@ -48,7 +48,7 @@ def replayed(changes, tick):
 
 def test_the_speed_is_kept_and_delays_are_not_made_up_for(monkeypatch):
     now = [50.0]
-    monkeypatch.setattr("motorgrad._playback.time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr("motorgrad.pages._playback.time", SimpleNamespace(perf_counter=lambda: now[0]))
     clock = Clock(0.01, 2.0)
     assert (clock.due(), clock.wait(), clock.achieved(0)) == (0, math.inf, 0.0)
     clock.play()

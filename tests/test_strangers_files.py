@@ -25,16 +25,16 @@ from motorgrad._files import read_arrays, read_json, read_toml
 from motorgrad._parquet import parquet_in
 from motorgrad._reading import array_in, arrays_in, csv_in, entries_in, json_in, toml_in, unpacked
 from motorgrad.bodies import read_model
-from motorgrad.lab import DataFile, load, loads
-from motorgrad.lab.blocks._base import read_table
 from motorgrad.policies import hyperplanes
-from motorgrad.sim import read_activations, read_motion
-from motorgrad.sim.live import setup_of
-from motorgrad.sim.live._policy import load_policy
 from motorgrad.tasks.terms import Follow
 from motorgrad.training.store import _checkpoint
 from motorgrad.training.store._checkpoint import checksum, is_whole
 from motorgrad.training.store._checkpoint import load as load_state
+from timlab import DataFile, load, loads
+from timlab.blocks._base import read_table
+from timsim import read_activations, read_motion
+from timsim.live import setup_of
+from timsim.live._policy import load_policy
 
 MOST = 100_000  # bytes that these tests let a reader unpack
 LITTLE = 200 * 2**20  # bytes that reading takes at most, a hundred for each of a text of 1 MiB
@@ -173,7 +173,7 @@ def test_toml_is_bounded(text, told, tmp_path):
     (tmp_path / "x.toml").write_text(text)
     said = refusal(read_toml, tmp_path / "x.toml")
     assert said.startswith(f"{tmp_path / 'x.toml'}: not TOML: ")
-    if len(text) < _limits.MOST_BLOCK_SETTINGS:
+    if len(text) < _limits.MAX_BLOCK_SETTINGS_CHARACTERS:
         assert told in refusal(read_table, "settings", text)
 
 
@@ -301,7 +301,7 @@ def test_a_text_that_is_no_motion_is_refused_at_once(text, told, tmp_path):
 
 
 def test_a_motion_of_few_columns_becomes_no_larger_than_a_model(tmp_path, monkeypatch):
-    monkeypatch.setattr("motorgrad.sim.film._motion_file.MOST_MODEL_BYTES", 100)
+    monkeypatch.setattr("timsim.film._motion_file.MAX_MODEL_BYTES", 100)
     (tmp_path / "walk.csv").write_text("time,x\n" + "\n".join(f"{k},0" for k in range(20)))
     said = refusal(lambda: read_motion(tmp_path / "walk.csv", read_model(SLIDER), partial=True))
     assert "rows = 20: must be fewer for 1 coordinates" in said
@@ -343,7 +343,7 @@ def test_a_trajectory_in_text_is_bounded(tmp_path):
 
 
 def test_a_table_counts_eight_bytes_a_number(tmp_path, monkeypatch):
-    monkeypatch.setattr("motorgrad.lab.blocks._tables.MOST_TABLE_BYTES", MOST)
+    monkeypatch.setattr("timlab.blocks._tables.MAX_TABLE_BYTES", MOST)
     np.savez_compressed(tmp_path / "t.npz", x=np.zeros(MOST // 4, bool))
     said = refusal(DataFile, str(tmp_path / "t.npz"), ("x",))
     assert "bytes when unpacked = 200000: must be at most 100,000" in said
@@ -447,7 +447,7 @@ def test_every_file_of_a_run_is_bounded_before_it_is_read(part, run, tmp_path):
 
 def test_what_would_not_be_read_is_not_saved(tmp_path, monkeypatch):
     """It is as a disk that is too small: learning goes on, and says so."""
-    monkeypatch.setattr(_checkpoint, "MOST_STATE_BYTES", 1000)
+    monkeypatch.setattr(_checkpoint, "MAX_CHECKPOINT_BYTES", 1000)
     with pytest.raises(OSError, match=r"takes [0-9,]+ bytes, more than the 1,000 that are read") as error:
         _checkpoint.save(tmp_path / "x.state", {"a": np.zeros(1000)}, {})
     assert error.value.errno == errno.EFBIG
@@ -455,7 +455,7 @@ def test_what_would_not_be_read_is_not_saved(tmp_path, monkeypatch):
 
 
 def test_a_unit_is_bounded_before_its_description_is_read():
-    from motorgrad.lab.blocks.worlds._fmu import _check_unpacked
+    from timlab.blocks.worlds._fmu import _check_unpacked
 
     entities = "<!DOCTYPE x [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><x>&b;</x>"
     for parts in ({"modelDescription.xml": entities}, {"sources/buildDescription.xml": entities}):

@@ -1,4 +1,4 @@
-"""A source distribution, and a wheel built from it that installs and trains where nothing of the checkout is."""
+"""Source distributions of all packages, and wheels built from them that install and train where no checkout is."""
 
 import importlib.metadata
 import json
@@ -7,7 +7,6 @@ import shutil
 import site
 import subprocess
 import sys
-import tarfile
 import tomllib
 import venv
 import zipfile
@@ -17,75 +16,101 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tools.try_release import TESTS, at_hand, named
-
-ROOT = Path(__file__).parents[1]
+from motorgrad._extras import install
+from motorgrad.commands import ELSEWHERE
+from tools.install import PACKAGES, ROOT
+from tools.try_release import TESTS, at_hand, build, named, unpack
 
 pytestmark = [pytest.mark.slow, pytest.mark.ci]
 
 
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+def project(folder):
+    """What the pyproject.toml of a package says of the package, and what of its build."""
+    whole = tomllib.loads((ROOT / folder / "pyproject.toml").read_text())
+    return whole["project"], whole["tool"]["hatch"]["build"]["targets"]
+
+
+MODULES = {folder: project(folder)[1]["wheel"]["packages"][0] for folder in PACKAGES}
+"""The folder of each package's module in that of the package."""
+OWN_PATH = ("PYTHONPATH", "VIRTUAL_ENV")
+"""Variables that would let a process find what is not in its environment."""
+PAGES = "apps/timlab/src/timlab/editor/static/index.html"
+
+
+def files_in(folder):
+    """The paths of all files in a folder, seen from it."""
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """The folder with the source distribution and the wheel built from it, as a release makes them."""
+def checkout(tmp_path_factory):
+    """A copy of what the source distributions are made of, with things in it that they should not have."""
     copy = tmp_path_factory.mktemp("checkout")
-    for name in (".gitignore", "pyproject.toml", *PROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]):
-        whole, target = ROOT / name, copy / name
-        if whole.is_dir():
-            shutil.copytree(whole, target, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
-        elif whole.exists():
-            shutil.copy(whole, target)
-    build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(copy / "dist")]
-    done = subprocess.run(build, cwd=copy, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return copy / "dist"
+    shutil.copy(ROOT / ".gitignore", copy)
+    for folder in PACKAGES:
+        (copy / folder).mkdir(parents=True, exist_ok=True)
+        for name in ("/pyproject.toml", *project(folder)[1]["sdist"]["include"]):
+            whole = ROOT / folder / name[1:]
+            target = copy / folder / name[1:]
+            if whole.is_dir():
+                shutil.copytree(whole, target, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
+            else:
+                shutil.copy(whole, target)
+    return copy
 
 
 @pytest.fixture(scope="module")
-def wheel(built):
-    (built,) = built.glob("*.whl")
-    return built
+def built(checkout, tmp_path_factory):
+    """The source distribution of each package and the wheel built from it, as a release makes them, by its folder."""
+    for left in ("apps/timlab/src/timlab/editor/frontend/node_modules/left/index.js", "dist/left", "runs/left"):
+        (checkout / left).parent.mkdir(parents=True)
+        (checkout / left).touch()
+    return build(tmp_path_factory.mktemp("dist"), checkout, "--no-isolation")
 
 
-def environment(path, wheel, dependencies):
-    """A new environment that holds the wheel. `dependencies` puts into its folder of packages what the wheel needs."""
+@pytest.fixture(scope="module")
+def wheels(built):
+    return {folder: wheel for folder, (_, wheel) in built.items()}
+
+
+def environment(path, wheels, dependencies):
+    """A new environment that holds wheels. `dependencies` puts into its folder of packages what these need."""
     venv.create(path, with_pip=False, symlinks=os.name != "nt")
     python = path / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     where = "import sysconfig; print(sysconfig.get_path('purelib'))"
     packages = Path(subprocess.run([python, "-c", where], capture_output=True, text=True, check=True).stdout.strip())
     assert path in packages.parents
     dependencies(packages)
-    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps", "--no-index", str(wheel)]
-    subprocess.run(install, check=True, capture_output=True)
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps", "--no-index", *wheels]
+    clean = {name: value for name, value in os.environ.items() if name not in OWN_PATH}
+    subprocess.run(install, check=True, capture_output=True, env=clean)
     return python
 
 
 @pytest.fixture(scope="module")
-def installed(wheel, tmp_path_factory):
-    """An environment that holds the wheel alone; its dependencies, gigabytes of them, are looked up where they are."""
+def installed(wheels, tmp_path_factory):
+    """An environment that holds all wheels; their dependencies, gigabytes of them, are looked up where they are."""
 
     def everything(packages):
         # Folders named by a .pth file are searched, but their own .pth files, the checkout's among them, are not read.
         (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))
 
-    return environment(tmp_path_factory.mktemp("environment"), wheel, everything)
+    return environment(tmp_path_factory.mktemp("environment"), wheels.values(), everything)
 
 
 @pytest.fixture(scope="module")
-def light(wheel, tmp_path_factory):
-    """An environment with the wheel and links to what it requires without any extra, and to nothing else."""
+def light(wheels, tmp_path_factory):
+    """An environment with the library's wheel and links to what it requires without any extra, and to nothing else."""
 
     def required(packages):
-        for name in closure(PROJECT["project"]["dependencies"]):
+        for name in closure(project(".")[0]["dependencies"]):
             distribution = importlib.metadata.distribution(name)
             for top in {Path(file).parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
                 link = packages / top
                 if not link.exists():
                     link.symlink_to(Path(str(distribution.locate_file(top))).resolve())
 
-    return environment(tmp_path_factory.mktemp("light"), wheel, required)
+    return environment(tmp_path_factory.mktemp("light"), [wheels["."]], required)
 
 
 def closure(requirements):
@@ -105,7 +130,7 @@ def closure(requirements):
 @pytest.fixture
 def run(process_environment, tmp_path):
     """Run something in an empty folder, with nothing of the checkout in its environment."""
-    clean = {name: value for name, value in process_environment.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    clean = {name: value for name, value in process_environment.items() if name not in OWN_PATH}
 
     def run(*arguments, **environment):
         done = subprocess.run(
@@ -117,32 +142,57 @@ def run(process_environment, tmp_path):
     return run
 
 
-def test_the_source_distribution_holds_what_builds_and_tests_it(built):
-    (source,) = built.glob("*.tar.gz")
-    with tarfile.open(source) as archive:
-        names = {name.partition("/")[2] for name in archive.getnames()}
-    assert {"pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "Makefile"} <= names
-    assert {"src/motorgrad/__init__.py", "tests/test_wheel.py", "tools/build_editor.py", "docs/index.md"} <= names
-    assert not [name for name in names if name.endswith(".pyc") or "node_modules" in name]
+def test_the_source_distributions_hold_what_builds_and_tests_them_and_nothing_else(built, checkout, tmp_path):
+    unpack({folder: source for folder, (source, _) in built.items()}, tmp_path)
+    own = {Path(folder, name).as_posix() for folder in PACKAGES for name in (".gitignore", "PKG-INFO")}
+    left = {name for name in files_in(checkout) if Path(name).name == "left" or "node_modules" in name}
+    assert len(left) == 3
+    assert files_in(tmp_path) - own == files_in(checkout) - left - own
+    needed = {"CITATION.cff", "CHANGELOG.md", "Makefile", "conftest.py", "docs/index.md", "tests/test_wheel.py"}
+    needed |= {"apps/timlab/tools/hatch_build.py", "apps/timlab/tools/build_editor.py"}
+    needed |= {Path(folder, name).as_posix() for folder in PACKAGES for name in ("LICENSE", "README.md", "tests")}
+    assert all((tmp_path / name).exists() for name in needed)
+    assert (tmp_path / PAGES).exists() == (ROOT / PAGES).exists()
 
 
-def test_the_wheel_holds_the_package_and_nothing_else(wheel):
-    names = zipfile.ZipFile(wheel).namelist()
-    assert {name.split("/")[0].split("-")[0] for name in names} == {"motorgrad"}
-    assert "motorgrad/py.typed" in names
+@pytest.mark.parametrize("folder", PACKAGES)
+def test_a_wheel_holds_its_module_and_nothing_else(wheels, folder):
+    names = zipfile.ZipFile(wheels[folder]).namelist()
+    source = ROOT / folder / MODULES[folder]
+    assert {name.split("/")[0].split("-")[0] for name in names} == {source.name}
+    assert f"{source.name}/py.typed" in names
     assert not [name for name in names if "test" in name or name.endswith((".pyc", ".toml"))]
-    shipped = {name for name in names if name.startswith("motorgrad/")}
-    source = ROOT / "src"
+    shipped = {name for name in names if name.startswith(f"{source.name}/")}
     left = ("__pycache__", "/editor/frontend/")  # what is for those who build it
-    held = {path.relative_to(source).as_posix() for path in source.rglob("*") if path.is_file()}
+    held = {f"{source.name}/{name}" for name in files_in(source)}
     assert shipped == {name for name in held if not any(part in name for part in left)}
     assert any(name.endswith("licenses/LICENSE") for name in names)
 
 
 def test_what_is_imported_is_what_was_installed(run, installed):
-    file = Path(run(installed, "-c", "import motorgrad; print(motorgrad.__file__)").strip())
-    assert installed.parents[1] in file.parents
-    assert ROOT not in file.parents
+    modules = [Path(module).name for module in MODULES.values()]
+    told = run(installed, "-c", "".join(f"import {name}; print({name}.__file__)\n" for name in modules)).split()
+    assert len(told) == len(PACKAGES)
+    for file in map(Path, told):
+        assert installed.parents[1] in file.parents
+        assert ROOT not in file.parents
+
+
+OFFERED = """
+import importlib.metadata
+from motorgrad.commands import COMMANDS, command_named
+assert all(callable(command_named(name)) for name in COMMANDS)
+for distribution in ("timsim", "timlab", "motorgrad-thesis"):
+    for each in importlib.metadata.distribution(distribution).entry_points:
+        assert callable(each.load()), each
+        print(each.group, each.name, sep=": ")
+"""
+
+
+def test_what_the_applications_offer_is_found(run, installed):
+    offered = run(installed, "-c", OFFERED).splitlines()
+    assert {f"motorgrad.commands: {name}" for name in ELSEWHERE} <= set(offered)
+    assert {"motorgrad.lists: experiments", "motorgrad.offers: film", "motorgrad.benchmarks: lab"} <= set(offered)
 
 
 def test_it_trains_a_world(run, installed, tmp_path):
@@ -166,39 +216,43 @@ def test_without_extras_commands_work_or_name_the_one_that_they_need(run, light)
 
 ROOMS = """
 import motorgrad as mg
-mg.search, mg.studies, mg.experiments, mg.environments, mg.export
+mg.search, mg.studies, mg.plane, mg.presets, mg.statistics, mg.export
+mg.environments.TaskEnv(mg.make("hopper")).reset(seed=0)
 try:
-    mg.lab
+    mg.environments.TaskEnv(mg.make("hopper"), render_mode="rgb_array")
 except RuntimeError as error:
-    print(error)
+    print(type(error).__name__, error)
 """
 
 
 def test_without_extras_a_room_can_be_used_or_names_the_one_that_it_needs(run, light):
-    assert run(light, "-c", ROOMS) == "TimLab needs the package diffrax: pip install '.[lab]'\n"
+    assert run(light, "-c", ROOMS) == f"MissingExtra a picture needs more than the library: {install('sim')}\n"
 
 
-def test_the_source_distribution_installs_what_the_wheel_does(built, wheel, installed, tmp_path):
-    (source,) = built.glob("*.tar.gz")
+@pytest.mark.parametrize("folder", PACKAGES)
+def test_a_source_distribution_installs_what_its_wheel_does(built, wheels, installed, tmp_path, folder):
+    source, _ = built[folder]
     pip = [sys.executable, "-m", "pip", "--python", str(installed)]
-    folder = tmp_path / "from source"
+    place = tmp_path / "from source"
     # what builds it is looked up among the dependencies of `installed`, as no network is needed here
-    options = ["--no-deps", "--no-index", "--no-build-isolation", "--target", str(folder)]
+    options = ["--no-deps", "--no-index", "--no-build-isolation", "--target", str(place)]
     subprocess.run([*pip, "install", *options, str(source)], check=True, capture_output=True)
-    held = {name for name in zipfile.ZipFile(wheel).namelist() if name.startswith("motorgrad/")}
-    package = [path for path in (folder / "motorgrad").rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    assert {path.relative_to(folder).as_posix() for path in package} == held
+    module = Path(MODULES[folder]).name
+    held = {name for name in zipfile.ZipFile(wheels[folder]).namelist() if name.startswith(f"{module}/")}
+    assert {f"{module}/{name}" for name in files_in(place / module) if not name.endswith(".pyc")} == held
 
 
 def test_a_release_is_tried_on_the_oldest_and_the_newest_python():
     # `make release` does it, as most machines have one Python
-    assert PROJECT["project"]["requires-python"] == f">={named()[0]}"
+    assert project(".")[0]["requires-python"] == f">={named()[0]}"
     python = at_hand(f"{sys.version_info.major}.{sys.version_info.minor}")
     assert python is not None
     assert python.root is None
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pinned = {canonicalize_name(Requirement(line).name) for line in lines if not line.startswith("#")}
-    assert {canonicalize_name(name) for name in closure(PROJECT["project"]["dependencies"])} <= pinned
+    own = {project(folder)[0]["name"] for folder in PACKAGES}
+    asked = [name for folder in PACKAGES for name in closure(project(folder)[0]["dependencies"])]
+    assert {canonicalize_name(name) for name in asked} - own <= pinned
     for name in TESTS:
         assert (ROOT / name.partition("::")[0]).exists(), name
 
@@ -206,7 +260,7 @@ def test_a_release_is_tried_on_the_oldest_and_the_newest_python():
 SERVES = """
 import pathlib, re, socket, sys
 from urllib.request import HTTPCookieProcessor, build_opener
-from motorgrad.lab.editor import Server, Session
+from timlab.editor import Server, Session
 
 whole = socket.socket.connect
 def near(self, address):
@@ -230,7 +284,7 @@ session.close()
 
 
 def test_it_serves_the_editor_without_node_and_without_a_network(run, installed, tmp_path):
-    if not (ROOT / "src/motorgrad/lab/editor/static/index.html").exists():
+    if not (ROOT / PAGES).exists():
         pytest.skip("the editor's pages are not built: make editor")
     served = [line.split() for line in run(installed, "-c", SERVES, tmp_path, PATH="").splitlines()]
     sizes = {kind: sum(int(size) for ending, size in served if ending == kind) for kind, _ in served}

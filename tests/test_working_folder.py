@@ -13,12 +13,12 @@ import pytest
 import motorgrad
 from motorgrad._processes import SAFE, environment
 from motorgrad.cli import main
-from motorgrad.sim.film import _gl
-from motorgrad.sim.live import _session
 from motorgrad.studies import Study, run_study
 from motorgrad.studies._jobs import Outcome, Work, parcel, work_parcel
 from motorgrad.studies._places import process_settings
 from motorgrad.tasks.gymnasium import _workers
+from timsim.film import _gl
+from timsim.live import _session
 
 SHADOWS = ("struct", "subprocess", "random", "numpy", "jax", "mujoco", "gymnasium", "cloudpickle", "motorgrad")
 SHADOW = "import sys\nopen({mark!r}, 'a').write(f'{{__name__}} in {{sys.argv}}')\nraise ImportError(__name__)\n"

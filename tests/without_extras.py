@@ -1,12 +1,13 @@
 """A process without the extras of motorgrad: `python tests/without_extras.py -m MODULE …`, or `-c CODE`.
 
-The packages that extras install beyond those of the library and of `dev` cannot be found in it, installed or not.
+The packages that extras install beyond those of the library and of `dev`, TimSim, TimLab and the thesis among them,
+cannot be found in it, installed or not: neither their modules nor what they offer.
 """
 
 import importlib.metadata
 import runpy
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec
 from typing import Any
 
@@ -36,35 +37,49 @@ def closure(requirements: Iterable[str]) -> set[str]:
     return {canonicalize_name(name) for name, _ in seen}
 
 
-def modules_of_extras() -> set[str]:
-    """The modules, by the names under which they are imported, that only extras install."""
+def distributions_of_extras() -> set[str]:
+    """The normalized names of the packages that only extras install."""
     extras = set(importlib.metadata.metadata("motorgrad").get_all("Provides-Extra") or ()) - {KEPT}
-    only = closure([f"motorgrad[{','.join(extras)}]"]) - closure([f"motorgrad[{KEPT}]"])
+    return closure([f"motorgrad[{','.join(extras)}]"]) - closure([f"motorgrad[{KEPT}]"])
+
+
+def modules_of(distributions: set[str]) -> set[str]:
+    """The modules, by the names under which they are imported, that only these packages install."""
     found = importlib.metadata.packages_distributions()
-    return {name for name, owners in found.items() if {canonicalize_name(owner) for owner in owners} <= only}
+    # of an editable package no module is listed; those of the checkout have the names of their packages
+    own = {name.replace("-", "_") for name in distributions}
+    return own | {
+        name for name, owners in found.items() if {canonicalize_name(owner) for owner in owners} <= distributions
+    }
 
 
 class _Without:
-    """A finder of modules that finds what another does, but for some."""
+    """A finder of modules and distributions that finds what another does, but for some."""
 
-    def __init__(self, finder: Any, hidden: set[str]):
+    def __init__(self, finder: Any, distributions: set[str], modules: set[str]):
         self._finder = finder
-        self._hidden = hidden
+        self._distributions = distributions
+        self._modules = modules
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        return None if name.partition(".")[0] in self._hidden else self._finder.find_spec(name, path, target)
+        return None if name.partition(".")[0] in self._modules else self._finder.find_spec(name, path, target)
+
+    def find_distributions(self, *context: Any) -> Iterator[importlib.metadata.Distribution]:
+        find = getattr(self._finder, "find_distributions", lambda *_: ())
+        return (each for each in find(*context) if canonicalize_name(each.name) not in self._distributions)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._finder, name)
 
 
-def hide(modules: set[str]) -> None:
-    """Let imports of modules fail as if they were not installed."""
-    sys.meta_path[:] = [_Without(finder, modules) for finder in sys.meta_path]
+def hide(distributions: set[str]) -> None:
+    """Let packages be as if they were not installed."""
+    modules = modules_of(distributions)
+    sys.meta_path[:] = [_Without(finder, distributions, modules) for finder in sys.meta_path]
 
 
 if __name__ == "__main__":
-    hide(modules_of_extras())
+    hide(distributions_of_extras())
     _, kind, what, *rest = sys.argv
     sys.argv = [what, *rest]
     sys.path.insert(0, "")  # as Python does for -m and -c

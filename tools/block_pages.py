@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from motorgrad.lab import BLOCKS, GALLERY, Block, HostBlock, Sink, parameters_of, settings_of
+from timlab import BLOCKS, GALLERY, Block, HostBlock, Sink, parameters_of, settings_of
 
 FOLDER = "lab/blocks"
 GALLERY_PAGE = "lab/gallery.md"
@@ -44,7 +44,7 @@ def _gallery() -> str:
         "# Gallery",
         "",
         "Ready diagrams, each with what to try. Open one with `motorgrad lab --gallery NAME`; in Python,",
-        "`motorgrad.lab.example(name)` returns it.",
+        "`timlab.example(name)` returns it.",
         "",
     ]
     for name, make in GALLERY.items():
@@ -57,7 +57,7 @@ def _gallery() -> str:
 
 def _page(name: str, kind: type[Block]) -> str:
     lines = [f"# {name}", "", inspect.cleandoc(kind.__doc__ or ""), ""]
-    lines += [f"In Python `motorgrad.lab.{kind.__name__}`, in files `{name}`; {', '.join(_manner(kind))}.", ""]
+    lines += [f"In Python `timlab.{kind.__name__}`, in files `{name}`; {', '.join(_manner(kind))}.", ""]
     try:
         block = kind()
     except (TypeError, ValueError):
@@ -93,7 +93,8 @@ def _ports(side: str, ports: Any) -> list[str]:
     lines += ["| port | carries | without a wire | acts | |", "|---|---|---|---|---|"] if waits else []
     lines += [] if waits else ["| port | carries | |", "|---|---|---|"]
     for name, port in ports.items():
-        carries, help = port.describe() + (f", {port.unit}" if port.unit else ""), _cell(port.help)
+        carries = port.describe() + (f", {port.unit}" if port.unit else "")
+        help = _cell(port.help)
         usual = "needs one" if port.default is None else f"{port.default:g}"
         acts = "at once" if port.feedthrough else "from the next tick on"
         lines.append(

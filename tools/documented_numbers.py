@@ -149,7 +149,8 @@ def _is_commit(name: str) -> bool:
 def told_in(claim: Claim) -> dict[str, str] | None:
     """What the page says for each name in a sentence; `None` where the sentence is not there."""
     page = " ".join((ROOT / claim.page).read_text().split())
-    pattern, names = "", []
+    pattern = ""
+    names = []
     for part in re.split(r"(\{\w+\})", " ".join(claim.sentence.split())):
         if re.fullmatch(r"\{\w+\}", part):
             names.append(part[1:-1])
@@ -173,7 +174,8 @@ def python_in(page: str) -> list[str]:
 
 def measured(claim: Claim) -> dict[str, float]:
     """Run the blocks of a claim in an empty folder, and evaluate its expressions."""
-    blocks, here = python_in(claim.page), Path.cwd()
+    blocks = python_in(claim.page)
+    here = Path.cwd()
     import motorgrad as mg  # which pages import in their first block
 
     names: dict[str, Any] = {"mg": mg}

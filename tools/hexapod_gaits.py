@@ -18,14 +18,17 @@ from motorgrad.search import CmaEs, Range, Space, search
 from motorgrad.tasks import Hexapod
 
 COURSE = 100_000  # decisions: one direction for all of a walk
-SETTLING, LENGTH = 30, 120  # decisions: before the speed counts, and in all
-POPULATION, ROUNDS = 48, 120
+# decisions: before the speed counts, and in all
+SETTLING = 30
+LENGTH = 120
+POPULATION = 48
+ROUNDS = 120
 STARTS = (4.0, 6.0, 8.0)  # Hz, of the seeds in turn
 LONG = 3_000  # decisions of the last evaluation, a minute
 TASK = Hexapod(course=COURSE)
 GROUPS: list[str] = list(TASK.body.groups)
 RIGHT = [name for name in GROUPS if "_right_" in name]
-KINDS = ("phase", "duty")
+RHYTHM_SETTINGS = ("phase", "duty")
 LEFT = [name.replace("_right_", "_left_") for name in RIGHT]
 
 
@@ -33,7 +36,8 @@ def space(frequency: float) -> Space:
     """Frequency, phases and duties, from this frequency on, with tripods in alternation."""
     ranges = {"frequency": Range(2.0, 10.0, start=frequency)}
     for name in RIGHT:
-        middle, stance = "middle" in name, name.startswith(("retractor", "depressor"))
+        middle = "middle" in name
+        stance = name.startswith(("retractor", "depressor"))
         ranges[f"phase {name}"] = Range(-0.5, 1.0, start=0.5 * (middle != stance))
         ranges[f"duty {name}"] = Range(0.0, 1.0, start=0.5)
     return Space(ranges)
@@ -45,7 +49,9 @@ def walk(rhythms: list[dict[str, float]], decisions: int) -> tuple[np.ndarray, n
     environment = TaskVectorEnv(len(rhythms), TASK)
     environment.reset(seed=0)
     frequency = np.array([each["frequency"] for each in rhythms])
-    phases, duties = (np.array([[each[f"{kind} {name}"] for name in RIGHT] for each in rhythms]) for kind in KINDS)
+    phases, duties = (
+        np.array([[each[f"{kind} {name}"] for name in RIGHT] for each in rhythms]) for kind in RHYTHM_SETTINGS
+    )
     action = np.zeros((len(rhythms), len(GROUPS)), np.int8)
     straight, speed = np.zeros((2, decisions, len(rhythms)))
     fallen = np.zeros(len(rhythms), bool)
@@ -55,7 +61,8 @@ def walk(rhythms: list[dict[str, float]], decisions: int) -> tuple[np.ndarray, n
             places = [GROUPS.index(name) for name in names]
             action[:, places] = (cycles[:, None] - lag - phases) % 1 < duties
         _, reward, terminated, truncated, info = environment.step(action)
-        straight[k], speed[k] = reward / TASK.reward_scale, info["speed"]
+        straight[k] = reward / TASK.reward_scale
+        speed[k] = info["speed"]
         fallen |= terminated | truncated
     environment.close()
     return straight, speed, fallen
@@ -80,7 +87,8 @@ def main(arguments: list[str] | None = None) -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     method = CmaEs(population=POPULATION, width=0.12)
     for seed in range(given.seeds):
-        start, out = space(STARTS[seed % len(STARTS)]), given.out / f"{seed}.npz"
+        start = space(STARTS[seed % len(STARTS)])
+        out = given.out / f"{seed}.npz"
         found = search(score, start, method, evaluations=POPULATION * given.rounds, seed=seed, out=out)
         straight, speed, fallen = walk([found.best], LONG)
         print(f"seed {seed}: {np.nanmax(found.scores):.2f} m/s at {found.best['frequency']:.1f} Hz;", end=" ")

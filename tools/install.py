@@ -1,8 +1,9 @@
-"""Installs the tested versions of what motorgrad needs, checked by their hashes: `python tools/install.py dev,all`.
+"""Installs a checkout with extras, and the tested versions of what they need: `python tools/install.py dev,all`.
 
+The checkout's packages that the extras reach are installed editable: the library, and TimSim, TimLab and the thesis.
 Needs nothing but Python and pip. `constraints.txt` has the versions and `hashes.txt` the SHA-256 of their files. pip
 checks hashes only where all that it is asked for has one, which a checkout has not; so files are fetched first, then
-checked, then installed without a network. Nothing of them runs before.
+checked, then installed without a network. Nothing of them runs before. `--unchecked` leaves all of that to pip.
 """
 
 import hashlib
@@ -15,37 +16,57 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+PACKAGES = (".", "apps/timsim", "apps/timlab", "thesis")
+"""The folders of the checkout's packages, the library's first."""
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check")
 BUILD = ("editables",)  # what the build backend needs for a checkout, beside itself
-INSTALLED = ("install", "--quiet", "--no-build-isolation", "-c", str(ROOT / "constraints.txt"))
+INSTALL = ("install", "--quiet", "-c", str(ROOT / "constraints.txt"))
 
 
 def main(arguments: list[str]) -> int:
-    """Install a checkout with extras, or fetch and check single packages: `--packages NAME`."""
+    """Install a checkout with extras, `--unchecked` as pip does; or fetch and check single packages: `--packages NAME`.
+    **Returns** an exit status."""
     if arguments[:1] == ["--packages"]:
         return fetch_and_install(arguments[1:])
-    checkout = [*PIP, "--isolated", *INSTALLED, "--no-index", "-e", f"{ROOT}[{','.join(arguments)}]"]
-    if subprocess.run(checkout, capture_output=True, check=False).returncode == 0:  # all was there
+    unchecked = arguments[:1] == ["--unchecked"]
+    extras = [extra for word in arguments[unchecked:] for extra in word.split(",") if extra]
+    wanted, folders = requirements(extras)
+    checkout: list[str] = []
+    for folder in folders:
+        checkout += ["-e", f"{folder}[{','.join(extras)}]" if folder == ROOT and extras else str(folder)]
+    if unchecked:
+        return subprocess.run([*PIP, *INSTALL, *checkout], check=False).returncode
+    alone = [*PIP, "--isolated", *INSTALL, "--no-build-isolation", "--no-index", *checkout]
+    if subprocess.run(alone, capture_output=True, check=False).returncode == 0:  # all was there
         return 0
-    extras = [extra for word in arguments for extra in word.split(",") if extra]
-    status = fetch_and_install(requirements(extras))
-    return status or subprocess.run(checkout, check=False).returncode
+    status = fetch_and_install(wanted)
+    return status or subprocess.run(alone, check=False).returncode
 
 
-def requirements(extras: Iterable[str]) -> list[str]:
-    """All that a checkout with these extras asks for, and what it is built with."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    about = project["project"]
-    found = [*project["build-system"]["requires"], *BUILD, *about["dependencies"]]
-    todo = [*extras]
+def requirements(extras: Iterable[str]) -> tuple[list[str], list[Path]]:
+    """All that a checkout with these extras asks for, with what it is built with; and the folders of the packages of
+    the checkout that are among it, the library's first."""
+    projects = {
+        tomllib.loads((ROOT / folder / "pyproject.toml").read_text())["project"]["name"]: ROOT / folder
+        for folder in PACKAGES
+    }
+    found = [*BUILD]
+    folders: list[Path] = []
+    todo = [(next(iter(projects)), tuple(extras))]
     while todo:
-        for each in about["optional-dependencies"][todo.pop()]:
-            own = re.fullmatch(rf"{about['name']}\[(.*)\]", each)
-            if own is None:
+        name, chosen = todo.pop()
+        project = tomllib.loads((projects[name] / "pyproject.toml").read_text())
+        asked = [each for extra in chosen for each in project["project"]["optional-dependencies"][extra]]
+        if projects[name] not in folders:
+            folders.append(projects[name])
+            asked += [*project["build-system"]["requires"], *project["project"]["dependencies"]]
+        for each in asked:
+            own = re.fullmatch(r"([A-Za-z-]+)(?:\[(.*)\])?(?:==.*)?", each)
+            if own is None or own[1] not in projects:
                 found.append(each)
-            else:
-                todo += own[1].split(",")
-    return found
+            elif own[2] or projects[own[1]] not in folders:
+                todo.append((own[1], tuple((own[2] or "").split(",")) if own[2] else ()))
+    return found, folders
 
 
 def fetch_and_install(wanted: list[str]) -> int:
@@ -66,7 +87,8 @@ def all_known(files: Iterable[Path]) -> bool:
     known = hashes()
     fine = True
     for file in files:
-        package, found = normal(file.name.split("-")[0]), sha256(file)
+        package = normal(file.name.split("-")[0])
+        found = sha256(file)
         if package not in known:
             print(f"{file.name}: hashes.txt has no such package: not checked", file=sys.stderr)
         elif found not in known[package]:

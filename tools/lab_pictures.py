@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from motorgrad._files import write_atomically
-from motorgrad.lab import GALLERY, to_svg
+from timlab import GALLERY, to_svg
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
-from motorgrad.lab import GALLERY
-from motorgrad.lab.editor import Server, Session
+from timlab import GALLERY
+from timlab.editor import Server, Session
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs" / "images"
@@ -70,7 +70,7 @@ def take(browser: Browser, shot: Shot, width: int, path: Path) -> None:
 def journeys(folder: Path) -> int:
     """Keep pictures of all that the tests in the browser look at, a sheet per state; answer pytest's exit status."""
     with tempfile.TemporaryDirectory() as single:
-        tests = sorted(map(str, (ROOT / "tests" / "lab" / "editor").glob("test_editor_browser*.py")))
+        tests = sorted(map(str, (ROOT / "apps" / "timlab" / "tests" / "editor").glob("test_editor_browser*.py")))
         environment = os.environ | {"TIMLAB_PICTURES": single}
         command = [sys.executable, "-m", "pytest", "-q", *tests]
         status = subprocess.run(command, cwd=ROOT, env=environment).returncode

@@ -56,7 +56,9 @@ OURS: dict[str, tuple[str, Literal["binary", "graded"], dict[str, Any]]] = {
 """Our learners: a preset, how muscles are driven, and changes to the preset."""
 UNSCALED = ("sac-hindsight",)
 """Learners that scale observations themselves: errors for other targets are those that MyoSuite would show."""
-EPISODES, LENGTH = 100, 100  # of an evaluation; decisions of an episode
+# of an evaluation; decisions of an episode
+EPISODES = 100
+LENGTH = 100
 SUCCESSFUL = 5  # steps of an episode, more than which must be solved, as MyoSuite's evaluator counts
 Mode = Literal["mode", "sample"]
 MODES: tuple[Mode, ...] = ("mode", "sample")
@@ -131,7 +133,8 @@ def learn_peer(name: str, learner: str, steps: int, seed: int, threads: int) -> 
     register()
     torch.set_num_threads(threads or os.cpu_count() or 1)
     kind, settings, _ = PEERS[learner]
-    environment, clock = gymnasium.make(TASKS[name][0]), Clock()
+    environment = gymnasium.make(TASKS[name][0])
+    clock = Clock()
     watched = _Watched(environment)
     model = getattr(stable_baselines3, kind)("MlpPolicy", watched, seed=seed, device="cpu", **settings)
     model.learn(steps)
@@ -208,7 +211,8 @@ def table() -> str:
     titles += ["solved steps", "solved steps, drawn", "seeds with ≥ 90 % success"]
     lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
     for run in stored():
-        seeds, each = len(run["seeds"]), run["evaluated"]
+        seeds = len(run["seeds"])
+        each = run["evaluated"]
         passed = sum(value >= 0.9 for value in each["mode"]["success"])
         cells = [run["task"], f"`{run['learner']}`", f"{run['steps']:,}"]
         cells += [f"{run['took']['wall']:,.0f}", f"{run['took']['cpu'] / seeds:,.0f}"]
@@ -235,14 +239,17 @@ def carried(deviation: float, autocorrelation: float, tones: int = 10, draws: in
     distance is the deviation over the draws, as a root of summed squares over the fingertips like the task's, in the
     second half of 0.8 s.
     """
-    given, random = environment(TASKS["hand"][0]), np.random.default_rng(seed)
-    model, data = given.model, mujoco.MjData(given.model)
+    given = environment(TASKS["hand"][0])
+    random = np.random.default_rng(seed)
+    model = given.model
+    data = mujoco.MjData(given.model)
     tips = [model.site(name).id for name in given.target_reach_range]
     around = 0.7 * random.normal(size=(tones, model.nu))
 
     def path(tone: np.ndarray) -> np.ndarray:
         mujoco.mj_resetData(model, data)
-        noise, places = deviation * random.normal(size=model.nu), []
+        noise = deviation * random.normal(size=model.nu)
+        places = []
         for _ in range(40):
             fresh = deviation * random.normal(size=model.nu)
             noise = autocorrelation * noise + math.sqrt(1 - autocorrelation**2) * fresh
@@ -257,7 +264,8 @@ def carried(deviation: float, autocorrelation: float, tones: int = 10, draws: in
 
 def noise_table() -> str:
     """How far noise of the muscles carries the hand's fingertips, in cm, median over tones and range, in Markdown."""
-    lags, deviations = (0.0, 0.8, 0.9), (0.1, 0.3, 1.0)
+    lags = (0.0, 0.8, 0.9)
+    deviations = (0.1, 0.3, 1.0)
     titles = ["autocorrelation", *(f"deviation {each:g}" for each in deviations)]
     lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
     for lag in lags:
@@ -277,7 +285,8 @@ def within_reach(targets: np.ndarray, places: np.ndarray) -> float:
 def follow_table(directory: Path, episodes: int = 200, decision: int = 60) -> str:
     """How far each fingertip of a run's first seed moves per metre of its target, in m, by least squares at a decision
     of fresh episodes with the most probable actions; and the share of targets within reach. In Markdown."""
-    given, run = environment(TASKS["hand"][0]), mg.load(directory)
+    given = environment(TASKS["hand"][0])
+    run = mg.load(directory)
     if run.task.action_size != given.model.nu:
         raise SystemExit(f"{directory} has {run.task.action_size} actions: it must be a run that learned the hand")
     found = mg.evaluate(run, LENGTH * episodes, mode="mode")
@@ -326,7 +335,8 @@ def main(arguments: list[str] | None = None) -> None:
     if given.command == "noise":
         print(noise_table())
         return
-    steps, ours = given.steps or TASKS[given.task][1], given.learner in OURS
+    steps = given.steps or TASKS[given.task][1]
+    ours = given.learner in OURS
     seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 1))))
     work: Callable[[], dict[str, Any]] = (
         (lambda: learn(given.task, given.learner, steps, seeds, given.threads, given.run))

@@ -11,13 +11,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from motorgrad.experiments import EXPERIMENTS, Statement, score_rows, statements
-from motorgrad.experiments._records import RECORD, read_record
-from motorgrad.experiments._score import HEADS
+from motorgrad_thesis import EXPERIMENTS, Statement, score_rows, statements
+from motorgrad_thesis._records import RECORD, read_record
+from motorgrad_thesis._score import HEADS
 
 DOCS = Path(__file__).parent.parent / "docs"
-DATA, PAGE = DOCS / "data" / "reproduction.json", DOCS / "reproduction.md"
-START, END = "<!-- score: made by python -m tools.score -->\n", "<!-- end of the score -->\n"
+DATA = DOCS / "data" / "reproduction.json"
+PAGE = DOCS / "reproduction.md"
+START = "<!-- score: made by python -m tools.score -->\n"
+END = "<!-- end of the score -->\n"
 FIELDS = ("part", "words", "source", "claims", "standing", "reasons")
 
 

@@ -21,20 +21,27 @@ sys.path.insert(0, str(ROOT))  # MkDocs runs this file by itself
 
 from tools.block_pages import GALLERY_PAGE, block_pages, navigation  # noqa: E402
 
-ROOMS = [
-    "policies",
-    "learning",
-    "worlds",
-    "worlds.oracle",
-    "bodies",
-    "tasks",
-    "tasks.terms",
-    "training",
-    "presets",
-    "environments",
-    "sim",
+MODULES = [
+    "motorgrad.policies",
+    "motorgrad.learning",
+    "motorgrad.worlds",
+    "motorgrad.worlds.oracle",
+    "motorgrad.bodies",
+    "motorgrad.tasks",
+    "motorgrad.tasks.terms",
+    "motorgrad.plane",
+    "motorgrad.training",
+    "motorgrad.presets",
+    "motorgrad.environments",
+    "motorgrad.search",
+    "motorgrad.statistics",
+    "motorgrad.studies",
+    "motorgrad.export",
+    "timsim",
+    "timlab",
+    "motorgrad_thesis",
 ]
-ROOMS += ["experiments", "search", "lab", "statistics", "studies", "export"]
+"""The modules with a page of the API."""
 START: dict[str, list[tuple[str, str]]] = {
     "Train and look": [
         ("training.train", "train a learner on a task, for many seeds"),
@@ -65,13 +72,13 @@ START: dict[str, list[tuple[str, str]]] = {
         ("studies.compare", "methods, tuned and judged"),
     ],
     "Films and diagrams": [
-        ("sim.write_film", "a film of a motion"),
-        ("sim.view", "a live view in the browser"),
-        ("lab.Diagram", "a block diagram"),
-        ("lab.Run", "a diagram that runs, with all seeds"),
+        ("timsim.write_film", "a film of a motion"),
+        ("timsim.view", "a live view in the browser"),
+        ("timlab.Diagram", "a block diagram"),
+        ("timlab.Run", "a diagram that runs, with all seeds"),
     ],
 }
-"""What most people need of the API, by topic."""
+"""What most people need of the API, by topic. Names of the library are without its own."""
 FROM_ROOT = {f"{name}.md": f"{name.lower()}.md" for name in ("README", "CONTRIBUTING", "SECURITY", "CHANGELOG")}
 WORKER = "assets/iframe-worker.js"
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
@@ -95,9 +102,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(
         File.generated(config, WORKER, content=(ROOT / "tools" / "iframe-worker.js").read_text(encoding="utf-8"))
     )
-    for room in ROOMS:
-        text = f"# `motorgrad.{room}`\n\n::: motorgrad.{room}\n{_options(room)}"
-        files.append(File.generated(config, f"api/{room.replace('.', '-')}.md", content=text))
+    for module in MODULES:
+        text = f"# `{module}`\n\n::: {module}\n{_options(module)}"
+        files.append(File.generated(config, f"api/{page_of(module)}.md", content=text))
     files.append(File.generated(config, "api/index.md", content=_start_of_api()))
     for name, path in FROM_ROOT.items():
         text = LINK.sub(_in_site, (ROOT / name).read_text(encoding="utf-8"))
@@ -105,15 +112,25 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def _options(room: str) -> str:
-    """The order of a room's page: first what most people need, then module by module as the room imports them, so that
+def page_of(module: str) -> str:
+    """The name of a module's page of the API."""
+    return module.removeprefix("motorgrad.").replace(".", "-")
+
+
+def _whole(name: str) -> str:
+    """A name of `START` with that of its package."""
+    return name if name.partition(".")[0] in MODULES else f"motorgrad.{name}"
+
+
+def _options(name: str) -> str:
+    """The order of a module's page: first what most people need, then file by file as the module imports them, so that
     what belongs together stands together; constants and exceptions last."""
-    module = import_module(f"motorgrad.{room}")
+    module = import_module(name)
     if not hasattr(module, "__all__"):
         return ""
     imports = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.ImportFrom)]
     order = dict.fromkeys(alias.asname or alias.name for node in imports for alias in node.names)
-    start = [name.removeprefix(f"{room}.") for entries in START.values() for name, _ in entries]
+    start = [_whole(entry).removeprefix(f"{name}.") for entries in START.values() for entry, _ in entries]
     names = [name for name in (*start, *order, *module.__all__) if name in module.__all__]
 
     def stands_last(name: str) -> bool:
@@ -134,8 +151,8 @@ def _start_of_api() -> str:
     for topic, entries in START.items():
         lines += [f"## {topic}", "", "| | |", "|---|---|"]
         for name, what in entries:
-            room = name.partition(".")[0]
-            lines.append(f"| [`{name}`]({room}.md#motorgrad.{name}) | {what} |")
+            whole = _whole(name)
+            lines.append(f"| [`{name}`]({page_of(whole.rpartition('.')[0])}.md#{whole}) | {what} |")
         lines.append("")
     return "\n".join(lines)
 

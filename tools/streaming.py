@@ -158,7 +158,9 @@ class Recorded(gymnasium.Wrapper):
 
     def __init__(self, environment: gymnasium.Env, reading: str):
         super().__init__(environment)
-        self.reading, self.steps, self.seen = reading, 0, [(0, 0.0)][:0]
+        self.reading = reading
+        self.steps = 0
+        self.seen = [(0, 0.0)][:0]
         self._return = 0.0
 
     def reset(self, **kwargs: Any) -> Any:
@@ -197,7 +199,8 @@ class Thresholded(gymnasium.ActionWrapper):
 
 def learn_peer(task: Task, learner: str, seeds: list[int]) -> dict[str, Any]:
     """A peer, on the same environment."""
-    took, curves = 0.0, []
+    took = 0.0
+    curves = []
     for seed in seeds:
         environment = gymnasium.make(task.env_id, **task.kwargs)
         binary = isinstance(environment.action_space, gymnasium.spaces.MultiBinary)
@@ -256,7 +259,8 @@ def mushroom(environment: gymnasium.Env, settings: dict[str, float], steps: int,
 
     draws = np.random.default_rng(seed)
     observation, _ = environment.reset(seed=seed)
-    inputs, units = len(observation), len(environment.action_space.sample())
+    inputs = len(observation)
+    units = len(environment.action_space.sample())
     box = spaces.Box(np.full(inputs, -np.inf), np.full(inputs, np.inf))
     info = MDPInfo(box, spaces.Discrete(2**units), 1.0, np.inf)
     agent = StochasticAC_AVG(info, Bernoulli(units, inputs), **settings)
@@ -317,11 +321,13 @@ def summary() -> str:
     titles = ["task", "", "best of ours", "CPU s", "best peer", "CPU s", "runs"]
     lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
     for name, task in TASKS.items():
-        cells, counts = [f"`{task.env_id}`", task.label], []
+        cells = [f"`{task.env_id}`", task.label]
+        counts = []
         for group in (OURS, PEERS):
             runs = [run for run in stored(name) if run["learner"] in group]
             if not runs:
-                cells, counts = [*cells, "–", "–"], [*counts, "–"]
+                cells = [*cells, "–", "–"]
+                counts = [*counts, "–"]
                 continue
             best = max(runs, key=lambda run: _median(earned(run)))
             cells += [f"`{best['learner']}` {_range(earned(best))}", _number(best["cpu"])]
@@ -372,7 +378,8 @@ def main(arguments: list[str] | None = None) -> None:
             page = re.sub(between, lambda at, made=made: at[1] + made() + at[2], page, flags=re.DOTALL)
         write_atomically(PAGE, page.encode())
         return
-    task, ours = TASKS[given.task], given.learner in OURS
+    task = TASKS[given.task]
+    ours = given.learner in OURS
     seeds = list(range(given.first, given.first + (given.seeds or (10 if ours else 3))))
     work: Callable[[Task, str, list[int]], dict[str, Any]] = learn if ours else learn_peer
     machine = {key: value for key, value in provenance().items() if key != "command"}

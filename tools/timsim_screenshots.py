@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 from playwright.sync_api import Browser, sync_playwright
 from playwright.sync_api import Page as Tab
 
-import motorgrad as mg
-from motorgrad.sim import live
-from motorgrad.sim.page import Page
+import timsim
+from timsim import live
+from timsim.page import Page
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs" / "images"
@@ -35,7 +35,7 @@ history.replaceState(history.state, "", place);"""
 class Shot(NamedTuple):
     """A picture of the page.
 
-    - `subject`: what `motorgrad.sim.view` shows; `options`: its other arguments.
+    - `subject`: what `timsim.view` shows; `options`: its other arguments.
     - `seconds`: how long it has run, or learned, before, in simulated time.
     - `camera`, `tab`: in the picture, by their names.
     - `act`: what is done on the page last.
@@ -121,13 +121,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if unknown := set(options.names) - set(SHOTS):
         parser.error(f"unknown picture {min(unknown)!r}: must be one of {', '.join(SHOTS)}")
     options.out.mkdir(parents=True, exist_ok=True)
-    size, scheme = (options.width, options.height), "dark" if options.dark else "light"
+    size = (options.width, options.height)
+    scheme = "dark" if options.dark else "light"
     with sync_playwright() as playwright:
         executable = os.environ.get("CHROMIUM", "/usr/bin/chromium")
         browser = playwright.chromium.launch(executable_path=executable, args=SOFTWARE)
         for name in options.names or SHOTS:
-            shot, path = SHOTS[name], options.out / f"{name}.jpg"
-            with mg.sim.view(shot.subject, playing=False, **shot.options) as page:
+            shot = SHOTS[name]
+            path = options.out / f"{name}.jpg"
+            with timsim.view(shot.subject, playing=False, **shot.options) as page:
                 arrive(page, shot.seconds)
                 take(browser, page, shot, size, scheme, path)
             print(path, flush=True)

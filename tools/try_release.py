@@ -1,8 +1,9 @@
 """Try a release: `python -m tools.try_release [PYTHON …]`, from the root of a checkout.
 
-Builds the source distribution and the wheel, and installs both in a new environment of each Python, by default the
-oldest and the newest that `pyproject.toml` names, with the versions of `constraints.txt`. There it runs commands, the
-code of the README and a share of the quick tests, those of the source distribution, against what was installed.
+Builds the source distributions and the wheels of all four packages, and installs both in a new environment of each
+Python, by default the oldest and the newest that `pyproject.toml` names, with the versions of `constraints.txt`. There
+it runs commands, the code of the README and a share of the quick tests, those of the source distributions, against what
+was installed.
 
 A Python is looked for on the path and among those of pyenv. One that is missing comes from Debian where debootstrap and
 the rights of root are at hand: `build/release/python-VERSION` then holds a small Debian, which later calls use again.
@@ -15,9 +16,13 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import time
 import tomllib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+from tools.install import PACKAGES
 
 ROOT = Path(__file__).parents[1]
 SUITES = {"3.11": "bookworm", "3.13": "trixie", "3.14": "sid"}
@@ -32,6 +37,9 @@ TESTS = (
     "tests/learning/test_learning_parts.py",
     "tests/policies/test_policy_structure.py",
     "tests/training/test_training_checkpoints.py",
+    "apps/timsim/tests/test_sim_viewpoint.py",
+    "apps/timlab/tests/test_lab_engine_timeline.py",
+    "thesis/tests/test_score.py",
 )
 COMMANDS = (
     "--version",
@@ -41,6 +49,9 @@ COMMANDS = (
     "evaluate run --steps 20 --seconds 0.2",
     "export run policy.onnx",
     "train three-state --steps 2000 --out world",
+    "reproduce fig-2.1 --quick --out reproduced",
+    "sim --help",
+    "lab --help",
 )
 
 
@@ -120,24 +131,45 @@ def from_debian(version: str, root: Path) -> Interpreter:
     return Interpreter(f"/usr/bin/python{version}", root)
 
 
-def build(place: Path) -> tuple[Path, Path]:
-    """Build the source distribution, and the wheel from it. **Returns** both."""
+def build(place: Path, checkout: Path = ROOT, *options: str) -> dict[str, tuple[Path, Path]]:
+    """Build the source distribution of each package, and the wheel from it. **Returns** both, by the package's folder
+    in the checkout. `options` are of `python -m build`."""
     shutil.rmtree(place, ignore_errors=True)
-    subprocess.run([sys.executable, "-m", "build", "--outdir", place, ROOT], check=True, stdout=subprocess.DEVNULL)
-    (source,), (wheel,) = place.glob("*.tar.gz"), place.glob("*.whl")
-    return source, wheel
+    made = {}
+    for folder in PACKAGES:
+        command = [sys.executable, "-m", "build", *options, "--outdir", place, checkout / folder]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        project = tomllib.loads((checkout / folder / "pyproject.toml").read_text())["project"]
+        name = f"{project['name'].replace('-', '_')}-{project['version']}"
+        made[folder] = (place / f"{name}.tar.gz", place / f"{name}-py3-none-any.whl")
+    return made
 
 
-def attempt(python: Interpreter, source: Path, wheel: Path, folder: Path) -> None:
-    """Install the source distribution, then the wheel, in a new environment in `folder`, and use what is installed.
+def unpack(sources: Mapping[str, Path], place: Path) -> None:
+    """Make a checkout in the folder `place` of the source distributions, which are given by their folders in it."""
+    for folder, source in sources.items():
+        (place / folder).mkdir(parents=True, exist_ok=True)
+        with tarfile.open(source) as archive:
+            for member in archive:
+                inner = member.name.partition("/")[2]
+                archive.extract(member.replace(name=inner), place / folder, filter="data")
+
+
+def attempt(python: Interpreter, built: Mapping[str, tuple[Path, Path]], folder: Path) -> None:
+    """Install the source distributions, then the wheels, in a new environment in `folder`, and use what is installed.
 
     **Raises** `subprocess.CalledProcessError` if anything fails.
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    source, wheel, constraints = (Path(shutil.copy(file, folder)) for file in (source, wheel, ROOT / "constraints.txt"))
+
+    def here(files: Iterable[Path]) -> list[Path]:
+        return [Path(shutil.copy(file, folder)) for file in files]
+
+    sources = here(source for source, _ in built.values())
+    wheels = here(wheel for _, wheel in built.values())
     own = folder / "environment" / "bin"
-    install = [own / "python", "-m", "pip", "install", "-c", constraints]
+    install = [own / "python", "-m", "pip", "install", "-c", *here([ROOT / "constraints.txt"])]
 
     def step(what: str, *command: str | Path, cwd: Path = folder) -> None:
         started = time.monotonic()
@@ -145,14 +177,15 @@ def attempt(python: Interpreter, source: Path, wheel: Path, folder: Path) -> Non
         print(f"  {what}: {time.monotonic() - started:.0f} s", flush=True)
 
     step("environment", python.python, "-m", "venv", folder / "environment")
-    step("source distribution", *install, f"{python.name(source)}[{EXTRAS}]")
-    step("wheel", *install, "--force-reinstall", "--no-deps", wheel)
+    step("source distributions", *install, f"{python.name(sources[0])}[{EXTRAS}]", *sources[1:])
+    step("wheels", *install, "--force-reinstall", "--no-deps", *wheels)
     for command in COMMANDS:
         step(f"motorgrad {command}", own / "motorgrad", *command.split())
-    shutil.unpack_archive(source, folder, filter="data")
-    (unpacked,) = folder.glob("motorgrad-*/")
-    shutil.rmtree(unpacked / "src")  # what is tested is what was installed
-    step("tests", own / "python", "-m", "pytest", "-q", "-m", "not slow", *TESTS, cwd=unpacked)
+    checkout = folder / "checkout"
+    unpack(dict(zip(built, sources, strict=True)), checkout)
+    for package in PACKAGES:
+        shutil.rmtree(checkout / package / "src")  # what is tested is what was installed
+    step("tests", own / "python", "-m", "pytest", "-q", "-m", "not slow", *TESTS, cwd=checkout)
     shutil.rmtree(folder)  # gigabytes
 
 
@@ -165,12 +198,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "release", help="the folder for what is built")
     options = parser.parse_args()
     out = options.out.absolute()
-    source, wheel = build(out / "dist")
-    print(f"built {source.name} and {wheel.name} in {source.parent}", flush=True)
+    built = build(out / "dist")
+    print(f"built in {out / 'dist'}: {', '.join(file.name for files in built.values() for file in files)}", flush=True)
     for version in options.versions or (named()[0], named()[-1]):
         print(f"Python {version}", flush=True)
         python = at_hand(version) or from_debian(version, out / f"python-{version}")
-        attempt(python, source, wheel, (python.root or out) / "try")
+        attempt(python, built, (python.root or out) / "try")
     print("the release can be installed and works")
 
 

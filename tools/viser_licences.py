@@ -1,4 +1,4 @@
-"""Collect the licences of what viser's client is made of, which recorded scenes have (`motorgrad.sim.panels`):
+"""Collect the licences of what viser's client is made of, which recorded scenes have (`timsim.panels`):
 `python -m tools.viser_licences`, once another version of viser is in constraints.txt.
 
 To see what is in it, the client of the installed viser is built once more, in a temporary folder.
@@ -12,10 +12,10 @@ from pathlib import Path
 
 import viser
 
-from tools.build_editor import SOURCES, npm
+from apps.timlab.tools.build_editor import SOURCES, npm
 
-LICENCES = Path(__file__).parents[1] / "src" / "motorgrad" / "sim" / "panels" / "viser-licences.txt"
-LEAST = (22, 15)  # the first Node with zstd, by which the client is compressed
+LICENCES = Path(__file__).parents[1] / "apps" / "timsim" / "src" / "timsim" / "panels" / "viser-licences.txt"
+MIN_NODE_VERSION = (22, 15)  # the first Node with zstd, by which the client is compressed
 CONFIG = """
 import { writeFileSync } from "node:fs";
 import own from "./vite.config.mts";
@@ -47,7 +47,7 @@ def main() -> int:
         (client / "with-licences.mts").write_text(CONFIG)
         get = ["ci", "--ignore-scripts", "--no-audit", "--no-fund"]
         build = ["exec", "--", "vite", "build", "--config", "with-licences.mts"]
-        if code := npm(client, get, build, least=LEAST):
+        if code := npm(client, get, build, least=MIN_NODE_VERSION):
             return code
         found = (client / "licences.txt").read_text(encoding="utf-8")
     own = importlib.metadata.distribution("viser")

@@ -19,7 +19,7 @@ from motorgrad.statistics import interquartile_mean, stratified_bootstrap
 from motorgrad.studies import ComparisonResults
 from tools.figures._style import COLOURS, FAINT, STYLE, panels
 
-LOOKS = [(colour, mark) for mark in "os^D" for colour in COLOURS]
+METHOD_STYLES = [(colour, mark) for mark in "os^D" for colour in COLOURS]
 """Colours and marks of methods in a figure."""
 LINES = {"o": "-", "s": "--", "^": ":", "D": "-."}
 """Lines in place of marks."""
@@ -72,7 +72,7 @@ def rates(results: ComparisonResults) -> Figure:
     methods = ("OLPOMDP", "OLGARB", "OLGARB, normalized", "OLGARB, Adam", "OLGARB, natural", "AC(λ)")
     figure, axes = panels(2, height=4.6, rows=2, sharex=True)
     for each, task in zip(axes.flat, shown, strict=True):
-        for (colour, _), method in zip(LOOKS, methods, strict=False):
+        for (colour, _), method in zip(METHOD_STYLES, methods, strict=False):
             rate, score = _by("learning_rate", results, (method, task))
             best = [score[rate == value].max() for value in np.unique(rate)]
             each.plot(np.unique(rate), np.maximum(best, FLOOR), color=colour, marker=".", label=method)
@@ -89,7 +89,7 @@ def traces(results: ComparisonResults) -> Figure:
     """What a decay earns on each task, at the best learning rate for it."""
     figure, axes = panels(3, height=2.8, sharey=True)
     for each, method in zip(axes, ("OLGARB", "OLGARB, natural", "AC(λ)"), strict=True):
-        for (colour, mark), task in zip(LOOKS, results.comparison.tasks, strict=False):
+        for (colour, mark), task in zip(METHOD_STYLES, results.comparison.tasks, strict=False):
             decay, score = _by("decay", results, (method, task))
             best = [score[decay == value].max() for value in np.unique(decay)]
             each.plot(np.unique(decay), np.maximum(best, FLOOR), LINES[mark], color=colour, marker=".", label=task)
@@ -105,7 +105,7 @@ def versus(*methods: str) -> Callable[[ComparisonResults], Figure]:
     def draw(results: ComparisonResults) -> Figure:
         names = list(results.comparison.tasks)
         figure, axes = panels(1, height=2.9)
-        for number, ((colour, mark), method) in enumerate(zip(LOOKS, methods, strict=False)):
+        for number, ((colour, mark), method) in enumerate(zip(METHOD_STYLES, methods, strict=False)):
             shift = (number - (len(methods) - 1) / 2) * 0.7 / len(methods)
             for task in results.tasks_of(method) if method in results.comparison.methods else ():
                 earned = results.normalized(task, results.earned((method, task)))[None]
@@ -126,7 +126,7 @@ def tuning(results: ComparisonResults) -> Figure:
     """The score to expect from the best of so many settings drawn from the grid, mean over the tasks."""
     figure, axes = panels(1, height=3.2)
     rows = results.tables["tuning"].to_pylist()
-    for (colour, mark), method in zip(LOOKS, results.methods, strict=False):
+    for (colour, mark), method in zip(METHOD_STYLES, results.methods, strict=False):
         own = [(row["settings"], row["score"]) for row in rows if row["method"] == method]
         axes.plot(*np.maximum(np.transpose(own), FLOOR), LINES[mark], color=colour, label=method)
     axes.set(xscale="log", xlabel="settings tried", ylabel="score of the best")
@@ -138,10 +138,11 @@ def cost(results: ComparisonResults) -> Figure:
     """The score of every method beside the processor time of a decision."""
     figure, axes = panels(1, height=3.4)
     rows = {row["method"]: row for row in _summary(results, "interquartile mean") if row["chosen"] == "tuned"}
-    for (colour, mark), method in zip(LOOKS, results.methods, strict=False):
+    for (colour, mark), method in zip(METHOD_STYLES, results.methods, strict=False):
         points = [results.judged_point((method, task)) for task in results.tasks_of(method)]
         each = [1e6 * results.cost("judging", point) for point in points]
-        row, seconds = rows[method], float(np.exp(np.mean(np.log(each))))
+        row = rows[method]
+        seconds = float(np.exp(np.mean(np.log(each))))
         axes.plot([seconds, seconds], [row["low"], row["high"]], color=colour)
         axes.plot(seconds, row["value"], mark, color=colour, label=method)
     axes.set(xscale="log", xlabel="processor time of a decision (µs), geometric mean over the tasks", ylabel="score")

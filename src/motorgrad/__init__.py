@@ -24,21 +24,19 @@ __version__ = "0.1.0"
 _ROOMS = (
     "bodies",
     "environments",
-    "experiments",
     "export",
-    "lab",
     "learning",
+    "plane",
     "policies",
     "presets",
     "search",
-    "sim",
     "statistics",
     "studies",
     "tasks",
     "training",
     "worlds",
 )
-_NAMES = {
+_SUBPACKAGES = {
     "Agent": "learning",
     "Comparison": "studies",
     "Run": "training",
@@ -63,18 +61,16 @@ __all__ = [
     "compare",
     "environments",
     "evaluate",
-    "experiments",
     "export",
-    "lab",
     "learning",
     "load",
     "make",
+    "plane",
     "policies",
     "presets",
     "resume",
     "rollout",
     "search",
-    "sim",
     "statistics",
     "studies",
     "tasks",
@@ -87,14 +83,12 @@ if TYPE_CHECKING:
     from motorgrad import (
         bodies,
         environments,
-        experiments,
         export,
-        lab,
         learning,
+        plane,
         policies,
         presets,
         search,
-        sim,
         statistics,
         studies,
         tasks,
@@ -110,8 +104,8 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name in _ROOMS:
         return importlib.import_module(f"motorgrad.{name}")
-    if name in _NAMES:
-        return getattr(importlib.import_module(f"motorgrad.{_NAMES[name]}"), name)
+    if name in _SUBPACKAGES:
+        return getattr(importlib.import_module(f"motorgrad.{_SUBPACKAGES[name]}"), name)
     raise AttributeError(f"module 'motorgrad' has no attribute {name!r}")
 
 

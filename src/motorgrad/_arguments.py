@@ -49,7 +49,8 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, Any], only
 @functools.cache
 def _kinds_of(function: Callable[..., Any]) -> dict[str, list[_Kind]]:
     """The kinds of each argument whose annotation says them."""
-    found, names = {}, vars(sys.modules[function.__module__])
+    found = {}
+    names = vars(sys.modules[function.__module__])
     for name, parameter in inspect.signature(function).parameters.items():
         several = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         if several or parameter.annotation is parameter.empty:
@@ -84,7 +85,8 @@ def _kinds(annotation: Any, names: Mapping[str, Any]) -> list[_Kind | None]:
 
 def _split(text: str) -> list[str]:
     """The alternatives of an annotation in words, which `|` outside brackets and quotes separates."""
-    pieces, depth = [""], 0
+    pieces = [""]
+    depth = 0
     for character in text.strip("'\""):
         depth += (character in "[(") - (character in "])")
         if character == "|" and not depth:

@@ -19,7 +19,7 @@ from motorgrad._running import RunningMean, add_observation, running_mean, stand
 
 Form = Literal["same", "clip", "choice", "sum", "each", "antagonists"]
 FORMS = get_args(Form)
-KINDS = ("binary", "discrete", "graded", "querying")
+CODE_KINDS = ("binary", "discrete", "graded", "querying")
 MAX_NUMBERS = 2**24
 """Numbers of a stored interface, in each of its arrays."""
 MAX_NAME_CHARACTERS = 1000
@@ -125,7 +125,8 @@ class ObservationCode(_Data):
     def of_table(cls, table: Any, where: str) -> Self:
         """The inverse of `table`. **Raises** `ValueError` that names what is wrong."""
         _check_keys(table, cls, where)
-        names, shape = _names(table["names"], f"{where}.names"), _shape(table["shape"], f"{where}.shape")
+        names = _names(table["names"], f"{where}.names")
+        shape = _shape(table["shape"], f"{where}.shape")
         size = len(names)
         offset, divisor = (_numbers(table[name], f"{where}.{name}", (size,)) for name in ("offset", "divisor"))
         check((divisor != 0).all(), f"{where}.divisor", table["divisor"], "numbers other than 0")
@@ -257,17 +258,20 @@ class ActionCode(_Data):
         """The inverse of `table`. **Raises** `ValueError` that names what is wrong."""
         _check_keys(table, cls, where)
         check_integer(f"{where}.size", table["size"], 1, MAX_NUMBERS)
-        size, kind = table["size"], table["kind"]
+        size = table["size"]
+        kind = table["kind"]
         if isinstance(kind, list):
             kind = tuple(kind)
             right = len(kind) == size and all(each in ("binary", "graded") for each in kind)
             check(right, f"{where}.kind", kind, f"'binary' or 'graded', {size} times")
         else:
-            check(kind in KINDS, f"{where}.kind", kind, f"one of {', '.join(KINDS)}")
+            check(kind in CODE_KINDS, f"{where}.kind", kind, f"one of {', '.join(CODE_KINDS)}")
         choice(f"{where}.form", table["form"], FORMS)
-        names, shape = _names(table["names"], f"{where}.names"), _shape(table["shape"], f"{where}.shape")
+        names = _names(table["names"], f"{where}.names")
+        shape = _shape(table["shape"], f"{where}.shape")
         check(len(names) in (0, size), f"{where}.names", len(names), f"{size} names, or none")
-        dtype, known = table["dtype"], ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32")
+        dtype = table["dtype"]
+        known = ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32")
         numbers = (*known, "uint64", "float16", "float32", "float64")
         check(dtype in numbers, f"{where}.dtype", dtype, "a type of numbers")
         n = math.prod(shape)

@@ -7,9 +7,9 @@ import unicodedata
 from collections.abc import Iterable
 from typing import Any
 
-LONGEST = 100  # characters of a value in a message
+MAX_VALUE_CHARACTERS = 100  # in a message
 MAX_PATH_CHARACTERS = 1000  # of a path that a message shows whole
-MOST = 40  # names in a message; of more, only the nearest are listed
+MAX_LISTED_NAMES = 40  # of more, only the nearest are listed
 OWN = "import the module that registers your own first, as motorgrad --import MODULE COMMAND"
 
 
@@ -71,7 +71,7 @@ def shown(value: Any) -> str:
         text = " ".join(repr(value).splitlines())
     except (ValueError, RecursionError):  # an integer of thousands of digits; deeply nested lists
         return f"{type(value).__name__} too large to show"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    return text if len(text) <= MAX_VALUE_CHARACTERS else f"{text[: MAX_VALUE_CHARACTERS - 1]}…"
 
 
 def shown_path(path: Any) -> str:
@@ -96,9 +96,9 @@ def unknown(
     **Arguments:** `registered`: whether users may add names of their own. The message then says how.
     """
     names = sorted(known)
-    if len(names) > MOST:
-        nearest = difflib.get_close_matches(str(name), names, n=MOST, cutoff=0)
-        listed = f"{', '.join(sorted(nearest))} and {len(names) - MOST} more"
+    if len(names) > MAX_LISTED_NAMES:
+        nearest = difflib.get_close_matches(str(name), names, n=MAX_LISTED_NAMES, cutoff=0)
+        listed = f"{', '.join(sorted(nearest))} and {len(names) - MAX_LISTED_NAMES} more"
     else:
         listed = ", ".join(names) or "none"
     near = list(meant) or (difflib.get_close_matches(name, names, n=1, cutoff=0.5) if isinstance(name, str) else [])

@@ -15,9 +15,14 @@ def installed(package: str) -> bool:
     return importlib.util.find_spec(package) is not None
 
 
+def install(extra: str) -> str:
+    """What to type to install an extra."""
+    return f"pip install 'motorgrad[{extra}]', or in a checkout python tools/install.py {extra}"
+
+
 def missing(what: str, package: str, extra: str) -> MissingExtra:
     """The error where `what` needs a package of an extra. `what` begins the message, with its verb: "TimSim needs"."""
-    return MissingExtra(f"{what} the package {package}: pip install '.[{extra}]'")
+    return MissingExtra(f"{what} the package {package}: {install(extra)}")
 
 
 def require(what: str, package: str, extra: str) -> None:

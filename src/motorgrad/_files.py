@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from motorgrad._errors import shown_path
-from motorgrad._limits import MOST_ARRAY_BYTES, MOST_JSON_BYTES, MOST_METRICS_BYTES, MOST_SETTINGS_BYTES
+from motorgrad._limits import MAX_ARRAY_BYTES, MAX_JSON_BYTES, MAX_METRICS_BYTES, MAX_SETTINGS_BYTES
 from motorgrad._reading import arrays_in, content_of, json_in, toml_in
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def changing(path: Path) -> Iterator[BinaryIO]:
             if os.fstat(stream.fileno()).st_nlink == 1:
                 yield stream
                 return
-        write_atomically(path, read_content(path, MOST_METRICS_BYTES))
+        write_atomically(path, read_content(path, MAX_METRICS_BYTES))
         with changing(path) as stream:
             yield stream
 
@@ -131,7 +131,7 @@ def write_arrays(path: Path, arrays: "Mapping[str, np.ndarray]") -> None:
 def read_arrays(path: Path) -> "dict[str, np.ndarray]":
     """Read a file written by `write_arrays`. **Raises** `ValueError` for a damaged file."""
     try:
-        return arrays_in(content_of(path, MOST_ARRAY_BYTES), MOST_ARRAY_BYTES)
+        return arrays_in(content_of(path, MAX_ARRAY_BYTES), MAX_ARRAY_BYTES)
     except ValueError as error:
         raise ValueError(f"{path}: damaged: {error}; delete it, and it is made again") from None
 
@@ -148,7 +148,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file. **Raises** `ValueError` that names the file and the problem."""
     try:
         # some editors begin a file with a byte order mark
-        return toml_in(content_of(path, MOST_SETTINGS_BYTES).decode("utf-8-sig"))
+        return toml_in(content_of(path, MAX_SETTINGS_BYTES).decode("utf-8-sig"))
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
@@ -160,7 +160,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def read_json(path: Path) -> Any:
     """Read a JSON file. **Raises** `ValueError` that names the file and the problem."""
     try:
-        return json_in(content_of(path, MOST_JSON_BYTES))
+        return json_in(content_of(path, MAX_JSON_BYTES))
     except ValueError as error:
         raise ValueError(f"{path}: damaged: {error}; delete it, or put it back") from None
 
@@ -178,7 +178,8 @@ def check_writable(name: str, path: Path, folder: bool = False) -> None:
             check_replaceable(path)
         above = path if path.is_dir() else next(parent for parent in path.absolute().parents if parent.exists())
     except OSError as error:  # a name too long, for example
-        why, above = error.strerror or str(error), Path()
+        why = error.strerror or str(error)
+        above = Path()
     if not why and not above.is_dir():
         why = f"{above} is a file"
     if not why and not os.access(above, os.W_OK | os.X_OK):

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from motorgrad._errors import unknown
+from motorgrad._extras import install
 
 _FAMILIES = re.compile(r"myo[A-Z]|motorFinger")
 _ATTACHED = re.compile("Attaching a spec with an empty prefix|Attach conflict when attaching")
@@ -65,7 +66,7 @@ def register() -> None:
             warnings.simplefilter("ignore")  # of its own dependencies
             import myosuite  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError as error:
-        raise ValueError(f"MyoSuite is not installed ({error}): pip install '.[myosuite]'") from None
+        raise ValueError(f"MyoSuite is not installed ({error}): {install('myosuite')}") from None
 
 
 def ids() -> list[str]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from motorgrad._errors import check, shown
-from motorgrad._limits import MOST_TABLE_COLUMNS, MOST_TABLE_PARTS
+from motorgrad._limits import MAX_PARQUET_CHUNKS, MAX_TABLE_COLUMNS
 from motorgrad._reading import check_unpacked, told
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ _DOUBLE = 7
 _TEXT = 8
 _LISTS = (9, 10)
 _TABLE = 12
-_DEEPEST = 16  # tables within tables; a head has fewer than five
+_MAX_TABLE_DEPTH = 16  # a head has fewer than five
 _UNPACKED = 2  # the number of a head's field: the bytes of its page, unpacked
 _PACKED = 3
 _GROUPS = 4  # of the foot of a file: its groups of rows
@@ -41,9 +41,9 @@ def parquet_in(content: bytes, most: int) -> "pa.Table":
     try:
         head = parquet.ParquetFile(pa.BufferReader(content))
         about, schema = head.metadata, head.schema_arrow
-        check(about.num_columns <= MOST_TABLE_COLUMNS, "columns", about.num_columns, f"at most {MOST_TABLE_COLUMNS:,}")
+        check(about.num_columns <= MAX_TABLE_COLUMNS, "columns", about.num_columns, f"at most {MAX_TABLE_COLUMNS:,}")
         parts = about.num_row_groups * about.num_columns
-        check(parts <= MOST_TABLE_PARTS, "groups of rows times columns", parts, f"at most {MOST_TABLE_PARTS:,}")
+        check(parts <= MAX_PARQUET_CHUNKS, "groups of rows times columns", parts, f"at most {MAX_PARQUET_CHUNKS:,}")
         columns = list(_columns(content))
         check(len(columns) == parts, "columns of all groups of rows", len(columns), f"{parts:,}, as many in each")
         numbers = sum(column[_VALUES] for column in columns)
@@ -84,7 +84,8 @@ def _with_texts(table: "pa.Table", schema: "pa.Schema", most: int) -> "pa.Table"
 
     size = table.nbytes
     for place, name in enumerate(table.column_names):
-        column, kind = table.column(place), schema.field(name).type
+        column = table.column(place)
+        kind = schema.field(name).type
         if column.type == kind or not pa.types.is_dictionary(column.type):
             continue
         for part in column.chunks:
@@ -153,7 +154,7 @@ def _size(fields: dict[int, int], number: int) -> int:
 def _table(content: bytes, place: int, depth: int = 0) -> tuple[int, dict[int, int], dict[int, tuple[int, int]]]:
     """Where a table of Thrift's compact protocol ends; its whole numbers, and the kinds and places of its other values,
     by the numbers of their fields."""
-    check(depth < _DEEPEST, "tables within a table", depth, f"less than {_DEEPEST}")
+    check(depth < _MAX_TABLE_DEPTH, "tables within a table", depth, f"less than {_MAX_TABLE_DEPTH}")
     wholes: dict[int, int] = {}
     others: dict[int, tuple[int, int]] = {}
     number = 0

@@ -14,10 +14,10 @@ SMALL = {"hidden": [64, 64], "activation": "tanh", "layer_norm": False, "sparsit
 """Hidden layers of policy and critic of batch methods."""
 DISCOUNT = 0.99
 """Of the critics with hidden layers, and of the sum by which their rewards are scaled."""
-MOST_KEPT = 300_000
-"""Observations that a learner with replay keeps at most."""
-MOST_PRODUCTS = 40
-"""Inputs up to which the critic sees the products of all pairs: they are 820 then."""
+MAX_REPLAY_CAPACITY = 300_000
+"""Observations that a learner with replay keeps."""
+MAX_PRODUCT_INPUTS = 40
+"""Inputs of which the critic sees the products of all pairs: they are 820 then."""
 POLICIES: dict[str, dict[str, Any]] = {
     "binary": {"kind": "hyperplanes", "features": FEATURES},
     "discrete": {"kind": "softmax", "features": FEATURES},
@@ -98,8 +98,9 @@ def horizon(task: Any, share: float) -> float:
 def natural(task: Any, steps: int, policy: Any = None, share: float = 1 / 2, entropy: float = 0.3) -> dict[str, Any]:
     """The preset `"natural"`: the natural actor-critic for any task, in proportion to a budget of `steps` decisions,
     with a horizon of a `share` of an episode."""
-    batch, ahead = min(1000, max(100, steps // 100)), horizon(task, share)
-    products = task.observation_size <= MOST_PRODUCTS
+    batch = min(1000, max(100, steps // 100))
+    ahead = horizon(task, share)
+    products = task.observation_size <= MAX_PRODUCT_INPUTS
     # the divergences of independent units add
     units = 1 if task.actions == "discrete" else task.action_size
     return natural_actor_critic(
@@ -128,7 +129,8 @@ def natural_network(task: Any, steps: int, policy: Any = None) -> dict[str, Any]
     """The preset `"natural-network"`: the preset `"natural"` with hidden layers in place of the policy's features, and
     with conjugate gradients, which need no matrix of all their parameters."""
     found = natural(task, steps, behind_layers(task, NETWORK, policy), share=1 / 5, entropy=0.1)
-    batch, kl = found["estimator"]["improve"], found["metric"]["kl"]
+    batch = found["estimator"]["improve"]
+    kl = found["metric"]["kl"]
     metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 5, "damping": 0.1, "kl": kl}
     return {**found, "metric": metric}
 
@@ -136,7 +138,8 @@ def natural_network(task: Any, steps: int, policy: Any = None) -> dict[str, Any]
 def stream_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
     """The preset `"stream-ac"`: stream-AC(lambda) with the numbers of its paper, which scale with nothing."""
     del steps
-    decay, network = 0.8, {"hidden": [128, 128], "standardise": True}
+    decay = 0.8
+    network = {"hidden": [128, 128], "standardise": True}
     return {
         "policy": behind_layers(task, network, policy),
         "estimator": {
@@ -160,7 +163,8 @@ def stream_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, 
 def intentional_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, Any]:
     """The preset `"intentional-ac"`: the streaming learner with steps of a given size in the output."""
     table = stream_actor_critic(task, steps, policy)
-    own, critic = table["estimator"], table["estimator"]["baseline"]
+    own = table["estimator"]
+    critic = table["estimator"]["baseline"]
     estimator = {
         **own,
         "baseline": {**critic, "fit": {"kind": "intentional-td", "fraction": 0.5}},
@@ -198,7 +202,9 @@ def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, An
         # swing about its target in place of holding it (docs/myosuite.md).
         own = {**own, "deviation": 0.5, "floor": 0.3, "autocorrelation": max(0.0, 1 - 15 / ahead)}
     hindsight = {"kind": "hindsight", "share": 2 / 3, "ahead": ahead, "others": 0.5}
-    start, every, batches = 1_000, 40, 10
+    start = 1_000
+    every = 40
+    batches = 10
     updates, last = (decisions // every * batches for decisions in (max(0, steps - start), steps // 8))
     return {
         "policy": own,
@@ -207,7 +213,7 @@ def soft_actor_critic(task: Any, steps: int, policy: Any = None) -> dict[str, An
             "improve": every,
             "values": {"discount": 1 - 1 / ahead, "network": network},
             "replay": {
-                "capacity": min(MOST_KEPT, max(1_000, 5 * steps // 4)),
+                "capacity": min(MAX_REPLAY_CAPACITY, max(1_000, 5 * steps // 4)),
                 "start": start,
                 "updates": batches,
                 "hindsight": None if task.hindsight is None else hindsight,

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 SAFE = {"PYTHONSAFEPATH": "1"}
 """The variable by which Python does not look for modules in the working folder. Unlike the flag `-P`, processes pass it
 on to those that they start: glfw, which MuJoCo loads, starts one when it is imported."""
+IMPORTED: list[str] = []
+"""The modules that `--import` named, which other processes of a command import, too."""
 
 
 @contextlib.contextmanager

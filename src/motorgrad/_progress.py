@@ -14,7 +14,7 @@ from rich.table import Column
 from rich.text import Text
 
 RECENT = 30.0  # seconds, from which the time left is estimated
-FEWEST = 20  # times something was done, likewise, where they took longer
+MIN_RECENT_COUNT = 20  # times something was done, likewise, where they took longer
 ENOUGH = 0.5  # seconds, before which an estimate would be a guess
 
 
@@ -60,9 +60,12 @@ class Progress:
         self._bar.update(self._id, completed=start, total=total)
         if start >= total:
             self._bar.update(self._id, facts="")
-        self._done, self._since = start, perf_counter()
+        self._done = start
+        self._since = perf_counter()
         self._recent = deque[tuple[float, int]]()  # seconds, and how much was done in them
-        self._seconds, self._made = 0.0, 0  # the sums
+        # the sums
+        self._seconds = 0.0
+        self._made = 0
 
     def update(self, done: int, facts: str, usual: bool = True) -> None:
         """Show that `done` is reached, with some `facts`.
@@ -71,7 +74,8 @@ class Progress:
         """
         if not self.shown:
             return
-        left, self._updated = self._time_left(done, usual), True
+        left = self._time_left(done, usual)
+        self._updated = True
         waiting = left is None and done < self.total
         in_bar = " · ".join(filter(None, [self.at_first if waiting else "", facts]))
         self._bar.update(self._id, completed=done, facts=in_bar, left=left)
@@ -84,7 +88,8 @@ class Progress:
 
     def _time_left(self, done: int, usual: bool) -> float | None:
         """Seconds left at the pace of late, or `None` as long as it is not known."""
-        now, made = perf_counter(), done - self._done
+        now = perf_counter()
+        made = done - self._done
         if made > 0:
             if usual:
                 self._note(now - self._since, made)
@@ -95,10 +100,12 @@ class Progress:
         """Take something done into the estimate, and leave out what was done longest ago."""
         recent = self._recent
         recent.append((seconds, made))
-        self._seconds, self._made = self._seconds + seconds, self._made + made
-        while len(recent) > FEWEST and self._seconds - recent[0][0] >= RECENT:
+        self._seconds = self._seconds + seconds
+        self._made = self._made + made
+        while len(recent) > MIN_RECENT_COUNT and self._seconds - recent[0][0] >= RECENT:
             seconds, made = recent.popleft()
-            self._seconds, self._made = self._seconds - seconds, self._made - made
+            self._seconds = self._seconds - seconds
+            self._made = self._made - made
 
     def __enter__(self) -> Self:
         self._bar.start()

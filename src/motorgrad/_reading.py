@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 from motorgrad._errors import check, shown
 from motorgrad._limits import (
-    MOST_DIGITS,
-    MOST_ENTRIES,
-    MOST_JSON_BYTES,
-    MOST_KEY_PARTS,
-    MOST_NESTED,
-    MOST_TABLE_COLUMNS,
+    MAX_INTEGER_DIGITS,
+    MAX_JSON_BYTES,
+    MAX_KEY_PARTS,
+    MAX_NESTING_DEPTH,
+    MAX_TABLE_COLUMNS,
+    MAX_ZIP_ENTRIES,
 )
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ ENTRY = b"PK\1\2"  # how every entry begins in the table of contents of a zip fi
 PLAIN = (0, 8)  # stored and deflated; the others are unpacked as a whole, however much it becomes
 LAST_CHARACTER = 0x10FFFF
 PIECE = 2**20  # bytes that are unpacked at a time
-LONGEST_OF_NONE = 2**20  # bytes of an array that has no numbers, if each length of 0 were 1
+MAX_EMPTY_ARRAY_BYTES = 2**20  # if each length of 0 were 1
 _PART = r"""(?>[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
-_LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-])(?:{_PART}\.[ \t]*+){{{MOST_KEY_PARTS}}}")
+_LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-])(?:{_PART}\.[ \t]*+){{{MAX_KEY_PARTS}}}")
 _DAMAGED = (
     EOFError,
     OverflowError,
@@ -72,7 +72,7 @@ def content_of(path: Path, most: int) -> bytes:
     return content
 
 
-def json_in(content: bytes | str, most: int = MOST_JSON_BYTES) -> Any:
+def json_in(content: bytes | str, most: int = MAX_JSON_BYTES) -> Any:
     """What a JSON text says."""
     _check_bytes(len(content), most)
     try:
@@ -86,7 +86,7 @@ def json_in(content: bytes | str, most: int = MOST_JSON_BYTES) -> Any:
 def toml_in(text: str) -> dict[str, Any]:
     """What a TOML text says."""
     if (key := _LONG_KEY.search(text)) is not None:
-        raise ValueError(f"key {shown(key[0])}: must be of at most {MOST_KEY_PARTS} names")
+        raise ValueError(f"key {shown(key[0])}: must be of at most {MAX_KEY_PARTS} names")
     try:
         found = tomllib.loads(text)
     except RecursionError:
@@ -97,16 +97,17 @@ def toml_in(text: str) -> dict[str, Any]:
 
 def check_plain(data: Any) -> None:
     """Refuse lists and tables nested too deeply, whole numbers too large to work with, and the dates of TOML."""
-    todo, largest = [(data, 0)], 10**MOST_DIGITS
+    todo = [(data, 0)]
+    largest = 10**MAX_INTEGER_DIGITS
     while todo:
         value, depth = todo.pop()
         if isinstance(value, dict | list):
-            if depth >= MOST_NESTED:
+            if depth >= MAX_NESTING_DEPTH:
                 raise ValueError(_TOO_DEEP)
             todo += [(each, depth + 1) for each in (value.values() if isinstance(value, dict) else value)]
         elif isinstance(value, int) and not -largest < value < largest:
             digits = int(value.bit_length() * math.log10(2)) + 1
-            raise ValueError(f"whole number of about {digits:,} digits: must be of at most {MOST_DIGITS}")
+            raise ValueError(f"whole number of about {digits:,} digits: must be of at most {MAX_INTEGER_DIGITS}")
         elif not (value is None or isinstance(value, int | float | str)):
             raise ValueError(f"{value}: must not be a date or a time, unless it is a text, in quotes")
 
@@ -116,7 +117,7 @@ def entries_in(content: bytes, most: int) -> "zipfile.ZipFile":
     import zipfile
 
     number = content.count(ENTRY)
-    check(number <= MOST_ENTRIES, "entries", number, f"at most {MOST_ENTRIES:,}")  # before they are listed
+    check(number <= MAX_ZIP_ENTRIES, "entries", number, f"at most {MAX_ZIP_ENTRIES:,}")  # before they are listed
     try:
         packed = zipfile.ZipFile(io.BytesIO(content))
     except (zipfile.BadZipFile, *_DAMAGED, NotImplementedError, OSError) as error:
@@ -160,7 +161,7 @@ def array_in(content: bytes) -> "np.ndarray":
         rest = len(content) - stream.tell()
         # numbers of no size could be any number, and an array of none of any length
         size = math.prod(max(length, 1) for length in shape) * max(dtype.itemsize, 1)
-        most = max(rest, LONGEST_OF_NONE) if 0 in shape else rest
+        most = max(rest, MAX_EMPTY_ARRAY_BYTES) if 0 in shape else rest
         fits = all(length >= 0 for length in shape) and (dtype.hasobject or size <= most)
         check(fits, "array", f"{shown(shape)} of {shown(str(dtype))}", f"of the {rest:,} bytes that there are")
         stream.seek(0)
@@ -186,7 +187,7 @@ def csv_in(content: bytes, most: int) -> "pa.Table":
     from pyarrow import csv
 
     columns = content.partition(b"\n")[0].count(b",") + 1
-    check(columns <= MOST_TABLE_COLUMNS, "columns", columns, f"at most {MOST_TABLE_COLUMNS:,}")
+    check(columns <= MAX_TABLE_COLUMNS, "columns", columns, f"at most {MAX_TABLE_COLUMNS:,}")
     check_unpacked(8 * (content.count(b",") + content.count(b"\n")), most)
     try:
         return csv.read_csv(pa.BufferReader(content))
@@ -194,7 +195,7 @@ def csv_in(content: bytes, most: int) -> "pa.Table":
         raise ValueError(f"not a CSV table: {told(error)}") from None
 
 
-_TOO_DEEP = f"nested too deeply: must be of at most {MOST_NESTED} lists and tables within each other"
+_TOO_DEEP = f"nested too deeply: must be of at most {MAX_NESTING_DEPTH} lists and tables within each other"
 
 
 def _check_bytes(size: int, most: int) -> None:

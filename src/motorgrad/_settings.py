@@ -13,7 +13,7 @@ from motorgrad._errors import check, shown, unknown
 from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in
 
 T = TypeVar("T")
-LARGEST = 3.4e38  # of single precision
+MAX_SINGLE_PRECISION = 3.4e38
 WHOLE = 2**63 - 1
 EXACT = 2**53  # the largest up to which a float is the one whole number that was written
 
@@ -26,7 +26,8 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | No
     **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type, or the key
     that is missing.
     """
-    given, fields = convert(cls, values, where, base), fields_of(cls)
+    given = convert(cls, values, where, base)
+    fields = fields_of(cls)
     for name, field in fields.items():
         if base is None and name not in given and default_of(field) is dataclasses.MISSING:
             raise ValueError(f"{_place(where, name)}: must be given")
@@ -50,7 +51,9 @@ def check_fields(instance: Any) -> None:
 
 def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = None) -> dict[str, Any]:
     """The values in the types of the fields of `cls`: `build` without making the instance."""
-    hints, fields, given = hints_of(cls), fields_of(cls), {}
+    hints = hints_of(cls)
+    fields = fields_of(cls)
+    given = {}
     for key, value in expanded(cls, values).items():
         if key not in fields:
             known = [*fields, *getattr(cls, "aliases", {})]
@@ -111,7 +114,8 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
     """Where tables within the table have a setting of this name."""
-    hints, found = hints_of(cls), []
+    hints = hints_of(cls)
+    found = []
     for name, field in fields_of(cls).items():
         default = default_of(field) if base is None else getattr(base, name)
         inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
@@ -154,7 +158,8 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         return default.with_setting(value, where)
     if (kinds := parts_in(hint)) and (_is_kind(hint, value) or _is_part_table(hint, value, default)):
         return _part(kinds, hint, value, where, default)
-    origin, options = typing.get_origin(hint), typing.get_args(hint)
+    origin = typing.get_origin(hint)
+    options = typing.get_args(hint)
     if hint is Any:
         return value
     if origin in (typing.Union, types.UnionType):
@@ -183,7 +188,12 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         return value
     if hint is float:
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        check(number and -LARGEST <= value <= LARGEST, where, value, "a finite number in single precision")
+        check(
+            number and -MAX_SINGLE_PRECISION <= value <= MAX_SINGLE_PRECISION,
+            where,
+            value,
+            "a finite number in single precision",
+        )
         return float(value)
     if hint is int:
         if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:  # 1e5

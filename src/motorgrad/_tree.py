@@ -110,10 +110,10 @@ class Part(eqx.Module):
     @classmethod
     def kinds(cls) -> dict[str, type["Part"]]:
         """The registered parts that may stand where a `cls` is wanted, by name."""
-        return KINDS.get(cls, {})
+        return PART_CLASSES.get(cls, {})
 
 
-KINDS: dict[type, dict[str, Any]] = {}
+PART_CLASSES: dict[type, dict[str, Any]] = {}
 """The registry: for every kind of part, the classes that may take its place, by name."""
 
 
@@ -131,16 +131,16 @@ def register(base: type[Part], name: str, part: Any) -> None:
     mg.learning.register(mg.learning.Trace, "my-trace", MyTrace)
     ```
     """
-    check(base in KINDS, "base", base, f"one of {', '.join(sorted(cls.__name__ for cls in KINDS))}")
+    check(base in PART_CLASSES, "base", base, f"one of {', '.join(sorted(cls.__name__ for cls in PART_CLASSES))}")
     check(isinstance(part, type) and issubclass(part, base), "part", part, f"a class that derives from {base.__name__}")
-    taken = KINDS[base].get(name, part)
+    taken = PART_CLASSES[base].get(name, part)
     check(taken is part, "name", name, f"another name: it is that of {getattr(taken, '__name__', taken)}")
-    KINDS[base][name] = part
+    PART_CLASSES[base][name] = part
 
 
 def kind_of(part: Part) -> str:
     """The registered name of a part's class; its full name in Python where it is not registered."""
-    for kinds in KINDS.values():
+    for kinds in PART_CLASSES.values():
         for name, cls in kinds.items():
             if cls is type(part):
                 return name
@@ -263,17 +263,20 @@ def is_live(tree: Any, path: str) -> bool:
 def metadata_at(tree: Any, path: str) -> Mapping[str, Any]:
     """What the field of the number at a path declares: its `range`, and more. **Raises** `ValueError` for an unknown
     path."""
-    node, metadata = tree, {}
+    node = tree
+    metadata = {}
     for name in path.split("."):
         if isinstance(node, Mapping):
             node = node[name]
         elif isinstance(node, tuple):
-            node, metadata = node[int(name)], {}
+            node = node[int(name)]
+            metadata = {}
         else:
             found = fields_of(type(node)) if isinstance(node, Part) else {}
             if name not in found:
                 raise unknown("number", path, numbers_of(tree))
-            node, metadata = getattr(node, name), found[name].metadata
+            node = getattr(node, name)
+            metadata = found[name].metadata
     return metadata
 
 

@@ -5,14 +5,13 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable
 from typing import Any, NoReturn
 
-from motorgrad._commands import COMMANDS, IMPORTED
 from motorgrad._consent import allow, allow_words
 from motorgrad._errors import NotTrusted, plain, shown_path
-from motorgrad._processes import SAFE
+from motorgrad._processes import IMPORTED, SAFE
 from motorgrad._signals import asked, interrupt_when_asked
+from motorgrad.commands import COMMANDS, command_named
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,9 +31,6 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"motorgrad {__version__}")
             status = 0
         else:
-            from motorgrad._errors import choice
-
-            choice("command", name, COMMANDS)
             with interrupt_when_asked():
                 status = _run(name, rest)
         sys.stdout.flush()
@@ -47,7 +43,7 @@ def _run(name: str, rest: list[str]) -> int:
     """Run a command. Where it would run code that a file names, ask at a terminal."""
     while True:
         try:
-            return _command(name)(rest)
+            return command_named(name)(rest)
         except NotTrusted as error:
             if not (error.names and sys.stdin.isatty() and sys.stderr.isatty()):
                 raise
@@ -60,7 +56,8 @@ def _run(name: str, rest: list[str]) -> int:
 
 def _after_imports(arguments: list[str]) -> list[str]:
     """Import the modules that `--import` names, before or after the command. Returns the other arguments."""
-    words, left = iter(arguments), []
+    words = iter(arguments)
+    left = []
     for word in words:
         flag, equals, name = word.partition("=")
         if flag == "--import":
@@ -88,7 +85,8 @@ def _import(name: str) -> None:
         if found is not None and Path(getattr(found, "__file__", None) or "").resolve() != file:
             raise ValueError(f"cannot import {name!r}: another module of this name is loaded, rename the file")
         _look_in(str(file.parent))
-        name, found = file.stem, importlib.util.find_spec(file.stem)
+        name = file.stem
+        found = importlib.util.find_spec(file.stem)
         if found is None or Path(found.origin or "").resolve() != file:
             raise ValueError(f"cannot import {name!r}: another module of this name is installed, rename the file")
     elif not all(map(str.isidentifier, name.split("."))):
@@ -127,13 +125,6 @@ def _answer(name: str, error: BaseException) -> int:
         print(f"motorgrad {plain(name)}: {told}", file=sys.stderr)
         return 2
     raise error
-
-
-def _command(name: str) -> Callable[[list[str]], int]:
-    """The function of a command. Each is a module, so that one command does not load what another needs."""
-    import importlib
-
-    return importlib.import_module(f"motorgrad._commands.{name}").run
 
 
 def _help() -> str:

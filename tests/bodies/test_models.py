@@ -15,10 +15,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from motorgrad import lab
+import timlab
 from motorgrad.bodies import Hopper, compile_model, read_model, to_mjcf
-from motorgrad.sim import live
 from motorgrad.tasks import Gymnasium
+from timsim import live
 
 BODY = '<body name="b"><joint name="j"/><geom name="g" size="0.1"/></body>'
 
@@ -345,8 +345,8 @@ def test_a_description_is_refused_likewise(entry, told):
         read_model,
         live.setup_of,
         lambda path: live.setup_of(str(path)),
-        lambda path: lab.MujocoModel(file=str(path)),
-        lambda path: lab.MujocoModel(path.read_text()),
+        lambda path: timlab.MujocoModel(file=str(path)),
+        lambda path: timlab.MujocoModel(path.read_text()),
         lambda path: Gymnasium("Ant-v5", {"xml_file": str(path)}),
         lambda path: Gymnasium("Reacher-v5", {"xml_file": str(path)}),
         lambda path: Gymnasium("CartPole-v1", {"any": str(path)}),

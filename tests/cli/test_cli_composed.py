@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._commands.sim import prepared
-from motorgrad._tree import KINDS
+from motorgrad._tree import PART_CLASSES
 from motorgrad.cli import main
 from motorgrad.tasks import terms
+from timsim._commands.sim import prepared
 
 REACH = """
 body = "arm.xml"
@@ -107,7 +107,7 @@ def test_a_module_may_be_imported_after_the_command(folder, monkeypatch, capsys)
     )
     (folder / "tasks" / "reach.toml").write_text(REACH.replace('readings = ["', 'readings = ["none-at-all", "'))
     monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.setitem(KINDS, terms.Quantity, {**KINDS[terms.Quantity]})
+    monkeypatch.setitem(PART_CLASSES, terms.Quantity, {**PART_CLASSES[terms.Quantity]})
     assert status("train", "--task", "tasks/reach.toml", "--check") == 2
     assert status("train", "--task", "tasks/reach.toml", "--import", "my_terms", "--check") == 0
     assert "none-at-all" in capsys.readouterr().out

@@ -10,13 +10,13 @@ import tomli_w
 
 import motorgrad as mg
 from motorgrad._docstrings import descriptions
-from motorgrad._tree import KINDS, fields_of
+from motorgrad._tree import PART_CLASSES, fields_of
 from motorgrad.cli import COMMANDS, main
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 from motorgrad.training import agent_for, policy_settings
 
-PARTS = {cls: None for kinds in KINDS.values() for cls in kinds.values()}
+PARTS = {cls: None for kinds in PART_CLASSES.values() for cls in kinds.values()}
 PAGE = Path(__file__).parents[2] / "docs" / "configuration.md"
 
 

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._commands import COMMANDS
-from motorgrad._commands._results import print_place, summary, summary_text
 from motorgrad._docstrings import attribute_texts, descriptions
 from motorgrad._errors import counted
 from motorgrad._settings import as_hinted, default_of
-from motorgrad._tree import KINDS, fields_of
+from motorgrad._tree import PART_CLASSES, fields_of
 from motorgrad.cli import main
-from motorgrad.experiments import EXPERIMENTS
+from motorgrad.commands import COMMANDS, command_named
 from motorgrad.learning import SGD, Adam
+from motorgrad.options import print_place, summary, summary_text
 from motorgrad.policies import motoneurons
 from motorgrad.tasks import TASKS, from_gymnasium
 from motorgrad.training import agent_for
+from motorgrad_thesis import EXPERIMENTS
 
 
 def said(capsys, *arguments: str) -> tuple[int, str]:
@@ -42,7 +42,7 @@ def tables(cls: type) -> list[type]:
     return [cls, *(found for kind in inner if dataclasses.is_dataclass(kind) for found in tables(kind))]
 
 
-PARTS = [cls for kinds in KINDS.values() for cls in kinds.values()]
+PARTS = [cls for kinds in PART_CLASSES.values() for cls in kinds.values()]
 SETTINGS = {found: None for cls in (*EXPERIMENTS.values(), *TASKS.values(), *PARTS) for found in tables(cls)}
 
 
@@ -259,7 +259,7 @@ def test_a_warning_is_one_line_without_the_place_in_the_code(tmp_path):
 
 def test_every_text_of_an_option_is_a_sentence():
     for name in COMMANDS:
-        module = importlib.import_module(f"motorgrad._commands.{name}")
+        module = importlib.import_module(command_named(name).__module__)
         classes = [value for value in vars(module).values() if dataclasses.is_dataclass(value)]
         for cls in (each for each in classes if each.__module__ == module.__name__):
             for option, text in attribute_texts(cls).items():

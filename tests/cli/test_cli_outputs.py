@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from motorgrad._commands import COMMANDS
-from motorgrad._commands._configuration import ASKED
-from motorgrad._commands._outputs import OUTPUTS
 from motorgrad.cli import main
+from motorgrad.commands import COMMANDS, command_named
+from motorgrad.options import ASKED, OUTPUTS
 
 READ = {"run", "runs", "runs_beside", "resume", "study", "motion"}
 """Options with the path of something that is read, or, as `resume`, continued where it is a run."""
@@ -39,7 +38,7 @@ def write(path, text):
 def classes():
     """Every class of options, by its command."""
     for command in COMMANDS:
-        module = importlib.import_module(f"motorgrad._commands.{command}")
+        module = importlib.import_module(command_named(command).__module__)
         for cls in vars(module).values():
             if (
                 isinstance(cls, type)

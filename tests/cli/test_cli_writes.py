@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad import lab, sim
+import timlab
+import timsim
 from motorgrad.cli import main
 
 FULL = os.strerror(errno.ENOSPC)
@@ -104,7 +105,7 @@ def contents():
 @pytest.mark.filterwarnings("ignore::motorgrad.training.RunWarning")
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.ci] * (name in SLOW)) for name in COMMANDS])
 def test_a_command_that_cannot_write_says_so_and_loses_nothing(name, disk, capsys, monkeypatch):
-    monkeypatch.setattr("motorgrad._commands.bench.speed_table", lambda quick: [])  # it measures for minutes
+    monkeypatch.setattr("motorgrad.commands.bench.speed_table", lambda quick: [])  # it measures for minutes
     command, written = COMMANDS[name]
     status = room = -1
     for room in disk.tries():
@@ -128,9 +129,9 @@ def test_a_command_that_cannot_write_says_so_and_loses_nothing(name, disk, capsy
 
 
 def _diagram():
-    diagram = lab.Diagram()
-    diagram.add("one", lab.Constant())
-    diagram.add("recorder", lab.Recorder())
+    diagram = timlab.Diagram()
+    diagram.add("one", timlab.Constant())
+    diagram.add("recorder", timlab.Recorder())
     diagram.connect("one.y", "recorder.u")
     return diagram
 
@@ -139,16 +140,16 @@ def _motion():
     model = mg.bodies.read_model(
         "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='0.1'/></body></worldbody></mujoco>"
     )
-    return sim.Motion(model, np.arange(3) / 10, np.zeros((3, 1)), np.zeros((3, 0)))
+    return timsim.Motion(model, np.arange(3) / 10, np.zeros((3, 1)), np.zeros((3, 0)))
 
 
 LIBRARY = {
-    "out.json": lambda: lab.save(_diagram(), "out.json"),
+    "out.json": lambda: timlab.save(_diagram(), "out.json"),
     "out.npz": lambda: mg.load("run").policy().export("out.npz"),
     "out.svg": lambda: mg.load("run").plot(path="out.svg"),
-    "out.gif": lambda: sim.write_film(_motion(), "out.gif", width=64, height=64, renderer="drawn"),
-    "out.png": lambda: sim.still(_motion(), 0, "out.png", width=64, height=64, renderer="drawn"),
-    "out.html": lambda: sim.write_replay(_motion(), "out.html"),
+    "out.gif": lambda: timsim.write_film(_motion(), "out.gif", width=64, height=64, renderer="drawn"),
+    "out.png": lambda: timsim.still(_motion(), 0, "out.png", width=64, height=64, renderer="drawn"),
+    "out.html": lambda: timsim.write_replay(_motion(), "out.html"),
 }
 """What the library writes, beside what the commands do."""
 

@@ -7,7 +7,7 @@ import pytest
 from compiled_learner import decided, started, told
 from scipy.special import softmax
 
-from motorgrad import lab
+import timlab
 from motorgrad.learning import (
     SGD,
     ActionTransitions,
@@ -130,8 +130,8 @@ def test_it_finds_the_best_policy():
 
 
 def test_timlab_has_no_block_for_it_as_no_block_tells_probabilities():
-    assert "action-transitions baseline" not in lab.BLOCKS
-    assert "mean baseline" in lab.BLOCKS
+    assert "action-transitions baseline" not in timlab.BLOCKS
+    assert "mean baseline" in timlab.BLOCKS
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from compiled_learner import started, told
 from scipy.special import expit
 
-from motorgrad import lab
+import timlab
 from motorgrad.learning import (
     ActionTransitions,
     Agent,
@@ -132,7 +132,7 @@ def test_a_diverged_reward_teaches_it_nothing_and_an_episode_ends_without_forget
             lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(LearnedTrace())),
             "trace = .*: must be Exponential or Episodic",
         ),
-        (lambda: lab.LearnedTrace(newest=True), "newest = True: must be False"),
+        (lambda: timlab.LearnedTrace(newest=True), "newest = True: must be False"),
     ],
 )
 def test_impossible_settings_are_refused_by_name(make, said):

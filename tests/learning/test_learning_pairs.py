@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from motorgrad._tree import KINDS
+from motorgrad._tree import PART_CLASSES
 from motorgrad.learning import Baseline, Centring, CriticFit, Metric, Optimizer, StepBound, Trace
 from motorgrad.tasks import ThreeState
 from motorgrad.training import agent_for
@@ -17,18 +17,18 @@ TASK = ThreeState(time_limit=5)
 
 def of(place, base, **more):
     """Every registered part of a kind, as a setting of a learner."""
-    return [{place: {"kind": name}, **more} for name in KINDS[base]]
+    return [{place: {"kind": name}, **more} for name in PART_CLASSES[base]]
 
 
 def critics(kind, field, base):
-    return [{"baseline": {"kind": kind, field: {"kind": name}}} for name in KINDS[base]]
+    return [{"baseline": {"kind": kind, field: {"kind": name}}} for name in PART_CLASSES[base]]
 
 
 CHOICES = {
     "trace": of("trace", Trace),
     "baseline": [
         {"baseline": {"kind": "constant", "value": 0.5}},
-        *({"baseline": name} for name in KINDS[Baseline] if name != "constant"),
+        *({"baseline": name} for name in PART_CLASSES[Baseline] if name != "constant"),
         *critics("critic", "fit", CriticFit),
         *critics("network-critic", "fit", CriticFit),
         *critics("critic", "centring", Centring),

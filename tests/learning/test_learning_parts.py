@@ -11,7 +11,7 @@ import pytest
 from compiled_learner import started
 
 from motorgrad._docstrings import descriptions
-from motorgrad._tree import KINDS, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
+from motorgrad._tree import PART_CLASSES, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
 from motorgrad.learning import (
     ActionValueEnsemble,
     ActionValueGradient,
@@ -75,7 +75,7 @@ class Accumulating(Trace):
 
 
 # a part of one's own is tested as ours are
-EVERY = [*((base, name) for base, parts in KINDS.items() for name in parts), (Trace, "test-accumulating")]
+EVERY = [*((base, name) for base, parts in PART_CLASSES.items() for name in parts), (Trace, "test-accumulating")]
 # composed tasks have tests of their own
 PARTS = [(base, name) for base, name in EVERY if base not in (Observation, Quantity, Reset, Target)]
 FEW = ("Trace-test-accumulating",)
@@ -101,7 +101,7 @@ def of_parts(*quick):
 def _registered():
     register(Trace, "test-accumulating", Accumulating)
     yield
-    del KINDS[Trace]["test-accumulating"]
+    del PART_CLASSES[Trace]["test-accumulating"]
     clear_programs()
 
 
@@ -131,7 +131,7 @@ def narrow_soft(values=None, replay=None, entropy_target=None):
 
 def agent_with(base, name):
     """A learner that has the part in its place, and a task for it."""
-    cls = KINDS[base][name]
+    cls = PART_CLASSES[base][name]
     recruitment = LinearRecruitment(units=3)
     if base in (Growth, Criterion, Visited):
         policy = NamedPolicy(recruitment, "growing", {"units": 3})
@@ -195,7 +195,7 @@ def nudged(agent):
 
 @every_part_and_term
 def test_every_field_is_documented(base, name):
-    cls = KINDS[base][name]
+    cls = PART_CLASSES[base][name]
     said = descriptions(cls)
     assert [field for field in fields_of(cls) if not said.get(field)] == []
     assert (cls.__doc__ or "").strip()
@@ -214,7 +214,7 @@ def test_a_saved_learner_is_the_same(base, name):
 
 @every_part_and_term
 def test_a_value_outside_its_range_is_refused(base, name):
-    cls = KINDS[base][name]
+    cls = PART_CLASSES[base][name]
     part = None if base is Agent else made(cls)
     for field, declared in fields_of(cls).items():
         bad = []

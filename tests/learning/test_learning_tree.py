@@ -34,9 +34,9 @@ from motorgrad.learning import (
     static,
 )
 from motorgrad.policies import Softmax, trainable
-from motorgrad.sim.live._learner import agent_numbers
 from motorgrad.tasks import ThreeState
 from motorgrad.training import agent_for, agent_from_table, agent_table, stepper_for
+from timsim.live._learner import agent_numbers
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 RICH = Agent(

@@ -202,7 +202,7 @@ def test_what_can_be_exported_is_offered(tmp_path):
 
 def test_a_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnx", None)  # an import of it fails
-    with pytest.raises(RuntimeError, match=r"needs the package onnx: pip install '\.\[onnx\]'"):
+    with pytest.raises(RuntimeError, match=r"needs the package onnx: pip install 'motorgrad\[onnx\]'"):
         hyperplanes(2, 1).export(tmp_path / "policy.onnx")
 
 

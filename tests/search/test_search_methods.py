@@ -232,5 +232,5 @@ def test_impossible_settings_are_refused_by_name(make, message):
 )
 def test_where_a_package_is_missing_the_extra_is_named(monkeypatch, make, message):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(RuntimeError, match=rf"{message}: pip install '\.\[search\]'"):
+    with pytest.raises(RuntimeError, match=rf"{message}: pip install 'motorgrad\[search\]'"):
         make()

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import motorgrad as mg
 from motorgrad._settings import build, table
-from motorgrad._tree import KINDS
+from motorgrad._tree import PART_CLASSES
 from motorgrad.bodies import Mjcf
 from motorgrad.learning import Agent
 from motorgrad.policies import bounded_hyperplanes
@@ -332,11 +332,11 @@ def test_terms_end_episodes(control):
 @pytest.fixture
 def registry():
     """The registered terms, put back afterwards."""
-    before = {base: dict(kinds) for base, kinds in KINDS.items()}
+    before = {base: dict(kinds) for base, kinds in PART_CLASSES.items()}
     yield
     for base, kinds in before.items():
-        KINDS[base].clear()
-        KINDS[base].update(kinds)
+        PART_CLASSES[base].clear()
+        PART_CLASSES[base].update(kinds)
 
 
 def test_a_term_of_ones_own_is_one_function_and_one_line(registry, control):
@@ -382,7 +382,7 @@ def test_a_term_of_ones_own_is_one_function_and_one_line(registry, control):
 
 def test_every_term_has_a_page_of_arguments():
     for base in (terms.Observation, terms.Target, terms.Quantity, terms.Reset):
-        for name, kind in KINDS[base].items():
+        for name, kind in PART_CLASSES[base].items():
             assert "**Arguments:**" in kind.__doc__, name
 
 

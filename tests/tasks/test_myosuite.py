@@ -202,7 +202,7 @@ def test_without_the_extra_the_error_has_the_command(monkeypatch, make):
     mjcf._of_myosuite.cache_clear()
     monkeypatch.setitem(sys.modules, "myosuite", None)
     monkeypatch.delitem(gymnasium.registry, FINGER, raising=False)
-    with pytest.raises(ValueError, match=r"MyoSuite is not installed .*: pip install '\.\[myosuite\]'"):
+    with pytest.raises(ValueError, match=r"MyoSuite is not installed .*: pip install 'motorgrad\[myosuite\]'"):
         make(FINGER)
 
 

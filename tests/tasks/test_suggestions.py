@@ -7,7 +7,7 @@ import pytest
 import motorgrad as mg
 from motorgrad.tasks import compose, suggestions
 
-LEG = Path(__file__).parents[1] / "sim" / "leg.xml"
+LEG = Path(__file__).parents[2] / "apps" / "timsim" / "tests" / "leg.xml"
 STANDING, MOVING = ["keep upright", "move along x"], ["reach a place", "hold a pose"]
 
 

@@ -11,9 +11,9 @@ import pytest
 from pyarrow import csv
 
 import motorgrad as mg
-from motorgrad.sim import read_motion
 from motorgrad.tasks import Composed
-from motorgrad.training.rollout._rows import Rows
+from motorgrad.training.rollouts._rows import Rows
+from timsim import read_motion
 
 LIGHT = {"estimator": "olgarb", "metric": None, "averaging": None}  # a learner that is compiled quickly
 ARM = dataclasses.replace(Composed(), time_limit=0.1, action_period=0.01, actions="binary")

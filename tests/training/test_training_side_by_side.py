@@ -13,9 +13,9 @@ import motorgrad as mg
 from motorgrad._compiler import in_one_piece
 from motorgrad.tasks import Hopper
 from motorgrad.training import BodyStepper, SideBySide, agent_for, clear_programs
-from motorgrad.training.engines._side_by_side import MOST
+from motorgrad.training.engines._side_by_side import MAX_SEEDS_PER_ENGINE
 
-SEEDS = [*range(20, 20 + MOST), 3]  # one more than an engine takes
+SEEDS = [*range(20, 20 + MAX_SEEDS_PER_ENGINE), 3]  # one more than an engine takes
 TASK = Hopper(time_limit=0.5)
 AGENT = agent_for(TASK)
 

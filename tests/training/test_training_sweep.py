@@ -351,7 +351,7 @@ def test_programs_are_shared_by_the_same_task_structure_and_mode_alone():
 
 def test_programs_used_longest_ago_are_dropped(monkeypatch):
     clear_programs()
-    monkeypatch.setattr(_programs, "MOST", 2)
+    monkeypatch.setattr(_programs, "MAX_KEPT_PROGRAMS", 2)
     tasks = [mg.make("chain", length=length) for length in (3, 4, 5)]
     first, second, third = (stepper_for(task, agent_for(task), [0]).program for task in tasks)
     assert stepper_for(tasks[2], agent_for(tasks[2]), [0]).program is third

@@ -118,7 +118,7 @@ def test_a_continued_run_is_brought_up_to_date(tmp_path):
 def test_the_missing_package_is_named(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "tensorboard", None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(RuntimeError, match=r"pip install '\.\[tensorboard\]'"):
+    with pytest.raises(RuntimeError, match=r"pip install 'motorgrad\[tensorboard\]'"):
         write_tensorboard(run, tmp_path / "events")
     assert not (tmp_path / "events").exists()
 
@@ -166,6 +166,6 @@ def test_a_run_in_memory_keeps_no_files():
 
 def test_the_missing_package_is_named_before_training(tmp_path, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(RuntimeError, match=r"pip install '\.\[tensorboard\]'"):
+    with pytest.raises(RuntimeError, match=r"pip install 'motorgrad\[tensorboard\]'"):
         mg.train("chain", steps=10, out=tmp_path / "run", tensorboard=True)
     assert not (tmp_path / "run").exists()

@@ -16,7 +16,7 @@ from training_examples import NEVER, PLAIN, change_facts, checkpoints
 
 import motorgrad as mg
 from motorgrad import _consent
-from motorgrad._commands import IMPORTED
+from motorgrad._processes import IMPORTED
 from motorgrad.cli import main
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import NotTrusted

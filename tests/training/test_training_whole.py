@@ -16,6 +16,7 @@ import pytest
 from whole_examples import CASES, learned, task_of
 
 import motorgrad as mg
+import timlab
 from compiled_c import CompiledC, needs_compiler
 from motorgrad._random import draw_block, key_of
 from motorgrad.environments import TaskEnv
@@ -154,7 +155,7 @@ class Unit:
         import fmpy
         from fmpy.fmi2 import FMU2Slave
 
-        mg.lab.write_fmu(policy, path)
+        timlab.write_fmu(policy, path)
         about = fmpy.read_model_description(str(path))
         self.variables = {each.name: each for each in about.modelVariables}
         self.given, self.shown = (
@@ -197,7 +198,7 @@ def test_a_mock_up_unit_keeps_the_memory_of_a_policy(tmp_path):
     for observation in rng.random((8, policy.observation_size)):
         np.testing.assert_array_equal(unit.act(observation)[0], actor.act(observation))
     with pytest.raises(ValueError, match="interface = 'model exchange': must be 'co-simulation' for a policy"):
-        mg.lab.write_fmu(policy, tmp_path / "other.fmu", interface="model exchange")
+        timlab.write_fmu(policy, tmp_path / "other.fmu", interface="model exchange")
 
 
 def test_names_from_elsewhere_do_not_end_the_comment_of_a_c_file(tmp_path):

@@ -12,24 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad import lab
+import timlab
 from motorgrad._files import write_atomically
 from tools.accuracy._systems import SYSTEMS, System, noisy, spectrum_exact
 
 ROOT = Path(__file__).parents[2]
-DATA, PAGE = ROOT / "docs" / "data" / "lab-accuracy.json", ROOT / "docs" / "lab" / "accuracy.md"
+DATA = ROOT / "docs" / "data" / "lab-accuracy.json"
+PAGE = ROOT / "docs" / "lab" / "accuracy.md"
 MARKS = "<!-- table -->\n", "<!-- end of table -->\n"
 TOLERANCES = (1e-6, 1e-9, 1e-12)
-SEEDS, FEW = 1000, 20
+SEEDS = 1000
+FEW = 20
 NOISY = 1152  # ticks of a run of noise
 
 
 def ours(system: System, solver: str, tolerance: float, seeds: int = 1) -> dict[str, Any]:
     """The error and the processor seconds of a run of TimLab: the least of three, after compilation."""
     settings = {"relative_tolerance": tolerance, "absolute_tolerance": tolerance * 1e-3}
-    run = lab.Run(system.build(solver=solver, precision="double", **settings), seeds=seeds)
+    run = timlab.Run(system.build(solver=solver, precision="double", **settings), seeds=seeds)
     run.compile()
-    took, error = [], math.inf
+    took = []
+    error = math.inf
     for _ in range(3):
         run.reset()
         begin = time.process_time()
@@ -42,7 +45,8 @@ def ours(system: System, solver: str, tolerance: float, seeds: int = 1) -> dict[
 def spectrum_error(values: np.ndarray, lead: int = 128) -> float:
     """The largest relative error of the spectrum of some runs, in eight bands, after the first `lead` ticks."""
     values = values[:, lead:]
-    ticks, window = values.shape[1], np.hanning(values.shape[1])
+    ticks = values.shape[1]
+    window = np.hanning(values.shape[1])
     power = (np.abs(np.fft.rfft(values * window)) ** 2).mean(0) * 0.1 / (window**2).sum()
     exact = spectrum_exact(np.fft.rfftfreq(ticks, 0.1))
     bands = np.array_split(np.arange(8, ticks // 2), 8)
@@ -55,9 +59,10 @@ def noise() -> dict[str, Any]:
 
     rows = []
     for seeds in (1, FEW, SEEDS):
-        run = lab.Run(noisy(), seeds=seeds)
+        run = timlab.Run(noisy(), seeds=seeds)
         run.compile()
-        took, values = [], np.zeros(0)
+        took = []
+        values = np.zeros(0)
         for _ in range(3):
             run.reset()
             begin = time.process_time()
@@ -66,7 +71,8 @@ def noise() -> dict[str, Any]:
         row = {"solver": "rk4", "tolerance": None, "seconds": min(took), "seeds": seeds}
         rows.append(row | {"error": spectrum_error(values)})
     runs = [noise_of_peer(NOISY, 0.1, seed) for seed in range(FEW)]
-    error, seconds = spectrum_error(np.stack([values for values, _ in runs])), min(took for _, took in runs)
+    error = spectrum_error(np.stack([values for values, _ in runs]))
+    seconds = min(took for _, took in runs)
     peer = {"solver": "RK4", "tolerance": None, "error": error, "seconds": seconds, "seeds": FEW}
     return {"ours": rows, "peer": peer}
 
@@ -77,7 +83,8 @@ def measure(budget: float) -> None:
 
     found: dict[str, Any] = {}
     for system in SYSTEMS:
-        peers, left = [], budget
+        peers = []
+        left = budget
         for solver, tolerance in (("RK4", None), ("RKDP87", 1e-6), ("RKDP87", 1e-10), ("GEAR52A", 1e-6)):
             if left > 0 and (not system.stiff or solver == "GEAR52A"):
                 peers.append(measured(system, solver, tolerance))

@@ -35,7 +35,8 @@ Parts = tuple[list[Any], list[Any], list[Any], Any]
 def from_equations(system: System, tick: float, seen: Function | None = None) -> Parts:
     """Differential equations: an integrator and a function for each state. The scope sees the first state, or what
     function of all of them is `seen`."""
-    names, scope = tuple(system.equations), Scope(sampling_period=tick)
+    names = tuple(system.equations)
+    scope = Scope(sampling_period=tick)
     states = [Integrator(initial) for _, initial in system.equations.values()]
     slopes = [Function(python_of(formula, names)) for formula, _ in system.equations.values()]
     wires = [
@@ -55,7 +56,10 @@ def pendulum(system: System, tick: float) -> Parts:
 
 def ball(system: System, tick: float) -> Parts:
     """The bouncing ball."""
-    gravity, speed, height, scope = Constant(-9.81), Integrator(0.0), Integrator(1.0), Scope(sampling_period=tick)
+    gravity = Constant(-9.81)
+    speed = Integrator(0.0)
+    height = Integrator(1.0)
+    scope = Scope(sampling_period=tick)
 
     def bounce(now: float) -> None:
         height.engine.set(np.abs(height.engine.get()))
@@ -68,8 +72,11 @@ def ball(system: System, tick: float) -> Parts:
 
 def relay(system: System, tick: float) -> Parts:
     """The lag under a relay."""
-    switch, gain, level = Relay(0.5, -0.5, -2.0, 2.0), Amplifier(-1.0), Integrator(0.0)
-    total, scope = Adder(), Scope(sampling_period=tick)
+    switch = Relay(0.5, -0.5, -2.0, 2.0)
+    gain = Amplifier(-1.0)
+    level = Integrator(0.0)
+    total = Adder()
+    scope = Scope(sampling_period=tick)
     wires = [Connection(switch, total[0]), Connection(gain, total[1]), Connection(total, level)]
     wires += [Connection(level, switch, gain, scope)]
     return [switch, gain, level, total, scope], wires, [], scope
@@ -77,8 +84,13 @@ def relay(system: System, tick: float) -> Parts:
 
 def sampled(system: System, tick: float) -> Parts:
     """The controller that samples."""
-    wanted, error, gain, hold = Constant(1.0), Adder("+-"), Amplifier(5.0), SampleHold(0.1)
-    net, level, scope = Adder("+-"), Integrator(0.0), Scope(sampling_period=tick)
+    wanted = Constant(1.0)
+    error = Adder("+-")
+    gain = Amplifier(5.0)
+    hold = SampleHold(0.1)
+    net = Adder("+-")
+    level = Integrator(0.0)
+    scope = Scope(sampling_period=tick)
     wires = [Connection(wanted, error[0]), Connection(level, error[1], net[1], scope), Connection(error, gain)]
     wires += [Connection(gain, hold), Connection(hold, net[0]), Connection(net, level)]
     return [wanted, error, gain, hold, net, level, scope], wires, [], scope
@@ -86,7 +98,10 @@ def sampled(system: System, tick: float) -> Parts:
 
 def spiking(system: System, tick: float) -> Parts:
     """The neuron."""
-    current, net, level, scope = Constant(1.5), Adder("+-"), Integrator(0.0), Scope(sampling_period=tick)
+    current = Constant(1.5)
+    net = Adder("+-")
+    level = Integrator(0.0)
+    scope = Scope(sampling_period=tick)
     fires = ZeroCrossingUp(
         func_evt=lambda now: float(level.engine.get()[0]) - 1.0,
         func_act=lambda now: level.engine.set(np.zeros(1)),
@@ -98,9 +113,13 @@ def spiking(system: System, tick: float) -> Parts:
 
 def stick_slip(system: System, tick: float) -> Parts:
     """The mass on the floor: one event begins a slip, the other ends it."""
-    pull, stretch, spring = Source(lambda now: PULL * now), Adder("+-"), Amplifier(STIFFNESS)
+    pull = Source(lambda now: PULL * now)
+    stretch = Adder("+-")
+    spring = Amplifier(STIFFNESS)
     slips = [False]
-    push, speed, place = Function(lambda force: force - KINETIC if slips[0] else 0.0), Integrator(0.0), Integrator(0.0)
+    push = Function(lambda force: force - KINETIC if slips[0] else 0.0)
+    speed = Integrator(0.0)
+    place = Integrator(0.0)
     scope = Scope(sampling_period=tick)
 
     def slip(now: float) -> None:
@@ -128,16 +147,21 @@ def stick_slip(system: System, tick: float) -> Parts:
 
 def delayed(system: System, tick: float) -> Parts:
     """The level less 1, because PathSim's `Delay` begins with 0."""
-    level, past, back = Integrator(0.0), Delay(1.0), Function(lambda past: -1 - past)
-    above, scope = Function(lambda level: level + 1), Scope(sampling_period=tick)
+    level = Integrator(0.0)
+    past = Delay(1.0)
+    back = Function(lambda past: -1 - past)
+    above = Function(lambda level: level + 1)
+    scope = Scope(sampling_period=tick)
     wires = [Connection(level, past, above), Connection(past, back), Connection(back, level), Connection(above, scope)]
     return [level, past, back, above, scope], wires, [], scope
 
 
 def noise(ticks: int, tick: float, seed: int) -> tuple[np.ndarray, float]:
     """A run of white noise through a lag of 1 s by RK4 steps of a tenth of a tick, and its processor seconds."""
-    source, net = WhiteNoise(spectral_density=1.0, sampling_period=tick, seed=seed), Adder("+-")
-    level, scope = Integrator(0.0), Scope(sampling_period=tick)
+    source = WhiteNoise(spectral_density=1.0, sampling_period=tick, seed=seed)
+    net = Adder("+-")
+    level = Integrator(0.0)
+    scope = Scope(sampling_period=tick)
     wires = [Connection(source, net[0]), Connection(level, net[1], scope), Connection(net, level)]
     simulation = Simulation([source, net, level, scope], wires, dt=tick / 10, Solver=RK4, log=False)
     begin = time.process_time()
@@ -170,5 +194,6 @@ def measured(system: System, solver: str, tolerance: float | None) -> dict[str, 
         times, values = scope.read()
         error = system.error(np.asarray(times), np.asarray(values)[0])
     except (FloatingPointError, OverflowError, ValueError, RuntimeError):
-        took, error = time.process_time() - begin, math.inf
+        took = time.process_time() - begin
+        error = math.inf
     return {"solver": solver, "tolerance": tolerance, "error": error, "seconds": took}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from motorgrad import lab
+import timlab
 
 Reference = Callable[[np.ndarray], np.ndarray]
 
@@ -27,7 +27,7 @@ class System:
     """
 
     name: str
-    build: Callable[..., lab.Diagram]
+    build: Callable[..., timlab.Diagram]
     exact: Reference
     tick: float
     ticks: int
@@ -46,25 +46,25 @@ class System:
         return float(error) if np.isfinite(error) else math.inf
 
 
-def wire(diagram: lab.Diagram, *wires: str) -> lab.Diagram:
+def wire(diagram: timlab.Diagram, *wires: str) -> timlab.Diagram:
     """Connect, each wire given as `"source target"`."""
     for each in wires:
         diagram.connect(*each.split(" "))
     return diagram
 
 
-def from_equations(equations: Mapping[str, tuple[str, float]], tick: float, **settings: Any) -> lab.Diagram:
+def from_equations(equations: Mapping[str, tuple[str, float]], tick: float, **settings: Any) -> timlab.Diagram:
     """The diagram of differential equations: an integrator and a formula for each state. The first is recorded."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     names = tuple(equations)
     for name, (formula, initial) in equations.items():
-        diagram.add(name, lab.Integrator(initial))
-        diagram.add(f"slope of {name}", lab.Expression(formula, names))
+        diagram.add(name, timlab.Integrator(initial))
+        diagram.add(f"slope of {name}", timlab.Expression(formula, names))
     for name in names:
         for other in names:
             diagram.connect(other, f"slope of {name}.{other}")
         diagram.connect(f"slope of {name}", name)
-    diagram.add("out", lab.Outlet())
+    diagram.add("out", timlab.Outlet())
     diagram.connect(names[0], "out")
     return diagram
 
@@ -127,27 +127,30 @@ PENDULUM = {  # two masses of 1 kg on rods of 1 m; p and q are their angular vel
 }
 
 
-ENERGY, START = (
-    "p^2 + 0.5*q^2 + p*q*cos(a - b) - 9.81*(2*cos(a) + cos(b))",
-    -9.81 * (2 * math.cos(1.2) + math.cos(-0.5)),
-)
+ENERGY = "p^2 + 0.5*q^2 + p*q*cos(a - b) - 9.81*(2*cos(a) + cos(b))"
+START = -9.81 * (2 * math.cos(1.2) + math.cos(-0.5))
 
 
-def pendulum(tick: float = 0.05, **settings: Any) -> lab.Diagram:
+def pendulum(tick: float = 0.05, **settings: Any) -> timlab.Diagram:
     """The double pendulum; its output is the change of its energy, in joules."""
     diagram = from_equations(PENDULUM, tick, **settings)
     names = ("a", "b", "p", "q")
-    diagram.add("energy", lab.Expression(f"{ENERGY} - start", names, ("start",), START))
+    diagram.add("energy", timlab.Expression(f"{ENERGY} - start", names, ("start",), START))
     diagram.disconnect("out")
     return wire(diagram, *(f"{name} energy.{name}" for name in names), "energy out")
 
 
-def ball(tick: float = 0.1, **settings: Any) -> lab.Diagram:
+def ball(tick: float = 0.1, **settings: Any) -> timlab.Diagram:
     """A ball that bounces with four fifths of its speed."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     blocks = {
-        **{"gravity": lab.Constant(-9.81), "speed": lab.Integrator(0.0, reset="rising", external=True)},
-        **{"height": lab.Integrator(1.0), "down": lab.Compare("<="), "back": lab.Gain(-0.8), "out": lab.Outlet()},
+        **{"gravity": timlab.Constant(-9.81), "speed": timlab.Integrator(0.0, reset="rising", external=True)},
+        **{
+            "height": timlab.Integrator(1.0),
+            "down": timlab.Compare("<="),
+            "back": timlab.Gain(-0.8),
+            "out": timlab.Outlet(),
+        },
     }
     for name, block in blocks.items():
         diagram.add(name, block)
@@ -159,23 +162,25 @@ def ball_exact(times: np.ndarray) -> np.ndarray:
     """The height of the ball."""
 
     def height(time: float) -> float:
-        speed, left = -0.8 * -9.81 * math.sqrt(2 / 9.81), time - math.sqrt(2 / 9.81)
+        speed = -0.8 * -9.81 * math.sqrt(2 / 9.81)
+        left = time - math.sqrt(2 / 9.81)
         if left < 0:
             return 1 - 9.81 / 2 * time**2
         while left > 2 * speed / 9.81:
-            left, speed = left - 2 * speed / 9.81, 0.8 * speed
+            left = left - 2 * speed / 9.81
+            speed = 0.8 * speed
         return speed * left - 9.81 / 2 * left**2
 
     return np.array([height(time) for time in times])
 
 
-def relay(tick: float = 0.1, **settings: Any) -> lab.Diagram:
+def relay(tick: float = 0.1, **settings: Any) -> timlab.Diagram:
     """A lag of 1 s, driven by a relay to +2 or −2, which switches at ±0.5."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     for name, block in {
-        "relay": lab.Relay(-0.5, 0.5, off=2.0, on=-2.0),
-        "level": lab.Lag(1.0),
-        "out": lab.Outlet(),
+        "relay": timlab.Relay(-0.5, 0.5, off=2.0, on=-2.0),
+        "level": timlab.Lag(1.0),
+        "out": timlab.Outlet(),
     }.items():
         diagram.add(name, block)
     return wire(diagram, "level relay", "relay level", "level out")
@@ -183,7 +188,8 @@ def relay(tick: float = 0.1, **settings: Any) -> lab.Diagram:
 
 def relay_exact(times: np.ndarray) -> np.ndarray:
     """The level of `relay`."""
-    first, later = math.log(2 / 1.5), math.log(2.5 / 1.5)
+    first = math.log(2 / 1.5)
+    later = math.log(2.5 / 1.5)
 
     def level(time: float) -> float:
         if time < first:
@@ -194,15 +200,18 @@ def relay_exact(times: np.ndarray) -> np.ndarray:
     return np.array([level(time) for time in times])
 
 
-STATIC, KINETIC, STIFFNESS, PULL = 1.0, 0.6, 10.0, 0.1
+STATIC = 1.0
+KINETIC = 0.6
+STIFFNESS = 10.0
+PULL = 0.1
 
 
-def stick_slip(tick: float = 0.1, **settings: Any) -> lab.Diagram:
+def stick_slip(tick: float = 0.1, **settings: Any) -> timlab.Diagram:
     """A mass of 1 kg on a floor, pulled by a spring whose other end moves at 0.1 m/s; its output is its place."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     blocks = {
-        **{"pull": lab.Ramp(PULL), "stretch": lab.Sum("+-"), "spring": lab.Gain(STIFFNESS)},
-        **{"mass": lab.DryFriction(1.0, STATIC, KINETIC), "place": lab.Integrator(), "out": lab.Outlet()},
+        **{"pull": timlab.Ramp(PULL), "stretch": timlab.Sum("+-"), "spring": timlab.Gain(STIFFNESS)},
+        **{"mass": timlab.DryFriction(1.0, STATIC, KINETIC), "place": timlab.Integrator(), "out": timlab.Outlet()},
     }
     for name, block in blocks.items():
         diagram.add(name, block)
@@ -213,11 +222,14 @@ def stick_slip(tick: float = 0.1, **settings: Any) -> lab.Diagram:
 def stick_slip_exact(times: np.ndarray) -> np.ndarray:
     """The place of the mass: while it slips, the stretch of the spring is a sine."""
     rate = math.sqrt(STIFFNESS)
-    sine, cosine = PULL / rate, (STATIC - KINETIC) / STIFFNESS
+    sine = PULL / rate
+    cosine = (STATIC - KINETIC) / STIFFNESS
     lasts = (2 * math.pi - 2 * math.atan2(cosine, sine)) / rate
 
     def place(time: float) -> float:
-        begin, stretch, at = 0.0, 0.0, 0.0
+        begin = 0.0
+        stretch = 0.0
+        at = 0.0
         while True:
             slips = begin + (STATIC / STIFFNESS - stretch) / PULL
             if time < slips:
@@ -227,18 +239,19 @@ def stick_slip_exact(times: np.ndarray) -> np.ndarray:
             )
             if time < slips + lasts:
                 return PULL * time - stretched(time - slips)
-            begin, stretch = slips + lasts, stretched(lasts)
+            begin = slips + lasts
+            stretch = stretched(lasts)
             at = PULL * begin - stretch
 
     return np.array([place(time) for time in times])
 
 
-def sampled(tick: float = 0.1, **settings: Any) -> lab.Diagram:
+def sampled(tick: float = 0.1, **settings: Any) -> timlab.Diagram:
     """A lag of 1 s under a proportional controller that samples every 0.1 s."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     blocks = {
-        **{"wanted": lab.Constant(1.0), "error": lab.Sum("+-"), "gain": lab.Gain(5.0, period=0.1)},
-        **{"level": lab.Lag(1.0), "out": lab.Outlet()},
+        **{"wanted": timlab.Constant(1.0), "error": timlab.Sum("+-"), "gain": timlab.Gain(5.0, period=0.1)},
+        **{"level": timlab.Lag(1.0), "out": timlab.Outlet()},
     }
     for name, block in blocks.items():
         diagram.add(name, block)
@@ -248,18 +261,20 @@ def sampled(tick: float = 0.1, **settings: Any) -> lab.Diagram:
 def sampled_exact(times: np.ndarray) -> np.ndarray:
     """The level of `sampled`."""
     ticks = np.floor(np.round(times / 0.1, 9))
-    factor, aim = math.exp(-0.1) - 5 * (1 - math.exp(-0.1)), 5 / 6
+    factor = math.exp(-0.1) - 5 * (1 - math.exp(-0.1))
+    aim = 5 / 6
     start = aim * (1 - factor**ticks)
-    held, decay = 5 * (1 - start), np.exp(-(times - ticks * 0.1))
+    held = 5 * (1 - start)
+    decay = np.exp(-(times - ticks * 0.1))
     return held + (start - held) * decay
 
 
-def spiking(tick: float = 0.1, **settings: Any) -> lab.Diagram:
+def spiking(tick: float = 0.1, **settings: Any) -> timlab.Diagram:
     """A leaky integrate-and-fire neuron: at a potential of 1 it fires, and begins at 0 again."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     blocks = {
-        **{"current": lab.Constant(1.5), "net": lab.Sum("+-"), "potential": lab.Integrator(reset="rising")},
-        **{"fires": lab.Compare(">=", 1.0), "out": lab.Outlet()},
+        **{"current": timlab.Constant(1.5), "net": timlab.Sum("+-"), "potential": timlab.Integrator(reset="rising")},
+        **{"fires": timlab.Compare(">=", 1.0), "out": timlab.Outlet()},
     }
     for name, block in blocks.items():
         diagram.add(name, block)
@@ -272,12 +287,12 @@ def spiking_exact(times: np.ndarray) -> np.ndarray:
     return 1.5 * (1 - np.exp(-(times % math.log(3.0))))
 
 
-def delayed(tick: float = 0.02, **settings: Any) -> lab.Diagram:
+def delayed(tick: float = 0.02, **settings: Any) -> timlab.Diagram:
     """The rate of change is what the signal was a second ago, negated; it was 1 before the start."""
-    diagram = lab.Diagram(tick, **settings)
+    diagram = timlab.Diagram(tick, **settings)
     blocks = {
-        **{"level": lab.Integrator(1.0), "past": lab.Delay(1.0, length=round(1 / tick), between="cubic")},
-        **{"back": lab.Gain(-1.0), "out": lab.Outlet()},
+        **{"level": timlab.Integrator(1.0), "past": timlab.Delay(1.0, length=round(1 / tick), between="cubic")},
+        **{"back": timlab.Gain(-1.0), "out": timlab.Outlet()},
     }
     for name, block in blocks.items():
         diagram.add(name, block)
@@ -293,10 +308,14 @@ def delayed_exact(times: np.ndarray) -> np.ndarray:
     return np.array([level(time) for time in times])
 
 
-def noisy(tick: float = 0.1, **settings: Any) -> lab.Diagram:
+def noisy(tick: float = 0.1, **settings: Any) -> timlab.Diagram:
     """White noise through a lag of 1 s."""
-    diagram = lab.Diagram(tick, **settings)
-    blocks = {"noise": lab.NormalNoise(deviation=1.0, per="root second"), "level": lab.Lag(1.0), "out": lab.Outlet()}
+    diagram = timlab.Diagram(tick, **settings)
+    blocks = {
+        "noise": timlab.NormalNoise(deviation=1.0, per="root second"),
+        "level": timlab.Lag(1.0),
+        "out": timlab.Outlet(),
+    }
     for name, block in blocks.items():
         diagram.add(name, block)
     return wire(diagram, "noise level", "level out")

@@ -12,8 +12,8 @@ from pathlib import Path
 import matplotlib
 from PIL import Image
 
-from motorgrad.sim import write_film, write_replay
-from tools.figures._registry import FILMS, NAMES, REPLAYS, made
+from timsim import write_film, write_replay
+from tools.figures._registry import FIGURE_NAMES, FILMS, REPLAYS, made
 from tools.figures._style import STYLE
 from tools.figures._work import Work
 
@@ -23,22 +23,23 @@ ROOT = Path(__file__).parents[2]
 def main() -> None:
     """Draw the figures that are named, or all."""
     parser = argparse.ArgumentParser(prog="python -m tools.figures", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(NAMES)}; by default all")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one of {', '.join(FIGURE_NAMES)}; by default all")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images", help="the folder of the pictures")
     parser.add_argument("--reproduced", type=Path, help="take the figures of experiments from this folder, and no more")
     parser.add_argument("--films", action="store_true", help="make all films, and no figure")
     options = parser.parse_args()
     for name in options.names:
-        if name not in NAMES:
-            parser.error(f"no figure is called {name!r}; there are {', '.join(NAMES)}")
+        if name not in FIGURE_NAMES:
+            parser.error(f"no figure is called {name!r}; there are {', '.join(FIGURE_NAMES)}")
     options.out.mkdir(parents=True, exist_ok=True)
     if options.reproduced:
         for figure in sorted(options.reproduced.glob("*/figure.png")):
             lighten(figure, options.out / f"{figure.parent.name}.png")
         return
-    for name in FILMS if options.films else options.names or NAMES:
+    for name in FILMS if options.films else options.names or FIGURE_NAMES:
         started = time.monotonic()
-        work, path = Work(runs=ROOT / "runs" / "figures"), options.out / f"{name}{'.webp' if name in FILMS else '.png'}"
+        work = Work(runs=ROOT / "runs" / "figures")
+        path = options.out / f"{name}{'.webp' if name in FILMS else '.png'}"
         draw(name, work, path)
         print(f"{path.name}  {time.monotonic() - started:.0f} s", flush=True)
 

@@ -27,14 +27,16 @@ def moves(
     """An arrow for every transition of one action, as wide as it is probable; staying is a loop below the state."""
     for before, after in zip(*np.nonzero(matrix), strict=True):
         chance = float(matrix[before, after])
-        start, end = places[before], places[after]
+        start = places[before]
+        end = places[after]
         if before == after:
             foot = [(start[0] + side * 0.12, start[1] - RADIUS + 0.04) for side in (-1, 1)]
             arrow(axes, foot[0], foot[1], colour, 1.6, linewidth=0.5 + 1.3 * chance)
             if label:
                 axes.text(start[0] + 0.24, start[1] - RADIUS - 0.12, f"{chance:g}", color=colour, fontsize=8)
             continue
-        out, back = _rim(start, end, bend), _rim(end, start, -bend)
+        out = _rim(start, end, bend)
+        back = _rim(end, start, -bend)
         arrow(axes, out, back, colour, bend, linewidth=0.5 + 1.3 * chance)
         if label:
             across = np.array([end[1] - start[1], start[0] - end[0]])

@@ -50,7 +50,8 @@ def _chain(*joints: tuple[float, float, float], curviness: tuple[float, ...]) ->
     found = []
     for (x0, y0, slope0), (x1, y1, slope1), bend in zip(joints, joints[1:], curviness, strict=False):
         corner = (y0 - slope0 * x0 - y1 + slope1 * x1) / (slope1 - slope0)
-        height, share = y0 + slope0 * (corner - x0), 0.1 + 0.8 * bend
+        height = y0 + slope0 * (corner - x0)
+        share = 0.1 + 0.8 * bend
         near = (x0 + share * (corner - x0), y0 + share * (height - y0))
         far = (x1 + share * (corner - x1), y1 + share * (height - y1))
         found.append([(x0, y0), near, near, far, far, (x1, y1)])
@@ -95,9 +96,11 @@ VELOCITY = _chain(
 def tendon_chain(strain: float) -> list[Elbow]:
     """Millard's curve of a tendon."""
     stiffness = 1.375 / strain
-    toe, middle = 1 + strain - (1 / 3) / stiffness, 1 + strain - (2 / 3) / stiffness
+    toe = 1 + strain - (1 / 3) / stiffness
+    middle = 1 + strain - (2 / 3) / stiffness
     foot = 1 + (toe - 1) / 10
-    slope, control = (1 / 3) / (middle - foot), (foot + middle) / 2
+    slope = (1 / 3) / (middle - foot)
+    control = (foot + middle) / 2
     joints = ((1, 0, 0), (control, slope * (control - foot), slope), (toe, 2 / 3, stiffness))
     return _chain(*joints, curviness=(0.5, 0.5))
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from motorgrad.sim import Motion
+from timsim import Motion
 from tools.figures import (
     bodies,
     composed,
@@ -145,7 +145,7 @@ FILMS: dict[str, Callable[[Work], list[Motion]]] = {
 REPLAYS = ("hexapod-learns-to-walk", "hopper-learns-to-hop", "arm-learns-to-reach")
 """Films that are pages, too, on which the viewer moves clock and camera."""
 
-NAMES = (*DRAWN, *MEASURED, *FILMS)
+FIGURE_NAMES = (*DRAWN, *MEASURED, *FILMS)
 
 
 def made(name: str, work: Work) -> Figure:

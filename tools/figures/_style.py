@@ -9,7 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 WIDTH = 7.6  # inches, for all
-BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+BLUE = "#0072B2"
+RED = "#D55E00"
+GREEN = "#009E73"
+PINK = "#CC79A7"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
 COLOURS = (BLUE, RED, GREEN, PINK, ORANGE, SKY)  # Okabe and Ito's, which colour-blind people can tell apart
 FLEXOR, EXTENSOR = BLUE, RED
 FAINT = "0.45"

@@ -42,7 +42,8 @@ def errors(agent: Agent, task: Task, mdp: FiniteMDP, lengths: Sequence[int], see
     """How far estimates are from the exact gradient, relative to its length: `(lengths, seeds)`."""
     assert isinstance(agent.policy, Policy)
     exact = oracle.flat(oracle.gradient(mdp, agent.policy))
-    stepper, found = stepper_for(task, agent, range(seeds)), []
+    stepper = stepper_for(task, agent, range(seeds))
+    found = []
     for length in lengths:
         stepper.advance(length - stepper.decision)
         mean = stepper.state["cycle"].agent.gradient.mean

@@ -19,12 +19,12 @@ from motorgrad.bodies import (
     wrapped_length,
     wrapping_angle,
 )
-from motorgrad.sim import draw
+from timsim import draw
 from tools.figures._style import EXTENSOR, FAINT, FLEXOR, GREEN, panels
 
 HOPPER = Hopper()
 REACH, CAPSULE = HOPPER.attachment_distance, HOPPER.capsule_radius
-KINDS: tuple[tuple[str, bool, str], ...] = (("flexor", False, FLEXOR), ("extensor", True, EXTENSOR))
+MUSCLES: tuple[tuple[str, bool, str], ...] = (("flexor", False, FLEXOR), ("extensor", True, EXTENSOR))
 
 
 def muscle() -> Figure:
@@ -52,7 +52,7 @@ def _joint(axes: Axes, interior: float) -> None:
     for end in ends:
         axes.plot(*np.array([[0, 0], 1.35 * end[[0, 2]]]).T, color="0.75", linewidth=7, solid_capstyle="round")
     axes.add_patch(Circle((0, 0), CAPSULE, facecolor="0.9", edgecolor=FAINT, zorder=3))
-    for name, behind, colour in KINDS:
+    for name, behind, colour in MUSCLES:
         side = np.array([-0.1 if behind else 0.1, 0.0, 0.0])
         path = path_points(ends[0], ends[1], np.zeros(3), CAPSULE, side)
         length = wrapped_length(away_angle(interior, behind), REACH, REACH, CAPSULE)
@@ -74,7 +74,7 @@ def hopper() -> Figure:
     _names(body, model)
     body.set_axis_off()
     angle = np.linspace(*HOPPER.knee_range, 200)
-    for name, behind, colour in KINDS:
+    for name, behind, colour in MUSCLES:
         muscle = next(each for each in HOPPER.muscles if each.group == name)
         away = away_angle(np.deg2rad(angle), behind)
         path = wrapped_length(away, REACH, REACH, CAPSULE)
@@ -103,7 +103,8 @@ def _names(axes: Axes, model: mujoco.MjModel) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     place = {name: data.body(name).xpos for name in ("load", "thigh_left", "shank_left", "foot", "shank_right")}
-    knee_left, knee_right = place["shank_left"], place["shank_right"]
+    knee_left = place["shank_left"]
+    knee_right = place["shank_right"]
     thigh = (place["load"] + knee_right) / 2
     top = place["load"][2]
 

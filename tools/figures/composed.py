@@ -7,12 +7,13 @@ from matplotlib.figure import Figure
 
 import motorgrad as mg
 from motorgrad.benchmarks._arm18 import arm18
-from motorgrad.sim import draw
 from motorgrad.tasks import Composed, terms
+from timsim import draw
 from tools.figures._style import BLUE, FAINT, GREEN, band, panels
 from tools.figures._work import Work
 
-SEEDS, STEPS = 8, 60_000
+SEEDS = 8
+STEPS = 60_000
 SHOWN = 12  # movements
 
 
@@ -69,8 +70,10 @@ def forces(work: Work) -> Figure:
 def arm() -> Figure:
     """The arm of six muscles, from above, and one of 18, from the side."""
     figure, axes = panels(3, height=2.5)
-    flat, large = mg.bodies.Mjcf("arm6").model, arm18().model
-    none, flexors = np.zeros(flat.nu), np.array([1.0, 0.0] * 3)
+    flat = mg.bodies.Mjcf("arm6").model
+    large = arm18().model
+    none = np.zeros(flat.nu)
+    flexors = np.array([1.0, 0.0] * 3)
     for panel, pose, active, title in (
         (axes[0], (0.2, 0.4), none, "six muscles, at rest"),
         (axes[1], (1.2, 1.6), flexors, "its flexors active"),

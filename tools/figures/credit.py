@@ -34,7 +34,7 @@ from motorgrad.worlds import oracle
 from tools.figures._style import BLUE, FAINT, GREEN, ORANGE, PINK, RED, band, panels
 from tools.figures._work import Work, errors
 from tools.figures.critics import LENGTHS, POLICY, SEEDS, TASK
-from tools.figures.family import LATE, sensitivity
+from tools.figures.family import LATE_REWARD, sensitivity
 
 
 def angle(one: np.ndarray, other: np.ndarray) -> float:
@@ -55,7 +55,8 @@ def discounting() -> Figure:
     turned.plot(horizons, [angle(each, average) for each in start], color=RED, label="from the start")
     turned.set(xscale="log", xlabel=r"horizon $1/(1 - \gamma)$", ylabel=r"angle to $\nabla\eta$ (°)")
     turned.legend(fontsize=7)
-    decays, discount = np.linspace(0, 1, 41), 0.9
+    decays = np.linspace(0, 1, 41)
+    discount = 0.9
     exact = oracle.flat(oracle.discounted_gradient(mdp, POLICY, discount))
     rules = {r"right: $\lambda$": (1.0, GREEN), r"wrong: $\gamma\lambda$": (discount, ORANGE)}
     for label, (factor, colour) in rules.items():
@@ -71,7 +72,8 @@ def action_transitions(work: Work) -> Figure:
     """Errors of gradient estimates by values of actions and of states, for a policy that wavers and one that does
     not."""
     figure, axes = panels(2, height=3.0)
-    lengths, fit = work.lengths(*LENGTHS), LeastSquares(rate=0.0, damping=1e-4, interval=10)
+    lengths = work.lengths(*LENGTHS)
+    fit = LeastSquares(rate=0.0, damping=1e-4, interval=10)
     features = Features(bias=False)
 
     def transitions(relative_to: str) -> Estimator:
@@ -99,8 +101,11 @@ def action_transitions(work: Work) -> Figure:
 def learned_trace(work: Work) -> Figure:
     """The weights that a filter learns, beside those of least error; and the errors that filters leave."""
     figure, (left, right) = panels(2, height=3.0)
-    trace, lengths, seeds = LearnedTrace(12, 0.0), work.lengths(100, 300, 1_000, 3_000, 10_000), 100
-    lags, mdp = np.arange(trace.length), TASK.dynamics
+    trace = LearnedTrace(12, 0.0)
+    lengths = work.lengths(100, 300, 1_000, 3_000, 10_000)
+    seeds = 100
+    lags = np.arange(trace.length)
+    mdp = TASK.dynamics
     exact = np.array([oracle.flat(oracle.lagged_gradient(mdp, POLICY, int(lag))) for lag in lags])
     whole = oracle.flat(oracle.gradient(mdp, POLICY))
     stepper = stepper_for(TASK, Agent(POLICY, Estimator(trace, MeanReward(), improve="never")), range(seeds))
@@ -122,7 +127,8 @@ def learned_trace(work: Work) -> Figure:
             errors[name].append(np.linalg.norm(apart, axis=1) / np.linalg.norm(whole))
         if length in colours:
             band(left, lags, learned, colours[length], f"learned, {length:,} decisions")
-            noise, signal = found.var(0).sum(1), np.square(exact).sum(1)
+            noise = found.var(0).sum(1)
+            signal = np.square(exact).sum(1)
             left.plot(lags, signal / (signal + noise), ":", color=colours[length], label="of least error")
     left.set(xlabel="age of the action (decisions)", ylabel="weight", ylim=(0, 1.05))
     left.legend(fontsize=7)
@@ -136,11 +142,14 @@ def learned_trace(work: Work) -> Figure:
 def stationary_metric(work: Work) -> Figure:
     """Errors of the scores of states over decisions; and what is earned with and without them in the metric."""
     figure, (left, right) = panels(2, height=3.0)
-    lengths, exact = work.lengths(*LENGTHS), oracle.stationary_score(TASK.dynamics, POLICY)
-    looks, estimator = jnp.asarray(TASK.dynamics.observations, jnp.float32), Estimator(improve="never")
+    lengths = work.lengths(*LENGTHS)
+    exact = oracle.stationary_score(TASK.dynamics, POLICY)
+    looks = jnp.asarray(TASK.dynamics.observations, jnp.float32)
+    estimator = Estimator(improve="never")
     for decay, colour in ((0.0, RED), (0.7, ORANGE), (0.95, BLUE)):
         metric = StationaryMetric(Features(bias=False), decay=decay, rate=0.0, ridge=1e-4)
-        stepper, found = stepper_for(TASK, Agent(POLICY, estimator, metric=metric), range(SEEDS)), []
+        stepper = stepper_for(TASK, Agent(POLICY, estimator, metric=metric), range(SEEDS))
+        found = []
         for length in lengths:
             stepper.advance(length - stepper.decision)
             weights = np.asarray(jax.vmap(metric.solution)(stepper.state["cycle"].agent.chain[0]), float)
@@ -149,14 +158,15 @@ def stationary_metric(work: Work) -> Figure:
         band(left, np.array(lengths), np.array(found).T, colour, rf"$\lambda$ = {decay:g}")
     left.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"relative error of $\xi$")
     left.legend(fontsize=7)
-    policy, batch = mg.policies.softmax(LATE), Estimator(Exponential(0.9), improve=100)
+    policy = mg.policies.softmax(LATE_REWARD)
+    batch = Estimator(Exponential(0.9), improve=100)
     metrics = {
         "plain": (None, RED),
         r"actions, $\iota$ = 0": (StationaryMetric(weight=0.0), ORANGE),
         r"and states, $\iota$ = 1": (StationaryMetric(weight=1.0), BLUE),
     }
     agents = {label: (Agent(policy, batch, SGD(1.0), metric), colour) for label, (metric, colour) in metrics.items()}
-    sensitivity(right, work, LATE, agents, [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0], 10_000)
+    sensitivity(right, work, LATE_REWARD, agents, [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0], 10_000)
     right.legend(fontsize=7)
     return figure
 
@@ -164,7 +174,8 @@ def stationary_metric(work: Work) -> Figure:
 def natural_actor_critics(work: Work) -> Figure:
     """What natural actor-critics earn over their learning rates: those of every decision, and those of batches."""
     figure, (online, batches) = panels(2, height=3.2)
-    steps, episodes = 10_000, ThreeState(time_limit=50)
+    steps = 10_000
+    episodes = ThreeState(time_limit=50)
     rate = olgarb(0.8)
     agents = {
         "plain": (None, RED),
@@ -172,12 +183,14 @@ def natural_actor_critics(work: Work) -> Figure:
         "compatible weights": (CompatibleWeights(0.02), ORANGE),
         "Sherman–Morrison": (ShermanMorrison(damping=0.01), BLUE),
     }
-    policy = mg.policies.softmax(LATE)
+    policy = mg.policies.softmax(LATE_REWARD)
     found = {label: (Agent(policy, rate, SGD(1.0), metric), colour) for label, (metric, colour) in agents.items()}
-    sensitivity(online, work, LATE, found, [1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0], steps)
+    sensitivity(online, work, LATE_REWARD, found, [1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0], steps)
     online.set(title=f"chain of six, {steps:,} decisions, a step each")
-    policy, batch = mg.policies.softmax(episodes), Estimator(Exponential(0.8), improve=200)
-    unread, squares = Estimator(Exponential(0.0), None, improve=200), LeastSquares(rate=1e-3, interval=200)
+    policy = mg.policies.softmax(episodes)
+    batch = Estimator(Exponential(0.8), improve=200)
+    unread = Estimator(Exponential(0.0), None, improve=200)
+    squares = LeastSquares(rate=1e-3, interval=200)
     found = {
         "plain": (Agent(policy, batch, SGD(1.0)), RED),
         "Fisher matrix": (Agent(policy, batch, SGD(1.0), FisherMetric()), FAINT),

@@ -36,7 +36,8 @@ def critic(fit: CriticFit = SQUARES, decay: float = 0.5) -> LinearCritic:
 def values(fit: CriticFit, lengths: list[int], decay: float = 0.5) -> np.ndarray:
     """How far learned values are from the exact differential ones, relative to their spread: `(seeds, lengths)`."""
     exact = oracle.values(TASK.dynamics, POLICY)
-    stepper, found = stepper_for(TASK, Agent(POLICY, gae(critic(fit, decay), 0.5, "never")), range(SEEDS)), []
+    stepper = stepper_for(TASK, Agent(POLICY, gae(critic(fit, decay), 0.5, "never")), range(SEEDS))
+    found = []
     for length in lengths:
         stepper.advance(length - stepper.decision)
         learned = stepper.state["cycle"].agent.estimator.baseline.weights @ TASK.dynamics.observations.T

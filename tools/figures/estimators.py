@@ -15,7 +15,8 @@ from motorgrad.worlds import FiniteMDP, oracle
 from tools.figures._style import BLUE, GREEN, ORANGE, RED, band, level, panels
 from tools.figures._work import Work, errors
 
-SEEDS, STEPS = 20, 20_000
+SEEDS = 20
+STEPS = 20_000
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # the test point of Baxter and Bartlett
 TASK = ThreeState()
 EXACT = oracle.flat(oracle.gradient(TASK.dynamics, POINT))

@@ -43,8 +43,10 @@ from tools.figures._work import Work
 from tools.figures.critics import POLICY, TASK, values
 from tools.figures.estimators import POINT
 
-SEEDS, STEPS = 40, 20_000
-STATES, LATE = ThreeState(), Chain(length=6, variant="reset")
+SEEDS = 40
+STEPS = 20_000
+STATES = ThreeState()
+LATE_REWARD = Chain(length=6, variant="reset")
 
 
 def sensitivity(
@@ -65,8 +67,9 @@ def sensitivity(
 def actor_critics(work: Work) -> Figure:
     """AC(λ) against OLGARB, over the decay of the trace, where the reward is near and where it is late."""
     figure, axes = panels(2, height=3.0)
-    decays, steps = [0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98], min(STEPS, work.most)
-    for panel, task, title in ((axes[0], STATES, "three states"), (axes[1], LATE, "chain of six")):
+    decays = [0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98]
+    steps = min(STEPS, work.most)
+    for panel, task, title in ((axes[0], STATES, "three states"), (axes[1], LATE_REWARD, "chain of six")):
         policy = mg.policies.softmax(task)
         rules = {"AC(λ)": (actor_critic(), BLUE), "OLGARB": (olgarb(), RED)}
         for label, (estimator, colour) in rules.items():
@@ -92,7 +95,8 @@ def off(discount: float, centring: Centring | None, lengths: Sequence[int]) -> n
     exact = oracle.values(TASK.dynamics, POLICY, discount)
     exact = exact - exact.mean()
     critic = LinearCritic(Features(bias=False), discount, 0.5, TemporalDifference(0.1), centring)
-    stepper, found = stepper_for(TASK, Agent(POLICY, gae(critic, 0.5, "never")), range(SEEDS)), []
+    stepper = stepper_for(TASK, Agent(POLICY, gae(critic, 0.5, "never")), range(SEEDS))
+    found = []
     for length in lengths:
         stepper.advance(length - stepper.decision)
         learned = stepper.state["cycle"].agent.estimator.baseline.weights @ TASK.dynamics.observations.T
@@ -163,8 +167,12 @@ def ascent(work: Work) -> Figure:
     """CONJPOMDP against plain ascent in batches, over the first step and the learning rate."""
     figure, axes = panels(2, height=3.0)
     rates = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0]
-    for panel, task, beta, title in ((axes[0], STATES, 0.8, "three states"), (axes[1], LATE, 0.9, "chain of six")):
-        policy, batch = mg.policies.softmax(task), Estimator(Exponential(beta), improve=500)
+    for panel, task, beta, title in (
+        (axes[0], STATES, 0.8, "three states"),
+        (axes[1], LATE_REWARD, 0.9, "chain of six"),
+    ):
+        policy = mg.policies.softmax(task)
+        batch = Estimator(Exponential(beta), improve=500)
         agents = {
             "SGD": (Agent(policy, batch, SGD(1.0)), RED),
             "CONJPOMDP": (Agent(policy, batch, ConjugateAscent(1.0)), BLUE),
@@ -181,8 +189,10 @@ def clipping() -> Figure:
     """How strongly a decision still moves the policy, over how much its probability has changed."""
     figure, axes = panels(2, height=2.6)
     policy = mg.policies.hyperplanes(1, 1)
-    seen, action = jnp.ones((1, 1)), jnp.ones((1, 1))
-    now, score = policy.log_prob(seen[0], action[0]), policy.score(seen[0], action[0]).weights[0, 0]
+    seen = jnp.ones((1, 1))
+    action = jnp.ones((1, 1))
+    now = policy.log_prob(seen[0], action[0])
+    score = policy.score(seen[0], action[0]).weights[0, 0]
     ratios = np.linspace(0.5, 1.5, 400)  # none of them at a corner, where the slope has two values
     for panel, worth, title in ((axes[0], 1.0, "better than expected"), (axes[1], -1.0, "worse than expected")):
         for clip, colour in ((0.1, ORANGE), (0.2, BLUE), (0.3, GREEN)):
@@ -203,7 +213,8 @@ def clipping() -> Figure:
 def batches(work: Work) -> Figure:
     """Presets with networks on the chain: what each earns while it learns."""
     figure, axes = panels(height=3.0)
-    task, steps = Chain(length=6, variant="reset", time_limit=100), STEPS
+    task = Chain(length=6, variant="reset", time_limit=100)
+    steps = STEPS
     looks = {"reinforce": ORANGE, "a2c": PINK, "ppo": BLUE, "trpo": GREEN, "stream-ac": RED, "natural": FAINT}
     for preset, colour in looks.items():
         run = work.train(task, mg.agent_for(task, preset=preset, steps=steps), steps, 10)
@@ -227,7 +238,8 @@ def bounded_steps() -> Figure:
         trace = length[None]
         return jnp.sum(jnp.abs(bound.bounded(None, error * trace, error, trace)))
 
-    lengths, errors = jnp.geomspace(0.01, 10, 200), jnp.geomspace(0.01, 10, 200)
+    lengths = jnp.geomspace(0.01, 10, 200)
+    errors = jnp.geomspace(0.01, 10, 200)
     for small, value, colour in ((0.01, 0.1, ORANGE), (0.1, 1.0, BLUE), (1.0, 10.0, GREEN)):
         axes[0].plot(lengths, jax.vmap(lambda z, e=value: gone(jnp.asarray(e), z))(lengths), color=colour, label=value)
         axes[1].plot(errors, jax.vmap(lambda e, z=small: gone(e, jnp.asarray(z)))(errors), color=colour, label=small)

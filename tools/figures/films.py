@@ -3,10 +3,9 @@
 Each shows seed 0, with sampled actions. No seed was chosen; the pages of the tasks have the results of many.
 """
 
-from motorgrad.experiments import motion_of
-from motorgrad.sim import Motion
 from motorgrad.tasks import Task
 from motorgrad.training import evaluate
+from timsim import Motion, motion_of
 from tools.figures._work import Work
 from tools.figures.composed import reach
 

@@ -46,8 +46,10 @@ def _curve(panel: Any, run: Run, name: str, bar: float, limits: tuple[float, flo
     """Every seed, median and quartiles, with so many records in each point."""
     window = run.config["run"]["window"]
     decisions, returns = run.curve("return", smooth=block * window if block > 1 else None)  # of all episodes in a point
-    decisions, returns = decisions[block - 1 :: block], returns[:, block - 1 :: block]
-    x, seen = decisions / 1000, np.isfinite(returns).any(axis=0)
+    decisions = decisions[block - 1 :: block]
+    returns = returns[:, block - 1 :: block]
+    x = decisions / 1000
+    seen = np.isfinite(returns).any(axis=0)
     panel.plot(x, returns.T, color=BLUE, alpha=0.35, linewidth=0.5)
     if seen.any():  # a short run may end no episode
         low, median, high = np.nanpercentile(returns[:, seen], [25, 50, 75], axis=0)

@@ -28,7 +28,7 @@ from motorgrad.worlds import oracle
 from tools.figures._style import BLUE, ORANGE, RED, band, level, panels
 from tools.figures._work import Work
 from tools.figures.critics import values
-from tools.figures.family import LATE, SEEDS, STATES
+from tools.figures.family import LATE_REWARD, SEEDS, STATES
 
 USUAL = RootMeanSquare(1 / 400)
 
@@ -36,7 +36,8 @@ USUAL = RootMeanSquare(1 / 400)
 def intentional(work: Work) -> Figure:
     """Intentional steps by their size, against others by their learning rate: of critics, and of policies."""
     figure, (critics, states, late) = panels(3, height=2.8)
-    rates, (length,) = np.array([0.003, 0.01, 0.03, 0.1, 0.3, 0.9]), work.lengths(1_000)
+    rates = np.array([0.003, 0.01, 0.03, 0.1, 0.3, 0.9])
+    (length,) = work.lengths(1_000)
     rules = {
         "plain": (TemporalDifference, RED),
         "bounded": (lambda rate: BoundedTemporalDifference(rate, scaling=2.0), ORANGE),
@@ -48,8 +49,9 @@ def intentional(work: Work) -> Figure:
     critics.set(xscale="log", yscale="log", title=f"values, {length:,} decisions", ylabel="relative error")
     critics.set(xlabel=r"$\alpha$, or fraction $\eta$", ylim=(0.1, 3))
     critics.legend(fontsize=7)
-    rates, steps = np.array([0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0]), min(10_000, work.most)
-    for panel, task, decay, title in ((states, STATES, 0.8, "three states"), (late, LATE, 0.9, "chain of six")):
+    rates = np.array([0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])
+    steps = min(10_000, work.most)
+    for panel, task, decay, title in ((states, STATES, 0.8, "three states"), (late, LATE_REWARD, 0.9, "chain of six")):
         policy = mg.policies.softmax(task)
 
         def learner(bound: StepBound | None, policy: object = policy, decay: float = decay) -> Agent:
@@ -89,7 +91,8 @@ class Bowls(Architecture):
 def action_values() -> Figure:
     """The noise of gradient samples by the score and through the action, over the deviation of a normal unit."""
     figure, axes = panels(2, height=2.8)
-    deviations, look = np.geomspace(0.03, 1, 12), jnp.zeros(1)
+    deviations = np.geomspace(0.03, 1, 12)
+    look = jnp.zeros(1)
     uniforms = jnp.asarray(np.random.default_rng(0).random((4_000, 1)))
     for panel, centre in zip(axes, (0.1, 1.0), strict=True):
         noise: dict[str, list[float]] = {"by the score": [], "through the action": []}

@@ -12,8 +12,13 @@ from motorgrad.learning import AgentState as State
 from motorgrad.policies import growing
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, band, panels
 
-PLACES, WITHIN, COST = (0.1, 0.35, 0.6, 0.9), 0.06, 0.5
-DECISIONS, EVERY, SEEDS, UNITS = 80_000, 400, 24, 10
+PLACES = (0.1, 0.35, 0.6, 0.9)
+WITHIN = 0.06
+COST = 0.5
+DECISIONS = 80_000
+EVERY = 400
+SEEDS = 24
+UNITS = 10
 
 
 def schedule() -> Figure:

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, biomimetic_hexapod, compile_model, walk
-from motorgrad.experiments.chapter_5.hexapod._drawing import TOUCH, draw_angles, draw_contacts, draw_states, draw_view
-from motorgrad.sim import draw
+from motorgrad_thesis.chapter_5.hexapod._drawing import TOUCH, draw_angles, draw_contacts, draw_states, draw_view
+from timsim import draw
 from tools.figures._style import EXTENSOR, FAINT, FLEXOR, panels
 
 WALKER = Hexapod(drive="servos")
-KINDS = ("bumps", "slopes", "steps", "waves")
+TERRAIN_KINDS = ("bumps", "slopes", "steps", "waves")
 
 
 def body() -> Figure:
@@ -50,7 +50,8 @@ def _names(axes: Axes) -> None:
 def muscles() -> Figure:
     """The torque of each active muscle of a leg at each angle of its joint."""
     hexapod = Hexapod()
-    model, (figure, axes) = compile_model(hexapod), panels(2, height=2.7)
+    model = compile_model(hexapod)
+    (figure, axes) = panels(2, height=2.7)
     for panel, freedom, pair in (
         (axes[0], "lateral", (("protractor", FLEXOR), ("retractor", EXTENSOR))),
         (axes[1], "vertical", (("levator", FLEXOR), ("depressor", EXTENSOR))),
@@ -96,11 +97,12 @@ def controller() -> Figure:
 def terrain() -> Figure:
     """Each kind of ground from above, and a hexapod that has walked onto it."""
     figure, axes = panels(4, rows=2, height=3.6, height_ratios=[1.6, 1])
-    grounds = [Terrain(kind, height=0.16) for kind in KINDS]
+    grounds = [Terrain(kind, height=0.16) for kind in TERRAIN_KINDS]
     found = walk([OnTerrain(WALKER, ground) for ground in grounds], seconds=6.0)
     shown: Any = None
     for row, (above, beside, ground) in enumerate(zip(*axes, grounds, strict=True)):
-        (x, y), heights = ground.axes, ground.heights()
+        (x, y) = ground.axes
+        heights = ground.heights()
         extent = (x[0], x[-1], y[0], y[-1])
         near = heights[abs(y) < 4][:, abs(x) < 4]
         shown = above.imshow(

@@ -40,7 +40,8 @@ def stride() -> Figure:
 def primitive() -> Figure:
     """Steps of both tripods that begin at random, and last as long as is drawn; and the lateral angles meanwhile."""
     task = HexapodPrimitive()
-    random, decisions = np.random.default_rng(1), 150
+    random = np.random.default_rng(1)
+    decisions = 150
     actions = np.concatenate([random.random((decisions, 2)) < 0.15, random.normal(0, 0.4, (decisions, 4))], axis=1)
     told = _lived(task, actions * 1.0, np.zeros((decisions + 1, 0)), None)
     figure, (steps, angles) = panels(rows=2, height=3.4, sharex=True)
@@ -68,7 +69,8 @@ def primitives_policy() -> Figure:
     where = jnp.asarray(np.random.default_rng(1).uniform(-1, 1, 400))
     drawn = jax.vmap(policy.sample)(jnp.stack([jnp.ones(400), where], axis=1), uniforms)
     begun = np.asarray(drawn[:, 0]) > 0
-    spread, mean = float(policy.movement.deviation[0]), 0.4 * y - 0.2
+    spread = float(policy.movement.deviation[0])
+    mean = 0.4 * y - 0.2
     moves.fill_between(y, mean - spread, mean + spread, color=ORANGE, alpha=0.2, linewidth=0)
     moves.plot(y, mean, color=ORANGE, label="mean, and one deviation")
     moves.plot(where[begun], drawn[begun, 1], ".", color=BLUE, markersize=3, label="where it began")

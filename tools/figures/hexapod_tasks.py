@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from motorgrad.bodies import LEGS, TRIPODS, BodyBatch, BodyState, compile_model
-from motorgrad.sim import draw
 from motorgrad.tasks import Hexapod, HexapodSynergy
+from timsim import draw
 from tools.figures._style import BLUE, FAINT, ORANGE, RED, panels
 
 ALL = Hexapod(observes=("lateral", "current", "contact", "yaw", "course"), lag=2, course=50)
@@ -31,7 +31,8 @@ def task() -> Figure:
 
     memory, _ = ALL.observe(ALL.init(jnp.zeros(0)), body, jnp.zeros(0))
     _, (seen, paid) = jax.lax.scan(decide, memory, states)
-    seen, time = np.asarray(seen), ALL.period * np.arange(1, decisions + 1)
+    seen = np.asarray(seen)
+    time = ALL.period * np.arange(1, decisions + 1)
     figure, (angles, feet, turning, reward) = panels(rows=4, height=5.6, sharex=True, height_ratios=[1.2, 1, 1, 1])
     angles.plot(time, seen[:, 6], color=BLUE, label='"current"')
     angles.plot(time, seen[:, 0], color=ORANGE, label=f'"lateral", lag {ALL.lag}')
@@ -56,7 +57,8 @@ def task() -> Figure:
 def _walked(decisions: int) -> tuple[BodyState, BodyState]:
     """The states after each decision, and the start, of a body whose tripods swing in turn, each for 0.24 s."""
     synergies = HexapodSynergy()
-    batch, packed = BodyBatch(ALL.body, 1, ALL.substeps), []
+    batch = BodyBatch(ALL.body, 1, ALL.substeps)
+    packed = []
     begin = jax.tree.map(lambda part: jnp.array(part[0]), batch.unpack(batch.packed.copy()))
     for decision in range(decisions):
         second = decision // 12 % 2
@@ -68,7 +70,8 @@ def _walked(decisions: int) -> tuple[BodyState, BodyState]:
 def synergies() -> Figure:
     """The muscles that each of the four units drives, from above."""
     task = HexapodSynergy()
-    model, drives = compile_model(task.body), task.drives
+    model = compile_model(task.body)
+    drives = task.drives
     assert drives is not None
     figure, axes = panels(4, height=2.1)
     names = [f"{phase}, {which} tripod" for which in ("first", "second") for phase in ("swing", "stance")]

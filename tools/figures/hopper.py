@@ -10,15 +10,17 @@ from matplotlib.figure import Figure
 
 import motorgrad as mg
 from motorgrad.bodies import BodyState, compile_model
-from motorgrad.experiments.chapter_5.figure_5_3 import behaviour_of, draw_behaviour
-from motorgrad.sim import draw
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, learning_curves
+from motorgrad_thesis.chapter_5.figure_5_3 import behaviour_of, draw_behaviour
+from timsim import draw
 from tools.figures._style import BLUE, EXTENSOR, FLEXOR, ORANGE, band, panels
 from tools.figures._work import Work
 
 TASK = Hopper()
-SEEDS, STEPS, SECONDS = 12, 120_000, 1.6
+SEEDS = 12
+STEPS = 120_000
+SECONDS = 1.6
 
 
 def practised(work: Work) -> mg.Run:
@@ -52,12 +54,14 @@ def task(work: Work) -> Figure:
     """Two hops: the body, its foot's height, its muscles, and what both ways of paying give for them."""
     run = practised(work)
     outcome = watched(work, run)
-    row, part = middle(run, outcome), outcome.time > outcome.time[-1] - SECONDS
+    row = middle(run, outcome)
+    part = outcome.time > outcome.time[-1] - SECONDS
     assert outcome.sensors is not None
     assert outcome.position is not None
     assert outcome.control is not None
     time = outcome.time[part] - outcome.time[part][0]
-    sensors, firing = {name: values[row] for name, values in outcome.sensors.items()}, outcome.control[row]
+    sensors = {name: values[row] for name, values in outcome.sensors.items()}
+    firing = outcome.control[row]
 
     figure, (body, height, paid) = panels(rows=3, height=5.4, sharex=True, height_ratios=[2, 1, 1])
     model = compile_model(TASK.body.spec())
@@ -107,5 +111,6 @@ def learning(work: Work) -> Figure:
 def behaviour(work: Work) -> Figure:
     """Knee, foot and muscles before and after."""
     run = practised(work)
-    before, after = watched(work, run, untrained=True), watched(work, run)
+    before = watched(work, run, untrained=True)
+    after = watched(work, run)
     return draw_behaviour(behaviour_of(run, before, after, run.seeds[middle(run, after)]))

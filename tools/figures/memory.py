@@ -33,7 +33,8 @@ RECURRENT: dict[str, dict[str, Any]] = {
 
 def layered(work: Work) -> Figure:
     """The exclusive or, with and without hidden units; and what a learned network does."""
-    task, steps = Parity(), 60_000
+    task = Parity()
+    steps = 60_000
     single = work.train(task, mg.agent_for(task, policy="hyperplanes"), steps, SEEDS)
     layers = work.train(task, None, steps, SEEDS)
     figure, (curves, map_) = panels(2, height=3.1, width_ratios=(1.35, 1))
@@ -147,7 +148,8 @@ def controller(work: Work) -> Figure:
     seen = jnp.eye(3)
     tables = np.asarray(learned.table(seen))
     figure, axes = panels(4, height=2.2, width_ratios=(1, 1, 1, 0.8))
-    ticks, image = range(learned.states), None
+    ticks = range(learned.states)
+    image = None
     for panel, table, kind in zip(axes, tables, kinds, strict=False):
         image = panel.imshow(table, vmin=0, vmax=1, cmap="Blues")
         panel.set(title=f"next state, {kind}", xlabel="$g'$", xticks=ticks, yticks=ticks)

@@ -11,7 +11,7 @@ from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow
 from tools.figures._work import Work
 from tools.myosuite import TASKS, stored
 
-WORDS = {"success": "successful episodes", "solved": "solved steps"}
+METRIC_LABELS = {"success": "successful episodes", "solved": "solved steps"}
 
 
 def learning() -> Figure:
@@ -19,12 +19,13 @@ def learning() -> Figure:
     runs = stored()
     tasks = [name for name in TASKS if any(run["task"] == name for run in runs)]
     learners = list(dict.fromkeys(run["learner"] for run in runs))
-    figure, axes = panels(len(WORDS), 2.2 * len(tasks), len(tasks), squeeze=False, sharey=True)
+    figure, axes = panels(len(METRIC_LABELS), 2.2 * len(tasks), len(tasks), squeeze=False, sharey=True)
     for row, task in zip(axes, tasks, strict=True):
-        for panel, (reading, words) in zip(row, WORDS.items(), strict=True):
+        for panel, (reading, words) in zip(row, METRIC_LABELS.items(), strict=True):
             for run in (run for run in runs if run["task"] == task):
                 round_, place = divmod(learners.index(run["learner"]), len(COLOURS))
-                colour, dashes = COLOURS[place], ("-", "--")[round_]
+                colour = COLOURS[place]
+                dashes = ("-", "--")[round_]
                 x = np.array(run["curves"]["steps"]) / 1000
                 values = np.array(run["curves"][reading], float)
                 if len(values) > 1:
@@ -49,7 +50,9 @@ def hindsight() -> Figure:
     places = np.array([[0.02, 0.3], [0.03, 0.34], [0.06, 0.38], [0.11, 0.4], [0.17, 0.4], [0.22, 0.38]])
     moments = np.linspace(0, len(places) - 1, 60)
     way = np.stack([np.polyval(np.polyfit(range(len(places)), each, 4), moments) for each in places.T], axis=1)
-    now, then, own = way[12], way[45], np.array([0.05, 0.44])
+    now = way[12]
+    then = way[45]
+    own = np.array([0.05, 0.44])
     left.plot(*way.T, color=FAINT)
     left.plot(*own, "o", color=RED, markersize=9, label="target of the episode")
     left.plot(*then, "o", color=GREEN, markersize=9, label="target in hindsight")
@@ -79,7 +82,8 @@ def hindsight() -> Figure:
 
 def holding(work: Work) -> Figure:
     """The angle of an elbow that learned with noise that lasts, with a filtered mean action and with one as it is."""
-    task, steps = mg.tasks.myosuite(TASKS["elbow"][0], actions="graded", scaling="none"), TASKS["elbow"][1]
+    task = mg.tasks.myosuite(TASKS["elbow"][0], actions="graded", scaling="none")
+    steps = TASKS["elbow"][1]
     angle, error = (task.observation_names.index(name) for name in ("r_elbow_flex", "target error r_elbow_flex"))
     time = task.period * np.arange(100)
     figure, axes = panels(2, height=2.9, sharey=True)
@@ -91,12 +95,15 @@ def holding(work: Work) -> Figure:
         starts = [(world.reset(seed=seed)[0], seed) for seed in range(12)]
         several = sorted((look[angle] + look[error], seed) for look, seed in starts)[1::3]
         for (wanted, seed), colour in zip(several, (BLUE, RED, GREEN, ORANGE), strict=True):
-            look, memory, path = world.reset(seed=seed)[0], policy.initial_memory(), []
+            look = world.reset(seed=seed)[0]
+            memory = policy.initial_memory()
+            path = []
             for _ in time:
                 path.append(look[angle])
                 seen = policy.perceive(memory, jnp.asarray(look))
                 action = policy.mode(seen)
-                memory, look = policy.remember(seen, action), world.step(np.asarray(action))[0]
+                memory = policy.remember(seen, action)
+                look = world.step(np.asarray(action))[0]
             panel.axhspan(wanted - 0.175, wanted + 0.175, color=colour, alpha=0.12, linewidth=0)
             panel.plot(time, path, color=colour, linewidth=1.3)
         panel.set(title=f"mean action {words}", xlabel="time (s)", xlim=(0, time[-1]))

@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 from motorgrad.policies import MultilayerPerceptron, Network, Policy, hyperplanes, split
 from tools.figures._style import inputs, over, panels, plane
 
-REACH, STEPS, BATCH = 1.5, 1_500, 64
+REACH = 1.5
+STEPS = 1_500
+BATCH = 64
 
 
 def network() -> Figure:

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from motorgrad.experiments import course_of
+from motorgrad.plane import draw_paths, draw_regions, draw_reward, draw_units, trajectories
 from motorgrad.policies import Policy
-from motorgrad.sim import draw_paths, draw_regions, draw_reward, draw_units, trajectories
 from motorgrad.tasks import FallingParticle, ParticleNavigation, ParticleOrbit, ParticleTask
 from motorgrad.training import agent_for
+from timsim import course_of
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, band, level, over, panels
 from tools.figures._work import Work
 

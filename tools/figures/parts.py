@@ -36,7 +36,8 @@ AGES = 40  # decisions over which the filters are shown
 
 def eligibility(trace: Trace) -> np.ndarray:
     """The weight that a trace gives to one score of 1, from the decision of that score onwards."""
-    state, found = trace.init(jnp.zeros(())), []
+    state = trace.init(jnp.zeros(()))
+    found = []
     for age in range(AGES):
         state = trace.update(state, jnp.float32(age == 0))
         found.append(float(trace.value(state)))
@@ -74,7 +75,9 @@ def levels_of(baseline: Baseline | None, rewards: np.ndarray) -> np.ndarray:
     """The level of a baseline before each reward."""
     if baseline is None:
         return np.zeros(len(rewards))
-    state, found, observation = baseline.init(POINT, jnp.float32), [], jnp.zeros(POINT.inputs)
+    state = baseline.init(POINT, jnp.float32)
+    found = []
+    observation = jnp.zeros(POINT.inputs)
     for reward in rewards:
         found.append(float(baseline.level(state)))
         state = baseline.update(state, POINT, Transition(None, None, jnp.float32(reward), observation, False, False))[1]

@@ -24,7 +24,10 @@ from motorgrad.worlds import oracle
 from tools.figures._style import BLUE, GREEN, ORANGE, PINK, RED, SKY, band, level, panels
 from tools.figures._work import Work
 
-SEEDS, ROUNDS, BATCH, STEPS = 12, 30, 12, 100
+SEEDS = 12
+ROUNDS = 30
+BATCH = 12
+STEPS = 100
 METHODS: dict[str, tuple[Method, str]] = {
     "uniform": (Uniform(BATCH), SKY),
     "Boltzmann": (Boltzmann(BATCH), GREEN),
@@ -64,7 +67,9 @@ def bayesian(work: Work) -> Figure:
         evaluations = evaluations if work.most > 10_000 else 8
         task: Any = mg.make(name)
         for label, (method, gradients, colour) in EXPENSIVE.items():
-            rows, every = [], method.batch(1)  # whatever the number of parameters
+            # whatever the number of parameters
+            rows = []
+            every = method.batch(1)
             for seed in range(seeds):
                 gradient = gpomdp(0.9, MeanReward()) if gradients else None
                 score = PolicyScore(task, softmax(task), STEPS, 8, seed=seed * 1000, gradient=gradient)

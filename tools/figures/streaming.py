@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from tools.figures._style import BLUE, GREEN, ORANGE, PINK, RED, SKY, level, panels
 from tools.streaming import OURS, PEERS, POINTS, TASKS, stored
 
-LOOKS = {
+LINE_STYLES = {
     "own": (SKY, "-"),
     "olgarb": (SKY, "-"),
     "olgarb-normalized": (SKY, ":"),
@@ -61,7 +61,7 @@ def _curves(axes: Axes, name: str) -> None:
         # no apex is no hop, of 0 m
         values = np.array(run["curve"], float)
         values = np.nan_to_num(values) if task.reading == "apex" else values
-        colour, line = LOOKS[run["learner"]]
+        colour, line = LINE_STYLES[run["learner"]]
         with np.errstate(all="ignore"):
             low, middle, high = np.nanpercentile(values, [25, 50, 75], axis=0)
         axes.fill_between(x, low, high, color=colour, alpha=0.12, linewidth=0)

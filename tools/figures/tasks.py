@@ -47,7 +47,8 @@ def chain() -> Figure:
     for panel, variant in zip(axes, ("walk", "reset"), strict=True):
         mdp = Chain(variant=variant).dynamics
         states(panel, places, [str(state) for state in range(mdp.states)], mdp.rewards)
-        end, either = mdp.states - 1, mdp.transitions.min(0)
+        end = mdp.states - 1
+        either = mdp.transitions.min(0)
         moves(panel, places, mdp.transitions[1] - either, ORANGE, 0.0, label=False)
         moves(panel, places, mdp.transitions[0] - either, BLUE, -0.32 if variant == "walk" else -0.28, label=False)
         moves(panel, [(x, y) for x, y in places], either * (np.arange(mdp.states) == end)[:, None], "0.55", 0.2, False)

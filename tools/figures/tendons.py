@@ -28,7 +28,8 @@ def rates(state: Any, hill: Hill, length: float, velocity: float, excitation: fl
     height = math.sin(hill.pennation_angle)
     cosine = math.sqrt(1 - (height / fiber) ** 2)
     curves = PUBLISHED[hill.curves]
-    active, passive = curves.active(fiber), curves.passive(fiber)
+    active = curves.active(fiber)
+    passive = curves.passive(fiber)
     tendon = (length - hill.optimal_fiber_length * fiber * cosine) / hill.tendon_slack_length
     pull = max(curves.tendon(tendon, hill.tendon_strain), 0)
 
@@ -92,7 +93,9 @@ STEP = 0.001  # s
 def curves() -> Figure:
     """The curves of a Hill-type muscle: both sets, a row each."""
     figure, axes = panels(3, height=4.6, rows=2, sharex="col", sharey="col")
-    length, velocity, stretch = np.linspace(0.2, 1.9, 300), np.linspace(-1.2, 1.2, 300), np.linspace(0.98, 1.06, 300)
+    length = np.linspace(0.2, 1.9, 300)
+    velocity = np.linspace(-1.2, 1.2, 300)
+    stretch = np.linspace(0.98, 1.06, 300)
     for row, (words, curves) in enumerate(zip(("De Groote et al.", "Millard et al."), CURVES.values(), strict=True)):
         fiber, speed, tendon = axes[row]
         fiber.plot(length, curves.active_force_length(length), color=RED, label="active, $f_L$")

@@ -27,7 +27,8 @@ from motorgrad.policies import (
 )
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, inputs, over, panels, plane
 
-FIRES, SILENT = 1.0, 0.0
+FIRES = 1.0
+SILENT = 0.0
 
 
 def motoneuron() -> Figure:
@@ -59,7 +60,8 @@ def graded() -> Figure:
     figure, (active, gain, deviation) = panels(3)
     for k, s, colour in ((4.0, 0.2, GREEN), (12.0, 0.1, BLUE), (-6.0, 0.05, ORANGE)):
         pool = GradedMotoneurons(threshold=[0.5], gain=[k], log_deviation=np.log([s - 0.02]))
-        mean, spread = over(pool.mean, y)[:, 0], float(pool.deviation[0])
+        mean = over(pool.mean, y)[:, 0]
+        spread = float(pool.deviation[0])
         active.fill_between(y, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
         active.plot(y, mean, color=colour, label=f"$k$ = ${k:g}$, $s$ = {s:g}")
     for level in (0, 1):
@@ -104,7 +106,8 @@ def querying() -> Figure:
 
 def hyperplane() -> Figure:
     """p(fire) over two inputs with the boundary, and the score of the weights as arrows."""
-    weights, bias = np.array([1.5, -1.0]), 0.75
+    weights = np.array([1.5, -1.0])
+    bias = 0.75
     unit = Hyperplanes(weights[None], jnp.array([bias]))
     x, y = plane(3.0)
     figure, axes = panels(3, height=2.9, sharey=True)
@@ -275,7 +278,8 @@ def mirrored() -> Figure:
     shown: Any = None
     names = (("left angle", "right angle"), ("speed", "yaw rate"))
     for number, panel in enumerate(axes):
-        policy, (across, up) = (swap, turn)[number // 2], names[number // 2]
+        policy = (swap, turn)[number // 2]
+        (across, up) = names[number // 2]
         shown = panel.pcolormesh(x, y, over(policy.prob, x, y)[..., number % 2], vmin=0, vmax=1, rasterized=True)
         panel.plot(*(([-1.5, 1.5], [-1.5, 1.5]) if number < 2 else ([-1.5, 1.5], [0, 0])), ":", color="white")
         panel.set(title=("unit, left output", "copy, right output")[number % 2], aspect="equal")

@@ -57,7 +57,8 @@ def main(arguments: list[str] | None = None) -> int:
 def attack(test: str, count: int, seed: int, record: "Record") -> int:
     """Run one test, and record it. **Returns** 1 if it failed, else 0."""
     run, name = TESTS[test]
-    folder, start = Path(tempfile.mkdtemp(prefix="torture-")), time.monotonic()
+    folder = Path(tempfile.mkdtemp(prefix="torture-"))
+    start = time.monotonic()
     # each session draws new numbers
     random = np.random.default_rng([seed, list(TESTS).index(test), record.sessions(test)])
     try:

@@ -18,7 +18,7 @@ from websockets.sync.connection import Connection
 from motorgrad.training import fingerprint
 from tools.torture._training import PATIENCE, Failure, say
 
-MOST = 30  # edits before a kill
+MAX_EDITS = 30  # before a kill
 LIFE = 6.0  # seconds that a page of TimSim lives at most
 ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d+)/([\w-]+)/")
 
@@ -26,10 +26,12 @@ ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d+)/([\w-]+)/")
 def edit(name: str, folder: Path, count: int, random: np.random.Generator) -> tuple[Counter[str], int]:
     """Add blocks in TimLab, kill the server between edits, and count the blocks that a new server recovers."""
     del name
-    found, file = Counter[str](), folder / "work.json"
+    found = Counter[str]()
+    file = folder / "work.json"
     env = os.environ | {"XDG_STATE_HOME": str(folder / "state")}
     for number in range(count):
-        edits, acknowledged = int(random.integers(1, MOST)), 0
+        edits = int(random.integers(1, MAX_EDITS))
+        acknowledged = 0
         server, address = lab_server([str(file)], env)
         with lab_socket(address) as connection:
             for sequence in range(1, edits + 1):
@@ -54,7 +56,8 @@ def edit(name: str, folder: Path, count: int, random: np.random.Generator) -> tu
 def autosave(name: str, folder: Path, count: int, random: np.random.Generator) -> tuple[Counter[str], int]:
     """Kill TimSim while it saves; what is in the file must be a whole policy with which the page starts again."""
     del name
-    found, file = Counter[str](), folder / "policy.npz"
+    found = Counter[str]()
+    file = folder / "policy.npz"
     command = [
         sys.executable,
         "-P",
@@ -87,7 +90,7 @@ def autosave(name: str, folder: Path, count: int, random: np.random.Generator) -
 
 def _policy(file: Path) -> str:
     """A hash of a saved policy. **Raises** `ValueError` if it is damaged."""
-    from motorgrad.sim.live import setup_of
+    from timsim.live import setup_of
 
     return fingerprint(setup_of("chain", run=file).initial)
 

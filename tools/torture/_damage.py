@@ -47,7 +47,9 @@ WAYS: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (flip, flip, f
 
 def damage(name: str, folder: Path, count: int, random: np.random.Generator) -> tuple[Counter[str], int]:
     """Damage a copy of a run so often. **Raises** `Failure`."""
-    task, found, compared = TASKS[name], Counter[str](), 0
+    task = TASKS[name]
+    found = Counter[str]()
+    compared = 0
     whole = folder / "whole"
     mg.train(task, out=whole, **SETTINGS)
     files = [path.relative_to(whole) for path in sorted(whole.rglob("*")) if path.is_file()]

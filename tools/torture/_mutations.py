@@ -11,7 +11,7 @@ from tools.torture._training import Failure
 
 TESTS = {
     "settings": "tests/cli/test_cli_mutations.py::test_a_spoilt_file_gives_an_answer_or_is_refused_on_one_line[10000]",
-    "diagrams": "tests/lab/test_lab_spoilt_files.py::"
+    "diagrams": "apps/timlab/tests/test_lab_spoilt_files.py::"
     "test_a_spoilt_file_is_loaded_or_refused_on_one_line_and_runs_no_code[10000]",
 }
 COUNT = 10_000

@@ -47,7 +47,7 @@ ENGINES = {
     "environment": Engine("gymnasium", 20_000, 999, options=("--task.env-id", "CartPole-v1")),
 }
 EVERY = 0.05  # seconds between checkpoints
-KINDS = ("any", "started", "write")  # the kills: from the start, from the end of the start-up, at a write after that
+KILL_KINDS = ("any", "started", "write")  # from the start, from the end of the start-up, at a write after that
 PATIENCE = 300.0  # seconds that any command may take
 PLACES = ("before learning", "while learning", "during a commit")
 
@@ -63,8 +63,10 @@ def torture(name: str, folder: Path, kills: int, random: np.random.Generator) ->
 
     **Returns** where the kills hit, and the number of finished runs that were compared. **Raises** `Failure`.
     """
-    engine, landed = ENGINES[name], Counter[str]()
-    undisturbed, start = folder / f"{name}-undisturbed", time.monotonic()
+    engine = ENGINES[name]
+    landed = Counter[str]()
+    undisturbed = folder / f"{name}-undisturbed"
+    start = time.monotonic()
     finish(begin(engine, undisturbed), undisturbed)
     whole = time.monotonic() - start
     say(f"{name}: undisturbed in {whole:.1f} s")
@@ -72,8 +74,9 @@ def torture(name: str, folder: Path, kills: int, random: np.random.Generator) ->
     used = done = 0
     while used < kills or (folder / f"{name}-{done}").exists():
         path = folder / f"{name}-{done}"
-        sessions, old = sessions_of(path), leftovers(path)
-        kind = str(random.choice(KINDS))
+        sessions = sessions_of(path)
+        old = leftovers(path)
+        kind = str(random.choice(KILL_KINDS))
         child = begin(engine, path)
         if used < kills and kill(child, path, sessions, old, kind, random.uniform(0, spans[kind])):
             used += 1
@@ -175,7 +178,8 @@ def log_of(path: Path) -> Path:
 
 def differences(path: Path, other: Path) -> Iterator[str]:
     """What differs between two finished runs, but for wall time: configuration, records, complete final state."""
-    mine, wanted = mg.load(path), mg.load(other)
+    mine = mg.load(path)
+    wanted = mg.load(other)
     if mine.config != wanted.config:
         yield "config.toml"
     if (mine.decision, mine.complete) != (wanted.decision, True):

@@ -2,13 +2,18 @@
 
 from collections.abc import Iterator
 
-from motorgrad.benchmarks._measure import Row
+from motorgrad.benchmarks._measure import Row, in_turn, rate
 
-__all__ = ["Row", "speed_table"]
+__all__ = ["ROWS", "Row", "in_turn", "rate", "speed_table"]
+
+ROWS = "motorgrad.benchmarks"
+"""The group of entry points of applications that have rows of their own: functions of whether they be quick, and of how
+many pairs to measure."""
 
 
 def speed_table(quick: bool = False) -> Iterator[Row]:
     """Measure the speed table, and yield its rows one by one. `quick` makes it small enough for a smoke test."""
+    from motorgrad._applications import entries
     from motorgrad.benchmarks._arm18 import reach18
     from motorgrad.benchmarks._bodies import (
         body_row,
@@ -22,13 +27,6 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         tendon_rows,
         vector_row,
     )
-    from motorgrad.benchmarks._lab import (
-        beside_training_row,
-        compile_row,
-        discrete_row,
-        learning_diagram_row,
-        peer_row,
-    )
     from motorgrad.benchmarks._learners import (
         index_row,
         local_learning_row,
@@ -38,7 +36,6 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
         sweep_row,
         three_state_row,
     )
-    from motorgrad.benchmarks._live import watched_row
     from motorgrad.benchmarks._measure import memory_row, seed_memory_row, start_row
     from motorgrad.benchmarks._networks import network_row
     from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
@@ -71,18 +68,8 @@ def speed_table(quick: bool = False) -> Iterator[Row]:
     yield foreign_row(10, 50 if quick else 5000, pairs)
     for name, task in (("Pendulum-v1", from_gymnasium("Pendulum-v1")), ("hopper", Hopper())):
         yield shared_row(name, task, 16, 20 if quick else 500, pairs)
-    for name in ("hopper", "hexapod"):
-        yield watched_row(name, 0.5 if quick else 5.0, 1 if quick else pairs, "≥ 0.9")
-    for blocks, ticks, peer in ((10, 1_000_000, 500), (100, 300_000, 100), (500, 100_000, 20)):
-        wanted = "≥ 1,000,000" if blocks == 100 else ""
-        yield peer_row(blocks, 100 if quick else ticks, 2 if quick else peer, pairs, "≥ 100")
-        yield discrete_row(blocks, 100 if quick else 2 * ticks, pairs, wanted)
-    for name, ticks in (("linear-recruitment", 4_000), ("particle", 2_000)):
-        wanted = "≥ 1,000,000" if name == "linear-recruitment" else ""
-        yield learning_diagram_row(name, 16 if quick else 1000, 50 if quick else ticks, pairs, wanted)
-    yield beside_training_row("linear-recruitment", 16 if quick else 1000, 50 if quick else 4_000, pairs)
-    yield compile_row(10 if quick else 100, True)
-    yield compile_row(10 if quick else 500, False, "≤ 5")
+    for offer in entries(ROWS).values():
+        yield from offer.load()(quick, pairs)
     yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
     yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
     yield memory_row("≤ 1.5")

@@ -10,7 +10,9 @@ import mujoco
 from motorgrad.bodies import Mjcf
 from motorgrad.tasks import Composed, compose, terms
 
-UPPER, LOWER = 0.3, 0.28  # m, lengths of the bones
+# m, lengths of the bones
+UPPER = 0.3
+LOWER = 0.28
 RINGS = (("deltoid", 5, 0.07, -0.12), ("cuff", 3, 0.05, -0.08))
 """Muscles around the shoulder: name, number, radius of their origins (m), and height of their insertions (m)."""
 SPANNING = {
@@ -50,7 +52,10 @@ def arm18() -> Mjcf:
     _bone(lower, "lower", (0, 0, 0), (0, 0, -LOWER), 0.018, 1.2)
     lower.add_site(name="hand", pos=(0, 0, -LOWER), size=(0.015, 0.015, 0.015))
     elbow = upper.add_geom(name="elbow", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=(0.022, 0.03, 0), pos=(0, 0, -UPPER))
-    elbow.quat, elbow.mass, elbow.contype, elbow.conaffinity = (0.5**0.5, 0.5**0.5, 0, 0), 0.0, 0, 0
+    elbow.quat = (0.5**0.5, 0.5**0.5, 0, 0)
+    elbow.mass = 0.0
+    elbow.contype = 0
+    elbow.conaffinity = 0
     upper.add_site(name="elbow behind", pos=(-0.04, 0, -UPPER), size=(0.004, 0.004, 0.004))
     ends = dict(SPANNING)
     for name, number, radius, height in RINGS:
@@ -80,7 +85,9 @@ def reach18() -> Composed:
 
 def _hinge(body: mujoco.MjsBody, name: str, axis: tuple[float, ...], low: float, high: float) -> None:
     joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=0.005)
-    joint.range, joint.limited, joint.damping[0] = (low, high), True, 0.3
+    joint.range = (low, high)
+    joint.limited = True
+    joint.damping[0] = 0.3
 
 
 def _bone(body: mujoco.MjsBody, name: str, start: tuple, end: tuple, radius: float, mass: float) -> None:

@@ -44,7 +44,8 @@ def body_row(
         assert isinstance(found, BodyStepper | SideBySide)
         return found
 
-    twin, learner = make(), make()
+    twin = make()
+    learner = make()
     learner.advance(decisions)  # compiles
     for _ in range(decisions):
         twin.advance(1)
@@ -100,7 +101,8 @@ def suite_rows(env_id: str, seeds: int, decisions: int, pairs: int, wanted: str 
     theirs = gymnasium.make(env_id)
     theirs.reset(seed=0)
     inner: Any = theirs.unwrapped
-    data, controls = mujoco.MjData(inner.model), np.random.default_rng(0).uniform(size=(decisions, inner.model.nu))
+    data = mujoco.MjData(inner.model)
+    controls = np.random.default_rng(0).uniform(size=(decisions, inner.model.nu))
     actions = (2 * controls - 1).astype(np.float32)
 
     def own() -> None:
@@ -181,7 +183,8 @@ def single_row(decisions: int, pairs: int) -> Row:
     environment = gymnasium.make(HOPPER)
     environment.reset(seed=0)
     body = task.dynamics
-    model, group_of = compile_model(body), group_places(body)
+    model = compile_model(body)
+    group_of = group_places(body)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
 
@@ -223,7 +226,8 @@ def foreign_row(seeds: int, decisions: int, pairs: int) -> Row:
 def shared_row(name: str, task: HostTask, envs: int, decisions: int, pairs: int) -> Row:
     """Decisions per second of one learner fed by several environments, against as many learners, each with its own."""
     agent = natural(task, envs * decisions)
-    shared, single = stepper_for(task, agent, [0], envs=envs), stepper_for(task, agent, range(envs))
+    shared = stepper_for(task, agent, [0], envs=envs)
+    single = stepper_for(task, agent, range(envs))
     for stepper, each in ((shared, envs * decisions), (single, decisions)):
         stepper.advance(each)  # compiles
     name = f"{name}, one natural learner of {envs} environments ÷ {envs} learners of one"
@@ -260,7 +264,8 @@ def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
         wall = time.perf_counter() - start
         decision, apex = run.curve("apex")
         each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period
-        simulated, last = float(np.median(each)), run.final("apex", min(1.0, 8 / apex.shape[1]))
+        simulated = float(np.median(each))
+        last = run.final("apex", min(1.0, 8 / apex.shape[1]))
         name = f"hopper rewarded at {reward_type}, decay {decay}, {seeds} seeds"
         yield Row(f"{name}: apex > {HEIGHT} m", simulated, 315.0, "simulated s", None, (each.min(), each.max()))
         yield Row("   the same in wall time, all seeds together", wall * simulated / seconds, None, "s")

@@ -36,14 +36,24 @@ def loop_row(
     learner.advance(decisions)  # compiles
     loop(10)  # compiles
     name = f"{name} ÷ compiled loop, {seeds:,} seed{'s' * (seeds > 1)}"
-    ours, other = lambda: learner.advance(decisions), lambda: loop(LOOP_STEPS)
-    return in_turn(name, "updates/s", decisions * seeds, ours, other, LOOP_STEPS, pairs, wanted)
+    return in_turn(
+        name,
+        "updates/s",
+        decisions * seeds,
+        lambda: learner.advance(decisions),
+        lambda: loop(LOOP_STEPS),
+        LOOP_STEPS,
+        pairs,
+        wanted,
+    )
 
 
 def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """OLGARB on the three-state MDP: updates per second in total, against the loop's on one core."""
     task = ThreeState()
-    numbers, world, single = numbers_of(agent_for(task).hyperparameters), task.dynamics, np.float32
+    numbers = numbers_of(agent_for(task).hyperparameters)
+    world = task.dynamics
+    single = np.float32
     inputs = (
         world.observations.astype(single),
         world._cumulative.astype(single),
@@ -101,7 +111,8 @@ def particle_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -
 def hand_written(task: FallingParticle, seed: int = 1) -> Callable[[int], tuple[np.ndarray, np.ndarray, Any]]:
     """The compiled loop for the given task, with the same initial policy and step sizes."""
     agent = agent_for(task)
-    units, own = agent.init(jax.random.key(0)).policy, numbers_of(agent.hyperparameters)
+    units = agent.init(jax.random.key(0)).policy
+    own = numbers_of(agent.hyperparameters)
     assert isinstance(units, LocalGaussians)
     assert units.log_width_limits is not None
     centre, log_width = (np.array(part, np.float32) for part in (units.centre, units.log_width))
@@ -134,7 +145,8 @@ WIDTH = 0.64  # in spacings, so that the number of units that can fire anywhere 
 def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
     """Decisions per second in total of a falling particle with thousands of local units, with and without the spatial
     index."""
-    task, width = FallingParticle(units=units), WIDTH / (units / 2) ** 0.5
+    task = FallingParticle(units=units)
+    width = WIDTH / (units / 2) ** 0.5
     policy = {"copies": 2, "width": width, "least_log_width": -8.0}
     rates = {"centre": 2e-4 * (width / 0.16) ** 2, "log_width": 8e-4}
     agents = [agent_for(task, {"policy": policy, "learning_rate": rates, "kind": kind}) for kind in ("sparse", "dense")]

@@ -24,7 +24,9 @@ def three_state_loop(
     np.random.seed(seed)  # noqa: NPY002 (compiled code has no Generator as quick)
     weights = np.zeros((2, 2), np.float32)
     trace = np.zeros((2, 2), np.float32)
-    baseline, total, state = 0.0, 0.0, 0
+    baseline = 0.0
+    total = 0.0
+    state = 0
     for t in range(steps):
         y = features[state]
         potential = (weights[1, 0] - weights[0, 0]) * y[0] + (weights[1, 1] - weights[0, 1]) * y[1]
@@ -54,9 +56,13 @@ def recruitment_loop(
     gains `(units,)`, the mean reward, and the mean error of the force as a ratio."""
     np.random.seed(seed)  # noqa: NPY002 (compiled code has no Generator as quick)
     single = np.float32
-    threshold, gain = np.random.random(units).astype(single), np.zeros(units, single)  # noqa: NPY002
+    threshold = np.random.random(units).astype(single)  # noqa: NPY002
+    gain = np.zeros(units, single)
     surprise = np.empty(units, single)
-    step, baseline, total, missed = single(rate), 0.0, 0.0, 0.0
+    step = single(rate)
+    baseline = 0.0
+    total = 0.0
+    missed = 0.0
     for t in range(steps):
         load = single(np.random.random())  # noqa: NPY002
         firing = single(0)
@@ -103,19 +109,28 @@ def particle_loop(
     """
     np.random.seed(seed)  # noqa: NPY002 (compiled code has no Generator as quick)
     units = len(forces)
-    centre, log_width = centre.copy(), log_width.copy()
-    z_centre, z_width = np.zeros((units, 2), single), np.zeros((units, 2), single)
-    baseline, total, fallen = 0.0, 0.0, True
+    centre = centre.copy()
+    log_width = log_width.copy()
+    z_centre = np.zeros((units, 2), single)
+    z_width = np.zeros((units, 2), single)
+    baseline = 0.0
+    total = 0.0
+    fallen = True
     x = y = vx = vy = single(0)
     for t in range(steps):
         if fallen:
-            x, y = single(np.random.random()), single(0.9 + 0.1 * np.random.random())  # noqa: NPY002
-            vx, vy = single(0), single(0)
-            z_centre[:], z_width[:] = 0, 0
+            x = single(np.random.random())  # noqa: NPY002
+            y = single(0.9 + 0.1 * np.random.random())  # noqa: NPY002
+            vx = single(0)
+            vy = single(0)
+            z_centre[:] = 0
+            z_width[:] = 0
         push = single(0)
         for i in range(units):
-            ix, iy = np.exp(-log_width[i, 0]), np.exp(-log_width[i, 1])
-            zx, zy = (x - centre[i, 0]) * ix, (y - centre[i, 1]) * iy
+            ix = np.exp(-log_width[i, 0])
+            iy = np.exp(-log_width[i, 1])
+            zx = (x - centre[i, 0]) * ix
+            zy = (y - centre[i, 1]) * iy
             p = min(np.exp(single(-0.5) * (zx * zx + zy * zy)), CAP)
             if np.random.random() < p:  # noqa: NPY002
                 push += forces[i]
@@ -132,10 +147,12 @@ def particle_loop(
         for _ in range(2):
             x, y, vx, vy = _fall(x, y, vx, vy, push, numbers)
             if y <= 0:
-                y, fallen = single(0), True
+                y = single(0)
+                fallen = True
         reward = single(0)
         for k in range(len(regions)):
-            away, above = (x - regions[k, 1]) / regions[k, 3], (y - regions[k, 2]) / regions[k, 4]
+            away = (x - regions[k, 1]) / regions[k, 3]
+            above = (y - regions[k, 2]) / regions[k, 4]
             reward += regions[k, 0] * np.exp(single(-0.5) * (away * away + above * above))
         delta = single(reward - baseline)
         baseline += delta / (t + 1)
@@ -152,14 +169,18 @@ def particle_loop(
 def _fall(x: Any, y: Any, vx: Any, vy: Any, push: Any, numbers: Any) -> Any:
     """One Runge–Kutta step between two walls, for a particle of mass 1."""
     h, gravity, drag, restitution, friction = numbers
-    left, right = x <= 0 and vx <= 0, x >= 1 and vx >= 0
+    left = x <= 0 and vx <= 0
+    right = x >= 1 and vx >= 0
     half = h / 2
     ax, ay = _acceleration(x, vx, vy, push, gravity, drag, friction, left, right)
-    ux, uy = vx + half * ax, vy + half * ay
+    ux = vx + half * ax
+    uy = vy + half * ay
     bx, by = _acceleration(x, ux, uy, push, gravity, drag, friction, left, right)
-    wx, wy = vx + half * bx, vy + half * by
+    wx = vx + half * bx
+    wy = vy + half * by
     cx, cy = _acceleration(x, wx, wy, push, gravity, drag, friction, left, right)
-    tx, ty = vx + h * cx, vy + h * cy
+    tx = vx + h * cx
+    ty = vy + h * cy
     dx, dy = _acceleration(x, tx, ty, push, gravity, drag, friction, left, right)
     sixth = h / 6
     x += sixth * (vx + 2 * ux + 2 * wx + tx)
@@ -177,7 +198,8 @@ def _acceleration(
     x: Any, vx: Any, vy: Any, push: Any, gravity: Any, drag: Any, friction: Any, left: bool, right: bool
 ) -> Any:
     """The acceleration; `left` and `right`: whether the particle rests on that wall."""
-    fx, fy = push - drag * vx, gravity - drag * vy
+    fx = push - drag * vx
+    fy = gravity - drag * vy
     if (left and fx < 0) or (right and fx > 0):
         return single(0), fy - friction * abs(fx) * vy
     return fx, fy

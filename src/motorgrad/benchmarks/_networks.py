@@ -18,8 +18,12 @@ from motorgrad.training import stepper_for
 from motorgrad.worlds import World
 
 HIDDEN = (128, 128)
-OBSERVED, ACTED = 17, 6  # as of many walkers
-DISCOUNT, DECAY, FLOOR = 0.99, 0.8, 0.02
+# as of many walkers
+OBSERVED = 17
+ACTED = 6
+DISCOUNT = 0.99
+DECAY = 0.8
+FLOOR = 0.02
 SCALING = {"policy": 3.0, "critic": 2.0}  # κ
 
 
@@ -66,7 +70,8 @@ def learner(hidden: tuple[int, ...] = HIDDEN) -> Agent:
     """The actor-critic with traces of Elsayed, Vasan & Mahmood (2024), without entropy."""
     layers = MultilayerPerceptron(hidden)
     critic = NetworkCritic(network=layers, discount=DISCOUNT, decay=DECAY)
-    trace, bound = Exponential(DISCOUNT * DECAY), OvershootingBound(SCALING["policy"])
+    trace = Exponential(DISCOUNT * DECAY)
+    bound = OvershootingBound(SCALING["policy"])
     policy = graded_hyperplanes(OBSERVED, ACTED, floor=FLOOR, network=layers)
     return Agent(policy, Estimator(trace, critic, bound=bound), SGD(1.0))
 
@@ -98,7 +103,8 @@ class TorchLearner:
             layer.bias.data = torch.tensor(np.array(bias))
 
         width = policy.pool.slope.shape[1]
-        means, value = torch.nn.Linear(width, ACTED), torch.nn.Linear(width, 1)
+        means = torch.nn.Linear(width, ACTED)
+        value = torch.nn.Linear(width, 1)
         copy(means, policy.pool.slope, policy.pool.level)
         copy(value, critic.weights[None], critic.bias[None])
         self.policy = torch.nn.Sequential(*layers(policy.module), means)
@@ -111,7 +117,8 @@ class TorchLearner:
     def step(self, observation: Any, noise: Any, following: Any) -> None:
         """One decision on an observation, with standard normal `noise`, that leads to the `following` observation."""
         torch = self._torch
-        mean, deviation = self.policy(observation), FLOOR + torch.exp(self.log_deviation)
+        mean = self.policy(observation)
+        deviation = FLOOR + torch.exp(self.log_deviation)
         action = (mean + deviation * noise).detach()
         log_prob = torch.distributions.Normal(mean, deviation, validate_args=False).log_prob(action).sum()
         scores = torch.autograd.grad(log_prob, self.of_policy)
@@ -134,7 +141,8 @@ class TorchLearner:
     def run(self, steps: int) -> None:
         """So many decisions on random observations."""
         torch = self._torch
-        looks, noise = 2 * torch.rand(steps + 1, OBSERVED) - 1, torch.randn(steps, ACTED)
+        looks = 2 * torch.rand(steps + 1, OBSERVED) - 1
+        noise = torch.randn(steps, ACTED)
         for t in range(steps):
             self.step(looks[t], noise[t], looks[t + 1])
 

@@ -108,7 +108,8 @@ class BodyBatch:
     def __init__(self, body: Body | Sequence[Body], seeds: int, substeps: int = 10, threads: int = 0):
         for name, value, least in (("seeds", seeds, 1), ("substeps", substeps, 1), ("threads", threads, 0)):
             check_integer(name, value, least)
-        self.seeds, self.substeps = int(seeds), int(substeps)
+        self.seeds = int(seeds)
+        self.substeps = int(substeps)
         if isinstance(body, Sequence):
             allowed = f"one, or one for each of {self.seeds} seeds"
             check(len(body) == self.seeds, "body", f"{len(body)} bodies", allowed)
@@ -307,8 +308,12 @@ class _Layout:
     """Where each quantity is in a packed row."""
 
     def __init__(self, model: mujoco.MjModel, components: Mapping[str, int]):
-        nq, nv, na, ns = int(model.nq), int(model.nv), int(model.na), int(model.nsensordata)
-        self.position, self.velocity = slice(0, nq), slice(nq, nq + nv)
+        nq = int(model.nq)
+        nv = int(model.nv)
+        na = int(model.na)
+        ns = int(model.nsensordata)
+        self.position = slice(0, nq)
+        self.velocity = slice(nq, nq + nv)
         moved = nq + nv + na
         self.activation = slice(nq + nv, moved)
         self.sensordata = slice(moved, moved + ns)
@@ -321,7 +326,8 @@ class _Layout:
             check_integer(f"sensor_components[{name!r}]", index, 0, sizes[name] - 1)
         for i in range(model.nsensor):
             sensor = model.sensor(i)
-            first, size = moved + int(sensor.adr[0]), int(sensor.dim[0])
+            first = moved + int(sensor.adr[0])
+            size = int(sensor.dim[0])
             if sensor.name in components:
                 self.sensors[sensor.name] = first + components[sensor.name]
             else:
@@ -349,7 +355,8 @@ def _check_alike(body: Body, model: mujoco.MjModel, other: Body, its: mujoco.MjM
 
 def start_key(body: Body, model: mujoco.MjModel) -> int:
     """The number of the keyframe in which a body starts; −1 for the reference pose of a model without keyframes."""
-    names, start = [model.key(i).name for i in range(model.nkey)], getattr(body, "start", START)
+    names = [model.key(i).name for i in range(model.nkey)]
+    start = getattr(body, "start", START)
     if start is None:
         return 0 if names else -1
     check(start in names, "keyframes of the body", names, f"a list with {start!r}")

@@ -212,7 +212,8 @@ def about(axis: Sequence[float], angle: float) -> tuple[float, ...]:
 
 def add_sensors(spec: mujoco.MjSpec, kind: str, of: str, names: Mapping[str, str]) -> None:
     """Add sensors of one `kind`, such as "JOINTPOS". `names` maps each to the object it observes, such as a "JOINT"."""
-    sensor, target = getattr(mujoco.mjtSensor, f"mjSENS_{kind}"), getattr(mujoco.mjtObj, f"mjOBJ_{of}")
+    sensor = getattr(mujoco.mjtSensor, f"mjSENS_{kind}")
+    target = getattr(mujoco.mjtObj, f"mjOBJ_{of}")
     for name, object_name in names.items():
         spec.add_sensor(name=name, type=sensor, objtype=target, objname=object_name)
 
@@ -228,7 +229,8 @@ def add_scenery(spec: mujoco.MjSpec, rail: tuple[float, float] | None, target: s
     """
     spec.visual.headlight.ambient = (0.4, 0.4, 0.4)
     spec.visual.headlight.diffuse = (0.4, 0.4, 0.4)
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    spec.visual.global_.offwidth = 1280
+    spec.visual.global_.offheight = 960
     builtin = mujoco.mjtBuiltin
     for name, kind, pattern, colours in (
         ("sky", mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin.mjBUILTIN_GRADIENT, _SKY),

@@ -76,14 +76,16 @@ def contract(
         data.qfrc_applied[0] = 0.0 if held else load
         mujoco.mj_step(model, data)
         if held:
-            data.qpos[0], data.qvel[0] = length, 0.0
+            data.qpos[0] = length
+            data.qvel[0] = 0.0
     return Contraction(timestep * np.arange(len(rows)), *np.array(rows).T)
 
 
 def _bench(hill: Hill, mass: float, timestep: float) -> mujoco.MjSpec:
     """A muscle along x from the world to a ball on a slide, whose position is the length of the path."""
     spec = mujoco.MjSpec()
-    spec.option.timestep, spec.option.gravity = timestep, (0.0, 0.0, 0.0)
+    spec.option.timestep = timestep
+    spec.option.gravity = (0.0, 0.0, 0.0)
     ball = spec.worldbody.add_body(name="ball")
     ball.add_joint(name="slide", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(1, 0, 0))
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(0.02, 0, 0), mass=mass)

@@ -18,8 +18,8 @@ from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies._body import Body, WrappedBody
 
 Kind = Literal["bumps", "slopes", "steps", "waves"]
-LEAST_CELL = 0.1  # m; MuJoCo finds at most 50 contacts per pair, which a finer grid exhausts on the first triangles
-MOST_POINTS = 4_000_000
+MIN_CELL = 0.1  # m; MuJoCo finds at most 50 contacts per pair, which a finer grid exhausts on the first triangles
+MAX_GRID_POINTS = 4_000_000
 _ROCK = (0.74, 0.72, 0.66, 1.0)
 _DROP = 0.01  # m, from the field's lowest point down to the plane around it, so that nothing touches both
 _BLEND = 1.0  # m, over which the ground rises to its full height around the clearing
@@ -67,12 +67,12 @@ class Terrain:
         check_not_negative("clearing", self.clearing)
 
         check(0.0 <= self.difficulty <= 1.0, "difficulty", self.difficulty, "from 0 to 1")
-        check(self.cell >= LEAST_CELL, "cell", self.cell, f"at least {LEAST_CELL} m")
+        check(self.cell >= MIN_CELL, "cell", self.cell, f"at least {MIN_CELL} m")
         check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
         size = self.size
         check(min(size) >= 2.0 * self.cell, "size", size, f"two lengths of at least two cells, {2 * self.cell:g} m")
         points = (size[0] / self.cell + 1) * (size[1] / self.cell + 1)
-        check(points <= MOST_POINTS, "size", size, f"such that there are at most {MOST_POINTS} points")
+        check(points <= MAX_GRID_POINTS, "size", size, f"such that there are at most {MAX_GRID_POINTS} points")
         check(self.seed >= 0, "seed", self.seed, "an integer >= 0")
 
     @property
@@ -84,7 +84,7 @@ class Terrain:
     def heights(self) -> Points:
         """Heights in m, (rows, columns): rows along y, columns along x; 0 at the origin."""
         x, y = np.meshgrid(*self.axes)
-        raw = _KINDS[self.kind](self, x, y, np.random.default_rng(self.seed))
+        raw = _HEIGHT_FUNCTIONS[self.kind](self, x, y, np.random.default_rng(self.seed))
         if self.clearing > 0.0:
             raw = raw * _smooth((np.hypot(x, y) - self.clearing) / _BLEND)
         rows, columns = raw.shape
@@ -94,14 +94,16 @@ class Terrain:
     def add(self, spec: mujoco.MjSpec) -> None:
         """Add the ground to a description with a plane "floor", which is lowered and continues around the field."""
         heights = self.heights()
-        low, tall = float(heights.min()), float(np.ptp(heights))
+        low = float(heights.min())
+        tall = float(np.ptp(heights))
         x, y = self.axes
         field = spec.add_hfield(name="terrain", nrow=len(y), ncol=len(x), userdata=(heights - low).ravel().tolist())
         field.size = (x[-1], y[-1], max(tall, 1e-6), 0.1)
         floor = spec.geom("floor")
         check(floor is not None, "geoms of the body", [geom.name for geom in spec.geoms], "a list with 'floor'")
         ground = spec.worldbody.add_geom(name="terrain", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="terrain")
-        ground.pos, ground.rgba = (0.0, 0.0, low), _ROCK
+        ground.pos = (0.0, 0.0, low)
+        ground.rgba = _ROCK
         for property_ in ("contype", "conaffinity", "friction", "solref", "solimp"):
             setattr(ground, property_, getattr(floor, property_))
         floor.pos = (0.0, 0.0, low - _DROP)
@@ -164,7 +166,12 @@ def _waves(terrain: Terrain, x: Points, y: Points, noise: Noise) -> Points:
     return 0.5 + 0.5 * np.sin(number * (x * np.cos(way) + y * np.sin(way)) + phase).mean(0)
 
 
-_KINDS: dict[str, Callable[..., Any]] = {"bumps": _bumps, "slopes": _slopes, "steps": _steps, "waves": _waves}
+_HEIGHT_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "bumps": _bumps,
+    "slopes": _slopes,
+    "steps": _steps,
+    "waves": _waves,
+}
 
 
 def _smooth(share: np.ndarray) -> np.ndarray:
@@ -201,7 +208,8 @@ class SlopeBatch(BodyBatch):
         control = np.asarray(control)
         shape = (self.seeds, len(self.groups) + 2)
         check(control.shape == shape, "control.shape", control.shape, f"(seeds, groups + 2) = {shape}")
-        slope, ahead = control[:, -2].astype(float), control[:, -1].astype(float)
+        slope = control[:, -2].astype(float)
+        ahead = control[:, -1].astype(float)
         size = np.linalg.norm(self._level)
         self._gravity[:, 0] = -size * np.sin(slope) * np.cos(ahead)
         self._gravity[:, 1] = -size * np.sin(slope) * np.sin(ahead)

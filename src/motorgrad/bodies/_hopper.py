@@ -148,7 +148,8 @@ class Hopper:
         return spec
 
     def _muscle(self, group: str, side: str) -> Muscle | HillMuscle:
-        flexor, reach = group == "flexor", self.attachment_distance
+        flexor = group == "flexor"
+        reach = self.attachment_distance
         origin = Attachment(f"thigh_{side}", (0.0, 0.0, reach - self.link_length))
         insertion = Attachment(f"shank_{side}", (0.0, 0.0, -reach))
         wrap = Wrap(f"capsule_{side}", f"{'front' if flexor else 'behind'}_{side}")
@@ -206,7 +207,8 @@ def _add_load(spec: mujoco.MjSpec, hopper: Hopper, height: float) -> mujoco.MjsB
 def _add_leg(load: mujoco.MjsBody, hopper: Hopper, side: str) -> None:
     """Add thigh, shank and, on the left, the foot. Positive joint positions have the same meaning on both sides."""
     mirror = 1.0 if side == "left" else -1.0
-    axis, length = (0.0, mirror, 0.0), hopper.link_length
+    axis = (0.0, mirror, 0.0)
+    length = hopper.link_length
     half = REFERENCE_ANGLE / 2.0
     thigh = load.add_body(name=f"thigh_{side}", quat=_about_y(mirror * half))
     _add_hinge(thigh, f"hip_{side}", axis, hopper)

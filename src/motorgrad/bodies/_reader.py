@@ -17,7 +17,8 @@ from motorgrad.bodies._body import Body, WrappedBody, compile_model
 from motorgrad.bodies.muscles._hill import hill_actuators
 
 _JOINT, _TRANSMISSION = mujoco.mjtJoint, mujoco.mjtTrn
-_TURNS, _MOVES = ("rad", "rad/s", "N m"), ("m", "m/s", "N")
+_TURNS = ("rad", "rad/s", "N m")
+_MOVES = ("m", "m/s", "N")
 """The units of a position, its velocity and its force."""
 _FREE = (_MOVES,) * 3 + (("1", "rad/s", "N m"),) * 4
 _UNITS = {
@@ -192,7 +193,8 @@ def joint_columns(model: Any) -> list[Column]:
 
 
 def _joint_parts(model: Any) -> Iterator[_Part]:
-    positions, velocities = list(_joint_numbers(model, 0)), list(_joint_numbers(model, 1))
+    positions = list(_joint_numbers(model, 0))
+    velocities = list(_joint_numbers(model, 1))
     angles = [("joint angle" if units is _TURNS else "joint position", name, units[0]) for name, units in positions]
     yield _part("qpos", range(len(angles)), angles)
     yield _part("qvel", range(model.nv), [("joint velocity", name, units[1]) for name, units in velocities])
@@ -233,7 +235,8 @@ def _muscles(model: Any, body: Body) -> np.ndarray:
 def _joint_numbers(model: Any, of: int) -> Iterator[tuple[str, tuple[str, str, str]]]:
     """The name and the units of each generalised position (`of` = 0) or velocity (1)."""
     for i in range(model.njnt):
-        name, kind = model.joint(i).name or f"joint {i + 1}", _JOINT(int(model.jnt_type[i]))
+        name = model.joint(i).name or f"joint {i + 1}"
+        kind = _JOINT(int(model.jnt_type[i]))
         if kind in (_JOINT.mjJNT_HINGE, _JOINT.mjJNT_SLIDE):
             yield name, _TURNS if kind == _JOINT.mjJNT_HINGE else _MOVES
             continue
@@ -249,7 +252,8 @@ def _actuator_units(model: Any, i: int) -> tuple[str, str, str]:
         case _TRANSMISSION.mjTRN_JOINT | _TRANSMISSION.mjTRN_JOINTINPARENT:
             return _of_joint(model, target)
         case _TRANSMISSION.mjTRN_TENDON:
-            first, number = int(model.tendon_adr[target]), int(model.tendon_num[target])
+            first = int(model.tendon_adr[target])
+            number = int(model.tendon_num[target])
             if int(model.wrap_type[first]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
                 return _MOVES
             kinds = {_of_joint(model, int(joint)) for joint in model.wrap_objid[first : first + number]}
@@ -265,8 +269,11 @@ def _of_joint(model: Any, joint: int) -> tuple[str, str, str]:
 
 def _sensor_columns(model: Any, i: int) -> list[tuple[str, str, str]]:
     """The columns of a sensor of the body's own."""
-    kind, size, name = mujoco.mjtSensor(int(model.sensor_type[i])), int(model.sensor_dim[i]), model.sensor(i).name
-    short, target = kind.name.removeprefix("mjSENS_"), int(model.sensor_objid[i])
+    kind = mujoco.mjtSensor(int(model.sensor_type[i]))
+    size = int(model.sensor_dim[i])
+    name = model.sensor(i).name
+    short = kind.name.removeprefix("mjSENS_")
+    target = int(model.sensor_objid[i])
     if short in _OF_JOINTS:
         unit = _of_joint(model, target)[_OF_JOINTS[short]]
     elif short in _OF_ACTUATORS:

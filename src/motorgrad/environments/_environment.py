@@ -94,7 +94,8 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         outcome = rows.step(check_action(self._space, action, (), self._binary)[None])
         if self._picture is not None:
             self._picture.note()
-        terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
+        terminated = bool(outcome.terminated[0])
+        truncated = bool(outcome.truncated[0])
         self._running = not (terminated or truncated)
         info = {"simulated_time": float(rows.decisions[0] * rows.period), "diverged": bool(outcome.diverged[0])}
         info |= {name: float(value[0]) for name, (value, occurred) in outcome.readings.items() if occurred[0]}
@@ -167,7 +168,8 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self.render_mode = render_mode
         self._limit = None if limit is None or limit == -1 else int(limit)
         self._picture = None if render_mode is None else Picture(self._rows, render_mode, width, height)
-        self._begun, self._over = np.zeros(num_envs, bool), np.zeros(num_envs, bool)
+        self._begun = np.zeros(num_envs, bool)
+        self._over = np.zeros(num_envs, bool)
         self._every = np.ones(num_envs, bool)
         self._seen = np.zeros(self.observation_space.shape or (), np.float32)
         self.closed = False
@@ -220,7 +222,8 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
             observation[over] = rows.reset(over)
         if self._picture is not None:
             self._picture.note()
-        self._over, self._seen = outcome.terminated | truncated, observation
+        self._over = outcome.terminated | truncated
+        self._seen = observation
         return observation.copy(), outcome.reward, outcome.terminated, truncated, self._info(self._every, outcome)
 
     def render(self) -> tuple[np.ndarray, ...] | None:

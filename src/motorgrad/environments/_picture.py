@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._applications import PICTURES, offered
 from motorgrad.bodies import actuator_levels, group_places
 from motorgrad.environments._rows import Rows
-from motorgrad.sim import Painter
 
-LEAST_RATE = 20.0  # pictures per second of wall time that are drawn even if drawing cannot keep up
+MIN_PICTURE_RATE = 20.0  # pictures per second of wall time that are drawn even if drawing cannot keep up
 _SILENT = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
 
 
@@ -65,7 +65,7 @@ class Screen:
         if moment == 0:
             self._begun = now
         late = now > self._begun + moment
-        if not plt.fignum_exists(self._figure.number) or (late and moment and now - self._drawn < 1 / LEAST_RATE):
+        if not plt.fignum_exists(self._figure.number) or (late and moment and now - self._drawn < 1 / MIN_PICTURE_RATE):
             return
         if np.isinf(self._drawn):
             self._figure.show()
@@ -95,7 +95,7 @@ class Picture:
         self._rows = rows
         body = rows.body.body
         self._group_of = group_places(body)
-        self._painter = Painter(rows.body.model, width=width, height=height)
+        self._painter = offered("painter", *PICTURES)(rows.body.model, width=width, height=height)
         self._action = np.zeros((rows.body.seeds, len(body.groups)))
         self._screen = Screen(f"motorgrad: {rows.task.name}", width, height) if mode == "human" else None
 

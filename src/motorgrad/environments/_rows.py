@@ -65,7 +65,8 @@ class Rows:
         self.activation = np.zeros((count, 0 if self._body is None else len(self._body.groups)))
         """The input of the simulations in the last decision, rows leading; zeros at the start of an episode."""
         self._packed = np.zeros((count, 0), np.float32) if self._body is None else self._body.packed
-        self._every, self._nothing = np.ones(count, bool), np.zeros((count, 0), np.float32)
+        self._every = np.ones(count, bool)
+        self._nothing = np.zeros((count, 0), np.float32)
         self._functions = functions_of(task)
         self._carry: Any = None
         self._closed = False
@@ -85,7 +86,8 @@ class Rows:
 
         `anew` discards what the task's memory keeps from one episode to the next.
         """
-        functions, numbers = self._functions, self._draw(self._functions.begins, mask)
+        functions = self._functions
+        numbers = self._draw(self._functions.begins, mask)
         if self.body is not None:
             assert isinstance(self.task, BodyTask)
             self.body.reset(mask, **self.task.begin(numbers[mask, : self.task.init_uniforms]))
@@ -117,7 +119,8 @@ class Rows:
         outcome = np.array(outcome, float)  # waits until `packed` and `action` have been read
         good = ~diverged
         if live is not None:
-            diverged, good = diverged & live, good & live
+            diverged = diverged & live
+            good = good & live
         self.decisions += 1 if live is None else live
         terminated = (outcome[:, size + 1] > 0) & good
         cut = outcome[:, size + 2] > 0
@@ -133,7 +136,10 @@ class Rows:
 
     def close(self) -> None:
         """Release the simulations and their threads."""
-        self._body, self._packed, self._carry, self._closed = None, np.zeros((0, 0)), None, True
+        self._body = None
+        self._packed = np.zeros((0, 0))
+        self._carry = None
+        self._closed = True
 
     def _draw(self, size: int, mask: np.ndarray) -> np.ndarray:
         """Draw numbers from U[0, 1) for the rows of `mask`; the others draw nothing."""
@@ -205,7 +211,8 @@ def select_rows(mask: np.ndarray, new: Any, old: Any) -> Any:
     """`new` in the rows of `mask`, `old` elsewhere."""
 
     def pick(a: Any, b: Any) -> np.ndarray:
-        a, b = np.asarray(a), np.asarray(b)
+        a = np.asarray(a)
+        b = np.asarray(b)
         return np.where(mask.reshape((-1,) + (1,) * (a.ndim - 1)), a, b)
 
     return new if mask.all() else jax.tree.map(pick, new, old)

@@ -34,11 +34,13 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
         "one that takes binary, discrete or graded actions",
     )
     most = np.full(task.observation_code.size, np.finfo(np.float32).max)
-    low, high = -most, most
+    low = -most
+    high = most
     # these bounds hold only if the task shows the world's own observations
     if isinstance(task, FiniteTask) and type(task).observe is FiniteTask.observe:
         seen = task.dynamics.observations
-        low, high = seen.min(0), seen.max(0)
+        low = seen.min(0)
+        high = seen.max(0)
     observation = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
     if task.actions == "discrete":
         return observation, spaces.Discrete(task.action_size)

@@ -63,7 +63,8 @@ class CFile:
         kind = array.dtype if array.dtype.kind != "i" or array.dtype.itemsize > 4 else smallest(array)
         key = (kind.str, array.tobytes(), array.dtype.str)
         if key not in self._tables:
-            name, numbers = f"k{len(self._tables)}", [literal(number) for number in array.ravel()]
+            name = f"k{len(self._tables)}"
+            numbers = [literal(number) for number in array.ravel()]
             rows = [", ".join(numbers[start : start + 8]) for start in range(0, len(numbers), 8)]
             text = f"static const {type_of(kind)} {name}[{array.size}] = {{\n    " + ",\n    ".join(rows) + "};"
             self._tables[key] = name, text

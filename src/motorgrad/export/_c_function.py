@@ -20,7 +20,7 @@ FUNCTIONS = {
     **{name: name for name in ["floor", "ceil", "exp", "expm1", "log", "log1p", "sqrt", "sin", "cos", "tan"]},
     **{name: name for name in ["asin", "acos", "atan", "sinh", "cosh", "tanh", "erf", "erfc", "lgamma", "rint"]},
 }
-LONGEST = 12  # operations in one expression
+MAX_EXPRESSION_OPERATIONS = 12
 STARTS = {"sum": "0", "prod": "1", "any": "false", "all": "true"}
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 
@@ -60,7 +60,8 @@ class CFunction:
 
     def _to_store(self) -> set[int]:
         """The arrays that are computed once and kept: those used more than once, or in loops of their own."""
-        uses, stored = [0] * len(self.operations), set()
+        uses = [0] * len(self.operations)
+        stored = set()
         for operation in self.operations:
             for place in operation.operands:
                 uses[place] += 1
@@ -88,7 +89,7 @@ class CFunction:
                 stored.add(place)
             weight = sum(self._weights[each] for each in operation.operands if each not in stored)
             self._weights[place] = weight + (not self._view(place))
-            if self._weights[place] > LONGEST:
+            if self._weights[place] > MAX_EXPRESSION_OPERATIONS:
                 stored.add(place)
         return stored
 
@@ -110,7 +111,8 @@ class CFunction:
 
     def _store(self, place: int) -> None:
         """Compute an array and keep it."""
-        operation, name = self.operations[place], self._name(place)
+        operation = self.operations[place]
+        name = self._name(place)
         single = _size(operation) == 1
         kind, _, which = operation.kind.partition(" ")
         declared = f"{type_of(operation.dtype)} {name}" + ("" if single else f"[{_size(operation)}]")
@@ -134,7 +136,8 @@ class CFunction:
             )
 
     def _concatenate(self, place: int) -> None:
-        operation, start = self.operations[place], 0
+        operation = self.operations[place]
+        start = 0
         axis = operation.attributes["axis"]
         for part in operation.operands:
             shape = self.operations[part].shape
@@ -149,10 +152,8 @@ class CFunction:
 
     def _einsum(self, place: int) -> None:
         operation = self.operations[place]
-        (left, right), made = (
-            operation.attributes["spec"].split("->")[0].split(","),
-            operation.attributes["spec"].split("->")[1],
-        )
+        (left, right) = operation.attributes["spec"].split("->")[0].split(",")
+        made = operation.attributes["spec"].split("->")[1]
         first, second = operation.operands
         sizes = dict(zip(left + right, self.operations[first].shape + self.operations[second].shape, strict=True))
         summed = [letter for letter in dict.fromkeys(left + right) if letter not in made]
@@ -179,13 +180,16 @@ class CFunction:
 
     def _reduce(self, place: int, which: str) -> None:
         operation = self.operations[place]
-        (inner,), axes = operation.operands, operation.attributes["axes"]
-        shape, extreme = self.operations[inner].shape, which in ("max", "min")
+        (inner,) = operation.operands
+        axes = operation.attributes["axes"]
+        shape = self.operations[inner].shape
+        extreme = which in ("max", "min")
         start = STARTS.get(which) or limit(operation.dtype, which)
 
         def body(at: tuple[str, ...]) -> list[str]:
             def term(reduced: tuple[str, ...]) -> list[str]:
-                outer, own = iter(at), iter(reduced)
+                outer = iter(at)
+                own = iter(reduced)
                 value = self._at(inner, tuple(next(own) if axis in axes else next(outer) for axis in range(len(shape))))
                 if extreme:
                     return [f"all = {self.file.helper(which, operation.dtype)}(all, {value});"]
@@ -199,8 +203,10 @@ class CFunction:
 
     def _arg(self, place: int) -> None:
         operation = self.operations[place]
-        (inner,), axis = operation.operands, operation.attributes["axis"]
-        shape, sign = self.operations[inner].shape, ">" if operation.kind == "argmax" else "<"
+        (inner,) = operation.operands
+        axis = operation.attributes["axis"]
+        shape = self.operations[inner].shape
+        sign = ">" if operation.kind == "argmax" else "<"
 
         def body(at: tuple[str, ...]) -> list[str]:
             def value(where: str) -> str:
@@ -215,7 +221,8 @@ class CFunction:
 
     def _cumulative(self, place: int, which: str) -> None:
         operation = self.operations[place]
-        (inner,), axis = operation.operands, operation.attributes["axis"]
+        (inner,) = operation.operands
+        axis = operation.attributes["axis"]
         shape = operation.shape
 
         def body(at: tuple[str, ...]) -> list[str]:
@@ -310,7 +317,9 @@ class CFunction:
         return f"{self.file.table(index)}[{self._flat(index.shape, at)}]"
 
     def _elementwise(self, operation: Operation, given: list[str]) -> str:
-        kind, dtype, real = operation.kind, operation.dtype, operation.dtype.kind == "f"
+        kind = operation.kind
+        dtype = operation.dtype
+        real = operation.dtype.kind == "f"
         of = self.operations[operation.operands[0]].dtype
         if kind in INFIX:
             return f"({given[0]} {INFIX[kind]} {given[1]})"

@@ -21,15 +21,19 @@ def _weighted(b: Any, place: int, weight: int, total: int) -> int:
 @rule("gather")
 def _gather(b: Any, operands: list[int], equation: Any) -> int:
     """Each element's place is a known offset, plus clipped starts that are looked up among the indices."""
-    (source, indices), out = operands, out_of(equation)
-    numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
-    shape, looked = b.operations[source].shape, b.operations[indices].shape
+    (source, indices) = operands
+    out = out_of(equation)
+    numbers = equation.params["dimension_numbers"]
+    sizes = equation.params["slice_sizes"]
+    shape = b.operations[source].shape
+    looked = b.operations[indices].shape
     if b.known(indices) is not None:
         places = jnp.arange(int(np.prod(shape)), dtype=jnp.int32).reshape(shape)
         index = np.asarray(equation.primitive.bind(places, jnp.asarray(b.known(indices)), **equation.params))
         if index.size == 0 or 0 <= index.min() <= index.max() < np.prod(shape):
             return b.take(source, index)
-    coordinates, strides = np.indices(out.shape), _strides(shape)
+    coordinates = np.indices(out.shape)
+    strides = _strides(shape)
     batch = [coordinates[axis] for axis in range(len(out.shape)) if axis not in numbers.offset_dims]
     offset = np.zeros(out.shape, np.int64)
     gone = {*numbers.collapsed_slice_dims, *numbers.operand_batching_dims}
@@ -38,10 +42,12 @@ def _gather(b: Any, operands: list[int], equation: Any) -> int:
         offset += strides[dimension] * coordinates[axis]
     for dimension, axis in zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True):
         offset += strides[dimension] * batch[axis]
-    place, inside = b.constant(offset.astype(np.int32)), None
+    place = b.constant(offset.astype(np.int32))
+    inside = None
     for column, dimension in enumerate(numbers.start_index_map):
         where = np.ravel_multi_index((*batch, np.full(out.shape, column)), looked)
-        start, most = as_index(b, b.take(indices, where)), shape[dimension] - sizes[dimension]
+        start = as_index(b, b.take(indices, where))
+        most = shape[dimension] - sizes[dimension]
         inner = clipped(b, start, most)
         same = b.elementwise("eq", start, inner, dtype=bool)
         inside = same if inside is None else b.elementwise("and", inside, same)
@@ -58,7 +64,8 @@ def _gather(b: Any, operands: list[int], equation: Any) -> int:
 @rule("dynamic_slice")
 def _dynamic_slice(b: Any, operands: list[int], equation: Any) -> int:
     source, *starts = operands
-    shape, sizes = b.operations[source].shape, equation.params["slice_sizes"]
+    shape = b.operations[source].shape
+    sizes = equation.params["slice_sizes"]
     strides = _strides(shape)
     offset = sum(stride * axis for stride, axis in zip(strides, np.indices(sizes), strict=True))
     place = b.constant(np.asarray(offset, np.int32))
@@ -71,8 +78,10 @@ def _dynamic_slice(b: Any, operands: list[int], equation: Any) -> int:
 def _dynamic_update_slice(b: Any, operands: list[int], equation: Any) -> int:
     """The new elements within the window, the old ones elsewhere."""
     source, update, *starts = operands
-    shape, sizes = b.operations[source].shape, b.operations[update].shape
-    place, inside = b.constant(np.zeros(shape, np.int32)), None
+    shape = b.operations[source].shape
+    sizes = b.operations[update].shape
+    place = b.constant(np.zeros(shape, np.int32))
+    inside = None
     for axis, (start, stride) in enumerate(zip(starts, _strides(sizes), strict=True)):
         begin = clipped(b, as_index(b, start), shape[axis] - sizes[axis])
         within = b.elementwise("sub", b.constant(np.indices(shape)[axis].astype(np.int32)), begin)

@@ -10,7 +10,7 @@ import numpy as np
 from motorgrad.export._program import Operation, Program, Untranslatable
 from motorgrad.export._reader import ELEMENTWISE
 
-NAMES = {
+NUMPY_NAMES = {
     **{"neg": "negative", "sub": "subtract", "mul": "multiply", "div": "divide", "rem": "fmod", "pow": "power"},
     **{"max": "maximum", "min": "minimum", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"},
     **{"and": "bitwise_and", "or": "bitwise_or", "xor": "bitwise_xor", "not": "bitwise_not", "is_finite": "isfinite"},
@@ -47,7 +47,8 @@ def numpy_file(functions: Mapping[str, Program], interface: Mapping[str, Any] | 
 
 def _told(program: Program, array: Any) -> list[Any]:
     """A program as the reader has it: inputs, calls and outputs."""
-    names, steps = {}, []
+    names = {}
+    steps = []
     for place, operation in enumerate(program.operations):
         names[place] = f"v{place}"
         if operation.kind == "constant":
@@ -72,7 +73,7 @@ def _call(operation: Operation, given: list[Any], array: Any) -> tuple[str, list
     kind, told = operation.kind, operation.attributes
     group, _, which = kind.partition(" ")
     if kind in ("reshape", "expand"):
-        return NAMES.get(kind, kind), [*given, list(operation.shape)]
+        return NUMPY_NAMES.get(kind, kind), [*given, list(operation.shape)]
     if kind == "take":
         return "take", [*given, array(told["index"])]
     if kind == "concatenate":
@@ -85,8 +86,8 @@ def _call(operation: Operation, given: list[Any], array: Any) -> tuple[str, list
         return which, [*given, list(told["axes"])]
     if group == "cumulative" and which in ("sum", "prod"):
         return f"cum{which}", [*given, told["axis"]]
-    if NAMES.get(kind, kind) in ELEMENTWISE:
-        return NAMES.get(kind, kind), given
+    if NUMPY_NAMES.get(kind, kind) in ELEMENTWISE:
+        return NUMPY_NAMES.get(kind, kind), given
     if kind == "pick":
         return "take", given
     raise Untranslatable(f"{kind}: NumPy has no such function; export as C")

@@ -9,7 +9,9 @@ import numpy as np
 from motorgrad._extras import missing
 from motorgrad.export._program import Operation, Program, Untranslatable
 
-OPSET, IR = 18, 9  # what runtimes of the last years read
+# what runtimes of the last years read
+OPSET = 18
+IR = 9
 NODES = {
     **{"neg": "Neg", "abs": "Abs", "sign": "Sign", "floor": "Floor", "ceil": "Ceil", "rint": "Round", "exp": "Exp"},
     **{"log": "Log", "sqrt": "Sqrt", "sin": "Sin", "cos": "Cos", "tan": "Tan", "asin": "Asin", "acos": "Acos"},

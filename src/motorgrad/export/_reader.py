@@ -22,7 +22,7 @@ ENTRIES = 10_000  # of a file
 ENTRY = b"PK\1\2"  # how each begins in the table of contents
 PLAIN = (0, 8)  # stored and deflated; the others are unpacked as a whole, however much it becomes
 TEXT = 2**24  # characters of the list of functions
-MOST = 2**27  # numbers that one function makes, products of matrices included
+MAX_FUNCTION_NUMBERS = 2**27  # that one function makes, products of matrices included
 AXES = 32
 TYPES = ["bool", "float16", "float32", "float64"]
 TYPES += [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
@@ -63,7 +63,8 @@ def read(path):
             if size > BYTES:
                 raise ValueError(f"{size:,} bytes unpacked: at most {BYTES:,} are read")
             arrays = {member.filename.removesuffix(".npy"): _array(file, member) for member in file.infolist()}
-        functions, interface = _text(arrays.pop("functions")), arrays.pop("interface", None)
+        functions = _text(arrays.pop("functions"))
+        interface = arrays.pop("interface", None)
         for name, array in arrays.items():
             _check_name(name)
             _check_type(f"array {name!r}", array.dtype.name)
@@ -136,8 +137,10 @@ def _function(name, arrays, known, inputs, steps, outputs):
             raise ValueError(f"{where}: {_call(function, arguments)} is refused: {error}") from None
         add(place, shape)
         size += max(made, math.prod(shape))  # a sum over nothing still makes numbers
-        if size > MOST:
-            raise ValueError(f"{where}: {_call(function, arguments)} is refused: more than {MOST:,} numbers")
+        if size > MAX_FUNCTION_NUMBERS:
+            raise ValueError(
+                f"{where}: {_call(function, arguments)} is refused: more than {MAX_FUNCTION_NUMBERS:,} numbers"
+            )
     for each, place in _is(outputs, dict).items():
         if _is(place, str) not in shapes:
             raise ValueError(f"function {name!r}, output {each!r}: there is no array {place!r}")
@@ -221,9 +224,15 @@ def _axis(axis, shape):
 
 def _whole(shape):
     """A shape, as a tuple of whole numbers that are not too large."""
-    right = isinstance(shape, list) and len(shape) <= AXES and all(type(n) is int and 0 <= n <= MOST for n in shape)
-    if not right or math.prod(shape) > MOST:
-        raise ValueError(f"shape {str(shape)[:40]}: must be at most {AXES} whole numbers, {MOST:,} elements together")
+    right = (
+        isinstance(shape, list)
+        and len(shape) <= AXES
+        and all(type(n) is int and 0 <= n <= MAX_FUNCTION_NUMBERS for n in shape)
+    )
+    if not right or math.prod(shape) > MAX_FUNCTION_NUMBERS:
+        raise ValueError(
+            f"shape {str(shape)[:40]}: must be at most {AXES} whole numbers, {MAX_FUNCTION_NUMBERS:,} elements together"
+        )
     return tuple(shape)
 
 

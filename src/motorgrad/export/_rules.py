@@ -18,7 +18,7 @@ BINARY = "add sub mul div rem pow max min atan2 and or xor shift_left shift_righ
 COMPARISONS = "eq ne lt le gt ge"
 MOVES = "slice rev transpose tile"
 IDENTITIES = "stop_gradient copy optimization_barrier reduce_precision"
-LONGEST = 64  # steps of a loop that is written out
+MAX_UNROLLED_STEPS = 64
 RULES: dict[str, Rule] = {}
 
 
@@ -60,7 +60,9 @@ def _square(b: Any, operands: list[int], equation: Any) -> int:
 @rule("integer_pow")
 def _integer_pow(b: Any, operands: list[int], equation: Any) -> int:
     """By repeated squaring, as XLA does."""
-    exponent, base, made = abs(equation.params["y"]), operands[0], None
+    exponent = abs(equation.params["y"])
+    base = operands[0]
+    made = None
     one = b.constant(np.ones((), out_of(equation).dtype))
     while exponent:
         if exponent & 1:
@@ -128,7 +130,8 @@ def _reshape(b: Any, operands: list[int], equation: Any) -> int:
 
 @rule("broadcast_in_dim")
 def _broadcast(b: Any, operands: list[int], equation: Any) -> int:
-    shape, axes = equation.params["shape"], equation.params["broadcast_dimensions"]
+    shape = equation.params["shape"]
+    axes = equation.params["broadcast_dimensions"]
     ones = [1] * len(shape)
     for axis, size in zip(axes, b.operations[operands[0]].shape, strict=True):
         ones[axis] = size
@@ -137,7 +140,8 @@ def _broadcast(b: Any, operands: list[int], equation: Any) -> int:
 
 @rule("iota")
 def _iota(b: Any, operands: list[int], equation: Any) -> int:
-    shape, axis = equation.params["shape"], equation.params["dimension"]
+    shape = equation.params["shape"]
+    axis = equation.params["dimension"]
     return b.constant(np.indices(shape)[axis].astype(out_of(equation).dtype))
 
 
@@ -161,7 +165,8 @@ def _concatenate(b: Any, operands: list[int], equation: Any) -> int:
 
 @rule("stack")
 def _stack(b: Any, operands: list[int], equation: Any) -> int:
-    out, axis = out_of(equation), equation.params["axis"]
+    out = out_of(equation)
+    axis = equation.params["axis"]
     shape = (*out.shape[:axis], 1, *out.shape[axis + 1 :])
     return b.add("concatenate", tuple(b.reshape(each, shape) for each in operands), out.shape, out.dtype, axis=axis)
 
@@ -169,7 +174,8 @@ def _stack(b: Any, operands: list[int], equation: Any) -> int:
 @rule("pad")
 def _pad(b: Any, operands: list[int], equation: Any) -> int:
     x, value = operands
-    operation, out = b.operations[x], out_of(equation)
+    operation = b.operations[x]
+    out = out_of(equation)
     size = int(np.prod(operation.shape))
     places = jnp.arange(size, dtype=jnp.int32).reshape(operation.shape)
     index = np.asarray(equation.primitive.bind(places, jnp.asarray(size, jnp.int32), **equation.params))
@@ -191,15 +197,20 @@ def _split(b: Any, operands: list[int], equation: Any) -> list[int]:
 def _scan(b: Any, operands: list[int], equation: Any) -> list[int]:
     """A loop of few steps, written out."""
     told = equation.params
-    length, consts, carried = told["length"], told["num_consts"], told["num_carry"]
-    if length > LONGEST:
-        raise Untranslatable(f"scan of {length} steps: an export writes out at most {LONGEST}")
-    still, carry, rows = operands[:consts], operands[consts : consts + carried], operands[consts + carried :]
+    length = told["length"]
+    consts = told["num_consts"]
+    carried = told["num_carry"]
+    if length > MAX_UNROLLED_STEPS:
+        raise Untranslatable(f"scan of {length} steps: an export writes out at most {MAX_UNROLLED_STEPS}")
+    still = operands[:consts]
+    carry = operands[consts : consts + carried]
+    rows = operands[consts + carried :]
     seen: dict[int, list[int]] = {}
     for step in reversed(range(length)) if told["reverse"] else range(length):
         own = [_row(b, place, step) for place in rows]
         made = b.run(told["jaxpr"].jaxpr, told["jaxpr"].consts, [*still, *carry, *own])
-        carry, seen[step] = made[:carried], made[carried:]
+        carry = made[:carried]
+        seen[step] = made[carried:]
     stacks = []
     for number, variable in enumerate(equation.outvars[carried:]):
         parts = [seen[step][number] for step in range(length)]
@@ -209,7 +220,8 @@ def _scan(b: Any, operands: list[int], equation: Any) -> list[int]:
 
 
 def _row(b: Any, place: int, step: int) -> int:
-    value, operation = b.known(place), b.operations[place]
+    value = b.known(place)
+    operation = b.operations[place]
     if value is not None:
         return b.constant(value[step])
     places = np.arange(int(np.prod(operation.shape))).reshape(operation.shape)
@@ -233,7 +245,8 @@ def _cond(b: Any, operands: list[int], equation: Any) -> list[int]:
     """All branches, of which one is chosen."""
     which, *given = operands
     branches = [b.run(branch.jaxpr, branch.consts, given) for branch in equation.params["branches"]]
-    known, which = b.known(which), clipped(b, as_index(b, which), len(branches) - 1)
+    known = b.known(which)
+    which = clipped(b, as_index(b, which), len(branches) - 1)
     if known is not None:
         return branches[int(np.clip(known, 0, len(branches) - 1))]
     made = branches[0]
@@ -251,7 +264,8 @@ def _special(b: Any, operands: list[int], equation: Any) -> int:
 
 @rule("reduce_sum", "reduce_prod", "reduce_max", "reduce_min", "reduce_and", "reduce_or")
 def _reduce(b: Any, operands: list[int], equation: Any) -> int:
-    out, axes = out_of(equation), tuple(int(axis) for axis in equation.params["axes"])
+    out = out_of(equation)
+    axes = tuple(int(axis) for axis in equation.params["axes"])
     if not axes:
         return operands[0]
     kind = {"and": "all", "or": "any"}.get(equation.primitive.name[7:], equation.primitive.name[7:])
@@ -260,13 +274,15 @@ def _reduce(b: Any, operands: list[int], equation: Any) -> int:
 
 @rule("argmax", "argmin")
 def _arg(b: Any, operands: list[int], equation: Any) -> int:
-    out, (axis,) = out_of(equation), equation.params["axes"]
+    out = out_of(equation)
+    (axis,) = equation.params["axes"]
     return b.add(equation.primitive.name, tuple(operands), out.shape, out.dtype, axis=int(axis))
 
 
 @rule("cumsum", "cumprod", "cummax", "cummin")
 def _cumulative(b: Any, operands: list[int], equation: Any) -> int:
-    out, axis = out_of(equation), int(equation.params["axis"])
+    out = out_of(equation)
+    axis = int(equation.params["axis"])
     flip = np.flip(np.arange(int(np.prod(out.shape))).reshape(out.shape), axis)
     backward = equation.params["reverse"]
     x = b.take(operands[0], flip) if backward else operands[0]

@@ -17,7 +17,8 @@ class _Numbers:
     """The operations on an array's elements and on numbers of its type."""
 
     def __init__(self, b: Any, x: int):
-        self.b, self.dtype = b, b.operations[x].dtype
+        self.b = b
+        self.dtype = b.operations[x].dtype
 
     def __call__(self, kind: str, *operands: int | float, dtype: Any = None) -> int:
         given = [each if isinstance(each, int) else self.b.constant(np.asarray(each, self.dtype)) for each in operands]

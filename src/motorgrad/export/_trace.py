@@ -159,7 +159,8 @@ def _needed(operations: list[Operation], outputs: dict[str, int], inputs: Mappin
     names = {
         operation.attributes["name"]: place for place, operation in enumerate(operations) if operation.kind == "input"
     }
-    needed, waiting = set(names.values()), list(outputs.values())
+    needed = set(names.values())
+    waiting = list(outputs.values())
     while waiting:
         place = waiting.pop()
         if place not in needed:

@@ -26,7 +26,7 @@ from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares,
 from motorgrad.learning._critics import Features
 from motorgrad.policies import Policy
 
-MOST_ACTIONS = 64
+MAX_ACTIONS = 64
 
 
 class TransitionState(NamedTuple):
@@ -94,12 +94,13 @@ class ActionTransitions(Baseline):
         return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
 
     def init(self, policy: Policy, dtype: Any) -> TransitionState:
-        kind, name = policy.actions, type(policy).__name__
+        kind = policy.actions
+        name = type(policy).__name__
         plain = kind in ("binary", "discrete") and not policy.hides and not policy.has_memory
         wanted = "one with binary or discrete actions, no hidden units and no memory, for ActionTransitions"
         check(plain, "policy", name, wanted)
-        few = policy.outputs <= MOST_ACTIONS if kind == "discrete" else 2**policy.outputs <= MOST_ACTIONS
-        check(few, "policy", f"{name} of {policy.outputs} {kind} outputs", f"one of at most {MOST_ACTIONS} actions")
+        few = policy.outputs <= MAX_ACTIONS if kind == "discrete" else 2**policy.outputs <= MAX_ACTIONS
+        check(few, "policy", f"{name} of {policy.outputs} {kind} outputs", f"one of at most {MAX_ACTIONS} actions")
         size = self._seen(jnp.zeros(policy.inputs, dtype)).size * len(policy.enumerate())
         weights = jnp.zeros(size, dtype)
         fit = self.fit.init(weights, size)
@@ -116,8 +117,10 @@ class ActionTransitions(Baseline):
     def update(
         self, state: TransitionState, policy: Policy, transition: Transition
     ) -> tuple[Advantage, TransitionState]:
-        dtype, actions = state.weights.dtype, policy.enumerate()
-        look, later = transition.observation.astype(dtype), transition.next_observation.astype(dtype)
+        dtype = state.weights.dtype
+        actions = policy.enumerate()
+        look = transition.observation.astype(dtype)
+        later = transition.next_observation.astype(dtype)
         rows = actions.reshape(len(actions), -1)
         taken = jnp.all(rows == jnp.ravel(transition.action), axis=1).argmax().astype(jnp.int32)
 
@@ -133,7 +136,8 @@ class ActionTransitions(Baseline):
         slope = jnp.outer(jnp.arange(len(actions)) == taken, self._seen(look)).ravel().astype(dtype)
         following = jnp.outer(chances(later), self._seen(later)).ravel().astype(dtype)
         following = jnp.where(transition.terminated, 0, following)
-        horizon, level = 1.0 if self.discount is None else self.discount, self._compared(state)
+        horizon = 1.0 if self.discount is None else self.discount
+        level = self._compared(state)
         reward = jnp.asarray(transition.reward, dtype)
         error = reward - level - jnp.sum(state.weights * (slope - horizon * following))
         step = CriticStep(slope, following, reward, level, error, horizon, self.decay)

@@ -28,7 +28,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._schedules import at
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, frozen, split, thawed, trainable
 
-LEAST_VARIANCE = 1e-4
+MIN_VARIANCE = 1e-4
 
 
 class ErrorScale(NamedTuple):
@@ -137,7 +137,7 @@ class ActionValues(Part):
         bonus = transition.reward + worth * policy.entropy(look)
         scale = self._scaled(state.scale, bonus.astype(value.dtype), going)
         variance = scale.rewards[1].mean + scale.discounts[1].mean * scale.squares.mean
-        sigma = jnp.where(variance > 0, jnp.sqrt(jnp.maximum(variance, LEAST_VARIANCE)), 1)
+        sigma = jnp.where(variance > 0, jnp.sqrt(jnp.maximum(variance, MIN_VARIANCE)), 1)
         error = (transition.reward + self.discount * going * later - value) / sigma
         down = jax.tree.map(lambda g: -error * g, slope)
         moves, rule = self._rule.update(down, state.rule)
@@ -210,7 +210,8 @@ class ActionValueGradient(Estimator):
         key = jax.random.key(0) if key is None else key
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
         values = self.values.init(policy, dtype, jax.random.fold_in(key, 2))
-        look, numbers = jnp.zeros(policy.inputs, dtype), jnp.zeros(policy.uniforms, dtype)
+        look = jnp.zeros(policy.inputs, dtype)
+        numbers = jnp.zeros(policy.uniforms, dtype)
         try:
             told = Transition(look, policy.mode(look), look[0], look, uniforms=numbers)
             jax.eval_shape(lambda values: self.values.gradient(values, policy, told), values)

@@ -344,7 +344,8 @@ class Agent(Part):
         """The least number of coming decisions for which `improve` would change nothing and can be skipped."""
         if not self.rests:
             return jnp.asarray(0, jnp.int32)
-        estimator, rest = self.estimator, jnp.asarray(NEVER, jnp.int32)
+        estimator = self.estimator
+        rest = jnp.asarray(NEVER, jnp.int32)
         if isinstance(estimator.improve, int) and isinstance(state.gradient, RunningMean):
             rest = estimator.improve - 1 - state.gradient.count.astype(jnp.int32)
         if estimator.baseline is not None:

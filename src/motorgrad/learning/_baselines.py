@@ -196,8 +196,10 @@ class InputBaseline(Baseline):
         """The state after the reward of an action that was taken on `observation`."""
 
     def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
-        observation, reward = policy.judged(transition.observation), transition.reward
-        level, expected = self.level(state), self.value_at(state, observation)
+        observation = policy.judged(transition.observation)
+        reward = transition.reward
+        level = self.level(state)
+        expected = self.value_at(state, observation)
         after = where(transition.diverged, state, self.learn(state, observation, reward))
         return Advantage(reward - expected, reward - level, level - expected), after
 

@@ -4,8 +4,8 @@ r"""The chain of gradient transformations: from a gradient estimate to a step of
 
 A transformation is `init` and `update`, as in optax: updates descend, so the chain starts from minus the gradient. What
 optax's transformations cannot do has a method of its own, which does nothing by default: `observe` sees every decision
-(a Fisher matrix), `constrain` limits the whole step (a trust region), `moved` sees the parameters after the step (an
-average).
+(a Fisher matrix), `constrain` limits the whole step (a trust region), `after_step` sees the parameters after the step
+(an average), and `restart` marks the end of an episode.
 """
 
 import functools
@@ -213,7 +213,8 @@ class Optax(Optimizer):
     def __init__(self, transformation: Any, hyperparameters: dict[str, Any] | None = None):
         if hyperparameters is None:
             state = transformation.init({"parameter": jnp.zeros(1)})
-            found, scheduled = getattr(state, "hyperparams", None), getattr(state, "hyperparams_states", {})
+            found = getattr(state, "hyperparams", None)
+            scheduled = getattr(state, "hyperparams_states", {})
             if found is not None:
                 hyperparameters = {name: float(value) for name, value in found.items() if name not in scheduled}
         self.transformation = transformation
@@ -300,7 +301,8 @@ class Chain(NamedTuple):
         self, gradient: Updates, states: tuple[Any, ...], policy: Policy, steps: Any, due: Flag = True
     ) -> tuple[Updates, tuple[Any, ...]]:
         """The step of the parameters for a gradient to be climbed, and the states afterwards."""
-        updates, after = jax.tree.map(jnp.negative, gradient), []
+        updates = jax.tree.map(jnp.negative, gradient)
+        after = []
         for stage, state in zip(self.stages, states, strict=True):
             updates, state = stage.update(updates, state, policy, steps, due)
             after.append(state)

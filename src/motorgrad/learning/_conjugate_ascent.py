@@ -102,7 +102,8 @@ class ConjugateAscent(Optimizer):
 
     def init(self, policy: Policy) -> AscentState:
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
-        zero, none_yet = jnp.zeros(()), jnp.zeros((), jnp.int32)
+        zero = jnp.zeros(())
+        none_yet = jnp.zeros((), jnp.int32)
         trial = Trial(zero, zero)
         signs = running_mean((zero, zero))
         return AscentState(zeros, zeros, zeros, none_yet, zero, trial, trial, none_yet, running_mean(zeros), signs)
@@ -110,7 +111,8 @@ class ConjugateAscent(Optimizer):
     def update(
         self, updates: Updates, state: AscentState, policy: Policy, steps: Any, due: Flag
     ) -> tuple[Updates, AscentState]:
-        sample, parameters = jax.tree.map(jnp.negative, updates), trainable(policy)
+        sample = jax.tree.map(jnp.negative, updates)
+        parameters = trainable(policy)
         at_origin = state.phase == DIRECTION
         # At an origin there is no direction yet: batches must agree with the mean of those before.
         compass = where(at_origin, state.estimate.mean, state.direction)
@@ -140,7 +142,8 @@ class ConjugateAscent(Optimizer):
 
     def _is_known(self, state: AscentState) -> Array:
         """Whether the sign of the inner product at this place is known well enough."""
-        signs, (mean, square) = state.signs.count.astype(jnp.int32), state.signs.mean
+        signs = state.signs.count.astype(jnp.int32)
+        (mean, square) = state.signs.mean
         spread = jnp.maximum(square - jnp.square(mean), 0) / jnp.maximum(signs - 1, 1)
         clear = (signs >= 2) & (jnp.abs(mean) >= self.certainty * jnp.sqrt(spread))
         full = state.estimate.count.astype(jnp.int32) >= self.most
@@ -174,7 +177,8 @@ class ConjugateAscent(Optimizer):
         ahead = slope > 0
         turned = jnp.where(state.phase == OUTWARD, ~ahead, (state.phase == INWARD) & ahead)
         over = turned | (state.trials + 1 >= self.trials)
-        near, far = where(ahead, here, state.near), where(ahead, state.far, here)
+        near = where(ahead, here, state.near)
+        far = where(ahead, state.far, here)
         onwards = jnp.where(ahead, 2 * state.step, state.step / 2)
         brackets = (near.slope > 0) & (far.slope < 0)
         share = near.slope / jnp.where(brackets, near.slope - far.slope, 1)

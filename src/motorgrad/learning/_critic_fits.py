@@ -181,7 +181,8 @@ class LeastSquares(CriticFit):
         self, weights: Weights, state: LeastSquaresState, step: CriticStep, dropped: Flag = False
     ) -> tuple[Weights, LeastSquaresState]:
         e = step.discount * step.decay * state.trace + step.slope
-        change, place = step.slope - step.discount * step.next_features, state.gathered
+        change = step.slope - step.discount * step.next_features
+        place = state.gathered
         if weights.size < MANY_FEATURES:
             new = (e[:, None] * change, e * step.reward, e)
             waiting = jax.tree.map(jnp.add, state.waiting, where(dropped, jax.tree.map(jnp.zeros_like, new), new))

@@ -106,7 +106,8 @@ class Estimator(Part):
         wanted = "a number where estimator.discount is one, best the same"
         check(self.discount is None or not differential, "baseline.discount", None, wanted)
         if self.trace.learns:
-            apart, name = self.baseline is not None and self.baseline.newest_apart, type(self.trace).__name__
+            apart = self.baseline is not None and self.baseline.newest_apart
+            name = type(self.trace).__name__
             words = f"one that credits all actions alike, such as MeanReward, with {name}"
             check(not apart, "baseline", type(self.baseline).__name__, words)
             check(self.entropy_in == "sample", "entropy_in", self.entropy_in, f"'sample' with {name}")
@@ -199,9 +200,11 @@ class Estimator(Part):
         advantage, state = self._advantage(state, policy, transition)
         if self.reuse is not None:
             return advantage.value, self._stored(state, transition, advantage)
-        entropy, worth = None, jnp.zeros(())
+        entropy = None
+        worth = jnp.zeros(())
         if self.entropy is not None:
-            entropy, worth = entropy_gradient(policy, transition.observation), at(self.entropy, steps)
+            entropy = entropy_gradient(policy, transition.observation)
+            worth = at(self.entropy, steps)
         if entropy is not None and self.entropy_in == "trace":
             signed = jax.tree.map(lambda h: (jnp.sign(advantage.value) * worth * h).astype(h.dtype), entropy)
             state = state._replace(trace=jax.tree.map(jnp.add, state.trace, self._alone(policy, signed)))
@@ -302,7 +305,8 @@ class Estimator(Part):
             normalization = where(dropped, normalization, updated)
         weight = state.weight
         if weight is not None and self.discount is not None:
-            advantage, weight = _times(weight, advantage), weight * self.discount
+            advantage = _times(weight, advantage)
+            weight = weight * self.discount
         found = state._replace(baseline=baseline, normalization=normalization, weight=weight, scaling=scaling)
         return advantage, found
 

@@ -65,7 +65,8 @@ class FittedReturns(CriticFit):
 
     def init(self, weights: Any, features: int) -> FittedState:
         dtype = jax.tree.leaves(weights)[0].dtype
-        numbers, rows = jnp.zeros(self.interval, dtype), jnp.zeros((self.interval, features), dtype)
+        numbers = jnp.zeros(self.interval, dtype)
+        rows = jnp.zeros((self.interval, features), dtype)
         rule = optax.scale_by_adam().init(weights)
         ends = jnp.zeros(self.interval, bool)
         return FittedState(rows, rows, numbers, numbers, ends, jnp.zeros((), jnp.int32), rule)

@@ -15,7 +15,7 @@ from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._chain import Updates, inner
-from motorgrad.learning._natural import LARGEST, Blocks, Metric, identities
+from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, identities
 from motorgrad.policies import Policy, trainable
 
 
@@ -105,8 +105,13 @@ class ShermanMorrison(Metric):
     def init(self, policy: Policy) -> InverseState:
         rows = policy.blocks(jax.tree.map(jnp.zeros_like, trainable(policy)))
         widest = max(row.shape[1] for row in rows)
-        smaller = f"one whose blocks have at most {LARGEST:,} parameters; CompatibleWeights takes any"
-        check(widest <= LARGEST, "policy", f"{type(policy).__name__} with a block of {widest:,} parameters", smaller)
+        smaller = f"one whose blocks have at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
+        check(
+            widest <= MAX_BLOCK_PARAMETERS,
+            "policy",
+            f"{type(policy).__name__} with a block of {widest:,} parameters",
+            smaller,
+        )
         blocks = tuple(identities(row, 1 / self.initial) for row in rows)
         return InverseState(blocks, jnp.zeros((), jnp.int32))
 
@@ -121,7 +126,7 @@ class ShermanMorrison(Metric):
             return _rank_one(inverse, jnp.broadcast_to(one, score.shape))
 
         blocks = tuple(after(*pair) for pair in zip(state.blocks, rows, strict=True))
-        turn = (state.turn + 1) % LARGEST
+        turn = (state.turn + 1) % MAX_BLOCK_PARAMETERS
         return where(transition.diverged, state, InverseState(blocks, turn))
 
     def update(

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import count, number
-from motorgrad.learning._traces import LONGEST, Trace, credited, latest
+from motorgrad.learning._traces import MAX_FILTER_DECISIONS, Trace, credited, latest
 
 
 class LearnedState(NamedTuple):
@@ -59,7 +59,7 @@ class LearnedTrace(Trace):
 
     learns: ClassVar[bool] = True
 
-    length: int = count(20, 1, LONGEST)
+    length: int = count(20, 1, MAX_FILTER_DECISIONS)
     rate: float = number(1e-3, 0, 1, open_high=True)
 
     def init(self, parameters: PyTree[Array]) -> LearnedState:

@@ -22,8 +22,8 @@ from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._schedules import Annealed, at
 from motorgrad.policies import Policy, trainable
 
-LARGEST = 4096
-"""Parameters of a block: its matrix has their square."""
+MAX_BLOCK_PARAMETERS = 4096
+"""The matrix of a block has their square."""
 
 Blocks = tuple[Float[Array, "units parameters parameters"], ...]
 
@@ -117,8 +117,13 @@ class FisherMetric(LimitedMetric):
 
     def init(self, policy: Policy) -> Blocks | Gathering:
         widest = max(block.shape[1] for block in jax.eval_shape(self._dampings, policy))
-        smaller = f"one whose blocks have at most {LARGEST:,} parameters; ConjugateGradient takes any"
-        check(widest <= LARGEST, "policy", f"{type(policy).__name__} with a block of {widest:,} parameters", smaller)
+        smaller = f"one whose blocks have at most {MAX_BLOCK_PARAMETERS:,} parameters; ConjugateGradient takes any"
+        check(
+            widest <= MAX_BLOCK_PARAMETERS,
+            "policy",
+            f"{type(policy).__name__} with a block of {widest:,} parameters",
+            smaller,
+        )
         blocks = tuple(identities(block, self.initial) for block in self._dampings(policy))
         if self.interval == 1:
             return blocks
@@ -152,7 +157,8 @@ class FisherMetric(LimitedMetric):
 
         def take_in(old: Any) -> Any:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
-            (blocks, waiting), (observations, actions, policy) = old, jax.lax.optimization_barrier(given)
+            (blocks, waiting) = old
+            (observations, actions, policy) = jax.lax.optimization_barrier(given)
             rate = jnp.asarray(self.rate, observations.dtype)
             since = waiting - 1 - jnp.arange(self.interval)
             weights = jnp.where(since >= 0, rate * (1 - rate) ** jnp.maximum(since, 0), 0)

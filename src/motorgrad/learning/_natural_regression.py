@@ -21,7 +21,7 @@ from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
 from motorgrad.learning._critics import Features
-from motorgrad.learning._natural import LARGEST, Metric
+from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Metric
 from motorgrad.policies import Policy, trainable
 
 
@@ -40,8 +40,10 @@ class RegressionMetric(Metric):
     def zeros(self, policy: Policy) -> Float[Array, " parameters"]:
         """A zero for each parameter. **Raises** `ValueError` for more than 4,096."""
         zeros = jnp.zeros_like(ravel_pytree(trainable(policy))[0])
-        few = f"one of at most {LARGEST:,} parameters; CompatibleWeights takes any"
-        check(zeros.size <= LARGEST, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few)
+        few = f"one of at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
+        check(
+            zeros.size <= MAX_BLOCK_PARAMETERS, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few
+        )
         return zeros
 
     def score(self, policy: Policy, transition: Transition) -> Float[Array, " parameters"]:
@@ -105,14 +107,16 @@ class LeastSquaresNatural(RegressionMetric):
         return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights, weights.size))
 
     def observe(self, state: CompatibleState, policy: Policy, transition: Transition) -> CompatibleState:
-        dtype, horizon = state.weights.dtype, 1.0 if self.discount is None else self.discount
+        dtype = state.weights.dtype
+        horizon = 1.0 if self.discount is None else self.discount
         score = self.score(policy, transition)
         present = self._seen(policy.judged(transition.observation))
         following = self._seen(transition.next_observation)
         following = jnp.where(transition.terminated, 0, following)
         slope = jnp.concatenate([present, score]).astype(dtype)
         later = jnp.concatenate([following, jnp.zeros_like(score)]).astype(dtype)
-        reward, level = jnp.asarray(transition.reward, dtype), self._level(state)
+        reward = jnp.asarray(transition.reward, dtype)
+        level = self._level(state)
         error = reward - level - state.weights @ (slope - horizon * later)
         step = CriticStep(slope, later, reward, level, error, horizon, self.decay)
         weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
@@ -187,7 +191,8 @@ class EpisodicNatural(RegressionMetric):
         zeros = self.zeros(policy)
         scores = jnp.zeros(zeros.size + 1, zeros.dtype)
         means = running_mean((jnp.zeros((scores.size, scores.size), zeros.dtype), scores))
-        zero, one = jnp.zeros((), zeros.dtype), jnp.ones((), zeros.dtype)
+        zero = jnp.zeros((), zeros.dtype)
+        one = jnp.ones((), zeros.dtype)
         return EpisodicState(scores, zero, one, jnp.zeros((), bool), means, zeros)
 
     def observe(self, state: EpisodicState, policy: Policy, transition: Transition) -> EpisodicState:

@@ -1,6 +1,6 @@
 """The registry: the parts of a learner by name. One line here gives a part its name in options, TOML and TimLab."""
 
-from motorgrad._tree import KINDS
+from motorgrad._tree import PART_CLASSES
 from motorgrad._tree import register as register
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
@@ -34,7 +34,7 @@ from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
 from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 
-KINDS.update(
+PART_CLASSES.update(
     {
         ActionValueEnsemble: {"action-value-ensemble": ActionValueEnsemble},
         ActionValues: {"action-values": ActionValues},

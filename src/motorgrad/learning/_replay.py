@@ -87,16 +87,19 @@ class Hindsight(Part):
     ) -> Drawn:
         """The decisions of these `rows`, some of them for another target."""
         which, one, other = jax.random.uniform(key, (3, len(rows)), drawn.reward.dtype)
-        size, kept = len(experience.rewards), experience.observations
+        size = len(experience.rewards)
+        kept = experience.observations
         stay = jnp.maximum(1 - 1 / self.ahead, 1e-9)
         later = 1 + jnp.floor(jnp.log(jnp.maximum(one, 1e-30)) / jnp.log(stay)).astype(jnp.int32)
         reached = (rows + later) % size
         same = (experience.episode[reached] == experience.episode[rows]) & (later < size)
-        places, targets = jnp.asarray(goal.errors), jnp.asarray(goal.targets, jnp.int32)
+        places = jnp.asarray(goal.errors)
+        targets = jnp.asarray(goal.targets, jnp.int32)
         border = self.share * self.others
         shift = jnp.where((same & (which >= border) & (which < self.share))[:, None], kept[reached][:, places], 0)
         row = jnp.floor(other * experience.filled).astype(jnp.int32)
-        own, wanted = goal.target(drawn.observation), goal.target(kept[row])
+        own = goal.target(drawn.observation)
+        wanted = goal.target(kept[row])
         if own is not None and wanted is not None:
             moves = (experience.episode[row] >= 0) & (which < border)
             shift = jnp.where(moves[:, None], own - wanted, shift)
@@ -141,7 +144,8 @@ class Replay(Part):
         self, observation: Float[Array, " inputs"], action: Float[Array, " actions"], key: jax.Array
     ) -> Experience:
         """No experience, for observations and actions of these shapes."""
-        rows, zero = self.capacity, jnp.zeros((), jnp.int32)
+        rows = self.capacity
+        zero = jnp.zeros((), jnp.int32)
         return Experience(
             observations=jnp.zeros((rows, *observation.shape), observation.dtype),
             actions=jnp.zeros((rows, *action.shape), action.dtype),
@@ -160,7 +164,8 @@ class Replay(Part):
         self, kept: Experience, seen: Any, action: Any, reward: Any, following: Any, terminated: Flag, dropped: Flag
     ) -> Experience:
         """The experience after one more decision; one that is `dropped` leaves only what was seen before it."""
-        here, after = kept.place, (kept.place + 1) % self.capacity
+        here = kept.place
+        after = (kept.place + 1) % self.capacity
 
         def put(rows: Array, place: Any, value: Any) -> Array:
             return rows.at[place].set(jnp.asarray(value, rows.dtype))

@@ -228,8 +228,10 @@ class SoftActorCritic(Estimator):
         check(plain, "policy", type(policy).__name__, f"{wanted}, for SoftActorCritic")
         key = jax.random.key(0) if key is None else key
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
-        look, numbers = jnp.zeros(lasting.inputs, dtype), jnp.zeros(lasting.uniforms, dtype)
-        action, (learned, settings) = lasting.mode(look), split(lasting)
+        look = jnp.zeros(lasting.inputs, dtype)
+        numbers = jnp.zeros(lasting.uniforms, dtype)
+        action = lasting.mode(look)
+        (learned, settings) = split(lasting)
         try:
             drawn = lambda learned: jnp.sum(eqx.combine(learned, settings).sample(look, numbers))  # noqa: E731
             jax.eval_shape(jax.grad(drawn), learned)
@@ -250,7 +252,8 @@ class SoftActorCritic(Estimator):
     ) -> tuple[PyTree[Array], EstimatorState]:
         scaling, dropped = state.scaling, transition.diverged
         shown = policy.observation_size  # behind it stands what a policy with lasting noise remembers
-        seen, following = transition.observation[:shown], transition.next_observation[:shown]
+        seen = transition.observation[:shown]
+        following = transition.next_observation[:shown]
         values = where(dropped, state.baseline, self.values.adapted(state.baseline, seen, transition.action))
         if self.reward_scaling is not None and scaling is not None:
             scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
@@ -284,7 +287,8 @@ class SoftActorCritic(Estimator):
             drawn, words = each
             of_next, of_this = jax.random.split(jax.random.wrap_key_data(words))
             drawn = drawn._replace(reward=(factor * drawn.reward).astype(drawn.reward.dtype))
-            learned, worth = state.estimator.entropy, None if self.entropy is None else at(self.entropy, state.steps)
+            learned = state.estimator.entropy
+            worth = None if self.entropy is None else at(self.entropy, state.steps)
             if self.entropy_target is not None:
                 learned = self.entropy_target.update(learned, state.policy.marginal, drawn, of_this)
                 worth = jnp.exp(learned.log_worth)

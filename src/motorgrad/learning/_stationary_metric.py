@@ -28,7 +28,7 @@ from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates
 from motorgrad.learning._critics import Features
-from motorgrad.learning._natural import LARGEST, Blocks, Metric, identities
+from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, identities
 from motorgrad.policies import Policy, trainable
 
 
@@ -111,8 +111,10 @@ class StationaryMetric(Metric):
 
     def init(self, policy: Policy) -> StationaryState:
         zeros = jnp.zeros_like(ravel_pytree(trainable(policy))[0])
-        few = f"one of at most {LARGEST:,} parameters; CompatibleWeights takes any"
-        check(zeros.size <= LARGEST, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few)
+        few = f"one of at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
+        check(
+            zeros.size <= MAX_BLOCK_PARAMETERS, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few
+        )
         blocks = tuple(identities(block, self.initial) for block in policy.blocks(trainable(policy)))
         started = running_mean(blocks)._replace(mean=blocks)
         phi = jnp.zeros_like(self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype))))
@@ -129,7 +131,8 @@ class StationaryMetric(Metric):
         sample = Backward(outer * (phi - state.earlier), outer * state.scores, phi, outer * phi)
         backward = where(state.any, add_sample(state.backward, sample, self.rate), state.backward)
         fade = jnp.where(state.any, self.decay, 0).astype(phi.dtype)
-        earlier, scores = (1 - fade) * phi + fade * state.earlier, score + fade * state.scores
+        earlier = (1 - fade) * phi + fade * state.earlier
+        scores = score + fade * state.scores
         after = StationaryState(blocks, backward, earlier, scores, jnp.ones((), bool))
         return where(transition.diverged, state._replace(any=jnp.zeros((), bool)), after)
 
@@ -155,7 +158,8 @@ class StationaryMetric(Metric):
             rows: Blocks = tuple((block * row[:, None, :]).sum(-1) for block, row in parts)
             return ravel_pytree(policy.from_blocks(rows))[0]
 
-        weights, means = self.solution(state), state.backward.mean
+        weights = self.solution(state)
+        means = state.backward.mean
         varying = means.squares - means.feature[:, None] * means.feature
         return jax.vmap(product)(jnp.eye(weights.shape[1], dtype=weights.dtype)) + (
             self.weight * weights.T @ varying @ weights

@@ -70,7 +70,8 @@ class ClippedSurrogate(Part):
         observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
         action = policy.mode(observation)
         seen, done = (jnp.zeros((size, *each.shape), each.dtype) for each in (observation, action))
-        numbers, words = jnp.zeros(size, observation.dtype), jax.random.key_data(key)
+        numbers = jnp.zeros(size, observation.dtype)
+        words = jax.random.key_data(key)
         return Batch(seen, done, numbers, numbers, jnp.zeros(size, bool), jnp.zeros((), jnp.int32), words)
 
     def add(self, batch: Batch, seen: Any, action: Any, worth: Any, newest: Any, dropped: Flag = False) -> Batch:

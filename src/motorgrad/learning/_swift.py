@@ -10,8 +10,8 @@ from motorgrad._tree import is_tracer, number
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, Weights
 
-SMALLEST = 1e-10
-"""The least step size of a feature."""
+MIN_STEP_SIZE = 1e-10
+"""Of a feature."""
 
 
 class SwiftState(NamedTuple):
@@ -84,13 +84,15 @@ class SwiftTemporalDifference(CriticFit):
     def update(
         self, weights: Weights, state: SwiftState, step: CriticStep, dropped: Flag = False
     ) -> tuple[Weights, SwiftState]:
-        phi, fade = step.slope, step.discount * step.decay
+        phi = step.slope
+        fade = step.discount * step.decay
         rates = jnp.exp(state.log_rates)
         share = jnp.sum(rates * jnp.square(phi))
         over = share > self.bound
         entry = jnp.where(over, self.bound / share, 1) * rates * phi
         slopes, earlier = state.slopes, state.earlier_slopes
-        old, old_slopes = fade * state.trace, fade * state.trace_slopes
+        old = fade * state.trace
+        old_slopes = fade * state.trace_slopes
         room = 1 - jnp.sum(old * phi)
         trace = old + entry * room
         trace_slopes = jnp.where(over, 0, old_slopes + entry * (room - old_slopes * phi))
@@ -102,11 +104,12 @@ class SwiftTemporalDifference(CriticFit):
         moved = weights + surprise * trace - change * entry
         log_rates = state.log_rates + self.meta_rate * step.error * credit / rates
         log_rates = log_rates + jnp.where(over, jnp.square(phi) * jnp.log(self.shrinkage), 0)
-        log_rates = jnp.clip(log_rates, jnp.log(SMALLEST), jnp.log(self.bound))
+        log_rates = jnp.clip(log_rates, jnp.log(MIN_STEP_SIZE), jnp.log(self.bound))
         following = slopes - earlier * phi * (trace - entry) - slopes * entry * phi
         following = following + surprise * trace_slopes - change * entry
         # Steps at the bound do not depend on how large the step sizes are: their derivatives begin anew.
-        following, slopes = jnp.where(over, 0, following), jnp.where(over, 0, slopes)
+        following = jnp.where(over, 0, following)
+        slopes = jnp.where(over, 0, slopes)
         value = jnp.sum(weights * step.next_features)
         after = SwiftState(log_rates, trace, value, following, slopes, trace_slopes, credit)
         return where(dropped, (weights, state), (moved, after))

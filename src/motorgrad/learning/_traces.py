@@ -17,7 +17,7 @@ from motorgrad._errors import check
 from motorgrad._tree import Part, count, number, static
 from motorgrad.policies import Policy
 
-LONGEST = 100_000  # decisions of a finite filter, which keeps as many copies of the parameters
+MAX_FILTER_DECISIONS = 100_000  # of a finite filter, which keeps as many copies of the parameters
 
 
 class Trace(Part):
@@ -145,7 +145,7 @@ class Window(_Kernel):
     - `length` (decisions): length of the window, $n \ge 1$.
     """
 
-    length: int = count(10, 1, LONGEST)
+    length: int = count(10, 1, MAX_FILTER_DECISIONS)
 
     def weights(self) -> Float[Any, " length"]:
         return jnp.ones(self.length)
@@ -168,8 +168,13 @@ class LaggedGaussian(_Kernel):
     width: float = static(2.0)
 
     def validate(self) -> None:
-        check(0 <= self.lag <= LONGEST, "lag", self.lag, f"from 0 to {LONGEST} decisions")
-        check(0 < self.width <= LONGEST, "width", self.width, f"a positive number of decisions, at most {LONGEST}")
+        check(0 <= self.lag <= MAX_FILTER_DECISIONS, "lag", self.lag, f"from 0 to {MAX_FILTER_DECISIONS} decisions")
+        check(
+            0 < self.width <= MAX_FILTER_DECISIONS,
+            "width",
+            self.width,
+            f"a positive number of decisions, at most {MAX_FILTER_DECISIONS}",
+        )
 
     def weights(self) -> Float[Any, " length"]:
         age = jnp.arange(math.ceil(self.lag + 4 * self.width) + 1)

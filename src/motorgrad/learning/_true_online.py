@@ -54,7 +54,9 @@ class TrueOnlineTemporalDifference(CriticFit):
     def update(
         self, weights: Weights, state: TrueOnlineState, step: CriticStep, dropped: Flag = False
     ) -> tuple[Weights, TrueOnlineState]:
-        phi, rate, fade = step.slope, self.learning_rate, step.discount * step.decay
+        phi = step.slope
+        rate = self.learning_rate
+        fade = step.discount * step.decay
         trace = fade * state.trace + (1 - rate * fade * jnp.sum(state.trace * phi)) * phi
         change = jnp.sum(weights * phi) - state.value
         moved = weights + rate * ((step.error + change) * trace - change * phi)

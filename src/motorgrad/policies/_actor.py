@@ -60,7 +60,8 @@ class Actor:
     """
 
     def __init__(self, policy: Policy):
-        self.policy, self.interface = policy, known_interface(policy)
+        self.policy = policy
+        self.interface = known_interface(policy)
         self.reset()
 
     def reset(self) -> None:

@@ -23,7 +23,7 @@ ACTIVATIONS: dict[str, Callable[..., Any]] = {
     "tanh": jax.numpy.tanh,
 }
 """The nonlinearities of `MultilayerPerceptron` by name."""
-WIDEST = 100_000
+MAX_LAYER_WIDTH = 100_000
 
 
 class Architecture(Part):
@@ -79,8 +79,10 @@ class MultilayerPerceptron(Architecture):
     unit_length: bool = static(False)
 
     def validate(self) -> None:
-        whole = all(isinstance(width, int) and 0 < width <= WIDEST for width in self.hidden)
-        check(whole and len(self.hidden) > 0, "hidden", self.hidden, f"one or more whole numbers, 1 … {WIDEST:,}")
+        whole = all(isinstance(width, int) and 0 < width <= MAX_LAYER_WIDTH for width in self.hidden)
+        check(
+            whole and len(self.hidden) > 0, "hidden", self.hidden, f"one or more whole numbers, 1 … {MAX_LAYER_WIDTH:,}"
+        )
         check(0 <= self.sparsity < 1, "sparsity", self.sparsity, "in [0, 1)")
 
     def build(self, inputs: int, key: jax.Array) -> eqx.nn.Sequential:

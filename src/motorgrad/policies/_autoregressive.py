@@ -162,8 +162,11 @@ class Autoregressive(Composed):
 
     def _given(self, seen: Float[Array, " inputs"], policy: Any = None) -> Any:
         """The policy without a memory that acts alike after the last activation."""
-        own, last, rho = self.policy if policy is None else policy, seen[self.observation_size :], self.autocorrelation
-        pool, rest = _pool(own), jnp.sqrt(1 - rho * rho)
+        own = self.policy if policy is None else policy
+        last = seen[self.observation_size :]
+        rho = self.autocorrelation
+        pool = _pool(own)
+        rest = jnp.sqrt(1 - rho * rho)
         passed = 1 - rho if self.filtered else jnp.ones_like(rho)
         fields = {
             "slope": passed * pool.slope,

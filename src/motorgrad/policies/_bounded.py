@@ -87,7 +87,9 @@ class BoundedUnits(GradedUnits):
 
     def entropies(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         """Entropy of each unit, in nats."""
-        density, m, s = self._density, self.mean(observation), self.deviation
+        density = self._density
+        m = self.mean(observation)
+        s = self.deviation
         return density.entropy(m, s) + density.inside(m, s) * jnp.log((self.high - self.low) / 2)
 
     def entropy_estimate(
@@ -139,7 +141,8 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
             shape = getattr(self, name).shape
             check(shape in ((), self.slope.shape[:1]), name, shape, f"one number, or of shape {self.slope.shape[:1]}")
         if not isinstance(self.low, Tracer) and not isinstance(self.high, Tracer):
-            low, high = np.asarray(self.low), np.asarray(self.high)
+            low = np.asarray(self.low)
+            high = np.asarray(self.high)
             bounded = np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()
             check(bounded, "low, high", (low.tolist(), high.tolist()), "finite, low < high")
 

@@ -238,7 +238,8 @@ class Gated(Composed, BinaryUnits):
         For a branch whose units share parameters, this is the sample for the drawn action.
         """
         opened, *below = _shares(self._pools, action)
-        opens, matrices = self.gate.prob(observation), [*self.gate.fisher(observation, opened)]
+        opens = self.gate.prob(observation)
+        matrices = [*self.gate.fisher(observation, opened)]
         for i, (branch, part) in enumerate(zip(self.branches, below, strict=True)):
             share = opens[i] if branch.separate else (opened[i] > 0).astype(opens.dtype)
             matrices += [share * matrix for matrix in branch.fisher(observation, part)]
@@ -344,7 +345,8 @@ def gated(
     def pool(low: np.ndarray, extent: np.ndarray, count: int, level: int) -> Gated:
         wanted = f"more than the {gates} gates of each pool: at least one unit behind every gate"
         check(count >= 2 * gates, "outputs", outputs, wanted)
-        centre, widths = low + extent * places, width * extent
+        centre = low + extent * places
+        widths = width * extent
         shares = [len(part) for part in np.array_split(np.arange(count - gates), gates)]
         gate = LocalGaussians(centre, np.log(np.broadcast_to(widths, centre.shape)), p_max=jnp.asarray(p_max))
         below = zip(centre, shares, strict=True)

@@ -77,7 +77,8 @@ class FiniteStateController(Sequential):
         return self.observation_size + self.states
 
     def view(self, observation: Float[Array, " inputs"], drawn: Draws) -> Float[Array, " _"]:
-        shown, state = observation[: self.observation_size], observation[self.observation_size :]
+        shown = observation[: self.observation_size]
+        state = observation[self.observation_size :]
         state = self._one_hot(drawn[0], observation.dtype) if drawn else state
         return (state[:, None] * shown).ravel()
 

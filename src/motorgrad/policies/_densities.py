@@ -16,7 +16,7 @@ from jax.scipy.special import betainc, digamma, gammaln, log_ndtr, ndtr, ndtri, 
 from jaxtyping import Array, Float
 
 Units = Float[Array, " units"]
-LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
+MIN_UNIFORM = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
 LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
 
@@ -91,26 +91,32 @@ class Clipped(Density):
         return (-self.bound - m) / s, (self.bound - m) / s
 
     def sample(self, m: Units, s: Units, uniforms: Units) -> Units:
-        x = m + s * ndtri(jnp.maximum(uniforms, LEAST)).astype(m.dtype)
+        x = m + s * ndtri(jnp.maximum(uniforms, MIN_UNIFORM)).astype(m.dtype)
         inside = self._push(jnp.clip(x, -self.bound, self.bound))
         return jnp.where(x <= -self.bound, -1, jnp.where(x >= self.bound, 1, inside))
 
     def log_prob(self, m: Units, s: Units, u: Units) -> Units:
-        (low, high), x = self._ends(m, s), self.number_before(u)
+        (low, high) = self._ends(m, s)
+        x = self.number_before(u)
         inside = -0.5 * jnp.square((x - m) / s) - jnp.log(s) - LOG_ROOT_TWO_PI - self._log_stretch(x)
         return jnp.where(u <= -1, log_ndtr(low), jnp.where(u >= 1, log_ndtr(-high), inside))
 
     def slopes(self, m: Units, s: Units, u: Units) -> tuple[Units, Units]:
-        (low, high), z = self._ends(m, s), (self.number_before(u) - m) / s
-        below, above = _inverse_mills(low), _inverse_mills(-high)
+        (low, high) = self._ends(m, s)
+        z = (self.number_before(u) - m) / s
+        below = _inverse_mills(low)
+        above = _inverse_mills(-high)
         location = jnp.where(u <= -1, -below, jnp.where(u >= 1, above, z)) / s
         return location, jnp.where(u <= -1, -low * below, jnp.where(u >= 1, high * above, z * z - 1))
 
     def information(self, m: Units, s: Units) -> tuple[Units, Units, Units]:
         # Powers of z integrated over what is not clipped; and at an end of probability Φ, the squared score times Φ.
         a, b = self._ends(m, s)
-        at_a, at_b, inside = _normal(a), _normal(b), ndtr(b) - ndtr(a)
-        low, high = at_a * _inverse_mills(a), at_b * _inverse_mills(-b)
+        at_a = _normal(a)
+        at_b = _normal(b)
+        inside = ndtr(b) - ndtr(a)
+        low = at_a * _inverse_mills(a)
+        high = at_b * _inverse_mills(-b)
         of_m = inside + a * at_a - b * at_b + low + high
         both = (a * a + 1) * at_a - (b * b + 1) * at_b + a * low + b * high
         of_s = 2 * inside + (a * a + 1) * a * at_a - (b * b + 1) * b * at_b + a * a * low + b * b * high
@@ -171,7 +177,7 @@ class Squashed(Clipped):
         """An estimate of the entropy from the numbers of one `sample`, without a quadrature."""
         # The entropy of the normal number is exact, and what squashing takes away is that of one number. The ends have
         # a probability of their own, which is left out: it matters only where |m| is near 4.
-        x = m + s * ndtri(jnp.maximum(uniforms, LEAST)).astype(m.dtype)
+        x = m + s * ndtri(jnp.maximum(uniforms, MIN_UNIFORM)).astype(m.dtype)
         return jnp.log(s) + LOG_ROOT_TWO_PI + 0.5 + self._log_stretch(x)
 
     def location(self, mode: float) -> float:
@@ -188,11 +194,13 @@ class Truncated(Density):
     def sample(self, m: Units, s: Units, uniforms: Units) -> Units:
         # Mirrored such that the upper end is the near one: the normal distribution function is exact for what is below.
         mirrored = m < 0
-        m, p = jnp.where(mirrored, -m, m), jnp.where(mirrored, 1 - uniforms, uniforms).astype(m.dtype)
-        p = jnp.maximum(p, LEAST)
-        low, high = (-1 - m) / s, (1 - m) / s
+        m = jnp.where(mirrored, -m, m)
+        p = jnp.where(mirrored, 1 - uniforms, uniforms).astype(m.dtype)
+        p = jnp.maximum(p, MIN_UNIFORM)
+        low = (-1 - m) / s
+        high = (1 - m) / s
         from_low = ndtr(low) + p * (ndtr(high) - ndtr(low))
-        near = m + s * ndtri(jnp.clip(from_low, LEAST * ndtr(high), 1 - LEAST))
+        near = m + s * ndtri(jnp.clip(from_low, MIN_UNIFORM * ndtr(high), 1 - MIN_UNIFORM))
         # Far from the end, the distance from it in deviations is √(η² + 2e) − η but for the correction.
         eta = jnp.maximum(-high, FAR)
         width = (high - low) * (eta + 0.5 * (high - low))
@@ -214,7 +222,8 @@ class Truncated(Density):
 
     def information(self, m: Units, s: Units) -> tuple[Units, Units, Units]:
         away, square, _, x, share = self._moments(m, s)
-        linear, quadratic = away(x) / (s * s), square(x)
+        linear = away(x) / (s * s)
+        quadratic = square(x)
         linear = linear - jnp.sum(share * linear, axis=0)
         quadratic = quadratic - jnp.sum(share * quadratic, axis=0)
         products = (linear * linear, linear * quadratic, quadratic * quadratic)
@@ -265,7 +274,9 @@ class Beta(Density):
 
     def _shape(self, m: Units, s: Units) -> tuple[Units, Units, Units, Units, Units]:
         r"""$\alpha$, $\beta$, $\kappa$, $\mu$ and $1 - \mu$."""
-        kappa, up, down = 1 / (s * s), jax.nn.sigmoid(2 * m), jax.nn.sigmoid(-2 * m)
+        kappa = 1 / (s * s)
+        up = jax.nn.sigmoid(2 * m)
+        down = jax.nn.sigmoid(-2 * m)
         return 1 + kappa * up, 1 + kappa * down, kappa, up, down
 
     def sample(self, m: Units, s: Units, uniforms: Units) -> Units:
@@ -273,8 +284,9 @@ class Beta(Density):
         # The lower half is solved, of the distribution or of its mirror image, where log F is exact.
         mirrored = uniforms > 0.5
         alpha, beta = jnp.where(mirrored, beta, alpha), jnp.where(mirrored, alpha, beta)
-        p = jnp.maximum(jnp.where(mirrored, 1 - uniforms, uniforms), LEAST).astype(m.dtype)
-        log_p, log_beta = jnp.log(p), _log_beta(alpha, beta)
+        p = jnp.maximum(jnp.where(mirrored, 1 - uniforms, uniforms), MIN_UNIFORM).astype(m.dtype)
+        log_p = jnp.log(p)
+        log_beta = _log_beta(alpha, beta)
 
         def improved(_: Any, x: Array) -> Array:
             # log F is concave in x, so that Newton's method finds its root from everywhere.
@@ -283,7 +295,8 @@ class Beta(Density):
             log_below = jnp.log(below)
             return x + jnp.clip((log_p - log_below) * jnp.exp(log_below - log_density) / 2, -2, 2)
 
-        middle, width = jnp.log((alpha - 0.5) / (beta - 0.5)), jnp.sqrt(1 / (alpha - 0.4) + 1 / (beta - 0.4))
+        middle = jnp.log((alpha - 0.5) / (beta - 0.5))
+        width = jnp.sqrt(1 / (alpha - 0.4) + 1 / (beta - 0.4))
         start = 0.5 * (middle + width * ndtri(p))
         u = jnp.tanh(jax.lax.fori_loop(0, self.iterations, improved, start))
         return jnp.where(mirrored, -u, u)
@@ -297,7 +310,8 @@ class Beta(Density):
         alpha, beta, kappa, up, down = self._shape(m, s)
         log_up, log_down = self._log_shares(u)
         both = digamma(alpha + beta)
-        of_alpha, of_beta = log_up - digamma(alpha) + both, log_down - digamma(beta) + both
+        of_alpha = log_up - digamma(alpha) + both
+        of_beta = log_down - digamma(beta) + both
         return 2 * kappa * up * down * (of_alpha - of_beta), -2 * kappa * (up * of_alpha + down * of_beta)
 
     def information(self, m: Units, s: Units) -> tuple[Units, Units, Units]:

@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 Functions = Mapping[str, tuple[Callable[..., dict[str, Any]], dict[str, Any]]]
 """Functions by name, each with an example of its inputs by name."""
 FORMATS = (".c", ".onnx", ".npz")
-MOST_LINES = 200
-"""Named numbers of an observation or an action, in the comment of a C file."""
+MAX_COMMENT_NAMES = 200
+"""Of the numbers of an observation or an action, in a C file."""
 
 
 def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None) -> Path:
     """Write a policy to a file that needs no motorgrad; see `Policy.export`."""
-    path, told = Path(path), functions(policy)
+    path = Path(path)
+    told = functions(policy)
     ends = f"a name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
-    check(path.suffix in FORMATS, "path", str(path), f"{ends}; mg.lab.write_fmu(policy, path) writes an FMU")
+    check(path.suffix in FORMATS, "path", str(path), f"{ends}; timlab.write_fmu(policy, path) writes an FMU")
     check_writable("path", path)
     for place, leaf in jax.tree_util.tree_leaves_with_path(policy):
         fine = not jnp.issubdtype(leaf.dtype, jnp.inexact) or bool(jnp.isfinite(leaf).all())
@@ -63,15 +64,15 @@ def _lines(interface: Interface) -> list[str]:
     """What the numbers of an exported policy mean, for the comment in its source."""
     seen, code = interface.observations, interface.actions
     found = ["", f"observation: raw, of the shape {seen.shape}, unscaled:"]
-    found += [f"  [{place}] {name}" for place, name in enumerate(seen.names[:MOST_LINES])]
-    found += ["  ..."] * (seen.size > MOST_LINES)
+    found += [f"  [{place}] {name}" for place, name in enumerate(seen.names[:MAX_COMMENT_NAMES])]
+    found += ["  ..."] * (seen.size > MAX_COMMENT_NAMES)
     found.append(f"action: raw, of the shape {code.shape}:")
     names = code.names if code.form in ("same", "clip") and code.kind != "discrete" else ()
-    for place in range(min(code.outputs, MOST_LINES)):
+    for place in range(min(code.outputs, MAX_COMMENT_NAMES)):
         has_range = code.low is not None and code.high is not None
         told = f" from {code.low[place]:g} to {code.high[place]:g}" if has_range else ""  # type: ignore[index]
         found.append(f"  [{place}] {names[place] if place < len(names) else ''}{told}".rstrip())
-    found += ["  ..."] * (code.outputs > MOST_LINES)
+    found += ["  ..."] * (code.outputs > MAX_COMMENT_NAMES)
     # names come from files of others: none ends the comment, or begins a line of its own
     return [plain(line).replace("*/", "* /").replace("\\", "/").replace("??/", "") for line in found]
 
@@ -102,7 +103,8 @@ def about(policy: "Policy") -> str:
 
 def functions(policy: "Policy") -> Functions:
     """What is exported of a policy."""
-    real, interface = jnp.result_type(float), policy.interface
+    real = jnp.result_type(float)
+    interface = policy.interface
     size = policy.observation_size if interface is None else known_interface(policy).observations.size
     given: dict[str, Any] = {"observation": jax.ShapeDtypeStruct((size,), real)}
     start = policy.initial_memory()

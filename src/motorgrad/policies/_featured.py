@@ -198,7 +198,8 @@ class Network(Seeing):
 
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
         """Of a module that is no sequence of layers, the output alone; then the pool's own hidden layers."""
-        module, found = thawed(self.module), []
+        module = thawed(self.module)
+        found = []
         layers = module.layers if isinstance(module, eqx.nn.Sequential) else (module,)
         for layer in layers:
             observation = layer(observation)

@@ -32,7 +32,7 @@ from motorgrad.policies._policy import (
     with_fields,
 )
 
-LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
+MIN_UNIFORM = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
 
 
 class GradedUnits(Policy):
@@ -339,7 +339,7 @@ def start_graded(inputs: int, outputs: int, level: float, deviation: float, floo
 
 def normal_of(uniforms: Array) -> Array:
     """Standard normal numbers, as a function of numbers from U[0, 1)."""
-    return jax.scipy.special.ndtri(jnp.maximum(uniforms, LEAST))
+    return jax.scipy.special.ndtri(jnp.maximum(uniforms, MIN_UNIFORM))
 
 
 def log_deviations(units: int, deviation: float, floor: float) -> jax.Array:

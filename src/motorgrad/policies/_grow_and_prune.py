@@ -136,7 +136,8 @@ def growing(
     }
     choice("shape", shape, kinds)
     check(pair == "exact" or shape == "gaussians", "pair", pair, f"exact for {shape}")
-    centre, log_hardness = jnp.zeros((outputs, inputs)), jnp.full(outputs, math.log(hardness))
+    centre = jnp.zeros((outputs, inputs))
+    log_hardness = jnp.full(outputs, math.log(hardness))
     return Masked(kinds[shape](), jnp.zeros(outputs, bool))
 
 
@@ -158,7 +159,8 @@ def grow(pool: AnyPolicy, more: AnyPolicy) -> AnyPolicy:
     grow(Motoneurons([0.3], [9.0]), Motoneurons([0.8], [0.0])).threshold  # [0.3, 0.8]
     ```
     """
-    pool, more = with_interface(pool, None), with_interface(more, None)
+    pool = with_interface(pool, None)
+    more = with_interface(more, None)
     kinds = [type(each).__name__ for each in (pool, more)]
     check(type(pool) is type(more), "more", kinds[1], f"of the pool's kind, {kinds[0]}")
     wanted = "a pool of one kind of units, binary or graded"
@@ -166,7 +168,8 @@ def grow(pool: AnyPolicy, more: AnyPolicy) -> AnyPolicy:
     check(pool.inputs == more.inputs, "more.inputs", more.inputs, f"the pool's, {pool.inputs}")
 
     def joined(name: str) -> jax.Array:
-        own, new = getattr(pool, name), getattr(more, name)
+        own = getattr(pool, name)
+        new = getattr(more, name)
         if own.shape[:1] == (pool.outputs,) and new.shape[:1] == (more.outputs,):
             return jnp.concatenate([own, new])
         check(own.shape == new.shape, f"more.{name}.shape", new.shape, f"the pool's, {own.shape}")
@@ -176,7 +179,8 @@ def grow(pool: AnyPolicy, more: AnyPolicy) -> AnyPolicy:
 
     names = tuple(name for name, value in vars(pool).items() if hasattr(value, "shape"))
     for name in vars(pool).keys() - set(names):
-        own, new = getattr(pool, name), getattr(more, name)
+        own = getattr(pool, name)
+        new = getattr(more, name)
         check(own == new, f"more.{name}", new, f"the pool's, {own}")
     return with_fields(pool, **{name: joined(name) for name in names})
 

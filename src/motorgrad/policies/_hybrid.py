@@ -259,13 +259,15 @@ class Primitives(Composed):
 
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
         can_start, rest = self._flags_and_rest(observation)
-        starts, movements = action[: self.primitives], action[self.primitives :]
+        starts = action[: self.primitives]
+        movements = action[self.primitives :]
         precondition = jnp.sum(can_start * self.precondition.log_probs(rest, starts))
         return precondition + jnp.sum(self._per_parameter(starts) * self.movement.log_probs(rest, movements))
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         can_start, rest = self._flags_and_rest(observation)
-        starts, movements = action[: self.primitives], action[self.primitives :]
+        starts = action[: self.primitives]
+        movements = action[self.primitives :]
         return in_structure(
             self,
             precondition=_masked_rows(can_start, self.precondition.score(rest, starts)),

@@ -19,7 +19,7 @@ from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Composed, Policy, check_plain, trainable, with_parts
 
-MOST = 256  # patterns of hidden units over which a mean is an exact sum
+MAX_EXACT_PATTERNS = 256  # of hidden units, over which a mean is an exact sum
 Draws = Sequence[Array]
 """What each pool has drawn, in their order."""
 
@@ -169,16 +169,20 @@ class Sequential(Composed):
             return sum(terms, start=jnp.zeros(()))
 
         count = math.prod(_count(pool) for pool in hidden)
-        if count <= MOST:
+        if count <= MAX_EXACT_PATTERNS:
             last = self.pools[-1]
             filler = jnp.zeros((len(patterns := _patterns(hidden)), math.prod(_shape(last).shape)), patterns.dtype)
             drawn = jax.vmap(self.drawn)(jnp.concatenate([patterns, filler], axis=1))[:-1]
             weights = jnp.exp(jax.vmap(log_prob)(drawn))
         else:
-            numbers = jnp.asarray(np.random.default_rng(0).random((MOST, self.uniforms)), observation.dtype)
+            numbers = jnp.asarray(
+                np.random.default_rng(0).random((MAX_EXACT_PATTERNS, self.uniforms)), observation.dtype
+            )
             drawn = jax.lax.stop_gradient(jax.vmap(one_by_one)(numbers))
             logs = jax.vmap(log_prob)(drawn)
-            weights = jnp.exp(logs - jax.lax.stop_gradient(logs)) / MOST  # whose derivative is that of drawing
+            weights = (
+                jnp.exp(logs - jax.lax.stop_gradient(logs)) / MAX_EXACT_PATTERNS
+            )  # whose derivative is that of drawing
         return jnp.tensordot(weights, jax.vmap(value)(drawn), 1)
 
 
@@ -324,7 +328,8 @@ def layered(
 
     def made(key: jax.Array) -> Any:
         def pools(count: int) -> Layered:
-            found, shown = [], count
+            found = []
+            shown = count
             for layer, width in enumerate(hidden):
                 drawn = scale / math.sqrt(shown) * jax.random.normal(jax.random.fold_in(key, layer), (width, shown + 1))
                 found.append(Hyperplanes(drawn[:, :-1], drawn[:, -1]))

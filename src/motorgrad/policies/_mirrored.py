@@ -58,7 +58,9 @@ class Mirrored(Composed, BinaryUnits):
     right: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
 
     def __check_init__(self) -> None:
-        units, order, signs = _units(self.pool), self.order, self.signs
+        units = _units(self.pool)
+        order = self.order
+        signs = self.signs
         kind = type(units).__name__
         check(isinstance(units, BinaryUnits), "pool", kind, "a pool of binary units")
         check(units.independent, "pool", kind, "a pool of independent units")
@@ -128,7 +130,8 @@ class Mirrored(Composed, BinaryUnits):
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        views, sides = jax.vmap(self._both_views)(observations), jax.vmap(self._both_sides)(actions)
+        views = jax.vmap(self._both_views)(observations)
+        sides = jax.vmap(self._both_sides)(actions)
         return self.pool.fisher_sum(jnp.concatenate(views), jnp.concatenate(sides), jnp.tile(weights, 2))
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:

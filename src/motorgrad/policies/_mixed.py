@@ -89,7 +89,8 @@ def mixed(
     ranges = bounds_of(task, outputs)
 
     def pools(inputs: int) -> Mixed:
-        start, found = 0, []
+        start = 0
+        found = []
         for kind, run in itertools.groupby(kinds):
             own = ranges[start : start + len(list(run))]
             graded = kind == "graded"

@@ -364,7 +364,8 @@ class Composed(Policy):
         return tuple(block for part, own in parts for block in part.blocks(own))
 
     def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
-        remaining, gradients = iter(blocks), []
+        remaining = iter(blocks)
+        gradients = []
         for part in parts_of(self):
             count = len(part.blocks(trainable(part)))
             gradients.append(part.from_blocks(tuple(itertools.islice(remaining, count))))

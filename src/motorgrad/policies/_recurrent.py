@@ -116,7 +116,8 @@ class Recurrent(Composed):
         self, memory: Float[Array, " memory"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:
         assert memory is not None
-        before, a = self._unpacked(memory), self.decay
+        before = self._unpacked(memory)
+        a = self.decay
         gain = jnp.sqrt(-jnp.expm1(-2 * jnp.exp(self.log_rate)))  # √(1 − a²), also where a is almost 1
         slope = -jnp.exp(self.log_rate) * a  # ∂a/∂ν
         drive = jnp.sum(self.weights * observation, axis=-1) + self.bias
@@ -193,7 +194,9 @@ class Recurrent(Composed):
 
     def _unpacked(self, memory: Float[Array, " memory"]) -> Recurrence:
         units, observed = self.weights.shape
-        h, rate, rest = memory[:units], memory[units : 2 * units], memory[2 * units :]
+        h = memory[:units]
+        rate = memory[units : 2 * units]
+        rest = memory[2 * units :]
         return Recurrence(h, rate, rest[:-units].reshape(units, observed), rest[-units:])
 
     def _view(self, observation: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:

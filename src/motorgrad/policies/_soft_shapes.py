@@ -51,7 +51,8 @@ class SoftSpheres(LocalUnits, SigmoidUnits):
         return jnp.exp(self.log_hardness) * (jnp.exp(self.log_radius) - self._distance(observation))
 
     def potential_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
-        hardness, distance = jnp.exp(self.log_hardness), self._distance(observation)
+        hardness = jnp.exp(self.log_hardness)
+        distance = self._distance(observation)
         outwards = jnp.where(distance > 0, hardness / jnp.where(distance > 0, distance, 1), 0)
         return {
             "centre": outwards[:, None] * (observation - self.centre),
@@ -92,7 +93,8 @@ class SoftBoxes(CappedUnits):
 
     def _walls(self, observation: Float[Array, " inputs"]) -> Float[Array, "2 units inputs"]:
         """Distance inside each of the two opposed walls, times the hardness."""
-        away, half = observation - self.centre, jnp.exp(self.log_width)
+        away = observation - self.centre
+        half = jnp.exp(self.log_width)
         return jnp.exp(self.log_hardness)[:, None] * jnp.stack([half - away, half + away])
 
     def _log_fire(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:

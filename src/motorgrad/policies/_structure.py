@@ -84,7 +84,8 @@ def rebuild(description: Any) -> Any:
 
 
 def _function(description: dict[str, Any]) -> Callable[..., Any]:
-    name, known = description["name"], _functions()
+    name = description["name"]
+    known = _functions()
     if name not in known:
         needed = "a function of jax.nn, jax.numpy or jax.lax; a policy with functions of its own must be given again"
         raise ValueError(f"function = {name!r}: must be {needed}")

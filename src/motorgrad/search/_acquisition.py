@@ -13,7 +13,10 @@ from scipy.optimize import minimize
 from motorgrad.search._gaussian_process import Posterior, posterior_at
 from motorgrad.search._space import reflected
 
-UNIFORM, LOCAL, REFINED = 512, 64, 4  # places that are tried: anywhere, about the best one per width, climbed from
+# places that are tried: anywhere, about the best one per width, climbed from
+UNIFORM = 512
+LOCAL = 64
+REFINED = 4
 
 
 def log_expected_improvement(mean: Array, deviation: Array, best: Any) -> Array:
@@ -23,7 +26,8 @@ def log_expected_improvement(mean: Array, deviation: Array, best: Any) -> Array:
     floating-point numbers and have no slope; there the logarithm is taken apart (Ament et al., 2023).
     """
     z = (mean - best) / deviation
-    near, low = jnp.maximum(z, -1.0), jnp.clip(z, -1e3, -1.0)
+    near = jnp.maximum(z, -1.0)
+    low = jnp.clip(z, -1e3, -1.0)
     far = jnp.minimum(z, -1e3)
     ratio = jnp.log(-low) + norm.logcdf(low) - norm.logpdf(low)  # of two terms that nearly cancel
     height = jnp.where(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 KERNELS = ("matern", "squared-exponential")
 ACQUISITIONS = ("expected-improvement", "upper-confidence-bound")
-LEAST = 16  # candidates for which the arrays of the process have room; the room is doubled when it is used up
+MIN_CANDIDATES = 16  # for which the arrays of the process have room; the room is doubled when it is used up
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,7 +88,8 @@ class BayesianOptimisation(Method):
             if not len(state["scores"]):
                 places[0] = state["start"]
             return places, state
-        data, settings = self._data(state), self._fitted(state)
+        data = self._data(state)
+        settings = self._fitted(state)
         exploration = float(self.exploration) if self.acquisition == "upper-confidence-bound" else None
         places = np.zeros((self.candidates, size))
         for number in range(self.candidates):
@@ -130,7 +131,7 @@ class BayesianOptimisation(Method):
         level, scale = _standard(state["scores"])
         known = np.isfinite(state["scores"])
         scores = (np.where(known, state["scores"], state["scores"][known].min()) - level) / scale
-        room = LEAST
+        room = MIN_CANDIDATES
         while room < len(scores) + self.candidates:
             room *= 2
         return Data.of(state["places"], scores, state["gradients"] / scale, state["variances"] / scale**2, room)

@@ -58,8 +58,11 @@ class Data(NamedTuple):
         place = np.zeros((capacity, size))
         place[:count] = places
         values = np.zeros((capacity, 1 + size))
-        noise, used = np.ones_like(values), np.zeros_like(values)
-        values[:count, 0], noise[:count, 0], used[:count, 0] = scores, 0.0, 1.0
+        noise = np.ones_like(values)
+        used = np.zeros_like(values)
+        values[:count, 0] = scores
+        noise[:count, 0] = 0.0
+        used[:count, 0] = 1.0
         known = np.isfinite(gradients)
         values[:count, 1:] = np.where(known, gradients, 0.0)
         noise[:count, 1:] = np.where(known, variances, 1.0)
@@ -74,8 +77,12 @@ class Data(NamedTuple):
     def believed(self, row: int, place: Float[np.ndarray, " size"], value: float) -> "Data":
         """The data with one more score, in an empty row."""
         seen = Functional(self.seen.place.copy(), self.seen.weight.copy(), self.seen.direction)
-        values, variances = self.values.copy(), self.variances.copy()
-        seen.place[row], seen.weight[row], values[row], variances[row] = place, 1.0, value, 0.0
+        values = self.values.copy()
+        variances = self.variances.copy()
+        seen.place[row] = place
+        seen.weight[row] = 1.0
+        values[row] = value
+        variances[row] = 0.0
         return Data(seen, values, variances)
 
 
@@ -116,9 +123,11 @@ class DerivativeKernel(tinygp.kernels.Kernel):
 
     def evaluate(self, X1: Any, X2: Any) -> Array:
         difference = (X1.place - X2.place) / self.lengths
-        one, two = X1.direction / self.lengths, X2.direction / self.lengths
+        one = X1.direction / self.lengths
+        two = X2.direction / self.lengths
         value, slope, bend = PROFILES[self.profile](jnp.sum(difference**2))
-        along_one, along_two = one @ difference, two @ difference
+        along_one = one @ difference
+        along_two = two @ difference
         mixed = X2.weight * along_one - X1.weight * along_two - one @ two
         return self.signal**2 * (
             X1.weight * X2.weight * value + 2.0 * slope * mixed - 4.0 * bend * along_one * along_two

@@ -153,5 +153,6 @@ class Boltzmann(Method):
                 tries[same[0]] += 1
             else:
                 samples = np.concatenate([samples, candidate[None]])
-                total, tries = np.append(total, score), np.append(tries, 1)
+                total = np.append(total, score)
+                tries = np.append(tries, 1)
         return {"samples": samples, "total": total, "tries": tries}

@@ -46,7 +46,9 @@ Score = Callable[
 ]
 """The scores of a batch of candidates, given by name: greater is better, NaN marks a failure. Noisy scores must draw
 their noise from the generator, so that the search is reproducible. `WithGradients` adds gradients."""
-_ASKS, _SCORES = 0, 1  # purposes of a round's random numbers
+# purposes of a round's random numbers
+_ASKS = 0
+_SCORES = 1
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -137,7 +139,8 @@ def search(
     if file is not None:
         check_writable("out", file)
     state, candidates, scores = _begin(space, method) if file is None or not file.exists() else _read(file, mark, space)
-    first, rounds = len(scores) // batch, evaluations // batch
+    first = len(scores) // batch
+    rounds = evaluations // batch
     with Progress(f"search by {type(method).__name__}", "evaluations", rounds * batch, first * batch, progress) as bar:
         for number in range(first, rounds):
             places, state = method.ask(state, np.random.default_rng([seed, number, _ASKS]))
@@ -149,7 +152,8 @@ def search(
             state = method.tell(state, places, given)
             if isinstance(told, WithGradients):
                 state = method.tell_gradients(state, places, *_by_place(told, space.slopes(places), np.isfinite(given)))
-            candidates, scores = np.concatenate([candidates, space.numbers(places)]), np.concatenate([scores, given])
+            candidates = np.concatenate([candidates, space.numbers(places)])
+            scores = np.concatenate([scores, given])
             if file is not None:
                 kept = {f"state.{name}": value for name, value in state.items()}
                 write_arrays(file, {**kept, "candidates": candidates, "scores": scores, "mark": np.array(mark)})
@@ -163,7 +167,8 @@ def _begin(space: Space, method: Method) -> tuple[State, np.ndarray, np.ndarray]
 
 def _by_place(told: WithGradients, slopes: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives by the places, with their variances, NaN for candidates that failed."""
-    gradients, variances = np.asarray(told.gradients, float), np.asarray(told.variances, float)
+    gradients = np.asarray(told.gradients, float)
+    variances = np.asarray(told.variances, float)
     for name, values in (("gradients", gradients), ("variances", variances)):
         check(values.shape == slopes.shape, f"{name}.shape", values.shape, f"{slopes.shape}, a row for each candidate")
     known = np.isfinite(gradients) & known[:, None]

@@ -34,7 +34,7 @@ from motorgrad.statistics._measured import (
     tally_of,
 )
 from motorgrad.statistics._tuning import (
-    MOST_DIMENSIONS,
+    MAX_DIMENSIONS,
     EffectiveDimension,
     distribution_scores,
     effective_dimension,
@@ -45,7 +45,7 @@ from motorgrad.statistics._tuning import (
 
 __all__ = [
     "LEVEL",
-    "MOST_DIMENSIONS",
+    "MAX_DIMENSIONS",
     "EffectiveDimension",
     "Measured",
     "difference_of",

@@ -57,7 +57,8 @@ def probability_of_improvement(
 
     On one task it is the statistic of Mann and Whitney (1947), divided by the number of pairs.
     """
-    one, other = np.asarray(one, float)[..., :, None], np.asarray(other, float)[..., None, :]
+    one = np.asarray(one, float)[..., :, None]
+    other = np.asarray(other, float)[..., None, :]
     return ((one > other).mean(axis=(-2, -1)) + 0.5 * (one == other).mean(axis=(-2, -1))).mean(axis=-1)
 
 
@@ -95,10 +96,13 @@ def stratified_bootstrap(
     check(given and len({len(sample) for sample in given}) == 1, "samples", len(given), "at least one, of equal tasks")
     same = len({sample.shape for sample in given}) == 1
     check(same or not paired, "samples", [sample.shape for sample in given], "of the same runs to be paired")
-    random, found = np.random.default_rng(seed), []
+    random = np.random.default_rng(seed)
+    found = []
     most = max(1, AT_ONCE // (max(sample.size * sample.shape[1] for sample in given)))
     for start in range(0, resamples, most):
-        count, drawn, rows = min(most, resamples - start), [], None
+        count = min(most, resamples - start)
+        drawn = []
+        rows = None
         for sample in given:
             if rows is None or not paired:
                 rows = random.integers(sample.shape[1], size=(count, *sample.shape))

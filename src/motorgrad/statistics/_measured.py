@@ -56,8 +56,10 @@ def mean_of(values: Any, level: float = LEVEL) -> Measured:
     - `values`: finite numbers, at least one.
     - `level`: level of the interval, in (0, 1).
     """
-    values, count = finite(values, level), np.size(values)
-    centre, half = float(values.mean()), math.inf
+    count = np.size(values)
+    values = finite(values, level)
+    centre = float(values.mean())
+    half = math.inf
     if count > 1:
         from scipy import stats
 
@@ -84,7 +86,8 @@ def difference_of(one: Any, other: Any, level: float = LEVEL) -> Measured:
     """Difference of the means of two independent samples, at least two numbers each, with Welch's interval."""
     from scipy import stats
 
-    one, other = finite(one, level), finite(other, level)
+    one = finite(one, level)
+    other = finite(other, level)
     check(min(len(one), len(other)) > 1, "values", (len(one), len(other)), "at least two numbers in each sample")
     found = stats.ttest_ind(one, other, equal_var=False).confidence_interval(level)
     difference = float(one.mean() - other.mean())
@@ -111,7 +114,8 @@ def median_of(values: Any, level: float = LEVEL) -> Measured:
     # from the rank-th smallest to the rank-th greatest; rank 0 would point beyond the sample
     lowest = max(rank, 1) - 1
     reached = level if rank else 1 - 0.5 ** (count - 1)
-    low, high = float(values[lowest]), float(values[count - 1 - lowest])
+    low = float(values[lowest])
+    high = float(values[count - 1 - lowest])
     return Measured(float(np.median(values)), low, high, count, "median", reached)
 
 

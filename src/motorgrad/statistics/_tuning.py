@@ -13,8 +13,8 @@ from motorgrad.statistics._measured import LEVEL, Measured
 
 NEAR = 0.95
 """The share of the peak that counts as near the peak (Adkins, Bowling & White, 2024)."""
-MOST_DIMENSIONS = 12
-"""The most settings whose effective dimension is found: all their subsets are tried."""
+MAX_DIMENSIONS = 12
+"""Settings whose effective dimension is found: all their subsets are tried."""
 
 
 def percentile_range(pool: Any, low: float = 5.0, high: float = 95.0) -> tuple[float, float]:
@@ -102,9 +102,10 @@ def effective_dimension(
     codes = np.array([_codes([setting.get(name) for setting in settings]) for name in names], int)
     names = [name for name, row in zip(names, codes, strict=True) if len(set(row)) > 1]
     codes = np.array([row for row in codes if len(set(row)) > 1], int).reshape(len(names), len(settings))
-    check(len(names) <= MOST_DIMENSIONS, "settings", names, f"at most {MOST_DIMENSIONS} that differ")
+    check(len(names) <= MAX_DIMENSIONS, "settings", names, f"at most {MAX_DIMENSIONS} that differ")
     shared = int(np.argmax(np.where(usable, scores.mean(axis=0), -np.inf)))
-    best, chosen = [], []
+    best = []
+    chosen = []
     for count in range(len(names) + 1):
         found = []
         for subset in itertools.combinations(range(len(names)), count):
@@ -136,12 +137,14 @@ def expected_best(
     """
     from scipy.special import gammaln
 
-    chosen_by, reported = np.asarray(chosen_by, float), np.asarray(reported, float)
+    chosen_by = np.asarray(chosen_by, float)
+    reported = np.asarray(reported, float)
     total = len(chosen_by)
     inside = total > 0 and bool(np.all((np.asarray(counts) >= 1) & (np.asarray(counts) <= total)))
     check(inside, "counts", np.asarray(counts).tolist(), f"from 1 to the number of settings, {total}")
     order = np.argsort(np.where(np.isfinite(chosen_by), chosen_by, -np.inf), kind="stable")
-    ordered, usable = reported[order], np.isfinite(chosen_by[order])
+    ordered = reported[order]
+    usable = np.isfinite(chosen_by[order])
     rank = np.arange(1, total + 1)
 
     def ways(of: Any, take: Any) -> np.ndarray:

@@ -127,7 +127,8 @@ class _Driver:
         self.jobs = folder.jobs
         self.waiting = deque(job for job in self.jobs if not folder.is_done(job))
         self.flying: dict[Any, AnyJob] = {}
-        self.failed, self.killed = Counter[str](), Counter[str]()
+        self.failed = Counter[str]()
+        self.killed = Counter[str]()
         self.saved: dict[str, int] = {}
         self.learned = 0.0
         self.stopping = False
@@ -209,7 +210,9 @@ class _Reporter(threading.Thread):
 
     def __init__(self, driver: _Driver, report: Callable[[float | None], None]):
         super().__init__(daemon=True)
-        self._driver, self._report, self._over = driver, report, threading.Event()
+        self._driver = driver
+        self._report = report
+        self._over = threading.Event()
 
     def run(self) -> None:
         pause = PAUSE

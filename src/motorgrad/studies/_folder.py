@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 import tomli_w
 
 from motorgrad._files import refuse_links, remove_partials, write_atomically
-from motorgrad._limits import MOST_TABLE_BYTES
+from motorgrad._limits import MAX_TABLE_BYTES
 from motorgrad._parquet import parquet_in
 from motorgrad._reading import content_of, json_in
 from motorgrad.studies._jobs import JobFolder
@@ -161,7 +161,8 @@ class StudyFolder(JobFolder):
     def _rows_of(self, job: Job) -> pa.Table:
         """The rows of a job in the index, from its run directory. **Raises** `RunDirectoryError` where that is of
         another job."""
-        rows, lanes = job.rows(load(self.place(job))), len(job.points) * len(self.study.seed_list)
+        rows = job.rows(load(self.place(job)))
+        lanes = len(job.points) * len(self.study.seed_list)
         if rows.num_rows != lanes:
             raise RunDirectoryError(
                 f"{self.place(job)}: rows of settings and seeds = {rows.num_rows:,}: must be {lanes:,}, as study.toml "
@@ -187,9 +188,11 @@ class StudyFolder(JobFolder):
         failed = {failure["job"] for failure in self.failures()}
         metrics = []
         lanes = [len(job.points) * len(seeds) for job in jobs]
-        status, decisions = [], []
+        status = []
+        decisions = []
         for job, count in zip(jobs, lanes, strict=True):
-            rows, decision = self._rows.get(job.name), self.saved(job)
+            rows = self._rows.get(job.name)
+            decision = self.saved(job)
             state = "failed" if job.name in failed else "begun" if decision else "waiting"
             status.append("done" if rows is not None else state)
             decisions.append(decision)
@@ -226,7 +229,7 @@ class StudyFolder(JobFolder):
     def _stored(self) -> dict[str, tuple[Any, pa.Table]]:
         """The rows of the jobs in the index file, with the marks of their run directories then."""
         try:
-            table = parquet_in(content_of(self.path / "index.parquet", MOST_TABLE_BYTES), MOST_TABLE_BYTES)
+            table = parquet_in(content_of(self.path / "index.parquet", MAX_TABLE_BYTES), MAX_TABLE_BYTES)
             marks = json_in((table.schema.metadata or {})[b"marks"])
             names = table["job"].cast(pa.string()).to_numpy()
             metrics = table.select(range(table.column_names.index("status") + 1, table.num_columns))

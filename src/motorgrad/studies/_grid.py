@@ -168,7 +168,9 @@ def range_in(table: Mapping[str, Any], path: str) -> RangeOfNumbers:
     for name in table:
         if name not in ("low", "high", "scale"):
             raise unknown(f"setting of the range {path}:", name, ("low", "high", "scale"))
-    low, high, scale = table["low"], table["high"], table.get("scale", "linear")
+    low = table["low"]
+    high = table["high"]
+    scale = table.get("scale", "linear")
     for name, value in (("low", low), ("high", high)):
         check_finite(f"{path}.{name}", value)
     if scale not in ("linear", "log"):

@@ -101,7 +101,8 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
     - `noun` and `counted`: what progress is shown of, and in what.
     """
 
-    noun, counted = "study", "jobs"
+    noun = "study"
+    counted = "jobs"
 
     def __init__(self, path: Path | str):
         self.path = Path(path)

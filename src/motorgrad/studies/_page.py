@@ -78,9 +78,10 @@ def _page(
     rows = results.table["status"].to_pylist()
     status = Counter(dict(zip(results.table["job"].to_pylist(), rows, strict=True)).values())
     name = html.escape(results.path.absolute().name)
-    done, jobs = status["done"], len(study.jobs)
+    done = status["done"]
+    jobs = len(study.jobs)
     state = "running" if learned is not None else "done" if results.complete else "not running"
-    counts = [f"{status[kind]:,} {word}" for kind, word in WORDS.items() if status[kind]]
+    counts = [f"{status[kind]:,} {word}" for kind, word in STATUS_LABELS.items() if status[kind]]
     size = " × ".join(
         counted(number, noun)
         for number, noun in ((len(study.points), "setting"), (len(study.seed_list), "seed"), (study.steps, "decision"))
@@ -90,7 +91,9 @@ def _page(
         picture = base64.b64encode(drawn).decode()
         figure = f'<h2>Learning curves</h2><img alt="Learning curves" src="data:image/svg+xml;base64,{picture}">'
     parts = "".join(
-        f'<span class="{kind}" style="width:{100 * status[kind] / jobs:.3f}%"></span>' for kind in WORDS if status[kind]
+        f'<span class="{kind}" style="width:{100 * status[kind] / jobs:.3f}%"></span>'
+        for kind in STATUS_LABELS
+        if status[kind]
     )
     said = "" if learned is None else f" Learning took {_time(learned)} in this session so far."
     body = f"""<h1>{name} <small class="state">{state}</small></h1>
@@ -190,7 +193,7 @@ def _time(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min {rest} s"
 
 
-WORDS = {"done": "done", "begun": "begun", "failed": "set aside", "waiting": "waiting"}
+STATUS_LABELS = {"done": "done", "begun": "begun", "failed": "set aside", "waiting": "waiting"}
 STYLE = """
 :root { color-scheme: light dark; --ink: #1c1f23; --paper: #fff; --line: #d6dae0; --soft: #667; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e8eb; --paper: #16181c; --line: #3a3f47; --soft: #9aa3ad; } }

@@ -108,9 +108,11 @@ def partition(
     most = max(1, lanes // max(1, count))
     calls = []
     for group in _groups(points):
-        base, numbers = points[group[0]], _numbers(points, group)
+        base = points[group[0]]
+        numbers = _numbers(points, group)
         sweep = [{name: _at(points[index]["agent"])[name] for name in numbers} for index in group] if numbers else None
-        task, made = _task(base["task"]), base.get("steps", steps)
+        task = _task(base["task"])
+        made = base.get("steps", steps)
         each = base.get("window", max(1, made // RECORDS) if window is None else window)
         try:
             check_training(task, base["agent"], made, seeds, each, sweep=sweep)
@@ -121,7 +123,8 @@ def partition(
         for start in range(0, len(group), size):
             part = slice(start, start + size)
             calls.append((base, None if sweep is None else sweep[part], tuple(group[part]), made, each))
-    width, more = max(4, len(str(len(calls)))), (measures, evaluate)
+    width = max(4, len(str(len(calls))))
+    more = (measures, evaluate)
     return [
         Job(f"{n:0{width}d}-{base['task']['name']}", base["task"], base["agent"], sweep, part, made, seeds, each, *more)
         for n, (base, sweep, part, made, each) in enumerate(calls)

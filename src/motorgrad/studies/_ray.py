@@ -39,8 +39,10 @@ class Ray(Place):
         from ray import exceptions as errors  # type: ignore[import-not-found]
 
         check_integer("workers", workers, 0, 1_000_000)
-        self._ray, ours = ray, not ray.is_initialized()
-        self._started, quiet = contextlib.ExitStack(), {"log_to_driver": False, "logging_level": logging.WARNING}
+        self._ray = ray
+        ours = not ray.is_initialized()
+        self._started = contextlib.ExitStack()
+        quiet = {"log_to_driver": False, "logging_level": logging.WARNING}
         # Ray's processes look for modules first in the working folder, unless they are given one of their own
         with tempfile.TemporaryDirectory() as empty:
             quiet["runtime_env"] = {"working_dir": empty}
@@ -58,7 +60,9 @@ class Ray(Place):
             errors.ObjectLostError,
         )
         self._told = told._replace(threads=told.threads or 1)
-        self._most, self._fit, self._asked = workers, 0, -1.0
+        self._most = workers
+        self._fit = 0
+        self._asked = -1.0
         # the driver knows better than Ray whether to try a job again
         settings = {"env_vars": process_settings(self._told.threads)}
         task = ray.remote(work_parcel)
@@ -70,7 +74,8 @@ class Ray(Place):
         """Twice the number of jobs for which the cluster, which may grow and shrink, has room."""
         now = time.monotonic()
         if now > self._asked + 1.0:
-            self._fit, self._asked = int(self._ray.cluster_resources().get("CPU", 0) // self._told.threads), now
+            self._fit = int(self._ray.cluster_resources().get("CPU", 0) // self._told.threads)
+            self._asked = now
         return min(self._most or AHEAD * self._fit, AHEAD * self._fit)
 
     def has_died(self, error: BaseException) -> bool:

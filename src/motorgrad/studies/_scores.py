@@ -51,7 +51,9 @@ class ScoreEach:
         options: Mapping[str, Any] | None = None,
     ):
         check_writable("out", Path(out), folder=True)
-        self.score, self.out, self.told = score, Path(out), Work(threads, imports=tuple(imports), allowed=allowed())
+        self.score = score
+        self.out = Path(out)
+        self.told = Work(threads, imports=tuple(imports), allowed=allowed())
         self.how: dict[str, Any] = {"on": on, "workers": workers, "attempts": attempts, "progress": progress}
         self.how["options"] = options
 
@@ -97,7 +99,8 @@ def _score_in(file: Path) -> float:
 class _Round(JobFolder):
     """The folder of a batch of candidates, named after what they are: the same batch finds its scores again."""
 
-    noun, counted = "scores", "candidates"
+    noun = "scores"
+    counted = "candidates"
 
     def __init__(self, path: Path, jobs: list[_Candidate]):
         asked = json.dumps([[job.numbers, job.seed] for job in jobs], sort_keys=True)

@@ -132,7 +132,9 @@ class SearchResults:
     """What a search has so far: its `path`, the `search`, and in `rounds` the `Results` of every rung."""
 
     def __init__(self, path: Path, search: Search, rounds: Sequence[Results]):
-        self.path, self.search, self.rounds = path, search, list(rounds)
+        self.path = path
+        self.search = search
+        self.rounds = list(rounds)
 
     def __repr__(self) -> str:
         return f"SearchResults({self.path}, {len(self.rounds)} rungs)"
@@ -151,7 +153,8 @@ class SearchResults:
 
     def best(self, count: int = 5) -> list[Best]:
         """The best settings of all rounds, among those that learned for all steps; see `Results.best`."""
-        search, found = self.search, []
+        search = self.search
+        found = []
         for results in self.rounds:
             if results.study.steps == search.study.steps and search.metric in results.metrics:
                 for best in results.best(search.metric, count, direction=search.direction):
@@ -194,7 +197,8 @@ class _Searching:
 
     def _round(self, start: int) -> tuple[list[Results], bool]:
         """A round: its results by rung, and whether the search goes on."""
-        search, rounds = self.search, []
+        search = self.search
+        rounds = []
         folder = self.path / "rounds" / f"{start // search.batch:04d}"
         alive = self._ask(folder, start)
         for rung in range(search.rungs):

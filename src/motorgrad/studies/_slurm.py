@@ -45,7 +45,8 @@ class Slurm(Place):
 
         check_integer("workers", workers, 0, 100_000)
         check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
-        self._workers, self._errors = workers or AT_ONCE, utils
+        self._workers = workers or AT_ONCE
+        self._errors = utils
         self._told = told._replace(threads=told.threads or int((parameters or {}).get("cpus_per_task", 1)))
         known = submitit.AutoExecutor._typed_parameters()
         given = {name if name in known else f"slurm_{name}": value for name, value in (parameters or {}).items()}

@@ -72,7 +72,8 @@ class ArmRecruitment(Recruitment):
         most = LiftTable.heaviest
         check(-1e6 < self.low < self.high <= most, "low, high", (self.low, self.high), f"low < high <= {most:g} kg")
         if self.drift.of == "load":
-            heaviest, allowed = self.high + self.drift.amount, f"such that high + drift.amount <= {most:g} kg"
+            heaviest = self.high + self.drift.amount
+            allowed = f"such that high + drift.amount <= {most:g} kg"
             check(heaviest <= most, "drift.amount", self.drift.amount, allowed)
         check(0 < self.least <= self.most < 1e6, "least, most", (self.least, self.most), "positive, least <= most")
 

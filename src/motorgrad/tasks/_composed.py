@@ -213,7 +213,8 @@ class Composed(BodyTask):
 
         observe = []
         for term in self.observations:
-            found, scale = bind("observe", term), getattr(term, "scale", 1.0)
+            found = bind("observe", term)
+            scale = getattr(term, "scale", 1.0)
             observe.append((scale, found._replace(names=found.names or (_label(term),))))
             if found.init is not None:
                 remembering[-1] = observe[-1][1]
@@ -320,7 +321,9 @@ class Composed(BodyTask):
         return bool(self.terminations)
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> ComposedMemory:
-        parts, drawn, place = self._bound, {}, 0
+        parts = self._bound
+        drawn = {}
+        place = 0
         for name, target in parts.scene.targets.items():
             drawn[name] = target.draw(uniforms[place : place + target.uniforms])
             place += target.uniforms
@@ -399,7 +402,8 @@ class Composed(BodyTask):
 
     def marks(self, memory: ComposedMemory, state: BodyState) -> Float[Array, "marks 4"]:
         """Where parts of the body should be: balls with the radius of the smallest tolerance of a term."""
-        now, found = self._now(memory, state), [jnp.zeros((0, 4))]
+        now = self._now(memory, state)
+        found = [jnp.zeros((0, 4))]
         for name, target in self._bound.scene.targets.items():
             if target.marked:
                 at = target.at(now, name).reshape(-1, 3)
@@ -414,7 +418,8 @@ class Composed(BodyTask):
 
     def _looks(self, memory: ComposedMemory, state: BodyState) -> Any:
         """A function that reads a term, with what the term remembers."""
-        now, remembering = self._now(memory, state), self._bound.remembering
+        now = self._now(memory, state)
+        remembering = self._bound.remembering
 
         def look(bound: Bound) -> Array:
             if bound.init is None:

@@ -61,20 +61,26 @@ def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binar
         check(len(driven) == len(named), "groups", groups, "all different")
     if not driven:
         raise ValueError(f"{scene.body!r} has no muscles and no other actuators: it needs at least one to act")
-    names, ranges, rows = [], [], []
+    names = []
+    ranges = []
+    rows = []
     for name, places in driven.items():
         row = np.zeros(len(limits), np.float32)
         if not binary:
             same = np.ptp(limits[places], axis=0).max() == 0
             check(same, f"groups: ranges of {name}", limits[places].tolist(), "the same for all actuators of one unit")
             row[places] = 1.0
-            names, ranges, rows = [*names, name], [*ranges, limits[places[0]]], [*rows, row]
+            names = [*names, name]
+            ranges = [*ranges, limits[places[0]]]
+            rows = [*rows, row]
             continue
         for end, suffix in ((1, ""), (0, " backwards")):
             row = np.zeros(len(limits), np.float32)
             row[places] = limits[places, end] - rest[places]
             if row.any():
-                names, ranges, rows = [*names, name + suffix], [*ranges, (0.0, 1.0)], [*rows, row]
+                names = [*names, name + suffix]
+                ranges = [*ranges, (0.0, 1.0)]
+                rows = [*rows, row]
     matrix = np.stack(rows)
     plain = groups is None and not binary
     base = rest if binary else np.where(matrix.any(axis=0), 0, rest).astype(np.float32)

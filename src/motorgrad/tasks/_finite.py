@@ -14,7 +14,7 @@ from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Actions, Task, check_time_limit
 from motorgrad.worlds import FiniteMDP, call_admission, chain, load_unload, parity, t_maze, three_state
 
-MOST = 2000  # a finite MDP is a dense table of all transitions
+MAX_STATES = 2000  # a finite MDP is a dense table of all transitions
 # Tasks with equal settings are equal, so each world is made only once.
 _three_state, _chain, _call_admission = (functools.cache(make) for make in (three_state, chain, call_admission))
 _parity, _load_unload, _t_maze = (functools.cache(make) for make in (parity, load_unload, t_maze))
@@ -99,7 +99,7 @@ class Chain(FiniteTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(2 <= self.length <= MOST, "length", self.length, f"from 2 to {MOST} states")
+        check(2 <= self.length <= MAX_STATES, "length", self.length, f"from 2 to {MAX_STATES} states")
 
     @property
     def dynamics(self) -> FiniteMDP:
@@ -123,7 +123,7 @@ class CallAdmission(FiniteTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(1 <= self.capacity <= MOST, "capacity", self.capacity, f"from 1 to {MOST} calls")
+        check(1 <= self.capacity <= MAX_STATES, "capacity", self.capacity, f"from 1 to {MAX_STATES} calls")
 
     @property
     def dynamics(self) -> FiniteMDP:
@@ -179,7 +179,7 @@ class LoadUnload(FiniteTask):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(3 <= self.length <= MOST // 2, "length", self.length, f"from 3 to {MOST // 2} places")
+        check(3 <= self.length <= MAX_STATES // 2, "length", self.length, f"from 3 to {MAX_STATES // 2} places")
 
     @property
     def dynamics(self) -> FiniteMDP:

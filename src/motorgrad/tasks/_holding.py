@@ -14,7 +14,7 @@ from motorgrad.bodies import Body, install_muscle_callback
 
 POSES = 32
 """Poses that are tried, so that a planar arm takes 0.2 s at most: a share is then known to about 9 %."""
-MOST_JOINTS = 10
+MAX_JOINTS = 10
 """Joints of bodies that are looked at: poses of more, each drawn by itself, are seldom those that a task is about."""
 FLAT = 2
 """Joints up to which stability is looked at, too: so few have few directions in which they can give way."""
@@ -94,7 +94,7 @@ def held_poses(model: Any, poses: Float[np.ndarray, "poses nq"] | None = None) -
     ground, with ball joints, more than ten joints, constraints, or muscles with tendons that stretch.
     """
     pulls = np.isin(model.actuator_gaintype, _PULLS)
-    turning = np.isin(model.jnt_type, _TURNS).all() and 0 < model.nq == model.nv <= MOST_JOINTS
+    turning = np.isin(model.jnt_type, _TURNS).all() and 0 < model.nq == model.nv <= MAX_JOINTS
     if not turning or not pulls.any() or model.neq or (model.actuator_actnum > 1).any():
         return None
     install_muscle_callback(model)
@@ -114,7 +114,8 @@ def _can_balance(able: np.ndarray, needed: np.ndarray, slack: np.ndarray) -> boo
     from scipy.optimize import nnls
 
     # shares and what is left of them are both at least 0 and add up to 1
-    count, heavy = able.shape[1], 1e3 * slack.min()
+    count = able.shape[1]
+    heavy = 1e3 * slack.min()
     both = np.block([[able, np.zeros_like(able)], [heavy * np.eye(count), heavy * np.eye(count)]])
     shares = np.clip(nnls(both, np.concatenate([needed, np.full(count, heavy)]))[0][:count], 0.0, 1.0)
     return bool((np.abs(able @ shares - needed) <= slack).all())
@@ -155,7 +156,8 @@ def spread_poses(model: Any, count: int = POSES) -> Float[np.ndarray, "poses nq"
 def _torques(model: Any, data: Any, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """In a pose at rest: the torques that each actuator adds from its least to its greatest activation, `(nv, nu)`, and
     those that are needed beside the least, `(nv,)`."""
-    torques, states = [], model.actuator_actnum > 0
+    torques = []
+    states = model.actuator_actnum > 0
     limits = np.where(model.actuator_ctrllimited[:, None] > 0, model.actuator_ctrlrange, [0.0, 1.0])
     for end in (0, 1):
         mujoco.mj_resetData(model, data)

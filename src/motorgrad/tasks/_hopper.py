@@ -20,8 +20,8 @@ from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Reading, Scalar
 
-MOST = 10_000  # units
-FASTEST = 50.0  # rad/s
+MAX_UNITS = 10_000
+MAX_KNEE_VELOCITY = 50.0  # rad/s, for the observation range
 
 
 class HopperMemory(NamedTuple):
@@ -85,8 +85,13 @@ class Hopper(BodyTask):
         check_not_negative("penalty", self.penalty)
         self.check_times()
         groups = len(self.body.groups)
-        enough = self.units is None or groups <= self.units <= MOST
-        check(enough, "units", self.units, f"None, or from one for each of the {groups} groups of muscles to {MOST:,}")
+        enough = self.units is None or groups <= self.units <= MAX_UNITS
+        check(
+            enough,
+            "units",
+            self.units,
+            f"None, or from one for each of the {groups} groups of muscles to {MAX_UNITS:,}",
+        )
 
     @property
     def observation_size(self) -> int:
@@ -101,7 +106,7 @@ class Hopper(BodyTask):
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         """For the velocity, the range of learned hops, about ±50 rad/s."""
         low, high = (float(np.deg2rad(angle - self.centre)) for angle in self.body.knee_range)
-        fast = max(FASTEST * abs(self.velocity_scale), 1e-6)
+        fast = max(MAX_KNEE_VELOCITY * abs(self.velocity_scale), 1e-6)
         knee = (low, high), (-fast, fast)
         return ((-1.0, 1.0), *knee) if self.observe_contact else knee
 

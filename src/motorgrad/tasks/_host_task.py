@@ -14,7 +14,7 @@ from motorgrad._errors import check
 from motorgrad.bodies import Body, BodyBatch
 from motorgrad.tasks._task import Task
 
-MOST_SUBSTEPS = 10_000  # physics steps per decision
+MAX_SUBSTEPS = 10_000  # physics steps per decision
 # On the host every decision is a compiled call that takes less time than waking another thread, as asynchronous
 # dispatch does. The setting is process-wide, and has no effect if JAX is already in use.
 jax.config.update("jax_cpu_enable_async_dispatch", False)
@@ -97,8 +97,8 @@ class BodyTask(HostTask):
     def check_times(self) -> None:
         """Refuse a period that is no multiple of the time step, and an episode shorter than it."""
         ratio = self.action_period / self.body.timestep
-        whole = 0.5 < ratio < MOST_SUBSTEPS + 0.5 and abs(ratio - round(ratio)) < 1e-6
-        allowed = f"a positive multiple of the time step, {self.body.timestep} s, at most {MOST_SUBSTEPS} of them"
+        whole = 0.5 < ratio < MAX_SUBSTEPS + 0.5 and abs(ratio - round(ratio)) < 1e-6
+        allowed = f"a positive multiple of the time step, {self.body.timestep} s, at most {MAX_SUBSTEPS} of them"
         check(whole, "action_period", self.action_period, allowed)
         check(
             self.time_limit is None or 1 <= self.time_limit / self.action_period < 2**31,

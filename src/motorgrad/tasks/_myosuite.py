@@ -24,7 +24,8 @@ from motorgrad.tasks.terms import (
     Within,
 )
 
-POSING, REACHING = "tasks.basic.arm.pose:PoseEnvV0", "tasks.basic.arm.reach:ReachEnvV0"
+POSING = "tasks.basic.arm.pose:PoseEnvV0"
+REACHING = "tasks.basic.arm.reach:ReachEnvV0"
 VARIANTS = ("myoSarc", "myoFati", "myoReaf")
 """How the ids of environments begin whose muscles are changed by wrappers."""
 FAR = 2 * np.pi  # rad, beyond which a pose is lost
@@ -64,7 +65,8 @@ def myosuite(
         raise unknown("posing or reaching task of MyoSuite", env_id, known)
     import gymnasium
 
-    given, spec = environment(env_id), gymnasium.spec(env_id)
+    given = environment(env_id)
+    spec = gymnasium.spec(env_id)
     period = float(given.frame_skip * given.model.opt.timestep)
     terms = _posing(given) if str(spec.entry_point).endswith(POSING) else _reaching(given, period)
     return compose(
@@ -96,7 +98,8 @@ def myosuite_ids() -> list[str]:
 
 
 def _posing(given: Any) -> dict[str, Any]:
-    weights, tolerance = given.rwd_keys_wt, float(given.pose_thd)
+    weights = given.rwd_keys_wt
+    tolerance = float(given.pose_thd)
     drawn = given.target_type == "generate"
     low, high = (_numbers(given._target_jnt_range[:, end]) for end in (0, 1)) if drawn else (None, None)
     # MyoSuite gives the target of a posing task by the positions of all joints
@@ -120,7 +123,8 @@ def _posing(given: Any) -> dict[str, Any]:
 def _reaching(given: Any, period: float) -> dict[str, Any]:
     weights, ranges = given.rwd_keys_wt, given.target_reach_range
     parts = tuple(ranges)
-    near, lost = NEAR * len(parts), float(given.far_th) * len(parts)
+    near = NEAR * len(parts)
+    lost = float(given.far_th) * len(parts)
     low, high = (_numbers(np.concatenate([np.ravel(box[end]) for box in ranges.values()])) for end in (0, 1))
     box: dict[str, Any] = {"at": low} if low == high else {"low": low, "high": high}
     target = Reach(parts, **box, reachable=given.target_sampling == "workspace")

@@ -17,8 +17,8 @@ from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
 
-MOST = 10_000  # units
-FASTEST = 0.5  # per second: the usual greatest speed of the thesis's particle, for the observation range
+MAX_UNITS = 10_000
+MAX_USUAL_SPEED = 0.5  # per second, of the thesis's particle, for the observation range
 FLOOR = 1  # index among the sides of a box
 Region = tuple[float, float, float, float, float]
 """Amplitude; x and y of the centre; width (standard deviation) along x and along y."""
@@ -72,7 +72,7 @@ class ParticleTask(Task):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        check_integer("units", self.units, 1, MOST)
+        check_integer("units", self.units, 1, MAX_UNITS)
         check(len(self.forces) > 0, "forces", self.forces, "at least one")
         check(0 <= self.observation_noise < 1e6, "observation_noise", self.observation_noise, "from 0 to 1e6")
         check_time_limit(self.time_limit or None)
@@ -94,7 +94,7 @@ class ParticleTask(Task):
     def observation_range(self) -> tuple[tuple[float, float], ...]:
         walls = self.physics.walls
         place = ((walls.left, walls.right), (walls.bottom, walls.top))
-        return place + ((-FASTEST, FASTEST),) * 2 if self.observe_velocity else place
+        return place + ((-MAX_USUAL_SPEED, MAX_USUAL_SPEED),) * 2 if self.observe_velocity else place
 
     @property
     def action_size(self) -> int:

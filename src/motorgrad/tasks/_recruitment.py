@@ -16,7 +16,7 @@ from motorgrad._settings import check_fields
 from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
 from motorgrad.worlds import QueriedLoads, UniformLoads
 
-MOST = 10_000  # units
+MAX_UNITS = 10_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Recruitment(Task):
 
     def __post_init__(self) -> None:
         check_fields(self)
-        check_integer("units", self.units, 1, MOST)
+        check_integer("units", self.units, 1, MAX_UNITS)
         check(1 <= self.size_ratio <= 1e6, "size_ratio", self.size_ratio, "from 1 to 1e6")
         check_time_limit(self.time_limit)
 

@@ -54,7 +54,8 @@ def suggestions(body: Body) -> dict[str, dict[str, Any]]:
         "actions": "binary" if about.muscles else "graded",
         "action_period": max(1, round(PERIOD / step)) * step,
     }
-    standing, moving = _standing(about), _reaching(about)
+    standing = _standing(about)
+    moving = _reaching(about)
     chosen = {**standing, **moving} if about.moves else moving
     return {goal: {**settings, **common} for goal, settings in chosen.items()}
 

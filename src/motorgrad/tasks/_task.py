@@ -160,9 +160,11 @@ class Task(abc.ABC):
         own = type(self).freeze is Task.freeze or type(self).sense is not Task.sense
         wanted = "with `sense` and `observation_code`, since what `freeze` keeps cannot be carried with a policy"
         check(own, f"task {self.name!r}", "freeze", wanted)
-        kind, size = self.actions if actions is None else actions, self.action_size
+        kind = self.actions if actions is None else actions
+        size = self.action_size
         shape = () if kind == "discrete" else (size,)
-        dtype, names = "int32" if kind == "discrete" else "float32", self.action_names
+        dtype = "int32" if kind == "discrete" else "float32"
+        names = self.action_names
         if not self.clips_actions or (kind != "graded" and not isinstance(kind, tuple)):
             return Interface(self.observation_code, ActionCode(kind, size, "same", names, shape, dtype), self.period)
         low, high = np.asarray(self.action_range, np.float32).T
@@ -262,7 +264,8 @@ def observe(
     found = task.observe(memory, state, uniforms)
     if not (isinstance(found, tuple) and len(found) == 2):
         raise TypeError(f"task {task.name!r}: observe must return (memory, observation), not {type(found).__name__}")
-    shape, wanted = jnp.shape(found[1]), (task.observation_size,)
+    shape = jnp.shape(found[1])
+    wanted = (task.observation_size,)
     if shape != wanted:
         raise ValueError(f"task {task.name!r}: observe returns an observation of shape {shape}, not {wanted}")
     return found

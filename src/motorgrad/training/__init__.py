@@ -13,7 +13,7 @@ from motorgrad.training._agents import (
 from motorgrad.training._arguments import check_training
 from motorgrad.training._callbacks import EarlyStopping, Report
 from motorgrad.training._continuing import interface_of
-from motorgrad.training._episodes import MOST_EPISODES, EpisodeEvaluation
+from motorgrad.training._episodes import MAX_EPISODES, EpisodeEvaluation
 from motorgrad.training._evaluate import STEPS, Evaluation, evaluate
 from motorgrad.training._evaluating import EvaluationCallback, KeepBest, evaluating_of
 from motorgrad.training._load import given_initial, load, saved_config
@@ -35,7 +35,7 @@ from motorgrad.training.engines import (
     training_stepper_for,
 )
 from motorgrad.training.plots import Curve, check_tensorboard, folders_of, learning_curves, write_tensorboard
-from motorgrad.training.rollout import Rollout, check_table, rollout
+from motorgrad.training.rollouts import Rollout, check_table, rollout
 from motorgrad.training.store import (
     RunDirectoryError,
     RunWarning,
@@ -46,7 +46,7 @@ from motorgrad.training.store import (
 )
 
 __all__ = [
-    "MOST_EPISODES",
+    "MAX_EPISODES",
     "STEPS",
     "BodyStepper",
     "Curve",

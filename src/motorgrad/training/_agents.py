@@ -14,12 +14,12 @@ from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._presets import PRESETS, STEPS
 from motorgrad._settings import as_hinted, build, full_path, table
-from motorgrad._tree import KINDS, Part, check_rounded, parts_by_path
+from motorgrad._tree import PART_CLASSES, Part, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Estimator, Optax
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
 
-LARGEST = 100_000_000  # weights of a policy
+MAX_POLICY_WEIGHTS = 100_000_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +55,7 @@ class NamedPolicy:
         given = {name: value for name, value in given.items() if value != known[name].default}
         object.__setattr__(self, "settings", given)
         units = given.get("units") or 1
-        most = LARGEST // self.task.observation_size
+        most = MAX_POLICY_WEIGHTS // self.task.observation_size
         check(units <= most, "policy.units", units, f"at most {most} here")
         try:
             made = policies.initial(self.kind, self.task, **given)
@@ -152,7 +152,8 @@ def agent_for(
         number = isinstance(steps, numbers.Real) and not isinstance(steps, bool)
         check(number and math.isfinite(steps), "steps", steps, "an integer")
     steps = STEPS if steps is None else int(steps)
-    own, given = dict(task.learner_for(steps)), {**(changes or {}), **more}
+    own = dict(task.learner_for(steps))
+    given = {**(changes or {}), **more}
     preset = given.pop("preset", preset)
     if preset is not None:
         choice("preset", preset, PRESETS)
@@ -231,13 +232,13 @@ def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agen
         raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
     given = dict(settings)
     policy = NamedPolicy(task, given["policy"]["kind"]).with_setting(given.pop("policy"), f"{where}.policy")
-    kind = KINDS[Agent][given.pop("kind", "dense")]
+    kind = PART_CLASSES[Agent][given.pop("kind", "dense")]
     return build(kind, given, where, kind(policy))
 
 
 def _unregistered(settings: Any, where: str) -> list[str]:
     """The parts of a saved table that are not registered, by path."""
-    known = {name for kinds in KINDS.values() for name in kinds} | set(policies.INITIAL)
+    known = {name for kinds in PART_CLASSES.values() for name in kinds} | set(policies.INITIAL)
     if isinstance(settings, Mapping):
         found = [where] if settings.get("kind", "dense") not in known else []
         return found + [p for name, value in settings.items() for p in _unregistered(value, f"{where}.{name}")]
@@ -253,7 +254,8 @@ def _first_steps(part: Optax, agent: Agent) -> list[str]:
     def fill(value: float) -> Any:
         return policies.trainable(jax.tree.map(lambda leaf: jnp.full(leaf.shape, value, leaf.dtype), policy))
 
-    parameters, sums = fill(1.0), []
+    parameters = fill(1.0)
+    sums = []
     state = part.transformation.init(parameters)
     for gradient in (1.0, -0.5, 30.0):
         step, state = part.transformation.update(fill(gradient), state, parameters)

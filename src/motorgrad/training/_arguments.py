@@ -15,7 +15,7 @@ from motorgrad.tasks import Gymnasium, HostTask, Task
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, sweep_settings
 from motorgrad.training._trust import task_named
-from motorgrad.training.engines import MOST_AT_ONCE, check_carries, validate, validate_needs, validate_score
+from motorgrad.training.engines import MAX_TALLY_DECISIONS, check_carries, validate, validate_needs, validate_score
 from motorgrad.training.store import name_of
 
 MAX_LANES = 1_000_000
@@ -76,8 +76,8 @@ def check_training(
     valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
-    fine = window is None or (_whole(window) and 1 <= window <= MOST_AT_ONCE)
-    check(fine, "window", window, f"an integer from 1 to {MOST_AT_ONCE:,} decisions")
+    fine = window is None or (_whole(window) and 1 <= window <= MAX_TALLY_DECISIONS)
+    check(fine, "window", window, f"an integer from 1 to {MAX_TALLY_DECISIONS:,} decisions")
     for name, seconds in (("checkpoint_every", checkpoint_every), ("give_up_after", give_up_after)):
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = _whole(threads) and 0 <= threads <= MAX_THREADS
@@ -130,13 +130,15 @@ def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
     check(isinstance(initial, Policy), "initial", initial, wanted)
     kinds = [type(policy).__name__ for policy in (initial, like)]
     check(type(initial) is type(like), "initial", kinds[0], f"of the kind of the agent's policy, {kinds[1]}")
-    interface, initial = initial.interface, with_interface(initial, None)
+    interface = initial.interface
+    initial = with_interface(initial, None)
     places = [dict(jax.tree_util.tree_leaves_with_path(policy)) for policy in (initial, like)]
     parts = [sorted(map(name_of, place)) for place in places]
     check(parts[0] == parts[1], "initial", parts[0], f"of the parts of the agent's policy, {parts[1]}")
 
     def fitting(place: Any, leaf: Any) -> jax.Array:
-        name, given = f"initial.{name_of(place)}", places[0][place]
+        name = f"initial.{name_of(place)}"
+        given = places[0][place]
         check(np.shape(given) == (seeds, *leaf.shape), f"{name}.shape", np.shape(given), f"{(seeds, *leaf.shape)}")
         return jnp.asarray(given, leaf.dtype)
 

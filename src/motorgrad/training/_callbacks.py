@@ -130,7 +130,8 @@ class EarlyStopping:
         if self.goal is not None and sign * value >= sign * self.goal:
             self.why = f"{self.quantity} reached {value:.4g} at decision {report.decision:,}"
         if np.isfinite(value) and (self.best is None or sign * (value - self.best) > self.least_gain):
-            self.best, self._since = value, 0
+            self.best = value
+            self._since = 0
         else:
             self._since += 1
         if not self.why and self.patience is not None and self._since >= self.patience:

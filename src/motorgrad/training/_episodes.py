@@ -17,19 +17,19 @@ from motorgrad.policies import Policy, trainable
 from motorgrad.statistics import LEVEL, Measured, mean_of
 from motorgrad.tasks import HostTask, Task
 from motorgrad.training._broken import not_finite, told_lanes
-from motorgrad.training.engines import MOST_AT_ONCE, Mode, stepper_for
+from motorgrad.training.engines import MAX_TALLY_DECISIONS, Mode, stepper_for
 from motorgrad.training.store import RunWarning
 
 FRESH = 1_000_000_000
 """Added to seeds, so that a policy is not evaluated on the random numbers it learned from."""
-MOST_EPISODES = 1_000_000
-"""Episodes of one policy."""
-LONGEST = 100_000
+MAX_EPISODES = 1_000_000
+"""Of one policy."""
+MAX_EPISODE_DECISIONS = 100_000
 """Decisions after which an episode of a task without a limit is cut."""
 TOGETHER = 256
 """Episodes at once, each in dynamics of its own."""
-MOST_NUMBERS = 2**26
-"""Parameters at once, as every episode has a copy of its policy: 256 MiB."""
+MAX_PARAMETERS_AT_ONCE = 2**26
+"""Every episode has a copy of its policy: 256 MiB."""
 AT_ONCE = {True: 16, False: 128}
 """Decisions between two looks at what is over: on the host each costs a step of the dynamics; in a compiled world few
 cost as much as a block of random numbers."""
@@ -163,16 +163,16 @@ def evaluate_episodes(
     **Arguments:** as of `evaluate`; `policies` and `memory`, stacked along a leading axis of `settings` and `seeds`, as
     in a `Run`; `longest`: decisions after which an episode is cut.
     """
-    check_integer("episodes", episodes, 1, MOST_EPISODES)
+    check_integer("episodes", episodes, 1, MAX_EPISODES)
     check_integer("seed", seed, 0, 2**31 - 1)
     check(task.has_episodes, "episodes", episodes, f"None for the task {task.name!r}, which has none; give it a limit")
     own = task.longest_episode
-    longest = min(own or LONGEST, MOST_AT_ONCE) if longest is None else longest
+    longest = min(own or MAX_EPISODE_DECISIONS, MAX_TALLY_DECISIONS) if longest is None else longest
     every = list(seeds) * max(1, len(settings))
     numbers = sum(np.size(leaf) for leaf in jax.tree.leaves(trainable(policies))) // len(every)
     lanes = np.repeat(np.arange(len(every)), episodes)
     chosen = evaluation_seeds(every, seed, episodes).ravel()
-    parts = -(-len(lanes) // max(1, min(TOGETHER, MOST_NUMBERS // max(numbers, 1))))
+    parts = -(-len(lanes) // max(1, min(TOGETHER, MAX_PARAMETERS_AT_ONCE // max(numbers, 1))))
     size = -(-len(lanes) // parts)
     found = []
     for first in range(0, len(lanes), size):

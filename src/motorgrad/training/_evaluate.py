@@ -19,7 +19,7 @@ from motorgrad.training._episodes import EpisodeEvaluation, decision_seeds, eval
 from motorgrad.training._load import load
 from motorgrad.training._metrics import Records
 from motorgrad.training._run import Run
-from motorgrad.training.engines import MOST_AT_ONCE, BodyStepper, Mode, stepper_for, without_broken
+from motorgrad.training.engines import MAX_TALLY_DECISIONS, BodyStepper, Mode, stepper_for, without_broken
 from motorgrad.training.store import RunWarning
 
 STEPS = 2000
@@ -137,7 +137,7 @@ def evaluate(
     run = run if isinstance(run, Run) else load(run, trust=trust, allow_changed=allow_changed)
     if steps is not None or episodes is None:
         steps = STEPS if steps is None else steps
-        check_integer("steps", steps, 1, MOST_AT_ONCE, "decisions")
+        check_integer("steps", steps, 1, MAX_TALLY_DECISIONS, "decisions")
     choice("mode", mode, ("sample", "mode"))
     check_integer("seed", seed, 0, 2**31 - 1)
     policies = run.initial if untrained else run.policies

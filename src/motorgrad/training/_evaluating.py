@@ -9,7 +9,7 @@ import numpy as np
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import Policy
 from motorgrad.training._callbacks import Report
-from motorgrad.training._episodes import MOST_EPISODES, EpisodeEvaluation, evaluate_episodes
+from motorgrad.training._episodes import MAX_EPISODES, EpisodeEvaluation, evaluate_episodes
 from motorgrad.training.store import by_name
 
 SETTINGS = ("every", "episodes", "seed", "mode")
@@ -56,7 +56,7 @@ class EvaluationCallback:
     def __post_init__(self) -> None:
         if self.every is not None:
             check_integer("every", self.every, 1, None, "decisions")
-        check_integer("episodes", self.episodes, 1, MOST_EPISODES)
+        check_integer("episodes", self.episodes, 1, MAX_EPISODES)
         check_integer("seed", self.seed, 0, 2**31 - 1)
         choice("mode", self.mode, ("sample", "mode"))
 
@@ -73,7 +73,8 @@ class EvaluationCallback:
         """
         check(task.has_episodes, "callbacks", self, f"none for the task {task.name!r}, which has no episodes")
         self._every = self.every or every or max(1, steps // SHARE)
-        self._found, self.last = {}, None
+        self._found = {}
+        self.last = None
 
     def __call__(self, report: Report) -> None:
         decisions = self._found.get("decision", np.zeros(0, np.int64))
@@ -142,7 +143,8 @@ class KeepBest(EvaluationCallback):
         before = {name: self._found.get(f"best.{name}") for name in new}
         sign = 1.0 if self.larger_is_better else -1.0
         for name, leaf in new.items():
-            old, known = before[name], before["value"]
+            old = before[name]
+            known = before["value"]
             if old is not None and known is not None:
                 better = np.isfinite(value) & ~(sign * value <= sign * known)  # also than one that is unknown
                 leaf = np.where(better.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, old)

@@ -50,7 +50,8 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     directory.check_rest(about)
     if not allow_changed and (changes := release_changes(about["versions"], versions(), ("motorgrad", "mujoco"))):
         warnings.warn(f"{path}: {'; '.join(changes)}: what it computes may differ", RunWarning, stacklevel=2)
-    shapes, lanes = _shapes(path, learner), len(config["run"]["seeds"]) * max(1, len(config.get("sweep", [])))
+    shapes = _shapes(path, learner)
+    lanes = len(config["run"]["seeds"]) * max(1, len(config.get("sweep", [])))
     policies = _filled(path, shapes, arrays, lanes, "kept.")
     initial = _filled(path, shapes, directory.initial(), lanes)
     if policies.interface is not None and initial.interface is not None:
@@ -59,7 +60,8 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     metrics = directory.metrics(about)
     if metrics is not None and metrics.num_rows % lanes:
         raise RunDirectoryError(f"{path}: {metrics.num_rows:,} rows of records: must be {lanes:,} for each record")
-    mean, estimate = "cycle.agent.gradient.mean.", None
+    mean = "cycle.agent.gradient.mean."
+    estimate = None
     if any(name.startswith(mean) for name in arrays):
         single: Any = jax.ShapeDtypeStruct((), np.uint32)
         count = _filled(path, single, arrays, lanes, "cycle.agent.gradient.count")
@@ -140,7 +142,8 @@ def _filled(path: Path | str, shapes: Policy, arrays: Mapping[str, np.ndarray], 
 
     def fitting(place: Any, shape: Any) -> np.ndarray:
         name = prefix + name_of(place)
-        found, wanted = arrays.get(name), (lanes, *shape.shape)
+        found = arrays.get(name)
+        wanted = (lanes, *shape.shape)
         if found is None or (found.shape, found.dtype) != (wanted, shape.dtype):
             said = "nothing" if found is None else f"{found.dtype}{found.shape}"
             raise RunDirectoryError(f"{path}: {name}: found {said}: must be {shape.dtype}{wanted}")

@@ -31,7 +31,8 @@ class Records:
     def add(self, record: Record, decision: int, since: int, wall: float, cpu: float = 0.0) -> float:
         """Add the record of the window from `since` to `decision`. Returns its mean reward over the lanes where it is
         known, NaN where it is in none."""
-        count, record = len(self.seeds), without_broken(record)
+        count = len(self.seeds)
+        record = without_broken(record)
         reward = mean_reward(record, decision - since)
         columns = {
             **({} if self._setting is None else {"setting": self._setting}),

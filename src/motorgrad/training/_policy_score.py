@@ -19,7 +19,7 @@ from motorgrad.policies import Policy, split
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task
 from motorgrad.training._trust import task_named
-from motorgrad.training.engines import MOST_AT_ONCE, mean_reward, stepper_for, validate, validate_needs
+from motorgrad.training.engines import MAX_TALLY_DECISIONS, mean_reward, stepper_for, validate, validate_needs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class PolicyScore:
         validate(task, made)
         object.__setattr__(self, "task", task)
         object.__setattr__(self, "policy", made)
-        check_integer("steps", self.steps, 1, MOST_AT_ONCE, "decisions")
+        check_integer("steps", self.steps, 1, MAX_TALLY_DECISIONS, "decisions")
         check_integer("streams", self.streams, 1)
         check_integer("seed", self.seed, 0, 2**31 - 1 - self.streams)
         choice("of", self.of, ("reward", *task.reports))

@@ -21,7 +21,8 @@ class TrainingProgress(Progress):
     def report(self, decision: int, rate: float, latest: Mapping[str, float]) -> None:
         """Show progress at a `decision`, the `rate` in decisions per second and seed, and new means of the metrics."""
         self._latest |= latest
-        before, self._compiled = self._compiled, compilations()
+        before = self._compiled
+        self._compiled = compilations()
         usual = self._compiled == before
         if usual:
             self._rate = rate

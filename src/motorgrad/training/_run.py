@@ -255,12 +255,14 @@ class Run(Acting, Evaluated):
         no records yet.
         """
         if x != "decisions" or smooth is not None:
-            axis, window = axis_for([self], x), self.config["run"]["window"]
+            axis = axis_for([self], x)
+            window = self.config["run"]["window"]
             record = {"decisions": window, "simulated": window * self.task.period, "wall": 0.0, "cpu": 0.0}[axis]
             found = curve_of(self, quantity, axis, None if smooth is None else max(smooth, 2 * record), "")
             return found.x, found.values
         if not self.metrics.num_rows:
-            where, window = self.path or "the run", self.config["run"]["window"]
+            where = self.path or "the run"
+            window = self.config["run"]["window"]
             raise ValueError(
                 f"{where} has no records yet: one takes {counted(window, 'decision')}, it has made {self.decision:,}"
             )

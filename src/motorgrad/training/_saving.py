@@ -75,7 +75,8 @@ class Saving:
         if records is not None:
             self._waiting.append(records)
         self._short = [] if short is None else [short]
-        path, decision = self.directory.path, about["decision"]
+        path = self.directory.path
+        decision = about["decision"]
         try:
             self.directory.save(state, about, pa.concat_tables(self._waiting) if self._waiting else None, short)
         except OSError as error:
@@ -98,7 +99,8 @@ class Saving:
                 f"{path}: saved again, up to decision {decision:,}; nothing is lost", RunWarning, stacklevel=2
             )
         self.why = None
-        new, self._waiting = [*self._waiting, *self._short], []
+        new = [*self._waiting, *self._short]
+        self._waiting = []
         self._add_events(new)
         return True
 

@@ -41,7 +41,8 @@ def sweep_settings(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
         found = [{paths[name]: value for name, value in setting.items()} for setting in given]
     check(found and all(found), "sweep", sweep, wanted)
     check(all(set(setting) == set(found[0]) for setting in found), "sweep", sweep, "settings of the same numbers")
-    settings, dtype = [], agent.precision
+    settings = []
+    dtype = agent.precision
     exact = _possible(check_rounded, agent, dtype)
     for setting in found:
         changed, rounded = agent, exact

@@ -156,7 +156,8 @@ def resume(
     """
     check_arguments(resume, locals(), ("path", "progress", "trust", "allow_changed"))
     config = saved_config(path, allow_changed)
-    task, run = saved_task(config, path, trust), config["run"]
+    task = saved_task(config, path, trust)
+    run = config["run"]
     agent = saved_agent(task, config["agent"], f"{path}: agent")
     return train(
         task,

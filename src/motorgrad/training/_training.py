@@ -87,7 +87,9 @@ class Training:
         self.records = Records(self.stepper.seeds, task.period, len(settings))
         self.interface = interface_of(task, self.stepper.policy)
         self.initial = self._with_interface(self.stepper.policies(), self.stepper.start_statistics)
-        self.wall, self.cpu, self.recorded = 0.0, 0.0, 0
+        self.wall = 0.0
+        self.cpu = 0.0
+        self.recorded = 0
         self.lost = np.zeros(len(lanes), bool)
         self.continues = self.finished = False
         self._ending: tuple[Any, ...] | None = None
@@ -106,7 +108,8 @@ class Training:
 
     def open(self, directory: RunDirectory, window: int | None, allow_changed: bool) -> None:
         """Resume the run in the directory, or start one."""
-        path, steps = directory.path, self.config["run"]["steps"]
+        path = directory.path
+        steps = self.config["run"]["steps"]
         found = directory.to_continue() if directory.is_run else None
         about = None if found is None else found[1]
         before: dict[str, Any] = {}
@@ -126,7 +129,9 @@ class Training:
             if self.evaluating is not None:
                 self.evaluating.restore(found[0])
             self._look_for_broken(not_finite(self.stepper.policies()))
-            self.recorded, self.wall, self.cpu = about["recorded"], about["wall"], about.get("cpu", 0.0)
+            self.recorded = about["recorded"]
+            self.wall = about["wall"]
+            self.cpu = about.get("cpu", 0.0)
             self.config["run"]["steps"] = max(steps, about["decision"])
         directory.write_config(self.config)
         directory.roll_back(about, self.finished)
@@ -186,7 +191,8 @@ class Training:
             key=lambda difference: difference.startswith("agent.initial"),
         )
         if changed:
-            steps, made = now["run"]["steps"], before["run"]["steps"]
+            steps = now["run"]["steps"]
+            made = before["run"]["steps"]
             own = ""
             if steps != made and all(difference.startswith("agent.") for difference in changed):
                 own = (
@@ -241,15 +247,19 @@ class Training:
             )
 
     def run(self, report: "TrainingProgress") -> Run:
-        steps, window = self.config["run"]["steps"], self.config["run"]["window"]
-        stepper, saving, count = self.stepper, self.saving, 1
+        steps = self.config["run"]["steps"]
+        window = self.config["run"]["window"]
+        stepper = self.stepper
+        saving = self.saving
+        count = 1
         if self.continues:
             self._commit()  # the files of this session are covered from its beginning
         report.begin(stepper.decision, steps)
         with stop_when_asked() as stopped:
             while stepper.decision < steps and not self.ended and not stopped() and not (saving and saving.given_up):
                 due = min((stepper.decision // window + 1) * window, steps)
-                made, start = min(-(-count // self.envs) * self.envs, due - stepper.decision), time.perf_counter()
+                made = min(-(-count // self.envs) * self.envs, due - stepper.decision)
+                start = time.perf_counter()
                 worked = time.process_time()
                 stepper.advance(made)
                 self.cpu += time.process_time() - worked
@@ -277,7 +287,8 @@ class Training:
 
     def _told_stop(self) -> str:
         """How far it is, where it is saved, and how it goes on, once it was asked to stop."""
-        done, steps = self.stepper.decision, self.config["run"]["steps"]
+        done = self.stepper.decision
+        steps = self.config["run"]["steps"]
         said = f"stopped after {done:,} of {counted(steps, 'decision')}"
         if self.saving is None:
             return f"{said}; it is not saved, as there is no `out`: `run` of this exception has all"
@@ -330,7 +341,8 @@ class Training:
         if not self.callbacks:
             return
         path = None if self.saving is None else self.saving.directory.path
-        run, whole = self.config["run"], self.recorded % self.config["run"]["window"] == 0
+        run = self.config["run"]
+        whole = self.recorded % self.config["run"]["window"] == 0
         about = (self.task.name, run["seeds"], self.recorded, run["steps"], self.records.newest(), path, whole)
         report = Report(*about, self._snapshot)
         ends = [callback(report) is True for callback in self.callbacks]
@@ -340,8 +352,10 @@ class Training:
         """The run as it is now, without records."""
         if self._remembered is None:
             self._remembered = self.stepper.viewer(lambda cycle, state: cycle.memory)
-        remembered, decision = self._remembered(), self.stepper.decision
-        policies, memory = self._present(remembered), by_name(remembered)
+        remembered = self._remembered()
+        decision = self.stepper.decision
+        policies = self._present(remembered)
+        memory = by_name(remembered)
         return Run(self.config, decision, pa.table({}), policies, self.initial, _task=self.task, _memory=memory)
 
     def _commit(self) -> bool:
@@ -362,7 +376,8 @@ class Training:
         state = {**state, "kept": self._present(state["cycle"].memory)}
         if self.evaluating is not None:
             state[STATE] = self.evaluating.state
-        records, last = self.records.take(), None
+        records = self.records.take()
+        last = None
         if short:
             self._record()
             last = self.records.take()

@@ -9,7 +9,7 @@ from motorgrad._consent import HOW, allow
 from motorgrad._errors import NotTrusted, shown
 from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, make, settings_in
 
-MOST = 10
+MAX_LISTED_NAMES = 10
 """Names in a message. Of more, and of longer ones than a message has room for, no question is asked, as it would not
 show what it is about."""
 
@@ -31,9 +31,9 @@ def check_imports(settings: Any, where: str, trust: bool = False) -> None:
     if trust:
         allow(names)
     elif names:
-        wanted = ", ".join(f"{shown(name)} ({_place(name.partition(':')[0])})" for name in names[:MOST])
-        wanted += f" and {len(names) - MOST:,} more" if len(names) > MOST else ""
-        in_full = len(names) <= MOST and all(shown(name) == repr(name) for name in names)
+        wanted = ", ".join(f"{shown(name)} ({_place(name.partition(':')[0])})" for name in names[:MAX_LISTED_NAMES])
+        wanted += f" and {len(names) - MAX_LISTED_NAMES:,} more" if len(names) > MAX_LISTED_NAMES else ""
+        in_full = len(names) <= MAX_LISTED_NAMES and all(shown(name) == repr(name) for name in names)
         raise NotTrusted(
             f"{where} names code: making its task {settings['name']!r} imports {wanted}, which can do anything; "
             f"nothing was imported. If you trust it: {HOW}",

@@ -31,7 +31,8 @@ def evaluate(matrix: np.ndarray, rewards: np.ndarray) -> tuple[np.ndarray, np.nd
     """The average reward from every state of a chain, which may have several recurrent classes, and the differential
     value of every state."""
     leaving = departures(matrix)
-    gain, value = np.zeros(len(matrix)), np.zeros(len(matrix))
+    gain = np.zeros(len(matrix))
+    value = np.zeros(len(matrix))
     passing = np.ones(len(matrix), bool)
     for members in recurrent(matrix):
         inside = np.ix_(members, members)
@@ -42,7 +43,8 @@ def evaluate(matrix: np.ndarray, rewards: np.ndarray) -> tuple[np.ndarray, np.nd
         value[members] = worth - pi @ worth
         passing[members] = False
     if passing.any():
-        within, onwards = leaving[np.ix_(passing, passing)], matrix[np.ix_(passing, ~passing)]
+        within = leaving[np.ix_(passing, passing)]
+        onwards = matrix[np.ix_(passing, ~passing)]
         gain[passing] = solve(within, onwards @ gain[~passing])
         value[passing] = solve(within, rewards[passing] - gain[passing] + onwards @ value[~passing])
     return gain, value
@@ -59,7 +61,8 @@ def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """A linear system, refined by its residual in extended precision. **Raises** as `solved`."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LinAlgWarning)  # of a singular matrix: what comes of it is not finite
-        factors, exact = lu_factor(matrix), matrix.astype(np.longdouble)
+        factors = lu_factor(matrix)
+        exact = matrix.astype(np.longdouble)
     with np.errstate(all="ignore"):
         found = lu_solve(factors, right, check_finite=False)
         for _ in range(2):
@@ -102,7 +105,8 @@ def stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, 
 
 def balance(matrix: np.ndarray) -> np.ndarray:
     """The stationary distribution of an irreducible chain, from the flows between its states."""
-    leaving, pi = departures(matrix), np.ones(len(matrix))
+    leaving = departures(matrix)
+    pi = np.ones(len(matrix))
     for _ in range(2):  # relative to any state, then to the most probable, where rounding is least
         one = pi.argmax()
         others = np.arange(len(matrix)) != one

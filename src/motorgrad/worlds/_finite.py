@@ -54,7 +54,8 @@ class FiniteMDP(World):
         check(0 <= start < states, "start", start, f"a state from 0 to {states - 1}")
         for name in ("rewards", "observations"):
             check(np.isfinite(getattr(self, name)).all(), name, getattr(self, name).tolist(), "finite numbers")
-        low, off = self.transitions.min(), np.abs(self.transitions.sum(-1) - 1).max()
+        low = self.transitions.min()
+        off = np.abs(self.transitions.sum(-1) - 1).max()
         check(low >= 0 and off < 1e-12, "transitions", f"least {low}, row sums off by {off}", "probabilities")
         self._successors, self._cumulative = _compact(self.transitions)
 
@@ -161,7 +162,8 @@ def call_admission(
     rate = sum(arrivals) + capacity * max(departures)
     states = list(itertools.product(busy, range(types + 1)))  # the last value of the arriving type means none
     index = {state: i for i, state in enumerate(states)}
-    transitions, pay = np.zeros((2, len(states), len(states))), np.zeros((2, len(states)))
+    transitions = np.zeros((2, len(states), len(states)))
+    pay = np.zeros((2, len(states)))
     for (calls, ask), action in itertools.product(states, (0, 1)):
         accept = action == 1 and ask < types and sum(calls) < capacity
         after = tuple(n + (accept and m == ask) for m, n in enumerate(calls))
@@ -206,7 +208,8 @@ def load_unload(length: int = 5) -> FiniteMDP:
     end = length - 1
     states = list(itertools.product(range(length), (0, 1)))  # place, load
     index = {state: i for i, state in enumerate(states)}
-    transitions, rewards = np.zeros((2, len(states), len(states))), np.zeros((2, len(states)))
+    transitions = np.zeros((2, len(states), len(states)))
+    rewards = np.zeros((2, len(states)))
     for (place, load), action in itertools.product(states, (0, 1)):
         after = min(max(place + 2 * action - 1, 0), end)
         carried = 1 if after == 0 else 0 if after == end else load
@@ -229,10 +232,12 @@ def t_maze(length: int = 5) -> FiniteMDP:
     """
     check_integer("length", length, 1)
     outside = 2 * (length + 1)
-    transitions, rewards = np.zeros((4, outside + 1, outside + 1)), np.zeros((4, outside + 1))
+    transitions = np.zeros((4, outside + 1, outside + 1))
+    rewards = np.zeros((4, outside + 1))
     transitions[:, outside, :2] = 0.5
     for place, cue, action in itertools.product(range(length + 1), (0, 1), range(4)):
-        state, turn = 2 * place + cue, place == length and action in (0, 2)
+        state = 2 * place + cue
+        turn = place == length and action in (0, 2)
         after = place + (action == 1 and place < length) - (action == 3 and place > 0)
         transitions[action, state, outside if turn else 2 * after + cue] = 1
         right = turn and action == 2 * cue

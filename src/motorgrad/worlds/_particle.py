@@ -13,8 +13,8 @@ from motorgrad._random import normals
 from motorgrad.worlds._particle_forces import CircularField, Components, Flags, Walls
 from motorgrad.worlds._world import World, runge_kutta
 
-MOST_FORCES = 10_000
-MOST_SUBSTEPS = 10_000
+MAX_FORCES = 10_000
+MAX_SUBSTEPS = 10_000
 STABLE = 2.78  # stability limit of the fourth-order Runge–Kutta method on the negative real axis
 FEW = 1_024  # forces summed elementwise; beyond, a matrix product is faster
 UNROLLED = 4  # integration steps that are unrolled; more run in a loop
@@ -59,7 +59,7 @@ class ParticlePhysics:
         check(np.abs(self.gravity).max() < 1e6, "gravity", self.gravity, "two numbers between -1e6 and 1e6")
         for name in ("drag", "noise"):
             check(0 <= getattr(self, name) < 1e6, name, getattr(self, name), "from 0 to 1e6")
-        check_integer("substeps", self.substeps, 1, MOST_SUBSTEPS)
+        check_integer("substeps", self.substeps, 1, MAX_SUBSTEPS)
         most = STABLE * self.mass / max(self.drag, 1e-12)
         check(self.timestep < most, "timestep", self.timestep, f"below {most:.4g}, where drag is integrated stably")
         bent = self.mass * self.field.tangential**2
@@ -171,7 +171,7 @@ class Particle(World):
     start: ParticleStart = dataclasses.field(default_factory=ParticleStart)
 
     def __post_init__(self) -> None:
-        check(1 <= len(self.forces) <= MOST_FORCES, "number of forces", len(self.forces), f"from 1 to {MOST_FORCES}")
+        check(1 <= len(self.forces) <= MAX_FORCES, "number of forces", len(self.forces), f"from 1 to {MAX_FORCES}")
         pairs = np.asarray(self.forces, float)
         shaped = pairs.shape == (len(self.forces), 2) and np.abs(pairs).max() < 1e6
         check(shaped, "forces", self.forces, "pairs of numbers between -1e6 and 1e6")

@@ -89,11 +89,14 @@ class Walls:
     ) -> tuple[Components, Components, tuple[Flags, Flags]]:
         """Position and velocity after collisions, for a time step in which force changes the velocity by `gain`; and
         for each axis whether the lower and the upper side were reached, whether walls or open."""
-        places, speeds, reached = [], [], []
+        places = []
+        speeds = []
+        reached = []
         for (low, high), solid, at, speed, more in zip(
             self.spans, self._solid(), position, velocity, gain, strict=True
         ):
-            below, above = solid[0] & (at < low), solid[1] & (at > high)
+            below = solid[0] & (at < low)
+            above = solid[1] & (at > high)
             # a rebound that ends within the time step does not count
             weak = self.restitution * jnp.abs(speed) <= jnp.sign(speed) * more
             thrown = jnp.where(weak, 0.0, -self.restitution * speed)
@@ -146,7 +149,9 @@ class CircularField:
 
     def force(self, x: Number, y: Number) -> tuple[Number, Number]:
         """The force on a particle at x, y."""
-        away_x, away_y, distance = x - self.centre[0], y - self.centre[1], self.distance(x, y)
+        away_x = x - self.centre[0]
+        away_y = y - self.centre[1]
+        distance = self.distance(x, y)
         safe = jnp.where(distance == 0, 1.0, distance)
         outwards = jnp.where(distance == 0, 1.0, away_x / safe), away_y / safe
         push = self.radial * (self.radius - distance)

@@ -145,7 +145,8 @@ def _expectation(
 ) -> tuple[Callable[[Any], Array], Array, Callable[[Any], P]]:
     """The expected reward as a function of one vector of all parameters, that vector, and its inverse
     transformation."""
-    points, mass = jnp.asarray(inputs, jnp.float64), jnp.asarray(weights, jnp.float64)
+    points = jnp.asarray(inputs, jnp.float64)
+    mass = jnp.asarray(weights, jnp.float64)
     wanted = f"of shape (points, {policy.inputs})"
     check(points.ndim == 2 and points.shape[1] == policy.inputs, "inputs", points.shape, wanted)
     check(mass.shape == points.shape[:1], "weights", mass.shape, f"of shape {points.shape[:1]}, as many as inputs")

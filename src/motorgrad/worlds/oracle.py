@@ -70,7 +70,8 @@ def average_reward(mdp: FiniteMDP, policy: Policy | Sequence[int] | Int[np.ndarr
     """
     if isinstance(policy, Policy):
         return float(stationary_distribution(mdp, policy) @ _mean_rewards(mdp, policy))
-    table, every = np.asarray(policy), np.arange(mdp.states)
+    table = np.asarray(policy)
+    every = np.arange(mdp.states)
     right = table.shape == (mdp.states,) and np.issubdtype(table.dtype, np.integer)
     check(right, "policy", policy, f"a policy, or a table of {mdp.states} integers, the action of every state")
     known = (table >= 0) & (table < mdp.actions)
@@ -101,7 +102,8 @@ def values(mdp: FiniteMDP, policy: Policy, discount: float | None = None) -> Flo
     if discount is not None:
         check(0 <= discount < 1, "discount", discount, "in [0, 1)")
         return _discounted(mdp, policy, discount)
-    matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
+    matrix = transition_matrix(mdp, policy)
+    rewards = _mean_rewards(mdp, policy)
     pi = stationary(matrix)
     return solved(np.eye(mdp.states) - matrix + pi[None, :], rewards - pi @ rewards)
 
@@ -122,7 +124,8 @@ def stationary_score(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "state
 
     From $\nabla\pi' = \pi'\,\nabla P\,[I - P + e\pi']^{-1}$.
     """
-    matrix, chance = transition_matrix(mdp, policy), action_probabilities(mdp, policy)
+    matrix = transition_matrix(mdp, policy)
+    chance = action_probabilities(mdp, policy)
     pi = stationary(matrix)
     flow = np.einsum("s,sa,sai,ast->it", pi, chance, _scores(mdp, policy), mdp.transitions)
     slope = solved((np.eye(mdp.states) - matrix + pi[None, :]).T, flow.T)
@@ -143,8 +146,10 @@ def critic_gradient(
     """
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
     check(discount is None or 0 <= discount <= 1, "discount", discount, "None or in [0, 1]")
-    matrix, rewards = transition_matrix(mdp, policy), _mean_rewards(mdp, policy)
-    pi, ahead = stationary(matrix), 1.0 if discount is None else discount
+    matrix = transition_matrix(mdp, policy)
+    rewards = _mean_rewards(mdp, policy)
+    pi = stationary(matrix)
+    ahead = 1.0 if discount is None else discount
     level = pi @ rewards if discount is None else 0.0
     error = rewards - level + ahead * matrix @ critic - critic
     later = solved(np.eye(mdp.states) - decay * matrix, error)
@@ -163,9 +168,11 @@ def optimal_baseline(
     """
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
     choice("each", each, ("policy", "unit", "parameter"))
-    chance, score = action_probabilities(mdp, policy), _scores(mdp, policy)
+    chance = action_probabilities(mdp, policy)
+    score = _scores(mdp, policy)
     pi = stationary_distribution(mdp, policy)
-    matrix, taken = transition_matrix(mdp, policy), chance[:, :, None] * score
+    matrix = transition_matrix(mdp, policy)
+    taken = chance[:, :, None] * score
     later = np.einsum("s,sai,ast->ti", pi, taken, mdp.transitions)
     # z just before a state, and its square, times the probability of the state
     first = solved(np.eye(mdp.states) - decay * matrix.T, later)
@@ -234,8 +241,11 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
     the differential values. It is defined even where a policy splits the states into several recurrent classes. An
     action replaces another if it is better by more than rounding.
     """
-    every, moves, rewards = np.arange(mdp.states), mdp.transitions, mdp.expected_rewards
-    choice, seen = np.zeros(mdp.states, int), set()
+    every = np.arange(mdp.states)
+    moves = mdp.transitions
+    rewards = mdp.expected_rewards
+    choice = np.zeros(mdp.states, int)
+    seen = set()
     while choice.tobytes() not in seen:  # rounding could lead back to a table
         seen.add(choice.tobytes())
         gain, value = evaluate(moves[choice, every], rewards[choice, every])
@@ -264,7 +274,8 @@ def joint(mdp: FiniteMDP, policy: Policy) -> FiniteMDP:
     check(policy.hides, "policy", kind, "a policy with hidden units or internal states")
     remembers = isinstance(policy, FiniteStateController)
     check(remembers or not policy.has_memory, "policy", kind, "a policy without a memory, or a FiniteStateController")
-    inner, seen = policy.states if remembers else 1, mdp.observations.shape[1]
+    inner = policy.states if remembers else 1
+    seen = mdp.observations.shape[1]
     check(policy.observation_size == seen, "policy.observation_size", policy.observation_size, f"{seen}, the MDP's")
     actions = policy.enumerate()
     index = np.asarray(jax.vmap(lambda action: action_index(policy.emit(action)))(actions))
@@ -292,13 +303,15 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
     """
     check_integer("starts", starts, 1)
     kinds, kind = np.unique(mdp.observations, axis=0, return_inverse=True)
-    shape, rng = (len(kinds), mdp.actions), np.random.default_rng(0)
+    shape = (len(kinds), mdp.actions)
+    rng = np.random.default_rng(0)
     member = np.eye(len(kinds))[kind.ravel()]
 
     def loss(logits: np.ndarray) -> tuple[float, np.ndarray]:
         table = softmax(logits.reshape(shape), axis=1)
         chance = member @ table
-        matrix, rewards = np.einsum("sa,ast->st", chance, mdp.transitions), np.sum(chance.T * mdp.expected_rewards, 0)
+        matrix = np.einsum("sa,ast->st", chance, mdp.transitions)
+        rewards = np.sum(chance.T * mdp.expected_rewards, 0)
         pi = stationary(matrix)
         value = solved(np.eye(mdp.states) - matrix + pi[None, :], rewards)
         quality = mdp.expected_rewards + mdp.transitions @ value
@@ -307,7 +320,8 @@ def best_memoryless(mdp: FiniteMDP, starts: int = 20) -> tuple[Float[np.ndarray,
         return -float(pi @ rewards), -slope.ravel()
 
     first = [np.zeros(shape), *rng.normal(size=(starts - 1, *shape), scale=2.0)]
-    bounds, options = [(-10, 10)] * math.prod(shape), {"ftol": 1e-15, "gtol": 1e-12}
+    bounds = [(-10, 10)] * math.prod(shape)
+    options = {"ftol": 1e-15, "gtol": 1e-12}
     found = [minimize(loss, start.ravel(), jac=True, bounds=bounds, options=options) for start in first]
     best = min(found, key=lambda each: each.fun)
     return softmax(best.x.reshape(shape), axis=1), -float(best.fun)

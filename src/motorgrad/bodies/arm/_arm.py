@@ -42,7 +42,7 @@ HANGING: Mapping[Posture, float] = MappingProxyType({"vertical": 180.0, "horizon
 STRENGTH: Mapping[Posture, float] = MappingProxyType({"vertical": 371.6, "horizontal": 164.6})
 """Force in N that just lifts 14 kg to the top."""
 GRAVITY = 9.81
-COARSEST = 0.01  # s, the largest time step; flexions are accurate to 5e-4 rad with it, and to 2e-2 with ten times that
+MAX_TIMESTEP = 0.01  # s; flexions are accurate to 5e-4 rad with it, and to 2e-2 with ten times that
 _WAY = 2001  # flexions at which the greatest force on the way is looked for: it is exact to 1e-6
 _BONE = (0.90, 0.87, 0.80, 1.0)
 _LOAD = (0.27, 0.30, 0.36, 1.0)
@@ -107,7 +107,12 @@ class Arm:
         check_positive("strength", self.full_force)
         for name in ("load", "offset", "joint_damping"):
             check_not_negative(name, getattr(self, name))
-        check(self.timestep <= COARSEST, "timestep", self.timestep, f"a finite number > 0 and at most {COARSEST:g} s")
+        check(
+            self.timestep <= MAX_TIMESTEP,
+            "timestep",
+            self.timestep,
+            f"a finite number > 0 and at most {MAX_TIMESTEP:g} s",
+        )
         meet = math.degrees(2.0 * math.atan(2.0 * self.offset / self.bone_length))
         allowed = (
             f"an interior angle between {meet:.4g}, where the muscle's ends would meet, and {self.hanging:g} degrees"
@@ -218,7 +223,8 @@ class Arm:
         return math.radians(self.hanging) - flexion - 2.0 * math.atan(2.0 * self.offset / self.bone_length)
 
     def _add_bones(self, spec: mujoco.MjSpec) -> None:
-        length, thick = self.bone_length, 0.05 * self.bone_length
+        length = self.bone_length
+        thick = 0.05 * self.bone_length
         capsule, sphere, box = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
         upper = spec.worldbody.add_body(name="upper_arm", pos=(0.0, 0.0, self.elbow_height))
         upright = self.posture == "vertical"

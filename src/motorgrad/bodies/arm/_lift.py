@@ -17,17 +17,19 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._files import read_arrays, write_atomically
-from motorgrad._limits import MOST_ARRAY_BYTES
+from motorgrad._limits import MAX_ARRAY_BYTES
 from motorgrad._reading import json_in, numbers_in
 from motorgrad._settings import build, table
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
 
 STORED: Mapping[Posture, Path] = {each: Path(__file__).with_name(f"arm_lift_{each}.npz") for each in POSTURES}
-LOADS, SHARES = 41, 81
+LOADS = 41
+SHARES = 81
 SECONDS = 2.0
-STRONGEST = 1e7  # N; beyond about 1e9 simulations diverge
-_ROWS, _ROUNDS = 17, 4
+MAX_FORCE = 1e7  # N; beyond about 1e9 simulations diverge
+_ROWS = 17
+_ROUNDS = 4
 _CROWDED: Mapping[Posture, int] = {"vertical": 4, "horizontal": 1}
 """The power of equally spaced numbers by which the tabulated forces approach the one that reaches the top: below a
 vertical upper arm, the load snaps up within the last per cent."""
@@ -50,7 +52,8 @@ def greatest_flexion(
     check(((active >= 0) & (active <= 1)).all(), "activation", active.tolist(), "from 0 to 1")
     check(arm.timestep <= seconds < math.inf, "seconds", seconds, f"at least one time step, {arm.timestep} s")
     batch = BodyBatch(arm, len(active), substeps=1, threads=threads)
-    action, most = active[:, None], np.zeros(len(active), np.float32)
+    action = active[:, None]
+    most = np.zeros(len(active), np.float32)
     for _ in range(round(seconds / arm.timestep)):
         batch.step(action)
         if batch.lost:
@@ -71,7 +74,7 @@ def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
     """
     loads, forces = np.broadcast_arrays(np.asarray(load, float), np.asarray(force, float))
     _check_each("load", loads, (loads >= 0) & (loads < math.inf), "a finite number >= 0, in kg")
-    _check_each("force", forces, (forces >= 0) & (forces <= STRONGEST), f"from 0 to {STRONGEST:g} N")
+    _check_each("force", forces, (forces >= 0) & (forces <= MAX_FORCE), f"from 0 to {MAX_FORCE:g} N")
     found = np.zeros(loads.shape)
     for each in np.unique(loads):
         rows = loads == each
@@ -160,7 +163,7 @@ class LiftTable:
             check(isinstance(made, dict) and isinstance(made.get("arm"), dict), "made", made, "how the table was made")
             for name, value in _meaning().items():
                 check(made.get(name) == value, name, made.get(name), f"{value:g}")
-            effort, height = (numbers_in(file[name], MOST_ARRAY_BYTES) for name in ("effort", "height"))
+            effort, height = (numbers_in(file[name], MAX_ARRAY_BYTES) for name in ("effort", "height"))
             grid = effort.ndim == 1 and height.ndim == 2 and len(height) == len(effort) >= 2 and height.shape[1] >= 2
             check(grid, "shapes", (effort.shape, height.shape), "(loads,) and (loads, shares), at least 2 of each")
             check(np.isfinite(effort).all() and np.isfinite(height).all(), "numbers", "not finite", "finite")
@@ -176,7 +179,8 @@ def tabulate_lift(arm: Arm, loads: int = LOADS, shares: int = SHARES) -> LiftTab
     """
     check(loads >= 2, "loads", loads, "at least 2")
     check(shares >= 2, "shares", shares, "at least 2")
-    effort, height = np.zeros(loads), np.zeros((loads, shares))
+    effort = np.zeros(loads)
+    height = np.zeros((loads, shares))
     for row, load in enumerate(_loads(loads)):
         one = dataclasses.replace(arm, load=float(load))
         top = _top_force(one)
@@ -227,13 +231,16 @@ def _lift(arm: Arm, force: np.ndarray) -> np.ndarray:
 
 def _top_force(arm: Arm) -> float:
     """The force in N that just reaches the top: repeated bisection, many forces at once."""
-    low, high = arm.throwing_force, 1.1 * arm.throwing_force
+    low = arm.throwing_force
+    high = 1.1 * arm.throwing_force
     while _lift(arm, np.array([high]))[0] < 1.0:
-        low, high = high, 2.0 * high
+        low = high
+        high = 2.0 * high
     for _ in range(_ROUNDS):
         tried = np.linspace(low, high, _ROWS)
         first = max(1, int(np.argmax(_lift(arm, tried) >= 1.0)))
-        low, high = tried[first - 1], tried[first]
+        low = tried[first - 1]
+        high = tried[first]
     return high
 
 

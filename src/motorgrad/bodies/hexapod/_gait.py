@@ -108,7 +108,9 @@ def walk(
     check(decisions >= 1, "seconds", seconds, f"at least one decision, {batch.period:g} s")
     lowest = np.array([[model.joint(f"vertical_{leg}").range[0] for leg in LEGS] for model in batch.models])
     reading = read_hexapod(batch.unpack(batch.packed))
-    states, recorded, packed = controller.begin(reading), [], []
+    states = controller.begin(reading)
+    recorded = []
+    packed = []
     for _ in range(decisions):
         states = controller.decide(states, reading, lowest)
         batch.step(controller.velocities(states))
@@ -145,7 +147,8 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
     first, second = (_centred(lateral[..., [LEGS.index(leg) for leg in tripod]].mean(-1)) for tripod in TRIPODS)
     spectra = [_spectrum(angle) for angle in (first, second)]
     frequencies = np.fft.rfftfreq(_PADDING * len(lateral), period)
-    peak, seeds = np.abs(spectra[0]).argmax(0), np.arange(lateral.shape[1])
+    peak = np.abs(spectra[0]).argmax(0)
+    seeds = np.arange(lateral.shape[1])
     one, other = (spectrum[peak, seeds] for spectrum in spectra)
     moves, other_moves = ((np.ptp(angle, axis=0) > 0.0) for angle in (first, second))
     both = moves & other_moves

@@ -29,8 +29,10 @@ from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, ad
 from motorgrad.bodies.muscles._wrapping import wrapped_length
 
 SIDES = ("left", "right")
-_BONE, _FOOT = (0.90, 0.87, 0.80, 1.0), (0.36, 0.38, 0.44, 1.0)
-_TRUNK, _CAPSULE = (0.27, 0.30, 0.36, 1.0), (0.95, 0.95, 0.98, 0.35)
+_BONE = (0.90, 0.87, 0.80, 1.0)
+_FOOT = (0.36, 0.38, 0.44, 1.0)
+_TRUNK = (0.27, 0.30, 0.36, 1.0)
+_CAPSULE = (0.95, 0.95, 0.98, 0.35)
 _STOP = ((0.005, 1.0), (0.98, 0.999, 0.001))  # softer stops let legs exceed their range by ten degrees
 _CONTACT = (0.02, 1.0)  # stiffer feet bounce, and stand on two legs of three
 _MARGIN = 0.01  # m, by which a touch sensor's volume exceeds the geom
@@ -173,10 +175,12 @@ class Hexapod:
 
     def _lateral(self, kind: str, name: str) -> Muscle:
         side, section_name, section, leg = self._of(name)
-        pair, splay = leg.lateral_muscles, math.radians(leg.splay)
+        pair = leg.lateral_muscles
+        splay = math.radians(leg.splay)
         ahead = pair.base if kind == "protractor" else -pair.base
         # perpendicular to the resting leg, which points sideways and `splay` forward
-        x, outward = ahead * math.cos(splay), section.width / 2.0 - ahead * math.sin(splay)
+        x = ahead * math.cos(splay)
+        outward = section.width / 2.0 - ahead * math.sin(splay)
         between = math.pi / 2.0 - math.copysign(1.0, ahead) * leg.lateral.middle
         return Muscle(
             name=f"{kind}_{name}",
@@ -277,14 +281,16 @@ def _standing_angle(leg: Leg, height: float) -> float:
     The tip lies `femur sin φ + foot sin(φ − knee)` above the joint, which is a single sine of φ.
     """
     knee = math.radians(leg.knee)
-    along, down = leg.femur.length + leg.foot.length * math.cos(knee), leg.foot.length * math.sin(knee)
+    along = leg.femur.length + leg.foot.length * math.cos(knee)
+    down = leg.foot.length * math.sin(knee)
     share = (height - leg.foot.radius) / math.hypot(along, down)
     return math.atan2(down, along) - math.asin(share) if abs(share) <= 1.0 else math.nan
 
 
 def _start_pose(hexapod: Hexapod, model: mujoco.MjModel) -> np.ndarray:
     """Positions (nq,) of the start pose: trunk level, legs at rest laterally, every foot on the floor."""
-    position, height = np.array(model.qpos0), _standing_height(hexapod)
+    position = np.array(model.qpos0)
+    height = _standing_height(hexapod)
     for name, section in hexapod.sections.items():
         for side in SIDES:
             position[model.joint(f"vertical_{side}_{name}").qposadr[0]] = _standing_angle(section.leg, height)
@@ -319,7 +325,9 @@ def _skeleton(hexapod: Hexapod) -> mujoco.MjSpec:
 def _add_section(body: mujoco.MjsBody, name: str, section: Section) -> None:
     size = np.array((section.length, section.width, section.height)) / 2.0
     belly = add_geom(body, name, mujoco.mjtGeom.mjGEOM_BOX, size, (0, 0, 0), section.mass, _TRUNK)
-    belly.contype, belly.priority, belly.solref = 1, 1, _CONTACT
+    belly.contype = 1
+    belly.priority = 1
+    belly.solref = _CONTACT
     touch = body.add_site(name=f"belly_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, group=4)
     touch.size = size + _MARGIN
     for side in SIDES:
@@ -328,8 +336,10 @@ def _add_section(body: mujoco.MjsBody, name: str, section: Section) -> None:
 
 def _add_leg(body: mujoco.MjsBody, name: str, section: Section) -> None:
     """Add coxa, femur and foot. In each frame x runs along the bone and z up; the right leg mirrors the left one."""
-    leg, left = section.leg, name.startswith("left")
-    hip, turn = section.width / 2.0, math.radians(90.0 - leg.splay)
+    leg = section.leg
+    left = name.startswith("left")
+    hip = section.width / 2.0
+    turn = math.radians(90.0 - leg.splay)
     coxa = body.add_body(name=f"coxa_{name}", pos=(0.0, hip if left else -hip, 0.0))
     coxa.quat = about((0, 0, 1), turn if left else -turn)
     _add_hinge(coxa, f"lateral_{name}", (0.0, 0.0, -1.0 if left else 1.0), leg.lateral)
@@ -343,9 +353,14 @@ def _add_leg(body: mujoco.MjsBody, name: str, section: Section) -> None:
     _add_hinge(foot, f"ankle_{name}", (0.0, -1.0, 0.0), leg.ankle)
     sole = _add_bone(foot, f"foot_{name}", leg.foot, _FOOT)
     # MuJoCo uses the greater of two frictions, unless one geom has priority
-    sole.contype, sole.priority, sole.friction[0], sole.solref = 1, 1, leg.friction, _CONTACT
+    sole.contype = 1
+    sole.priority = 1
+    sole.friction[0] = leg.friction
+    sole.solref = _CONTACT
     touch = foot.add_site(name=f"foot_{name}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, group=4)
-    touch.pos, touch.quat, touch.size = sole.pos, sole.quat, np.add(sole.size, (_MARGIN, _MARGIN, 0.0))
+    touch.pos = sole.pos
+    touch.quat = sole.quat
+    touch.size = np.add(sole.size, (_MARGIN, _MARGIN, 0.0))
 
 
 def _add_capsule(coxa: mujoco.MjsBody, name: str, leg: Leg) -> None:
@@ -355,7 +370,8 @@ def _add_capsule(coxa: mujoco.MjsBody, name: str, leg: Leg) -> None:
     has no unique plane, and MuJoCo led it around the side. The site is at the middle of the arc for the most lifted
     femur, as in the hopper's most flexed knee.
     """
-    joint, radius = np.array((leg.coxa.length, 0.0, 0.0)), leg.vertical_muscles.radius
+    joint = np.array((leg.coxa.length, 0.0, 0.0))
+    radius = leg.vertical_muscles.radius
     size = (radius, leg.femur.radius, 0.0)
     capsule = add_geom(coxa, f"capsule_{name}", mujoco.mjtGeom.mjGEOM_CYLINDER, size, joint, 0.0, _CAPSULE)
     capsule.quat = about((1, 0, 0), math.pi / 2.0)
@@ -367,14 +383,16 @@ def _add_capsule(coxa: mujoco.MjsBody, name: str, leg: Leg) -> None:
 def _add_hinge(body: mujoco.MjsBody, name: str, axis: tuple, hinge: Hinge) -> mujoco.MjsJoint:
     joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=hinge.armature)
     joint.damping[0], joint.stiffness[0] = hinge.damping, hinge.stiffness
-    joint.limited, joint.range = True, [math.radians(angle) for angle in hinge.range]
+    joint.limited = True
+    joint.range = [math.radians(angle) for angle in hinge.range]
     joint.solref_limit, joint.solimp_limit[:3] = _STOP
     return joint
 
 
 def _add_bone(body: mujoco.MjsBody, name: str, segment: Segment, colour: Sequence[float]) -> mujoco.MjsGeom:
     half = segment.length / 2.0
-    kind, size = mujoco.mjtGeom.mjGEOM_CAPSULE, (segment.radius, half, 0.0)
+    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+    size = (segment.radius, half, 0.0)
     bone = add_geom(body, name, kind, size, (half, 0.0, 0.0), segment.mass, colour)
     bone.quat = about((0, 1, 0), math.pi / 2.0)
     return bone

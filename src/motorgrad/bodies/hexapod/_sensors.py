@@ -50,8 +50,10 @@ def read_hexapod(state: BodyState) -> HexapodReading:
     def legs(kind: str, of: Iterable[str] = LEGS, suffix: str = "") -> Any:
         return xp.stack([sensors[f"{kind}_{leg}{suffix}"] for leg in of], axis=-1)
 
-    ahead, velocity = sensors["forward"], sensors["velocity"]
-    x, y = ahead[..., 0], ahead[..., 1]
+    ahead = sensors["forward"]
+    velocity = sensors["velocity"]
+    x = ahead[..., 0]
+    y = ahead[..., 1]
     return HexapodReading(
         lateral=legs("lateral"),
         lateral_velocity=legs("lateral", suffix="_velocity"),
@@ -85,8 +87,10 @@ class TrunkReading(NamedTuple):
 
 def read_trunk(state: BodyState) -> TrunkReading:
     """Read how a hexapod's middle section moves (NumPy, JAX, tracers)."""
-    sensors, xp = state.sensors, state.position.__array_namespace__()
-    forward, up = sensors["forward"], sensors["upward"]
+    sensors = state.sensors
+    xp = state.position.__array_namespace__()
+    forward = sensors["forward"]
+    up = sensors["upward"]
     axes = xp.stack([forward, xp.cross(up, forward), up], axis=-2)
 
     def along_axes(vector: Any) -> Any:

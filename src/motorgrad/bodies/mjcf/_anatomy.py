@@ -57,7 +57,8 @@ class WithSensors(WrappedBody):
         """A new description of the body with its sensors."""
         spec = self.body.spec()
         for each in self.sensors:
-            kind, of = getattr(mujoco.mjtSensor, f"mjSENS_{each.kind}"), getattr(mujoco.mjtObj, f"mjOBJ_{each.of}")
+            kind = getattr(mujoco.mjtSensor, f"mjSENS_{each.kind}")
+            of = getattr(mujoco.mjtObj, f"mjOBJ_{each.of}")
             sensor = spec.add_sensor(name=each.name, type=kind, objtype=of, objname=each.target)
             if each.whole:
                 sensor.intprm[: len(each.whole)] = each.whole
@@ -128,7 +129,8 @@ class Anatomy:
     def control_range(self) -> Float[np.ndarray, "groups 2"]:
         """The lowest and highest control of each group: the range in the model, and −1 to 1 where there is none; for a
         muscle the part of it between 0 and 1, or all of that where there is none."""
-        model, found = self.model, np.tile((-1.0, 1.0), (len(self.body.groups), 1))
+        model = self.model
+        found = np.tile((-1.0, 1.0), (len(self.body.groups), 1))
         for each, place in zip(actuators_of(self.body), group_places(self.body), strict=True):
             i = model.actuator(each.name).id
             if model.actuator_ctrllimited[i]:
@@ -140,7 +142,8 @@ class Anatomy:
     @property
     def muscles(self) -> Bool[np.ndarray, " groups"]:
         """Whether each group has the dynamics of muscles, MuJoCo's or Hill's."""
-        model, found = self.model, np.zeros(len(self.body.groups), bool)
+        model = self.model
+        found = np.zeros(len(self.body.groups), bool)
         dynamic = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE) | hill_actuators(model)
         for each, place in zip(actuators_of(self.body), group_places(self.body), strict=True):
             found[place] = dynamic[model.actuator(each.name).id]
@@ -177,10 +180,12 @@ class Anatomy:
         return {}
 
     def _numbers(self, joints: str | Sequence[str], field: str, sizes: dict[Any, int]) -> tuple[list[str], np.ndarray]:
-        names, places = [], []
+        names = []
+        places = []
         for name in self.named("joint", joints):
             i = self.model.joint(name).id
-            first, size = int(getattr(self.model, field)[i]), sizes.get(int(self.model.jnt_type[i]), 1)
+            first = int(getattr(self.model, field)[i])
+            size = sizes.get(int(self.model.jnt_type[i]), 1)
             places += range(first, first + size)
             names += [name] if size == 1 else [f"{name} {k + 1}" for k in range(size)]
         return names, np.array(places, int)

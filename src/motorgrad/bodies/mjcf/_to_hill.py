@@ -15,7 +15,7 @@ from motorgrad._errors import check, unknown
 from motorgrad.bodies.muscles._hill import SPAN, Hill, set_hill
 
 _MUSCLE = (mujoco.mjtGain.mjGAIN_MUSCLE, mujoco.mjtBias.mjBIAS_MUSCLE, mujoco.mjtDyn.mjDYN_MUSCLE)
-_LEAST_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
+_MIN_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
 
 
 def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = "de-groote") -> Hill:
@@ -44,7 +44,8 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = 
 
 
 def _resembling(model: Any, actuator: int, tendon: Any, curves: Any) -> Hill:
-    numbers, (low, high) = model.actuator_gainprm[actuator], model.actuator_lengthrange[actuator]
+    numbers = model.actuator_gainprm[actuator]
+    (low, high) = model.actuator_lengthrange[actuator]
     check(0 <= numbers[0] < numbers[1], "range", numbers[:2].tolist(), "rising, from 0 on")
     check(0 <= low < high, "lengthrange", [float(low), float(high)], "rising, from 0 on (m)")
     given, scale, fastest = (float(numbers[place]) for place in (2, 3, 6))
@@ -52,7 +53,7 @@ def _resembling(model: Any, actuator: int, tendon: Any, curves: Any) -> Hill:
     rise, fall = (float(x) for x in model.actuator_dynprm[actuator, :2])
     for span in (numbers[:2], SPAN):
         optimal = (high - low) / (span[1] - span[0])
-        if low - span[0] * optimal >= _LEAST_SLACK * optimal:
+        if low - span[0] * optimal >= _MIN_SLACK * optimal:
             return Hill.spanning(
                 (float(low), float(high)),
                 force,
@@ -96,7 +97,8 @@ def to_hill(spec: mujoco.MjSpec, model: Any, numbers: Sequence[tuple[str, Hill]]
 
 def _states(actuator: Any, model: Any, i: int, before: np.ndarray) -> list[float]:
     """The states of an actuator in a keyframe: as before, and 0 for what is new."""
-    first, count = int(model.actuator_actadr[i]), int(model.actuator_actnum[i])
+    first = int(model.actuator_actadr[i])
+    count = int(model.actuator_actnum[i])
     old = before[first : first + count].tolist() if first >= 0 else []
     wanted = max(int(actuator.actdim), 1 if actuator.dyntype != mujoco.mjtDyn.mjDYN_NONE else 0)
     return [0.0] * (wanted - len(old)) + old

@@ -14,12 +14,12 @@ import mujoco
 
 from motorgrad._errors import check
 from motorgrad._limits import (
-    MOST_MODEL_ARENA_BYTES,
-    MOST_MODEL_BODIES_DEEP,
-    MOST_MODEL_BYTES,
-    MOST_MODEL_OCTREE_LEVELS,
-    MOST_MODEL_RANGE_STEPS,
-    MOST_MODEL_RESERVED_BYTES,
+    MAX_MODEL_ARENA_BYTES,
+    MAX_MODEL_BODY_DEPTH,
+    MAX_MODEL_BYTES,
+    MAX_MODEL_OCTREE_LEVELS,
+    MAX_MODEL_RANGE_STEPS,
+    MAX_MODEL_RESERVED_BYTES,
 )
 from motorgrad._reading import content_of
 from motorgrad.bodies.models._scan import check_bytes, file_size, files_of, product
@@ -56,7 +56,7 @@ _USERS = {
 
 
 def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
-    """Refuse a description whose model would need more than `MOST_MODEL_BYTES`, or would never finish compiling.
+    """Refuse a description whose model would need more than `MAX_MODEL_BYTES`, or would never finish compiling.
 
     **Arguments:** `spec`: the description; `folders`: where its files may be, beside its own folder.
 
@@ -65,8 +65,8 @@ def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
     dofs, pairs, deepest = _branches(spec)
     possible = _possible(spec, dofs, deepest)
     for what, value, size in _arena(spec, dofs):
-        check_bytes(what, value, size, MOST_MODEL_RESERVED_BYTES)
-        check_bytes(what, value, min(size, possible), MOST_MODEL_ARENA_BYTES)
+        check_bytes(what, value, size, MAX_MODEL_RESERVED_BYTES)
+        check_bytes(what, value, min(size, possible), MAX_MODEL_ARENA_BYTES)
     total = 0.0
     for what, value, size in _sizes(spec, dofs, pairs, [Path(spec.modelfiledir), *folders]):
         total += max(0.0, size)
@@ -74,10 +74,10 @@ def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
     search = spec.compiler.LRopt
     steps = search.inttotal / max(search.timestep, 1e-12)
     check(
-        steps <= MOST_MODEL_RANGE_STEPS,
+        steps <= MAX_MODEL_RANGE_STEPS,
         "lengthrange: inttotal / timestep",
         steps,
-        f"at most {MOST_MODEL_RANGE_STEPS:,} steps",
+        f"at most {MAX_MODEL_RANGE_STEPS:,} steps",
     )
 
 
@@ -118,10 +118,11 @@ def _branches(spec: Any) -> tuple[int, int, int]:
     todo = [(spec.worldbody, 0, 0)]
     while todo:
         body, above, depth = todo.pop()
-        check(depth <= MOST_MODEL_BODIES_DEEP, "bodies within bodies", depth, f"at most {MOST_MODEL_BODIES_DEEP}")
+        check(depth <= MAX_MODEL_BODY_DEPTH, "bodies within bodies", depth, f"at most {MAX_MODEL_BODY_DEPTH}")
         for inner in body.bodies:
             own = sum(_DOFS.get(joint.type, 1) for joint in inner.joints)
-            dofs, pairs = dofs + own, pairs + own * above + own * (own + 1) // 2
+            dofs = dofs + own
+            pairs = pairs + own * above + own * (own + 1) // 2
             deepest = max(deepest, above + own)
             todo.append((inner, above + own, depth + 1))
     return dofs, pairs, deepest
@@ -184,7 +185,8 @@ def _readings(spec: Any, sensor: Any) -> tuple[str, Any, float]:
 
 def asset_files(spec: Any, folders: Iterable[Path]) -> dict[str, list[Path]]:
     """The files that the assets of a description may mean, by the name that it gives them."""
-    folders, found = [Path(spec.modelfiledir), *folders], {}
+    folders = [Path(spec.modelfiledir), *folders]
+    found = {}
     for each in (*spec.textures, *spec.hfields, *spec.meshes, *spec.skins):
         for name in filter(None, [each.file, *getattr(each, "cubefiles", ())]):
             found[name] = _paths(each, name, folders)
@@ -216,10 +218,10 @@ def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
     for each in spec.meshes:
         deep = each.octree_maxdepth
         check(
-            deep <= MOST_MODEL_OCTREE_LEVELS,
+            deep <= MAX_MODEL_OCTREE_LEVELS,
             f"octree_maxdepth of mesh {each.name!r}",
             deep,
-            f"at most {MOST_MODEL_OCTREE_LEVELS}",
+            f"at most {MAX_MODEL_OCTREE_LEVELS}",
         )
 
 
@@ -234,7 +236,7 @@ def _file(
     for path in _paths(asset, file, folders):
         size = file_size(path)
         check_bytes(f"{name}: bytes of {file}", size, size)
-        yield from _content(name, file, content_of(path, MOST_MODEL_BYTES), image)
+        yield from _content(name, file, content_of(path, MAX_MODEL_BYTES), image)
 
 
 def _content(name: str, file: str, content: bytes, image: bool) -> Iterator[tuple[str, Any, float]]:
@@ -255,7 +257,10 @@ def _content(name: str, file: str, content: bytes, image: bool) -> Iterator[tupl
 
 def _unpacked(name: str, content: bytes, most: float) -> float:
     """The bytes that the texts of a PNG become, at most. Its pixels must not become more than `most` bytes."""
-    place, image, pixels, texts = 8, zlib.decompressobj(), 0, 0
+    place = 8
+    image = zlib.decompressobj()
+    pixels = 0
+    texts = 0
     while place + 8 <= len(content):
         length, kind = struct.unpack(">I4s", content[place : place + 8])
         part = content[place + 8 : place + 8 + length]

@@ -14,7 +14,7 @@ from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad.bodies.muscles._hill import check_hill
 from motorgrad.bodies.muscles._muscle import check_thesis
 
-_KINDS = {
+_OBJECT_TYPES = {
     **{kind: kind for kind in ("body", "geom", "site", "pair", "tendon", "actuator", "sensor")},
     **{"dof": "joint", "jnt": "joint", "qpos0": "joint", "qpos": "joint"},
     **{"cam": "camera", "eq": "equality", "key": "keyframe"},
@@ -28,7 +28,7 @@ _NOT_NEGATIVE = (
     *("geom_friction", "pair_friction", "actuator_delay", "sensor_delay"),
 )
 _FLUID = ("density", "viscosity")
-_MOST = float(mujoco.mjMAXVAL)
+_MAX_VALUE = float(mujoco.mjMAXVAL)
 _ROUNDED = 1 + 1e-9  # for a delay of a whole number of steps
 _DYNAMICS = mujoco.mjtDyn
 
@@ -54,7 +54,7 @@ def check_meaning(model: Any) -> None:
         _check_each(model, name, getattr(model, name) < 0, "at least 0")
     for name in ("key_qpos", "key_qvel"):
         # beyond this MuJoCo resets the simulation, and a batch that has just begun cannot tell
-        _check_each(model, name, np.abs(getattr(model, name)) > _MOST, f"at most {_MOST:g} in size")
+        _check_each(model, name, np.abs(getattr(model, name)) > _MAX_VALUE, f"at most {_MAX_VALUE:g} in size")
     for i in range(model.nu):
         _check_actuator(model, i, _named(model, "actuator", i))
     for i in range(model.nsensor):
@@ -96,7 +96,7 @@ def _meets_fault(model: Any) -> bool:
 
 def _numbers(model: Any) -> Iterator[tuple[str, np.ndarray]]:
     """The fields with which physics computes, those that follow from others last. Users' own data may be anything."""
-    names = [name for name in dir(model) if name.split("_")[0] in _KINDS and not name.endswith("_user")]
+    names = [name for name in dir(model) if name.split("_")[0] in _OBJECT_TYPES and not name.endswith("_user")]
     for name in sorted(names, key=lambda name: name.endswith("0") and name != "qpos0"):
         values = getattr(model, name)
         if isinstance(values, np.ndarray) and values.dtype.kind == "f":
@@ -114,7 +114,7 @@ def _check_each(model: Any, field: str, wrong: np.ndarray, wanted: str) -> None:
         row = int(model.dof_jntid[row])
     elif start.startswith("qpos"):
         row = int(np.flatnonzero(model.jnt_qposadr <= row)[-1])
-    check(False, f"{what or 'ref'} of {_named(model, _KINDS[start], row)}", value, wanted)
+    check(False, f"{what or 'ref'} of {_named(model, _OBJECT_TYPES[start], row)}", value, wanted)
 
 
 def _named(model: Any, kind: str, i: int) -> str:
@@ -124,7 +124,8 @@ def _named(model: Any, kind: str, i: int) -> str:
 
 
 def _check_actuator(model: Any, i: int, which: str) -> None:
-    constants, dynamics = model.actuator_dynprm[i], model.actuator_dyntype[i]
+    constants = model.actuator_dynprm[i]
+    dynamics = model.actuator_dyntype[i]
     _check_muscle(model, i, which)
     if dynamics == _DYNAMICS.mjDYN_MUSCLE:
         for name, value in zip(("activation", "deactivation"), constants[:2], strict=True):
@@ -139,7 +140,8 @@ def _check_actuator(model: Any, i: int, which: str) -> None:
     _check_delay(which, model.actuator_delay[i], model.actuator_history[i, 0], model.opt.timestep)
     limited = model.actuator_actlimited[i]
     low, high = model.actuator_actrange[i] if limited else (0.0, 1.0)
-    first, count = model.actuator_actadr[i], model.actuator_actnum[i]
+    first = model.actuator_actadr[i]
+    count = model.actuator_actnum[i]
     for key in range(model.nkey if limited or dynamics == _DYNAMICS.mjDYN_MUSCLE else 0):
         active = model.key_act[key, first : first + count]
         right = (active >= low).all() and (active <= high).all()
@@ -149,7 +151,8 @@ def _check_actuator(model: Any, i: int, which: str) -> None:
 
 def _check_muscle(model: Any, i: int, which: str) -> None:
     """Refuse negative lengths of a muscle of MuJoCo's."""
-    gain, bias = model.actuator_gaintype[i], model.actuator_biastype[i]
+    gain = model.actuator_gaintype[i]
+    bias = model.actuator_biastype[i]
     for own, prm in (
         (gain == mujoco.mjtGain.mjGAIN_MUSCLE, model.actuator_gainprm[i]),
         (bias == mujoco.mjtBias.mjBIAS_MUSCLE, model.actuator_biasprm[i]),
@@ -157,7 +160,8 @@ def _check_muscle(model: Any, i: int, which: str) -> None:
         if own:
             wanted = "lengths of the fiber from 0 on, in optimal ones"
             check(prm[0] >= 0, f"range of {which}", prm[:2].tolist(), wanted)
-            span, wanted = model.actuator_lengthrange[i], "lengths of the path from 0 on, in m"
+            span = model.actuator_lengthrange[i]
+            wanted = "lengths of the path from 0 on, in m"
             check(span[0] >= 0 or not _on_path(model, i), f"lengthrange of {which}", span.tolist(), wanted)
 
 
@@ -177,7 +181,8 @@ def _warn_of_overshoot(model: Any, which: str, shortest: float) -> None:
 
 
 def _check_sensor(model: Any, i: int, which: str) -> None:
-    samples, every = model.sensor_history[i, 0], model.sensor_interval[i, 0]
+    samples = model.sensor_history[i, 0]
+    every = model.sensor_interval[i, 0]
     _check_delay(which, model.sensor_delay[i], samples, every or model.opt.timestep)
     check(
         every == 0 or samples,

@@ -10,25 +10,25 @@ from typing import NamedTuple
 
 from motorgrad._errors import check
 from motorgrad._limits import (
-    MOST_MODEL_BYTES,
-    MOST_MODEL_COPIES,
-    MOST_MODEL_ELEMENTS_DEEP,
-    MOST_MODEL_FILES_DEEP,
-    MOST_MODEL_PARTS,
-    MOST_MODEL_TEXT,
+    MAX_MODEL_BYTES,
+    MAX_MODEL_CHARACTERS,
+    MAX_MODEL_COPIES,
+    MAX_MODEL_ELEMENT_DEPTH,
+    MAX_MODEL_FILE_DEPTH,
+    MAX_MODEL_PARTS,
 )
 from motorgrad._reading import content_of
 
 _SLOW = 10  # parts for each copy of what refers to a copied part, as MuJoCo copies it that much more slowly
 _PER_VERTEX = 8  # parts of a flexcomp: a body, three joints, elements
-_LEAST_LINE = 8  # bytes of a file per vertex
+_MIN_VERTEX_BYTES = 8  # of a file
 _MESH_BYTES = 500  # per vertex, with faces, hull and search trees
 _DIMENSIONS = {"cone": 1, "wedge": 2, "plate": 2}  # numbers of `params` that multiply, if not three
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
 _UNCOPIED = ("asset", "compiler", "custom", "default", "extension", "keyframe", "option", "size", "visual", "worldbody")
 _SQUARED = ("supersphere", "supertorus")
-_NAMES = ("name", "class", "childclass", "file", "user")
-"""Attributes that may say "nan"."""
+_NAME_ATTRIBUTES = ("name", "class", "childclass", "file", "user")
+"""They may say "nan"."""
 _MUSCLE = ("timeconst", "range", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
 """Numbers of a `muscle` in whose place MuJoCo takes its own if they are negative. A negative force means `scale`."""
 
@@ -61,7 +61,8 @@ class _Reading:
     """What the documents of one model share."""
 
     def __init__(self) -> None:
-        self.text, self.depth = 0, 0
+        self.text = 0
+        self.depth = 0
         self.folders: set[Path] = set()
         self.files: set[Path] = set()
 
@@ -93,7 +94,7 @@ class _Document:
         """The parts of the document, with all copies."""
         self._read(text, folder)
         # MuJoCo copies a sensor, an actuator, ... with each copy of what it refers to, and what refers to that in turn
-        for _ in range(MOST_MODEL_FILES_DEEP):
+        for _ in range(MAX_MODEL_FILE_DEPTH):
             before = dict(self._copies)
             for each in self._referring:
                 if each.name:
@@ -104,7 +105,7 @@ class _Document:
         parts += _SLOW * sum(self._attached + self._copies_of(each) - 1.0 for each in self._referring)
         for name, copies in self._points:
             found = files_of(name, self._reading.folders, self._inner)
-            parts += copies * sum(map(file_size, found)) / _LEAST_LINE
+            parts += copies * sum(map(file_size, found)) / _MIN_VERTEX_BYTES
         check_parts(parts)
         return parts
 
@@ -116,16 +117,16 @@ class _Document:
         reading = self._reading
         reading.text += len(text)
         check(
-            reading.text <= MOST_MODEL_TEXT,
+            reading.text <= MAX_MODEL_CHARACTERS,
             "length of the text",
             reading.text,
-            f"at most {MOST_MODEL_TEXT:,} characters",
+            f"at most {MAX_MODEL_CHARACTERS:,} characters",
         )
         check(
-            reading.depth < MOST_MODEL_FILES_DEEP,
+            reading.depth < MAX_MODEL_FILE_DEPTH,
             "files within files",
             reading.depth + 1,
-            f"at most {MOST_MODEL_FILES_DEEP} deep",
+            f"at most {MAX_MODEL_FILE_DEPTH} deep",
         )
         reading.depth += 1
         reading.folders.add(folder)
@@ -154,8 +155,8 @@ class _Document:
 
     def _begin(self, tag: str, given: Mapping[str, str], folder: Path) -> None:
         deep = len(self._open)
-        limit = f"at most {MOST_MODEL_ELEMENTS_DEEP}"
-        check(deep < MOST_MODEL_ELEMENTS_DEEP, "elements within elements", deep + 1, limit)
+        limit = f"at most {MAX_MODEL_ELEMENT_DEPTH}"
+        check(deep < MAX_MODEL_ELEMENT_DEPTH, "elements within elements", deep + 1, limit)
         _check_numbers(tag, given)
         copies = product(given.get("count", "1"))
         if tag == "flexcomp":
@@ -164,7 +165,7 @@ class _Document:
         elif tag == "skin":
             copies *= product(given.get("subgrid", "1")) ** 2
         elif tag == "replicate":
-            check(copies <= MOST_MODEL_COPIES, "count", given.get("count"), f"at most {MOST_MODEL_COPIES:,}")
+            check(copies <= MAX_MODEL_COPIES, "count", given.get("count"), f"at most {MAX_MODEL_COPIES:,}")
         check_parts(copies)
         all_copies = copies * (self._open[-1].all_copies if self._open else 1.0)
         inside = 0.0
@@ -245,10 +246,10 @@ def _named(path: Path) -> Iterator[None]:
 def check_parts(parts: float) -> None:
     """Refuse too many parts."""
     number = int(parts) if parts < 1e18 else parts
-    check(parts <= MOST_MODEL_PARTS, "parts, with all copies,", number, f"at most {MOST_MODEL_PARTS:,}")
+    check(parts <= MAX_MODEL_PARTS, "parts, with all copies,", number, f"at most {MAX_MODEL_PARTS:,}")
 
 
-def check_bytes(what: str, value: object, size: float, most: int = MOST_MODEL_BYTES) -> None:
+def check_bytes(what: str, value: object, size: float, most: int = MAX_MODEL_BYTES) -> None:
     """Refuse something that would make a model, or one part of it, of `size` bytes."""
     check(size <= most, what, value, f"such that the model takes at most {most / 2**30:g} GiB, not {size / 2**30:,.2f}")
 
@@ -257,7 +258,7 @@ def read_bytes(path: Path) -> bytes:
     """The content of a file of acceptable length."""
     file_size(path)  # refuses what is no file, and names it
     try:
-        return content_of(path, MOST_MODEL_TEXT)
+        return content_of(path, MAX_MODEL_CHARACTERS)
     except ValueError as error:
         raise ValueError(f"{path.name}: {error}") from None
 
@@ -267,7 +268,8 @@ def files_of(name: str, folders: Iterable[Path], inner: Iterable[str] = ("",)) -
 
     MuJoCo takes a backslash for a slash, so that both are meant.
     """
-    inner, names = list(inner), (name, name.replace("\\", "/"))
+    inner = list(inner)
+    names = (name, name.replace("\\", "/"))
     inner += [part.replace("\\", "/") for part in inner]
     paths = {os.path.abspath(folder / part / each) for folder in folders for part in inner for each in names}
     return [Path(path) for path in sorted(paths) if os.path.exists(path)]
@@ -290,7 +292,7 @@ def product(words: str, change: Callable[[float], float] = float) -> float:
 def _check_numbers(tag: str, given: Mapping[str, str]) -> None:
     """Refuse numbers that MuJoCo would read, and put its own in their place."""
     for name, value in given.items():
-        if name not in _NAMES and "nan" in value.lower():
+        if name not in _NAME_ATTRIBUTES and "nan" in value.lower():
             check(not any(map(math.isnan, _floats(value))), name, value, "a number, or left out")
         if tag == "muscle" and name in _MUSCLE:
             check(not any(number < 0 for number in _floats(value)), name, value, "at least 0, or left out")

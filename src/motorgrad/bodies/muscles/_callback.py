@@ -38,7 +38,8 @@ def install_muscle_callback(model: Any = None) -> None:
     """
     wanted = _WITHOUT if model is None else callbacks_of(model)
     for name in wanted:
-        current, ours = callback_getter(name)(), machine_code(name)
+        current = callback_getter(name)()
+        ours = machine_code(name)
         if current is not None and _address(current) != _address(ours):
             raise RuntimeError(_foreign(name, current))
     missing = [name for name in wanted if callback_getter(name)() is None]
@@ -122,18 +123,23 @@ def _verify_thesis() -> None:
 def _verify_hill() -> None:
     """Compare the forces and the states after a step with the formulas, for tendons and curves of all kinds."""
     model, data = probe("mjcb_act_bias", 4, "tendon")
-    data.ctrl[:], data.qvel[:] = (0.5, 1.0, 0.0, 0.7), (0.1, -0.2, 0.05, 0.1)
+    data.ctrl[:] = (0.5, 1.0, 0.0, 0.7)
+    data.qvel[:] = (0.1, -0.2, 0.05, 0.1)
     data.act[:] = (0.9, 0.4, 0.3, 1.1, 0.8, 0.6)
     mujoco.mj_forward(model, data)
-    lengths, speeds = np.array(data.actuator_length), np.array(data.actuator_velocity)
-    forces, states, step = np.zeros(4), np.array(data.act), model.opt.timestep
+    lengths = np.array(data.actuator_length)
+    speeds = np.array(data.actuator_velocity)
+    forces = np.zeros(4)
+    states = np.array(data.act)
+    step = model.opt.timestep
     for i, first in enumerate(model.actuator_actadr):
         force, optimal, slack, pennation, fastest, damping, stiffness, curves = (
             float(x) for x in model.actuator_biasprm[i, :8]
         )
         law = with_curves([*CURVES][int(curves)])
         last = first + model.actuator_actnum[i] - 1
-        active, whole = float(data.act[last]), (optimal, slack, pennation, fastest, damping)
+        active = float(data.act[last])
+        whole = (optimal, slack, pennation, fastest, damping)
         states[last] = law.next_activation(active, data.ctrl[i], step, *model.actuator_dynprm[i, :2])
         if last == first:
             forces[i] = law.rigid_tension(active, lengths[i], speeds[i], force, *whole)

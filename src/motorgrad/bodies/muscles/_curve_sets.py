@@ -97,7 +97,8 @@ def with_curves(
 
     **Returns:** an object with the functions by name. They call each other, and not those of their modules.
     """
-    curves, found = hill_curves(name), dict(scope)
+    curves = hill_curves(name)
+    found = dict(scope)
     own = (curves.active_tangent, curves.passive_tangent, curves.velocity_tangent, curves.tendon_tangent)
     for function in (*curves.helpers, *own, *FUNCTIONS):
         code: Any = instead.get(function.__name__, function)

@@ -21,7 +21,7 @@ from motorgrad.bodies.muscles._muscle import Attachment, Wrap
 
 SPAN = (0.4, 1.5)
 """The least and the greatest length of a fiber, as multiples of the optimal one, where nothing else tells them."""
-LEAST_TENDON = 1e-3
+MIN_TENDON_SLACK = 1e-3
 """The least slack length of a tendon that stretches, as a multiple of the fiber's optimal length."""
 
 
@@ -78,7 +78,7 @@ class Hill:
         if self.tendon == "rigid":
             check_not_negative("tendon_slack_length", self.tendon_slack_length)
         else:
-            least = LEAST_TENDON * self.optimal_fiber_length
+            least = MIN_TENDON_SLACK * self.optimal_fiber_length
             wanted = f"at least {least:g} m, or the tendon 'rigid'"
             check(self.tendon_slack_length >= least, "tendon_slack_length", self.tendon_slack_length, wanted)
 
@@ -162,9 +162,11 @@ def set_hill(actuator: Any, hill: Hill) -> None:
     actuator.dyntype, actuator.biastype = mujoco.mjtDyn.mjDYN_USER, mujoco.mjtBias.mjBIAS_USER
     actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
     actuator.actdim = 2 if hill.tendon == "compliant" else 1
-    actuator.ctrllimited, actuator.ctrlrange = True, (0.0, 1.0)
+    actuator.ctrllimited = True
+    actuator.ctrlrange = (0.0, 1.0)
     # limits of what was an activation would hold the fiber's length
-    actuator.actlimited, actuator.actearly = False, False
+    actuator.actlimited = False
+    actuator.actearly = False
     actuator.gainprm[:] = 0.0
     actuator.dynprm[:] = _filled(hill.activation_time_constant, hill.deactivation_time_constant, size=mujoco.mjNDYN)
     actuator.biasprm[:] = _filled(
@@ -205,8 +207,11 @@ def check_hill(model: Any) -> None:
 
 def _is_hill(model: Any, i: int) -> bool:
     """Whether the callbacks can serve an actuator: it has all that `set_hill` sets, within the ranges of `Hill`."""
-    numbers, constants = model.actuator_biasprm[i], model.actuator_dynprm[i]
-    states, curves, stiffness = int(model.actuator_actnum[i]), numbers[7], numbers[6]
+    numbers = model.actuator_biasprm[i]
+    constants = model.actuator_dynprm[i]
+    states = int(model.actuator_actnum[i])
+    curves = numbers[7]
+    stiffness = numbers[6]
     right = hill_actuators(model)[i] and model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_USER
     right = right and model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED and not model.actuator_gainprm[i].any()
     right = right and model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON and model.actuator_gear[i, 0] == 1
@@ -257,7 +262,8 @@ def read_hill(model: Any, data: Any, actuator: int) -> HillState:
     """
     check(hill_actuators(model)[actuator], "actuator", model.actuator(actuator).name, "a Hill-type muscle")
     optimal, slack, pennation = (float(x) for x in model.actuator_biasprm[actuator, 1:4])
-    length, height = float(data.actuator_length[actuator]), math.sin(pennation)
+    length = float(data.actuator_length[actuator])
+    height = math.sin(pennation)
     if model.actuator_actnum[actuator] == 2:
         first = model.actuator_actadr[actuator]
         states = np.array(data.act)[None]
@@ -265,7 +271,8 @@ def read_hill(model: Any, data: Any, actuator: int) -> HillState:
         fiber = float(states[0, first])
         tendon = float(tendon_length(fiber, length, optimal, pennation))
     else:
-        fiber, tendon = math.hypot(max(length - slack, 0.0) / optimal, height), slack
+        fiber = math.hypot(max(length - slack, 0.0) / optimal, height)
+        tendon = slack
     angle = math.asin(min(height / fiber, 1.0)) if fiber else 0.0
     return HillState(fiber * optimal, tendon, angle, tendon / slack - 1.0 if slack else 0.0)
 
@@ -273,7 +280,8 @@ def read_hill(model: Any, data: Any, actuator: int) -> HillState:
 def hill_force(model: Any, actuator: int, activation: float, length: Any, velocity: Any) -> np.ndarray:
     """The force in N of a Hill-type muscle whose tendon is at rest, at lengths of the path in m and rates in m/s."""
     force, optimal, slack, pennation, fastest, damping, stiffness = model.actuator_biasprm[actuator, :7]
-    numbers, curves = (force, optimal, slack, pennation, fastest, damping), _curves_of(model, actuator)
+    numbers = (force, optimal, slack, pennation, fastest, damping)
+    curves = _curves_of(model, actuator)
     law = with_curves(curves)
     if model.actuator_actnum[actuator] == 1:
         return law.rigid_tension(activation, length, velocity, *numbers)
@@ -289,6 +297,7 @@ def settle(model: Any, activation: np.ndarray, length: np.ndarray) -> None:
     """
     for actuator in fibers(model):
         steady = compiled_hill(_curves_of(model, actuator)).steady_fiber
-        numbers, first = model.actuator_biasprm[actuator, 1:7], model.actuator_actadr[actuator]
+        numbers = model.actuator_biasprm[actuator, 1:7]
+        first = model.actuator_actadr[actuator]
         for row in np.flatnonzero(activation[:, first] <= 0.0):
             activation[row, first] = steady(activation[row, first + 1], length[row, actuator], 0.0, *numbers)

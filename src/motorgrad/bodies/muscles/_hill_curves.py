@@ -19,12 +19,13 @@ VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
 """d1 to d4 of the force–velocity curve."""
 TENDON = (0.2, 1.0, 0.2)
 """c1 to c3 of the tendon's curve."""
-SHORTEST = 0.2
-"""The length of a fiber at which its passive force is 0, as a multiple of the optimal length; none is shorter."""
-_PASSIVE_SHAPE, _PASSIVE_STRAIN = 4.0, 0.6
+MIN_FIBER_LENGTH = 0.2
+"""At which the passive force is 0, as a multiple of the optimal length; no fiber is shorter."""
+_PASSIVE_SHAPE = 4.0
+_PASSIVE_STRAIN = 0.6
 STRAIN = 0.049
 """Of a tendon at the greatest isometric force, as in OpenSim."""
-_LARGEST = 200.0  # of an exponent, so that a tendon that is torn apart pulls with a huge force, and not an infinite one
+_MAX_EXPONENT = 200.0  # so that a tendon that is torn apart pulls with a huge force, and not an infinite one
 
 
 def active_force_length(length: Any, coefficients: Any = ACTIVE) -> Any:
@@ -46,7 +47,7 @@ def active_force_length(length: Any, coefficients: Any = ACTIVE) -> Any:
     return active_tangent(length, coefficients)[0]
 
 
-def passive_force_length(length: Any, least: Any = SHORTEST) -> Any:
+def passive_force_length(length: Any, least: Any = MIN_FIBER_LENGTH) -> Any:
     r"""The force of a passive fiber.
 
     $$f_P(\tilde l) = \frac{e^{k_P (\tilde l - 1) / e_0} - e^{k_P (\tilde l_0 - 1) / e_0}}
@@ -104,7 +105,8 @@ def tendon_force_length(length: Any, strain: Any = STRAIN, coefficients: Any = T
 
 def active_tangent(length: Any, coefficients: Any = ACTIVE) -> tuple[Any, Any]:
     """The active force at a length, and its slope."""
-    value, slope = 0.0, 0.0
+    value = 0.0
+    slope = 0.0
     for height, centre, width, widening in coefficients:
         under = width + widening * length
         part = (length - centre) / under
@@ -121,13 +123,13 @@ def _passive(least: Any) -> tuple[Any, Any, Any]:
     return rate, offset, 1.0 / (math.exp(_PASSIVE_SHAPE) - offset)
 
 
-PASSIVE = tuple(map(float, _passive(SHORTEST)))
+PASSIVE = tuple(map(float, _passive(MIN_FIBER_LENGTH)))
 
 
 def passive_tangent(length: Any, coefficients: Any = PASSIVE) -> tuple[Any, Any]:
     """The passive force at a length, and its slope."""
     rate, offset, scale = coefficients
-    rise = np.exp(np.minimum(rate * (length - 1.0), _LARGEST))
+    rise = np.exp(np.minimum(rate * (length - 1.0), _MAX_EXPONENT))
     return scale * (rise - offset), scale * rate * rise
 
 
@@ -149,5 +151,5 @@ def tendon_stiffness(strain: Any, coefficients: Any = TENDON) -> Any:
 def tendon_tangent(length: Any, stiffness: Any, coefficients: Any = TENDON) -> tuple[Any, Any]:
     """The force of a tendon at a length, and its slope."""
     c1, c2, c3 = coefficients
-    rise = c1 * np.exp(np.minimum(stiffness * (length - c2), _LARGEST))
+    rise = c1 * np.exp(np.minimum(stiffness * (length - c2), _MAX_EXPONENT))
     return rise - c3, stiffness * rise

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad.bodies.muscles._hill_curves import (
-    SHORTEST,
+    MIN_FIBER_LENGTH,
     active_tangent,
     passive_tangent,
     tendon_tangent,
@@ -37,14 +37,16 @@ def next_activation(activation: Any, excitation: Any, seconds: Any, rise: Any, f
 
     Source: Thelen (2003); Millard et al. (2013).
     """
-    target, now = np.minimum(np.maximum(excitation, 0.0), 1.0), np.minimum(np.maximum(activation, 0.0), 1.0)
+    target = np.minimum(np.maximum(excitation, 0.0), 1.0)
+    now = np.minimum(np.maximum(activation, 0.0), 1.0)
     half = target + (now - target) * np.exp(-0.5 * seconds * activation_rate(now, target, rise, fall))
     return target + (now - target) * np.exp(-seconds * activation_rate(half, target, rise, fall))
 
 
 def activation_rate(activation: Any, excitation: Any, rise: Any, fall: Any) -> Any:
     """How fast activation approaches the excitation, in 1/s."""
-    ease, up = 0.5 + 1.5 * activation, excitation > activation
+    ease = 0.5 + 1.5 * activation
+    up = excitation > activation
     return up / (rise * ease) + (1.0 - up) * ease / fall
 
 
@@ -68,7 +70,8 @@ def rigid_tension(
     fiber = np.sqrt(along * along + height * height)
     cosine = along / fiber
     speed = velocity * cosine / (optimal * fastest)
-    active, passive = active_tangent(fiber)[0], passive_tangent(fiber)[0]
+    active = active_tangent(fiber)[0]
+    passive = passive_tangent(fiber)[0]
     inner = activation * active * velocity_tangent(speed)[0] + passive + damping * speed
     return strength * (fiber > shortest_fiber(height)) * np.maximum(cosine * inner, 0.0)
 
@@ -92,7 +95,7 @@ def tendon_length(fiber: Any, length: Any, optimal: Any, pennation: Any) -> Any:
 
 def shortest_fiber(height: Any) -> Any:
     """The least length of a fiber whose pennation keeps its `height`."""
-    return np.maximum(SHORTEST, height / _STEEPEST)
+    return np.maximum(MIN_FIBER_LENGTH, height / _STEEPEST)
 
 
 def next_fiber(
@@ -126,8 +129,11 @@ def next_fiber(
 
     Source: the damped equilibrium of Millard et al. (2013).
     """
-    height, grip = np.sin(pennation), optimal / slack
-    path, drift, reach = length / optimal, velocity * seconds / optimal, seconds * fastest
+    height = np.sin(pennation)
+    grip = optimal / slack
+    path = length / optimal
+    drift = velocity * seconds / optimal
+    reach = seconds * fastest
     at = np.maximum(fiber, shortest_fiber(height))
     muscle = (grip, height, damping, stiffness)
     curves = (at, *active_tangent(at), *passive_tangent(at))
@@ -158,8 +164,10 @@ def steady_fiber(
 
     **Arguments:** activation; length of the path in m and its rate in m/s; then numbers of a `Hill`.
     """
-    height, path = np.sin(pennation), length / optimal
-    muscle, now = (optimal / slack, height, damping, stiffness), min(max(activation, 0.0), 1.0)
+    height = np.sin(pennation)
+    path = length / optimal
+    muscle = (optimal / slack, height, damping, stiffness)
+    now = min(max(activation, 0.0), 1.0)
     low, high = bracket(path, height)
     fiber = high
     for number in range(_TRIES):
@@ -169,7 +177,8 @@ def steady_fiber(
         new, low, high, flat = newton(fiber, low, high, fiber - speed / _SLOW, _SLOW, now, path, muscle, curves)
         if number % 8 == 7 or flat:  # Newton's method is slow where a tendon is stretched far
             new = 0.5 * (low + high)
-        moved, fiber = abs(new - fiber), new
+        moved = abs(new - fiber)
+        fiber = new
         if moved < _STILL:
             break
     return fiber
@@ -183,7 +192,8 @@ def balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscl
         new, low, high, _ = newton(fiber, low, high, base, pace, activation, path, muscle, curves)
         if number % 8 == 7:  # Newton's method is slow where a tendon is stretched far
             new = 0.5 * (low + high)
-        moved, fiber = abs(new - fiber), new
+        moved = abs(new - fiber)
+        fiber = new
         if moved * pace < _CLOSE:
             break
     return fiber
@@ -212,7 +222,8 @@ def newton(
     excess, by_length, by_speed, _ = balance(fiber, (fiber - base) * pace, activation, path, muscle, curves)
     # choices by factors of 0 and 1, which are exact
     long = 1.0 * (excess > 0.0)
-    high, low = long * fiber + (1.0 - long) * high, long * low + (1.0 - long) * fiber
+    high = long * fiber + (1.0 - long) * high
+    low = long * low + (1.0 - long) * fiber
     new = fiber - excess / _not_zero(by_length + by_speed * pace)
     inside = 1.0 * ((new >= low) & (new <= high))
     flat = (excess == 0.0) & (by_length == 0.0)
@@ -240,7 +251,8 @@ def balance(fiber: Any, speed: Any, activation: Any, path: Any, muscle: Any, cur
     at, active, active_slope, passive, passive_slope = curves
     along = np.sqrt(fiber * fiber - height * height)
     inverse = 1.0 / fiber
-    cosine, away = along * inverse, fiber - at
+    cosine = along * inverse
+    away = fiber - at
     factor, factor_slope = velocity_tangent(speed)
     drive = activation * (active + active_slope * away)
     force = drive * factor + passive + passive_slope * away + damping * speed

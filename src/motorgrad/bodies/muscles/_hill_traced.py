@@ -9,8 +9,12 @@ import jax.numpy as jnp
 
 from motorgrad.bodies.muscles._curve_sets import with_curves
 
-_CLOSE, _STILL = 1e-3, 1e-6  # as in `_hill_dynamics`, in single precision
-_REFINEMENTS, _SEARCHES = 14, 60  # of a fiber within a step, from a good guess, and of one at rest, from none
+# as in `_hill_dynamics`, in single precision
+_CLOSE = 1e-3
+_STILL = 1e-6
+# of a fiber within a step, from a good guess, and of one at rest, from none
+_REFINEMENTS = 14
+_SEARCHES = 60
 
 
 @functools.cache
@@ -58,8 +62,11 @@ def _steady_fiber(
     damping: Any,
     stiffness: Any,
 ) -> Any:
-    height, path = jnp.sin(pennation), length / optimal
-    muscle, now, pace = (optimal / slack, height, damping, stiffness), jnp.clip(activation, 0.0, 1.0), 1e-3
+    height = jnp.sin(pennation)
+    path = length / optimal
+    muscle = (optimal / slack, height, damping, stiffness)
+    now = jnp.clip(activation, 0.0, 1.0)
+    pace = 1e-3
 
     def refine(number: Any, found: Any) -> Any:
         fiber = found[0]

@@ -1,7 +1,8 @@
 """The laws of muscles in machine code, as the C functions that MuJoCo calls.
 
 A function in machine code (compiled by numba) runs without the interpreter, as a thread pool requires. It receives
-pointers to mjModel and mjData, and reads these structs as tables of pointers, at places that `_layout` finds.
+pointers to mjModel and mjData, and reads these structs as tables of pointers: `_layout` takes the place of each pointer
+from MuJoCo's own description of the structs.
 """
 
 # pyright: reportAttributeAccessIssue=false
@@ -34,7 +35,8 @@ _PROBE_ACTUATOR = {
 @functools.cache
 def compiled_hill(curves: str) -> types.SimpleNamespace:
     """The functions of Hill-type muscles that have some curves, compiled, by name."""
-    numba, helpers = _numba(), {each.__name__ for each in hill_curves(curves).helpers}
+    numba = _numba()
+    helpers = {each.__name__ for each in hill_curves(curves).helpers}
 
     def compiled(function: Any) -> Any:
         name = function.__name__
@@ -83,7 +85,8 @@ def _gain() -> Any:
     size = int(mujoco.mjNGAIN)
 
     def gain(model, data, actuator):  # pragma: no cover - runs as machine code
-        prm, first = model[parameters], actuator * size
+        prm = model[parameters]
+        first = actuator * size
         # strength is stored negative, because MuJoCo's force is positive when it lengthens a tendon
         return law(1.0, data[lengths][actuator], 0.0, prm[first], prm[first + 1], prm[first + 2], 0.0)
 
@@ -102,14 +105,24 @@ def _bias() -> Any:
     size = int(mujoco.mjNBIAS)
 
     def bias(model, data, actuator):  # pragma: no cover - runs as machine code
-        prm, at = model[parameters], actuator * size
-        first, length = whole(model[address])[actuator], data[lengths][actuator]
-        force, optimal, slack, pennation, fastest = prm[at], prm[at + 1], prm[at + 2], prm[at + 3], prm[at + 4]
-        damping, stiffness, curves = prm[at + 5], prm[at + 6], prm[at + 7]
+        prm = model[parameters]
+        at = actuator * size
+        first = whole(model[address])[actuator]
+        length = data[lengths][actuator]
+        force = prm[at]
+        optimal = prm[at + 1]
+        slack = prm[at + 2]
+        pennation = prm[at + 3]
+        fastest = prm[at + 4]
+        damping = prm[at + 5]
+        stiffness = prm[at + 6]
+        curves = prm[at + 7]
         if whole(model[count])[actuator] == 1:
-            velocity, active = data[velocities][actuator], data[states][first]
+            velocity = data[velocities][actuator]
+            active = data[states][first]
             return -rigid(curves, active, length, velocity, force, optimal, slack, pennation, fastest, damping)
-        fiber, active = data[states][first], data[states][first + 1]
+        fiber = data[states][first]
+        active = data[states][first + 1]
         if fiber <= 0.0:
             fiber = steady(curves, active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
         return -compliant(curves, fiber, length, force, optimal, slack, pennation, stiffness)
@@ -123,7 +136,9 @@ def _dynamics() -> Any:
     MuJoCo adds each, times its time step, to the state. A rate here is the difference to the state after the step,
     divided by the step: so a state after MuJoCo's step is what `next_activation` and `next_fiber` compute.
     """
-    whole, real, step = _cast("int32"), _cast("float64"), place_of_timestep(probe("mjcb_act_bias", 1, "joint")[0])
+    whole = _cast("int32")
+    real = _cast("float64")
+    step = place_of_timestep(probe("mjcb_act_bias", 1, "joint")[0])
     shift, steady = map(_with_any_curves, ("next_fiber", "steady_fiber"))
     advance = compiled_hill("de-groote").next_activation  # the same with all curves
     dynamics, parameters, address, count, controls, lengths, velocities, states, rates, control = _places(
@@ -131,28 +146,40 @@ def _dynamics() -> Any:
         ("actuator_dynprm", "actuator_biasprm", "actuator_actadr", "actuator_actnum", "actuator_ctrladr"),
         ("actuator_length", "actuator_velocity", "act", "act_dot", "ctrl"),
     )
-    many, size = int(mujoco.mjNDYN), int(mujoco.mjNBIAS)
+    many = int(mujoco.mjNDYN)
+    size = int(mujoco.mjNBIAS)
 
     def rate(model, data, actuator):  # pragma: no cover - runs as machine code
-        seconds, first = real(model)[step], whole(model[address])[actuator]
-        own, excitation = model[dynamics], data[control][whole(model[controls])[actuator]]
-        rise, fall = own[actuator * many], own[actuator * many + 1]
+        seconds = real(model)[step]
+        first = whole(model[address])[actuator]
+        own = model[dynamics]
+        excitation = data[control][whole(model[controls])[actuator]]
+        rise = own[actuator * many]
+        fall = own[actuator * many + 1]
         last = first + whole(model[count])[actuator] - 1
         active = data[states][last]
-        prm, at, length = model[parameters], actuator * size, data[lengths][actuator]
+        prm = model[parameters]
+        at = actuator * size
+        length = data[lengths][actuator]
         curves = prm[at + 7]
         later = advance(active, excitation, seconds, rise, fall)
         if last == first:
             return (later - active) / seconds
-        optimal, slack, pennation, fastest = prm[at + 1], prm[at + 2], prm[at + 3], prm[at + 4]
-        damping, stiffness, velocity = prm[at + 5], prm[at + 6], data[velocities][actuator]
+        optimal = prm[at + 1]
+        slack = prm[at + 2]
+        pennation = prm[at + 3]
+        fastest = prm[at + 4]
+        damping = prm[at + 5]
+        stiffness = prm[at + 6]
+        velocity = data[velocities][actuator]
         now = fiber = data[states][first]
         if fiber <= 0.0:
             fiber = steady(curves, active, length, 0.0, optimal, slack, pennation, fastest, damping, stiffness)
         held = (optimal, slack, pennation, fastest, damping, stiffness)
         new = shift(curves, fiber, active, later, length, velocity, seconds, *held)
         # with several states MuJoCo expects their rates here, and ignores what is returned
-        data[rates][first], data[rates][last] = (new - now) / seconds, (later - active) / seconds
+        data[rates][first] = (new - now) / seconds
+        data[rates][last] = (later - active) / seconds
         return 0.0
 
     return rate

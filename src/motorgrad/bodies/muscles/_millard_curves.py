@@ -52,17 +52,20 @@ def _elbow(one: _Joint, other: _Joint, curviness: float) -> tuple[Polynomial, Po
 
 def _table(joints: Sequence[_Joint], curviness: Sequence[float]) -> tuple[float, float, np.ndarray]:
     """A chain of elbows: where it begins, cells per unit, and six coefficients for each cell."""
-    start, pace = joints[0].x, _CELLS / (joints[-1].x - joints[0].x)
+    start = joints[0].x
+    pace = _CELLS / (joints[-1].x - joints[0].x)
     knots = np.linspace(start, joints[-1].x, _CELLS + 1)
     found = np.empty((3, _CELLS + 1))
     for (one, other), bend in zip(itertools.pairwise(joints), curviness, strict=True):
         x, y = _elbow(one, other, bend)
         inside = (knots >= one.x) & (knots <= other.x)
-        low, high = np.zeros(inside.sum()), np.ones(inside.sum())
+        low = np.zeros(inside.sum())
+        high = np.ones(inside.sum())
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             short = x(middle) < knots[inside]
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
+            low = np.where(short, middle, low)
+            high = np.where(short, high, middle)
         slope = y.deriv()(high) / x.deriv()(high)
         curvature = (y.deriv(2)(high) - slope * x.deriv(2)(high)) / x.deriv()(high) ** 2
         found[:, inside] = y(high), slope / pace, curvature / pace**2
@@ -70,7 +73,9 @@ def _table(joints: Sequence[_Joint], curviness: Sequence[float]) -> tuple[float,
     found[:, 0], found[:, -1] = ((each.y, each.slope / pace, 0.0) for each in (joints[0], joints[-1]))
     (y0, y1), (s0, s1), (c0, c1) = ((each[:-1], each[1:]) for each in found)
     # what is left to the other end of the cell, in value, slope and curvature
-    value, slope, curvature = y1 - y0 - s0 - 0.5 * c0, s1 - s0 - c0, c1 - c0
+    value = y1 - y0 - s0 - 0.5 * c0
+    slope = s1 - s0 - c0
+    curvature = c1 - c0
     last = (
         10.0 * value - 4.0 * slope + 0.5 * curvature,
         -15.0 * value + 7.0 * slope - curvature,
@@ -129,7 +134,8 @@ def _tendon(
     """The force of a tendon over its strain, as a multiple of that at the greatest isometric force, by which all of the
     curve scales: a toe, and a straight line."""
     toe = 1.0 + (toe_force - 1.0) / stiffness
-    foot, middle = 0.1 * toe, 1.0 + (0.5 * toe_force - 1.0) / stiffness
+    foot = 0.1 * toe
+    middle = 1.0 + (0.5 * toe_force - 1.0) / stiffness
     slope = 0.5 * toe_force / (middle - foot)
     joints = (
         _Joint(0.0, 0.0, 0.0),
@@ -139,7 +145,10 @@ def _tendon(
     return _table(joints, (curviness,) * 2)
 
 
-ACTIVE, PASSIVE, VELOCITY, TENDON = _active(), _passive(), _velocity(), _tendon()
+ACTIVE = _active()
+PASSIVE = _passive()
+VELOCITY = _velocity()
+TENDON = _tendon()
 
 
 def tabulated(x: Any, start: Any, pace: Any, table: Any) -> tuple[Any, Any]:
@@ -148,9 +157,15 @@ def tabulated(x: Any, start: Any, pace: Any, table: Any) -> tuple[Any, Any]:
     # `fmax` and `fmin` make a place even of what is not a number, which the last line passes on
     inside = np.fmin(np.fmax(place, 0.0), _CELLS)
     cell = np.int32(np.fmin(inside, _CELLS - 1))
-    at, numbers, first = inside - cell, np.asarray(table), 6 * cell
-    c0, c1, c2 = numbers[first], numbers[first + 1], numbers[first + 2]
-    c3, c4, c5 = numbers[first + 3], numbers[first + 4], numbers[first + 5]
+    at = inside - cell
+    numbers = np.asarray(table)
+    first = 6 * cell
+    c0 = numbers[first]
+    c1 = numbers[first + 1]
+    c2 = numbers[first + 2]
+    c3 = numbers[first + 3]
+    c4 = numbers[first + 4]
+    c5 = numbers[first + 5]
     value = c0 + at * (c1 + at * (c2 + at * (c3 + at * (c4 + at * c5))))
     slope = c1 + at * (2.0 * c2 + at * (3.0 * c3 + at * (4.0 * c4 + at * (5.0 * c5))))
     return value + slope * (place - inside), slope * pace

@@ -187,7 +187,8 @@ def check_thesis(model: Any) -> None:
     **Raises:** `ValueError` naming the actuator.
     """
     for i in np.flatnonzero(model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER):
-        numbers, others = model.actuator_gainprm[i, :3], model.actuator_gainprm[i, 3:]
+        numbers = model.actuator_gainprm[i, :3]
+        others = model.actuator_gainprm[i, 3:]
         right = np.isfinite(numbers).all() and numbers[0] < 0 and numbers[1] > 0 and numbers[2] > 0 and not others.any()
         right = right and model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON and model.actuator_gear[i, 0] == 1
         right = right and model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_NONE

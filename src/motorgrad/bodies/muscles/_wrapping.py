@@ -76,8 +76,11 @@ def path_points(origin: Any, insertion: Any, centre: Any, radius: float, side: A
     """
     check(arc_points >= 2, "arc_points", arc_points, "at least 2")
     origin, insertion, centre, side = (np.asarray(p, float) for p in (origin, insertion, centre, side))
-    a, b, toward = origin - centre, insertion - centre, side - centre
-    length_a, length_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    a = origin - centre
+    b = insertion - centre
+    toward = side - centre
+    length_a = float(np.linalg.norm(a))
+    length_b = float(np.linalg.norm(b))
     _check_lengths(length_a, length_b, radius)
     across = np.array(a / length_a)
     normal = np.cross(a, b)
@@ -95,8 +98,10 @@ def path_points(origin: Any, insertion: Any, centre: Any, radius: float, side: A
     # the muscle takes the arc that contains the side point: from 0 to `turn`, or the rest of the circle
     side_at = float(np.arctan2(up @ toward, across @ toward)) % (2.0 * np.pi)
     if side_at > turn:
-        up, turn = -up, 2.0 * np.pi - turn
-    start, stop = np.arccos(radius / length_a), turn - np.arccos(radius / length_b)
+        up = -up
+        turn = 2.0 * np.pi - turn
+    start = np.arccos(radius / length_a)
+    stop = turn - np.arccos(radius / length_b)
     if stop <= start:
         return np.stack([origin, insertion])
     at = np.linspace(start, stop, arc_points)[:, None]

@@ -117,7 +117,8 @@ class Plateau(Criterion):
     patience: int = count(3, 1, 2**30 - 1)
 
     def init(self, dtype: Any) -> PlateauState:
-        zero, none = jnp.zeros((), dtype), jnp.zeros((), jnp.int32)
+        zero = jnp.zeros((), dtype)
+        none = jnp.zeros((), jnp.int32)
         return PlateauState(
             batch=zero, rewards=none, mean=zero, squares=zero, batches=none, last=zero, last_variance=zero,
             windows=none, best=jnp.full((), -math.inf, dtype), best_variance=zero, vain=none, due=jnp.zeros((), bool),

@@ -146,7 +146,8 @@ class Growth(Part):
     def advance(self, state: GrowthState, policy: Policy) -> tuple[GrowthState, Masked, Bool[Array, " units"]]:
         """After a decision and its step: shrink the newest unit or add one. Also says which unit was added."""
         pool = _masked(policy)
-        state, pool = state._replace(age=jnp.minimum(state.age + 1, LONG)), self._shrunk(state, pool)
+        pool = self._shrunk(state, pool)
+        state = state._replace(age=jnp.minimum(state.age + 1, LONG))
         return self._add(state, pool, self.criterion.due(state.criterion, state.age))
 
     def _shrunk(self, state: GrowthState, pool: Masked) -> Masked:

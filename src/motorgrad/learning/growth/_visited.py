@@ -45,7 +45,8 @@ class Visited(Part):
         self, state: VisitedState, observation: Float[Array, " inputs"], salt: UInt32[Array, ""]
     ) -> VisitedState:
         """The memory after an observation; one that is not finite is never kept."""
-        block, place = state.seen // self.every, state.seen % self.every
+        block = state.seen // self.every
+        place = state.seen % self.every
         chosen = (hash_bits(block ^ salt) % self.every == place) & jnp.all(jnp.isfinite(observation))
         here = jnp.arange(self.slots, dtype=jnp.uint32) == state.kept % self.slots
         looks = jnp.where((here & chosen)[:, None], observation.astype(state.looks.dtype), state.looks)

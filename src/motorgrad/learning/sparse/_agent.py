@@ -33,7 +33,7 @@ from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
 from motorgrad.policies import LocalGaussians, split, trainable
 
-LEAST_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
+MIN_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
 STEP = 16  # units, by which the room in a table grows
 HEADROOM = 1.1
 MOVED = 0.75  # of the margin: a table is made anew once a unit has moved so far
@@ -118,7 +118,7 @@ class SparseAgent(Agent):
         """Decisions from one rebase to the next."""
         decay = self.decay
         within = (decay > 0) & (decay < 1)
-        most = jnp.log(LEAST_SCALE) / jnp.log(jnp.where(within, decay, 0.5))
+        most = jnp.log(MIN_SCALE) / jnp.log(jnp.where(within, decay, 0.5))
         return jnp.where(within, jnp.clip(most.astype(jnp.int32), 1, self.index.rebase), self.index.rebase)
 
     def init(self, key: jax.Array) -> AgentState:
@@ -128,7 +128,8 @@ class SparseAgent(Agent):
         check(local, "policy", type(pool).__name__, "LocalGaussians where units are indexed")
         (theta,) = pool.blocks(trainable(pool))
         cells = self.index.sides(pool.outputs, pool.inputs) ** pool.inputs
-        episodes, dtype = self.index.rebase + 1, theta.dtype
+        episodes = self.index.rebase + 1
+        dtype = theta.dtype
         none = jnp.zeros((), jnp.int32)
         index = IndexState(
             rows=_rows(theta, jnp.zeros_like(theta)),
@@ -152,8 +153,10 @@ class SparseAgent(Agent):
         """As `Agent.act`, for the units that are listed where the observation is."""
         decayed = self._with_trace(state, self.decay * state.estimator.trace)
         state = self._begin(decayed, self.decay <= 0)  # without memory, every decision is an episode of its own
-        index, units = _index(state), state.policy.outputs
-        trace, rates = state.estimator.trace, self._rates(state)
+        index = _index(state)
+        units = state.policy.outputs
+        trace = state.estimator.trace
+        rates = self._rates(state)
         near = index.table[self.index.cell(observation, index.low, index.size, units)]
         there = near < units
         few = jax.tree.map(lambda leaf: _rows_of(leaf, near, units, 1), state.policy)
@@ -163,7 +166,8 @@ class SparseAgent(Agent):
         fired = jnp.where(there, pool.sample(observation, uniforms), 0)
 
         now = jax.nn.one_hot(index.episode, len(index.sums), dtype=slope.dtype)
-        scale, total = jnp.sum(now * trace), jnp.sum(now * index.sums)
+        scale = jnp.sum(now * trace)
+        total = jnp.sum(now * index.sums)
         (gain,) = pool.blocks(
             jax.tree.map(
                 lambda score, rate: (_rows_of(rate, near, units, score.ndim) / scale) * score,
@@ -192,7 +196,8 @@ class SparseAgent(Agent):
         self, state: AgentState, ended: Flag = False, diverged: Flag = False, goal: Goal | None = None
     ) -> AgentState:
         del ended, diverged, goal
-        index, sample = _index(state), cast(Array, state.gradient)
+        index = _index(state)
+        sample = cast(Array, state.gradient)
         count = (index.count + 1) % self.rebase
         travel = index.travel + jnp.abs(sample)
         index = index._replace(sums=index.sums + sample, count=count, travel=travel)
@@ -267,7 +272,9 @@ class SparseAgent(Agent):
         compiled again.
         """
         due = np.asarray(index.moved) > MOVED
-        room, units, width = int(np.max(index.room)), index.rows.shape[1], index.reference.shape[-1]
+        room = int(np.max(index.room))
+        units = index.rows.shape[1]
+        width = index.reference.shape[-1]
         lost = index.table.shape[-1] < room
         made = {}
         for seed in np.flatnonzero(due | lost).tolist():

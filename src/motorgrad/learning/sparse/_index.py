@@ -90,31 +90,40 @@ class SpatialIndex(Part):
         self, pool: LocalGaussians, low: Float[np.ndarray, " inputs"], size: Float[np.ndarray, " inputs"]
     ) -> Int[np.ndarray, "cells most"]:
         """The units of every cell, in ascending order; after the last of a cell the number of all units."""
-        centre, width = np.asarray(pool.centre, float), np.exp(np.asarray(pool.log_width, float))
+        centre = np.asarray(pool.centre, float)
+        width = np.exp(np.asarray(pool.log_width, float))
         units, inputs = centre.shape
-        sides, reach = self.sides(units, inputs), np.broadcast_to(np.asarray(self.reach(pool), float), units)
+        sides = self.sides(units, inputs)
+        reach = np.broadcast_to(np.asarray(self.reach(pool), float), units)
         # pairs of a unit and a cell, input by input, and the squared distance that is left to the unit's reach
         finite = np.isfinite(centre).all(axis=1) & np.isfinite(width).all(axis=1) & (width > 0).all(axis=1)
         unit = np.flatnonzero((reach > 0) & finite)
-        cell, left = np.zeros(len(unit), int), (reach[unit] + self.margin) ** 2
+        cell = np.zeros(len(unit), int)
+        left = (reach[unit] + self.margin) ** 2
         for axis in range(inputs):
-            at, wide = centre[unit, axis], width[unit, axis]
+            at = centre[unit, axis]
+            wide = width[unit, axis]
             first, last = (
                 np.clip((at + side * wide * np.sqrt(left) - low[axis]) / size[axis] + side * SLACK, 0, sides - 1)
                 for side in (-1, 1)
             )
-            first, count = first.astype(int), last.astype(int) - first.astype(int) + 1
+            first = first.astype(int)
+            count = last.astype(int) - first + 1
             pair = np.repeat(np.arange(len(unit)), count)
             column = first[pair] + _places(count)
             start, end = (low[axis] + size[axis] * (column + edge) for edge in (-SLACK, 1 + SLACK))
-            start[column == 0], end[column == sides - 1] = -np.inf, np.inf
+            start[column == 0] = -np.inf
+            end[column == sides - 1] = np.inf
             gap = np.maximum(np.maximum(start - at[pair], at[pair] - end), 0) / wide[pair]
             rest = left[pair] - gap**2
             kept = rest >= 0
             pair = pair[kept]
-            unit, left, cell = unit[pair], rest[kept], cell[pair] * sides + column[kept]
+            unit = unit[pair]
+            left = rest[kept]
+            cell = cell[pair] * sides + column[kept]
         order = np.argsort(cell, kind="stable")  # units ascend within a cell
-        unit, cell = unit[order], cell[order]
+        unit = unit[order]
+        cell = cell[order]
         count = np.bincount(cell, minlength=sides**inputs)
         found = np.full((len(count), count.max()), units, np.int32)
         found[cell, _places(count)] = unit

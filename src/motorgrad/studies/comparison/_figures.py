@@ -17,8 +17,12 @@ if TYPE_CHECKING:
 else:
     Axes = Any
 
-WIDTH, HEIGHT = 4.4, 3.0  # inches: a panel fits a telephone
-INK, SOFT, LINE = "#010203", "#040506", "#070809"
+# inches: a panel fits a telephone
+WIDTH = 4.4
+HEIGHT = 3.0
+INK = "#010203"
+SOFT = "#040506"
+LINE = "#070809"
 """Colours that stand for those of the page."""
 VARIABLES = {INK: "var(--ink)", SOFT: "var(--soft)", LINE: "var(--line)"}
 COLOURS = 7  # of the theme, var(--c0) …
@@ -104,7 +108,8 @@ def _with_key(svg: str, methods: Sequence[str]) -> str:
     """A panel as a file of its own, with a key of the methods below."""
     box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
     assert box is not None
-    width, height = float(box[1]), float(box[2])
+    width = float(box[1])
+    height = float(box[2])
     key = "".join(
         f'<line x1="12" x2="34" y1="{height + KEY * place + 8}" y2="{height + KEY * place + 8}" stroke-width="2" '
         f'stroke-dasharray="{STYLES[style(place)]}" style="stroke: var(--c{place % COLOURS})"/>'
@@ -134,7 +139,8 @@ def intervals(rows: Sequence[Row], methods: Sequence[str], ranked: Sequence[str]
 
     def draw(axes: Axes) -> None:
         for row in rows:
-            place, line = methods.index(row["method"]), ranked.index(row["method"])
+            place = methods.index(row["method"])
+            line = ranked.index(row["method"])
             look = {"color": colour(place), "linewidth": 2.2, "solid_capstyle": "round"}
             axes.plot([row["low"], row["high"]], [line, line], **look)
             axes.plot(row["value"], line, marker="o", color=colour(place), markersize=6)
@@ -189,7 +195,8 @@ def dimensions(rows: Sequence[Row], methods: Sequence[str]) -> str:
     def draw(axes: Axes) -> None:
         most = 1
         for row in rows:
-            scores, place = [float(score) for score in row["scores"].split()], methods.index(row["method"])
+            scores = [float(score) for score in row["scores"].split()]
+            place = methods.index(row["method"])
             most = max(most, len(scores) - 1)
             axes.plot(scores, color=colour(place), linestyle=style(place), marker="o", markersize=3.5, linewidth=1.6)
             axes.plot(

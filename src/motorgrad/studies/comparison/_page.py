@@ -28,10 +28,12 @@ def write_page(results: ComparisonResults, running: str = "") -> None:
 
 def page(results: ComparisonResults, running: str = "") -> str:
     """The page as HTML."""
-    comparison, name = results.comparison, _text(results.path.absolute().name)
+    comparison = results.comparison
+    name = _text(results.path.absolute().name)
     state = "running" if running else "done" if results.complete else "not finished"
     tables = {} if running else {name: table.to_pylist() for name, table in results.tables.items()}
-    methods, tasks = list(comparison.methods), list(comparison.tasks)
+    methods = list(comparison.methods)
+    tasks = list(comparison.tasks)
     seeds = comparison.seeds
     budget = (
         f"{comparison.seconds:g} processor seconds a run"
@@ -150,7 +152,8 @@ def _improvement(rows: Sequence[Row], ranked: Sequence[str]) -> str:
                 cells.append("<td>–</td>")
                 continue
             sure = not row["low"] <= 0.5 <= row["high"]
-            words, share = f"{row['probability']:.2f}", row["probability"]
+            words = f"{row['probability']:.2f}"
+            share = row["probability"]
             colour = "--good" if share > 0.5 else "--bad"
             tint = f"color-mix(in srgb, var({colour}) {abs(share - 0.5) * 90:.0f}%, transparent)"
             said = f"{row['low']:.2f} … {row['high']:.2f}"

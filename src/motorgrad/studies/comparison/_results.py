@@ -39,7 +39,8 @@ class ComparisonResults:
     """
 
     def __init__(self, comparison: Comparison, path: Path | str, trust: bool = False):
-        self.comparison, self.path = comparison, Path(path)
+        self.comparison = comparison
+        self.path = Path(path)
         self._trust = trust
         self._runs: dict[tuple[str, str], Run] = {}
 
@@ -72,7 +73,8 @@ class ComparisonResults:
     def steps(self) -> dict[Pair, int]:
         """The decisions of a run of each method on each task. For a budget in seconds, those that the pilot says, in
         two digits."""
-        comparison, found = self.comparison, {}
+        comparison = self.comparison
+        found = {}
         for method, task in comparison.pairs:
             steps = comparison.steps_of(task)
             if comparison.seconds is not None:
@@ -87,9 +89,11 @@ class ComparisonResults:
     def points(self, stage: str, pair: Pair) -> list[int]:
         """The points of a stage's study that are a method's settings on a task, in their order: in tuning all settings,
         in judging those that were chosen."""
-        comparison, known = self.comparison, self._places[stage]
+        comparison = self.comparison
+        known = self._places[stage]
         if stage == "pilot":
-            agents, steps = comparison.settings(*pair)[:1], PILOT
+            agents = comparison.settings(*pair)[:1]
+            steps = PILOT
         else:
             chosen = comparison.settings(*pair)
             agents = chosen if stage == "tuning" else [chosen[index] for index in self._judged(pair)]
@@ -130,7 +134,8 @@ class ComparisonResults:
         for task, pool in self.pools.items():
             given = self.comparison.tasks[task].scale
             if given is None and not np.isfinite(pool.mean(axis=1)).any():
-                metric, lost = self.comparison.metric_of(task), sum(self.stages["tuning"].broken.values())
+                metric = self.comparison.metric_of(task)
+                lost = sum(self.stages["tuning"].broken.values())
                 raise ValueError(
                     f"tasks.{task}: no setting of any method has a finite {metric} with every tuning seed, so none can "
                     f"be chosen ({counted(lost, 'run')} of tuning ended with parameters that are not finite): take "
@@ -230,7 +235,8 @@ class ComparisonResults:
     def curve(self, pair: Pair, chosen: Choice = "tuned") -> tuple[np.ndarray, Float[np.ndarray, "seeds records"]]:
         """The decisions of each record, and the metric while learning for every judging seed; greater is better."""
         point = self.judged_point(pair, chosen)
-        job, run = self._jobs["judging"][point], self._run("judging", point)
+        job = self._jobs["judging"][point]
+        run = self._run("judging", point)
         decision, values = run.curve(self.comparison.metric_of(pair[1]))
         seeds = len(run.seeds)
         rows = slice(job.points.index(point) * seeds, (job.points.index(point) + 1) * seeds)
@@ -253,7 +259,8 @@ class ComparisonResults:
     def spent(self, stage: str, pair: Pair) -> tuple[int, int, float]:
         """Runs, decisions and processor seconds, with compiling, of a method on a task in a stage."""
         points = self.points(stage, pair)
-        study, seconds = self.stages[stage].study, 0.0
+        study = self.stages[stage].study
+        seconds = 0.0
         for point in points:
             run = self._run(stage, point)
             seconds += float(run.metrics["cpu_time"][-1].as_py()) * len(run.seeds) / run.lanes
@@ -317,7 +324,8 @@ class ComparisonResults:
     def _goodness(self, stage: str, task: str, scored: Scored) -> np.ndarray:
         """A score of all points of a stage, `(points, seeds)`; greater is better."""
         end = "" if scored == "final" else f"_{scored.replace('-', '_')}"
-        name, results = f"{self.comparison.metric_of(task)}{end}", self.stages[stage]
+        name = f"{self.comparison.metric_of(task)}{end}"
+        results = self.stages[stage]
         if name not in results.metrics:
             return np.full((len(results.study.points), len(results.study.seed_list)), np.nan)
         return self.sign * results.values(name)

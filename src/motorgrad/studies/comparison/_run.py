@@ -85,7 +85,8 @@ def run_comparison(comparison: Comparison, out: Path | str, **options: Any) -> C
     check_writable("out", path, folder=True)
     comparison.check()
     trust = bool(options.get("trust", False))
-    file, described = path / FILE, comparison.as_table()
+    file = path / FILE
+    described = comparison.as_table()
     stored = Comparison.read(file, trust=trust).as_table() if file.is_file() else None
     check_folder(path, FILE, "comparison", described, stored)
     with locked(path, "comparison"):

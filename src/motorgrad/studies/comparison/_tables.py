@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad.statistics import (
-    MOST_DIMENSIONS,
+    MAX_DIMENSIONS,
     EffectiveDimension,
     Measured,
     effective_dimension,
@@ -30,7 +30,7 @@ from motorgrad.studies.comparison._results import ComparisonResults
 STATISTICS = {"interquartile mean": interquartile_mean, "median": median_over_tasks, "mean": mean_over_tasks}
 THRESHOLDS = 101  # of a performance profile
 FEWER = 500  # resamples of a curve, which has an interval at every record
-MOST_COUNTS = 24  # numbers of settings at which the cost of tuning is told
+MAX_TUNING_COUNTS = 24  # numbers of settings at which the cost of tuning is told
 
 Rows = list[dict[str, Any]]
 
@@ -57,7 +57,7 @@ def dimension_of(results: ComparisonResults, method: str) -> EffectiveDimension 
     differ than it is found for, or where none has a score on every task."""
     varied = results.comparison.varied(method)
     names = {name for setting in varied for name in setting}
-    if results.comparison.is_drawn(method) or len(names) > MOST_DIMENSIONS:
+    if results.comparison.is_drawn(method) or len(names) > MAX_DIMENSIONS:
         return None
     tried = [results.normalized(task, results.tried((method, task)).mean(axis=1)) for task in results.tasks_of(method)]
     scores = np.array(tried)
@@ -68,7 +68,8 @@ def _summary(results: ComparisonResults) -> Iterator[dict[str, Any]]:
     for method in results.methods:
         for chosen in ("tuned", "shared"):
             for scored in SCORED:
-                scores, broken = results.scores(method, scored, chosen), results.broken(method, chosen)
+                scores = results.scores(method, scored, chosen)
+                broken = results.broken(method, chosen)
                 if not (np.isfinite(scores).all() or broken):
                     continue
                 for name, statistic in STATISTICS.items():
@@ -190,8 +191,10 @@ def _tuning(results: ComparisonResults) -> Iterator[dict[str, Any]]:
     """What the best of k settings scores, against what trying k settings costs."""
     seeds = len(results.comparison.seeds.tuning)
     for method in results.comparison.methods:
-        tasks, scores, total = results.tasks_of(method), [], len(results.comparison.varied(method))
-        counts = np.unique(np.geomspace(1, total, min(total, MOST_COUNTS)).round().astype(int))
+        tasks = results.tasks_of(method)
+        scores = []
+        total = len(results.comparison.varied(method))
+        counts = np.unique(np.geomspace(1, total, min(total, MAX_TUNING_COUNTS)).round().astype(int))
         for task in tasks:
             tried = results.normalized(task, results.tried((method, task)))
             choosing, reporting = results.stages["tuning"].choosing(tried)

@@ -70,7 +70,9 @@ class EnvironmentBatch:
         self.seeds = [int(seed) for seed in seeds]
         self.repeat = repeat
         self.saved = saved
-        self._env_id, self._code, self._shape = env_id, code, tuple(shape)
+        self._env_id = env_id
+        self._code = code
+        self._shape = tuple(shape)
         self._size = size = math.prod(self._shape)
         self._decisions = 0
         self._begun = [0] * len(self.seeds)  # the decisions before each episode
@@ -265,7 +267,9 @@ class _NoTrial(Exception):
 
 def _goes_on(env_id: str, kwargs: Mapping[str, Any]) -> bool:
     """Whether a copy of an environment, made within an episode, continues exactly like its original."""
-    original, copy, stage = make_environment(env_id, kwargs), None, "its steps fail"
+    original = make_environment(env_id, kwargs)
+    copy = None
+    stage = "its steps fail"
     try:
         sample = original.action_space.sample
         original.action_space.seed(0)
@@ -305,7 +309,8 @@ def _copied(env_id: str, kwargs: Mapping[str, Any], original: "gymnasium.Env") -
 
 def _unpack(size: int, keys: int, packed: Any) -> EnvironmentState:
     flags = (packed[..., size], packed[..., size + 1] > 0, packed[..., size + 2] > 0, packed[..., size + 3])
-    first, end = size + 4, size + 4 + keys
+    first = size + 4
+    end = size + 4 + keys
     return EnvironmentState(packed[..., :size], *flags, packed[..., first:end], packed[..., end : end + keys])
 
 

@@ -311,7 +311,8 @@ class Gymnasium(HostTask):
         """Of an episode that has just ended: `return`, the sum of its rewards, `length`, its number of steps, and
         `success`, whether it was solved on `success_steps` of them. Of a decision: `solved`, on which share of its
         steps, and the mean of each key of `info`."""
-        ended, facts = state.terminated | state.truncated, self._facts
+        ended = state.terminated | state.truncated
+        facts = self._facts
         found = {"return": (memory.returned, ended), "length": (memory.length, ended)}
         if memory.solved is not None:
             found["success"] = (jnp.where(memory.solved >= self.success_steps, 1.0, 0.0), ended)

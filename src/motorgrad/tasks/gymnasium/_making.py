@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from motorgrad._consent import HOW, is_allowed
-from motorgrad._errors import LONGEST, NotTrusted, check, shown
+from motorgrad._errors import MAX_VALUE_CHARACTERS, NotTrusted, check, shown
 from motorgrad._myosuite import composing, is_of_myosuite, register
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ def id_of(maker: Callable[..., Any]) -> str:
 
     **Raises** `ValueError` for one without a name at the top of a module: a run could not say what made it.
     """
-    name, module = getattr(maker, "__qualname__", None), getattr(maker, "__module__", None)
+    name = getattr(maker, "__qualname__", None)
+    module = getattr(maker, "__module__", None)
     named = isinstance(name, str) and isinstance(module, str) and "<" not in name
     wanted = "an id, or a class or a function that is defined at the top of a module, so that a run can name it"
     check(named, "env_id", name or maker, wanted)
@@ -45,7 +46,7 @@ def module_of(env_id: str) -> str | None:
 
     **Raises** `ValueError` for anything else, before it can be taken for another id by another reader.
     """
-    found = _ID.fullmatch(env_id) if len(env_id) <= LONGEST else None
+    found = _ID.fullmatch(env_id) if len(env_id) <= MAX_VALUE_CHARACTERS else None
     check(found, "env_id", env_id, "an id such as 'CartPole-v1', 'module:Name-v0' or 'module:name'")
     assert found is not None
     return found["module"]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 ROW = re.compile(r"^\s*\|\s*(\d+)\s*\|\s*([^|]+?)\s*\|", re.MULTILINE)
 ITEM = re.compile(r"^\s*[-*]\s*(\d+):\s*(.+?)\s*$", re.MULTILINE)
-LONGEST = 40  # characters of a name
+MAX_NAME_CHARACTERS = 40
 
 
 def documented_names(doc: str | None, title: str, size: int) -> tuple[str, ...]:
@@ -31,4 +31,4 @@ def _short(words: str) -> str:
     """A name in lower case, without the remarks in brackets."""
     plain = re.sub(r"\s+\([^)]*\)", "", words).replace("`", "").replace("$", "").strip()
     plain = plain.lower() if plain[1:2].islower() else plain
-    return plain if len(plain) <= LONGEST else f"{plain[: LONGEST - 1]}…"
+    return plain if len(plain) <= MAX_NAME_CHARACTERS else f"{plain[: MAX_NAME_CHARACTERS - 1]}…"

@@ -12,7 +12,7 @@ import numpy as np
 
 from motorgrad._errors import check
 
-LARGEST = float(np.finfo(np.float32).max)
+MAX_SINGLE_PRECISION = float(np.finfo(np.float32).max)
 _REALS = frozenset({bool, float, np.float32, np.float64})  # what needs no closer look
 _FLAGS = frozenset({bool, np.bool_})
 _NUMBERS = "biuf"  # kinds of NumPy's types
@@ -82,7 +82,7 @@ def info_numbers(info: Mapping[str, Any], keys: Sequence[str]) -> list[float]:
         if found is None:
             check(False, f"info[{key!r}]", value, "one number or flag, or None")
         values.append(found)
-    there = [abs(value) <= LARGEST for value in values]  # false for what is not a number
+    there = [abs(value) <= MAX_SINGLE_PRECISION for value in values]  # false for what is not a number
     rounded = [float(np.float32(value)) if known else 0.0 for value, known in zip(values, there, strict=True)]
     return rounded + [float(known) for known in there]
 

@@ -18,7 +18,8 @@ RENDERED = "rgb_array"
 def physics_of(environment: gymnasium.Env) -> tuple[Any, Any] | None:
     """MuJoCo's model and data of an environment that has them, typed as Any, as MuJoCo's bindings carry no types."""
     bare: Any = environment.unwrapped
-    model, data = getattr(bare, "model", None), getattr(bare, "data", None)
+    model = getattr(bare, "model", None)
+    data = getattr(bare, "data", None)
     return (model, data) if isinstance(model, mujoco.MjModel) and isinstance(data, mujoco.MjData) else None
 
 

@@ -21,9 +21,9 @@ CODES = {  # the first is what "auto" stands for
     "MultiBinary": ("each",),
     "Box": ("graded", "each", "antagonists"),
 }
-MOST = 4096  # alternatives of one choice
-MOST_UNITS = 65_536
-MOST_WHOLE = 2**24  # up to which single precision, in which policies compute, has every whole number
+MAX_ALTERNATIVES = 4096  # of one choice
+MAX_UNITS = 65_536
+MAX_EXACT_INTEGER = 2**24  # up to which single precision, in which policies compute, has every whole number
 USABLE = 1e6  # a bound beyond this carries no information about the observations
 
 
@@ -41,7 +41,8 @@ def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
     if isinstance(space, spaces.Box):
         return _bounds(chosen, space, env_id)
     if isinstance(space, spaces.MultiBinary):
-        shape, kind = space.shape, np.dtype(space.dtype)
+        shape = space.shape
+        kind = np.dtype(space.dtype)
         _check_units(chosen, math.prod(shape), env_id, "fewer actions")
         return ActionCode("binary", math.prod(shape), "same", (), shape, kind.name)
     assert isinstance(space, spaces.Discrete | spaces.MultiDiscrete)
@@ -53,8 +54,10 @@ def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
 def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
     """One alternative per combination of the action's components."""
     size = math.prod(counts)
-    if size > MOST:
-        raise ValueError(f"code = {code!r}: {env_id} has {size} combined actions, at most {MOST}; use 'count'")
+    if size > MAX_ALTERNATIVES:
+        raise ValueError(
+            f"code = {code!r}: {env_id} has {size} combined actions, at most {MAX_ALTERNATIVES}; use 'count'"
+        )
     combined = np.stack(np.unravel_index(np.arange(size), counts), axis=-1).astype(space.dtype)
     table = combined + np.ravel(space.start).astype(space.dtype)
     return ActionCode("discrete", size, "choice", (), space.shape, table.dtype.name, matrix=table)
@@ -70,25 +73,30 @@ def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
     fewer = "'bits', if the numbers of actions are powers of two" if code == "count" else "fewer actions"
     _check_units(code, sum(lengths), env_id, fewer)
     parts = [2 ** np.arange(n)[::-1] if code == "bits" else np.ones(n, int) for n in lengths]
-    size, part_of = sum(map(len, parts)), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    size = sum(map(len, parts))
+    part_of = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if not size:
         raise ValueError(f"code = {code!r}: {env_id} has a single action, which no unit can choose; use 'choice'")
     shape, kind = space.shape, space.dtype
-    weights, start = np.zeros((size, len(parts)), kind), np.ravel(space.start).astype(kind)
+    weights = np.zeros((size, len(parts)), kind)
+    start = np.ravel(space.start).astype(kind)
     weights[np.arange(size), part_of] = np.concatenate(parts)
     return ActionCode("binary", size, "sum", (), shape, weights.dtype.name, matrix=weights, start=start)
 
 
 def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
     """Units that are the numbers of the action, or drive them to the bounds of their ranges."""
-    low, high, shape = np.ravel(space.low), np.ravel(space.high), space.shape
+    low = np.ravel(space.low)
+    high = np.ravel(space.high)
+    shape = space.shape
     # a space of whole numbers has the ends of its type in place of infinite bounds
     if not (space.is_bounded("both") and np.isfinite(low).all() and np.isfinite(high).all()):
         refuse_space(
             env_id, "actions", space, "a Box with finite bounds; gymnasium.wrappers.TransformAction gives it some"
         )
     _check_units(code, low.size * (1 if code != "antagonists" else 2), env_id, "fewer actions")
-    rest, eye = np.clip(0, low, high).astype(low.dtype), np.eye(low.size)
+    rest = np.clip(0, low, high).astype(low.dtype)
+    eye = np.eye(low.size)
     raw: dict[str, Any] = {"shape": shape, "dtype": low.dtype.name, "low": low, "high": high}
     if code == "graded":
         _check_graded(low, high, low.dtype.kind in "biu", env_id)
@@ -103,10 +111,11 @@ def _check_graded(low: np.ndarray, high: np.ndarray, whole: bool, env_id: str) -
     """Refuse bounds between which a policy, which computes in single precision, could not choose every number."""
     with np.errstate(over="ignore"):
         wide = high.astype(np.float32) - low.astype(np.float32)
-    right, wanted = (wide > 0) & np.isfinite(wide), "a low bound below a high one, both of single precision"
+    right = (wide > 0) & np.isfinite(wide)
+    wanted = "a low bound below a high one, both of single precision"
     if whole:
-        right &= (low >= -MOST_WHOLE) & (high <= MOST_WHOLE)
-        wanted = f"a low bound below a high one, both whole numbers within ±{MOST_WHOLE:,}"
+        right &= (low >= -MAX_EXACT_INTEGER) & (high <= MAX_EXACT_INTEGER)
+        wanted = f"a low bound below a high one, both whole numbers within ±{MAX_EXACT_INTEGER:,}"
     if not right.all():
         number = int(np.flatnonzero(~right)[0])
         given = f"{low[number]} to {high[number]} for number {number} of the actions of {env_id}"
@@ -114,8 +123,8 @@ def _check_graded(low: np.ndarray, high: np.ndarray, whole: bool, env_id: str) -
 
 
 def _check_units(code: str, size: int, env_id: str, fewer: str) -> None:
-    if size > MOST_UNITS:
-        raise ValueError(f"code = {code!r}: {env_id} needs {size:,} units, at most {MOST_UNITS:,}; use {fewer}")
+    if size > MAX_UNITS:
+        raise ValueError(f"code = {code!r}: {env_id} needs {size:,} units, at most {MAX_UNITS:,}; use {fewer}")
 
 
 def observation_code(space: "Space", scaling: Scaling, env_id: str) -> ObservationCode:
@@ -128,7 +137,8 @@ def observation_code(space: "Space", scaling: Scaling, env_id: str) -> Observati
         wrapped = wrapped or isinstance(space, spaces.MultiDiscrete)
         hint = "gymnasium.wrappers.FlattenObservation" if wrapped else "gymnasium.wrappers.TransformObservation"
         refuse_space(env_id, "observations", space, f"Box; {hint} makes one of it")
-    low, high = np.ravel(space.low).astype(float), np.ravel(space.high).astype(float)
+    low = np.ravel(space.low).astype(float)
+    high = np.ravel(space.high).astype(float)
     if not low.size:
         refuse_space(env_id, "observations", space, "Box with at least one number")
     different = low.astype(np.float32) < high.astype(np.float32)  # the precision of what is scaled
@@ -141,8 +151,10 @@ def observation_code(space: "Space", scaling: Scaling, env_id: str) -> Observati
         )
     bounded = usable if scaling in ("auto", "bounds") else np.zeros_like(usable)
     running = ~bounded if scaling in ("auto", "running") else np.zeros_like(usable)
-    low, high = np.where(bounded, low, -1.0), np.where(bounded, high, 1.0)
-    centre, half = (low + high) / 2, (high - low) / 2
+    low = np.where(bounded, low, -1.0)
+    high = np.where(bounded, high, 1.0)
+    centre = (low + high) / 2
+    half = (high - low) / 2
     names = tuple(f"input {index}" for index in range(low.size))
     return ObservationCode(names, centre.astype(np.float32), half.astype(np.float32), running, tuple(space.shape))
 

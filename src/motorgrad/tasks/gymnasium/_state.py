@@ -189,7 +189,8 @@ class _Reader:
             return _with_random_state(present, self.read(content, None))
         if form == "physics":
             return _with_physics(present, {name: unpacked(array) for name, array in content.items()})
-        fields, wanted = _fields(present), stored["fields"]
+        fields = _fields(present)
+        wanted = stored["fields"]
         check(fields is not None and _name(type(present)) == content, "state", _name(type(present)), f"a {content}")
         found = {name: self.read(item, vars(present).get(name)) for name, item in wanted.items()}
         for name in fields or ():
@@ -283,9 +284,11 @@ def _check_delays(data: Any) -> None:
     """Refuse the places of newest entries in the histories of delayed signals, which C code follows unchecked."""
     model = data.model
     for kind in ("actuator", "sensor"):
-        lengths, starts = getattr(model, f"{kind}_history")[:, 0], getattr(model, f"{kind}_historyadr")
+        lengths = getattr(model, f"{kind}_history")[:, 0]
+        starts = getattr(model, f"{kind}_historyadr")
         delayed = lengths > 0
-        places, lengths = data.history[starts[delayed] + 1], lengths[delayed]
+        places = data.history[starts[delayed] + 1]
+        lengths = lengths[delayed]
         right = (places >= 0) & (places < lengths) & (places == np.floor(places))
         check(right.all(), f"{kind}_history", places.tolist(), f"at places within their lengths, {lengths.tolist()}")
 

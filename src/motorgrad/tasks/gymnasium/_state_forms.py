@@ -104,7 +104,8 @@ def check_form(stored: Any, depth: int = 0) -> None:
     check(isinstance(stored, dict) and stored, "form", type(stored).__name__, "a table with one form")
     form = next(iter(stored))
     check(form in FORMS, "form", form, "a known one")
-    content, rest = stored[form], [name for name in stored if name != form]
+    content = stored[form]
+    rest = [name for name in stored if name != form]
     check(rest == list(FORMS[form].more), form, rest, f"with {FORMS[form].more} beside it")
     check(isinstance(content, FORMS[form].content), form, type(content).__name__, "of its type")
     inner: list[Any] = []

@@ -35,7 +35,8 @@ class WorkerBatch:
         import cloudpickle
         import gymnasium
 
-        self.seeds, self.lost = [int(seed) for seed in seeds], False
+        self.seeds = [int(seed) for seed in seeds]
+        self.lost = False
         shares = np.array_split(np.arange(len(self.seeds)), min(workers, len(self.seeds)))
         self._ends = [0, *(int(share[-1]) + 1 for share in shares)]
         spec = gymnasium.registry.get(env_id)
@@ -135,13 +136,16 @@ def _stop(workers: Sequence[_Worker]) -> None:
 def serve() -> None:
     """Run a worker: obey the orders at the standard input until it ends, and answer at the standard output."""
     leave_to_parent()
-    orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    orders = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what environments print must not come between the answers
     sys.path[:], payload = pickle.load(orders)
     try:
-        batch, first = _made(payload), None
+        batch = _made(payload)
+        first = None
     except Exception as error:
-        batch, first = None, _sendable(error)
+        batch = None
+        first = _sendable(error)
     _answer(answers, (None, first) if batch is None else (batch.packed, batch.unpack))
     while batch is not None:
         try:

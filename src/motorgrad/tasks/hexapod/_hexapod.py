@@ -35,12 +35,12 @@ JOINT_VELOCITY = 10.0  # rad/s, observed as 1
 TRUNK_SCALES = (0.2, 0.2, 2.0, 1.0, 0.5, 3.0, 3.0, 3.0)
 """What is observed as 1: sines of pitch and roll; velocities forward, to the left and up in m/s; rotations in rad/s."""
 SPAN = 20.0  # s, over which a net displacement is measured
-MOST_COUNTED = 2**30 - 1  # decisions: twice as many fit into 32 bits
+MAX_COUNTED_DECISIONS = 2**30 - 1  # twice as many fit into 32 bits
 SECOND = 1.0  # s, over which a stall is measured
 STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
 TOUCH = 0.5  # N
 SETTLING = 2.0  # s, excluded from the gait at the start of an evaluation
-MOST_LAG = 1_000
+MAX_LAG = 1_000
 LEVEL = Terrain(difficulty=0.0)
 BATCH = 160  # decisions per update of the parameters
 UPDATES = 1200  # updates after which annealing ends
@@ -131,7 +131,7 @@ class Hexapod(WalkingTask):
         self.check_walking("angle_scale")
         check(len(self.observes) > 0, "observes", self.observes, f"at least one of {', '.join(SENSES)}")
         check(len(set(self.observes)) == len(self.observes), "observes", self.observes, "different senses")
-        check_integer("lag", self.lag, 0, MOST_LAG, "decisions")
+        check_integer("lag", self.lag, 0, MAX_LAG, "decisions")
         check_integer("course", self.course, 1, 2**31 - 1, "decisions")
         check(0 < self.yaw_smoothing <= 1, "yaw_smoothing", self.yaw_smoothing, "in (0, 1]")
         self.drives  # noqa: B018 (raises for unknown synergies)
@@ -214,13 +214,15 @@ class Hexapod(WalkingTask):
     def reward(
         self, memory: HexapodMemory, state: BodyState, action: Float[Array, " units"]
     ) -> tuple[HexapodMemory, Scalar, Flag]:
-        reading, velocity = read_hexapod(state), state.sensors["velocity"]
+        reading = read_hexapod(state)
+        velocity = state.sensors["velocity"]
         along = {
             "heading": reading.speed,
             "course": velocity[0] * jnp.cos(memory.course) + velocity[1] * jnp.sin(memory.course),
             "x": velocity[0],
         }
-        made, run = memory.decisions + 1, memory.run + reading.speed
+        made = memory.decisions + 1
+        run = memory.run + reading.speed
         second = self._decisions(SECOND)
         over = made % second == 0
         after = memory._replace(
@@ -269,7 +271,7 @@ class Hexapod(WalkingTask):
         for that, one in 10⁹ decisions is longer or shorter."""
         often = math.lcm(self._span, self._decisions(SECOND))
         whole = math.lcm(often, self.course)
-        return MOST_COUNTED // whole * whole or MOST_COUNTED // often * often
+        return MAX_COUNTED_DECISIONS // whole * whole or MAX_COUNTED_DECISIONS // often * often
 
     def _decisions(self, seconds: float) -> int:
         return max(1, round(seconds / self.period))

@@ -147,7 +147,8 @@ class HexapodPrimitive(WalkingTask):
     def reward(
         self, memory: PrimitiveMemory, state: BodyState, action: Float[Array, " 6"]
     ) -> tuple[PrimitiveMemory, Scalar, Flag]:
-        reading, steps = read_hexapod(state), self._begin(memory, action)
+        reading = read_hexapod(state)
+        steps = self._begin(memory, action)
         after = steps._replace(elapsed=steps.elapsed + self.period)
         return after, self.reward_scale * reading.speed, overturned(reading)
 

@@ -159,7 +159,8 @@ class HexapodStride(WalkingTask):
     def reward(
         self, memory: StrideMemory, state: BodyState, action: Float[Array, " 1"]
     ) -> tuple[StrideMemory, Scalar, Flag]:
-        reading, period = read_hexapod(state), self.period_of(action)
+        reading = read_hexapod(state)
+        period = self.period_of(action)
         after = memory._replace(phase=self.clock.advance(memory.phase, period, self.period), period=period)
         return after, self.reward_scale * reading.speed, overturned(reading)
 

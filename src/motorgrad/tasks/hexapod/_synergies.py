@@ -79,12 +79,14 @@ def find_synergies(activation: Any, units: int, seed: int = 0, restarts: int = 8
     for name, value in (("units", units), ("restarts", restarts), ("iterations", iterations)):
         check_integer(name, value, 1)
     check(units <= data.shape[1], "units", units, f"at most the number of groups, {data.shape[1]}")
-    random, total = np.random.default_rng(seed), float((data * data).sum())
+    random = np.random.default_rng(seed)
+    total = float((data * data).sum())
     tries = [_factors(data, units, random, iterations) for _ in range(restarts)]
     errors = [float(((data - strength @ weights) ** 2).sum()) for strength, weights in tries]
     strength, weights = tries[int(np.argmin(errors))]
     scale = np.maximum(weights.max(1), _TINY)
-    strength, weights = strength * scale, weights / scale[:, None]
+    strength = strength * scale
+    weights = weights / scale[:, None]
     order = np.argsort(-(strength**2).sum(0) * (weights**2).sum(1), kind="stable")
     return Synergies(weights[order], strength[:, order], 1.0 - min(errors) / total)
 

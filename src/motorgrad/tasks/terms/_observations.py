@@ -146,7 +146,8 @@ class TargetPosition(Observation):
     target: str = static("target")
 
     def bind(self, scene: Scene) -> Bound:
-        target, name = scene.target(self.target), self.target
+        target = scene.target(self.target)
+        name = self.target
         return Bound(lambda now: target.at(now, name), tuple(f"{name} {n}" for n in target.names))
 
 
@@ -161,7 +162,8 @@ class TargetError(Observation):
     target: str = static("target")
 
     def bind(self, scene: Scene) -> Bound:
-        target, name = scene.target(self.target), self.target
+        target = scene.target(self.target)
+        name = self.target
         return Bound(lambda now: target.error(now, name), tuple(f"{name} error {n}" for n in target.names))
 
 
@@ -199,7 +201,8 @@ class Contacts(Observation):
     parts: Names = by_name(())
 
     def bind(self, scene: Scene) -> Bound:
-        wanted, sensors = scene.parts(self.parts), []
+        wanted = scene.parts(self.parts)
+        sensors = []
         for name in wanted:
             kind, _ = scene.place(name)
             if kind == "SITE":

@@ -104,7 +104,9 @@ class Beyond(Quantity):
     weight: float = number(-1.0)
 
     def bind(self, scene: Scene) -> Bound:
-        read, half = _distance(scene, self.target), scene.period / 2  # times are multiples of the period, but rounded
+        # times are multiples of the period, but rounded
+        read = _distance(scene, self.target)
+        half = scene.period / 2
         return Bound(lambda now: jnp.where((read(now) > self.limit) & (now.time > self.after - half), 1.0, 0.0))
 
 
@@ -244,7 +246,9 @@ class Outside(Quantity):
         check(fine, "low, high", (self.low, self.high), "three numbers each, low < high")
 
     def bind(self, scene: Scene) -> Bound:
-        point, low, high = scene.point(self.part), np.array(self.low), np.array(self.high)
+        point = scene.point(self.part)
+        low = np.array(self.low)
+        high = np.array(self.high)
         return Bound(lambda now: jnp.any((point(now.state) < low) | (point(now.state) > high)) * 1.0)
 
 
@@ -268,14 +272,17 @@ class Effort(Quantity):
     weight: float = number(-1.0)
 
     def bind(self, scene: Scene) -> Bound:
-        if self.of == "control":
-            levels, count = _control_shares(scene, self.actuators)
-        else:
-            places = scene.activations(self.actuators)[1]
-            levels, count = lambda now: jnp.abs(now.state.activation[places]), len(places)
+        levels, count = self._levels(scene)
         if self.root:
             return Bound(lambda now: norm(levels(now)) / count)
         return Bound(lambda now: jnp.mean(levels(now) ** self.power))
+
+    def _levels(self, scene: Scene) -> tuple[Callable[[Now], Array], int]:
+        """The levels of the actuators, and how many there are."""
+        if self.of == "control":
+            return _control_shares(scene, self.actuators)
+        places = scene.activations(self.actuators)[1]
+        return lambda now: jnp.abs(now.state.activation[places]), len(places)
 
 
 class Compartments(NamedTuple):
@@ -338,7 +345,8 @@ class Fatigue(Quantity):
         for _ in range(parts):
             active, fatigued = state
             drive = self.rise * jnp.minimum(load - active, 1 - active - fatigued)
-            tires, recovers = self.speedup * self.fatigue * active, recovery * fatigued
+            tires = self.speedup * self.fatigue * active
+            recovers = recovery * fatigued
             state = Compartments(active + step * (drive - tires), fatigued + step * (tires - recovers))
         return state
 

@@ -13,7 +13,7 @@ from motorgrad._tree import number, static
 from motorgrad.tasks.terms._targets import joint_ranges
 from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Reset, Scene, Start, by_name, vector
 
-LEAST = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞
+MIN_UNIFORM = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞
 
 
 class Keyframe(Reset):
@@ -69,7 +69,8 @@ class RandomJoints(Reset):
         check(fine, "low, high", ends, f"{len(names)} numbers each, for {', '.join(names)}")
         low, high = np.array(ends, float)
         check((low <= high).all(), "low, high", ends, "low <= high")
-        middle, half = (low + high) / 2, self.share * (high - low) / 2
+        middle = (low + high) / 2
+        half = self.share * (high - low) / 2
 
         def apply(start: Start, uniforms: np.ndarray) -> Start:
             start.position[:, places] = middle + (2 * uniforms - 1) * half
@@ -96,14 +97,15 @@ class Noise(Reset):
         names, places = scene.positions(self.joints)
         speeds = scene.velocities(self.joints)[1]
         check(len(places) == len(speeds), "joints", names, "hinges and slides")
-        model, size = scene.model, len(places)
+        model = scene.model
+        size = len(places)
         joints = [model.joint(name).id for name in names]
         limited = np.array(model.jnt_limited, bool)[joints]
         low, high = np.where(limited[:, None], np.array(model.jnt_range)[joints], (-np.inf, np.inf)).T
         deviation, fast = self.position, self.velocity
 
         def apply(start: Start, uniforms: np.ndarray) -> Start:
-            normal = ndtri(np.maximum(uniforms, LEAST))
+            normal = ndtri(np.maximum(uniforms, MIN_UNIFORM))
             start.position[:, places] = np.clip(start.position[:, places] + deviation * normal[:, :size], low, high)
             start.velocity[:, speeds] += fast * normal[:, size:]
             return start

@@ -15,16 +15,17 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, shown_path
-from motorgrad._limits import MOST_MOTION_BYTES
+from motorgrad._limits import MAX_MOTION_BYTES
 from motorgrad._reading import arrays_in, content_of, numbers_in, told
 from motorgrad._tree import static
+from motorgrad.bodies import BodyState
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
 REACHABLE = 2_048
 """Poses from which a place to reach is drawn."""
-MOST_REACHABLE = 16_384
+MAX_REACHABLE_POSES = 16_384
 """Poses of which those are taken that reach into a box."""
-MOST = 100_000  # numbers of a trajectory
+MAX_TRAJECTORY_NUMBERS = 100_000
 
 
 class Reach(Target):
@@ -57,13 +58,15 @@ class Reach(Target):
         names = shown if len(parts) > 1 else tuple("xyz")
         size = len(names)
         if self.at is None and self.low is None and self.high is None:
-            uniforms, draw = 1, _one_of(_reached(scene, parts, self.joints, REACHABLE))
+            uniforms = 1
+            draw = _one_of(_reached(scene, parts, self.joints, REACHABLE))
         elif self.reachable:
             _drawing(size, self.at, self.low, self.high)  # checks the box
-            table = _reached(scene, parts, self.joints, MOST_REACHABLE)
+            table = _reached(scene, parts, self.joints, MAX_REACHABLE_POSES)
             table = table[np.all((table >= np.array(self.low)) & (table <= np.array(self.high)), axis=1)]
             check(len(table), "low, high", (self.low, self.high), "a box that some pose reaches")
-            uniforms, draw = 1, _one_of(table)
+            uniforms = 1
+            draw = _one_of(table)
         else:
             uniforms, draw = _drawing(size, self.at, self.low, self.high)
         return BoundTarget(
@@ -133,7 +136,8 @@ class Follow(Target):
     random_start: bool = static(False)
 
     def __post_init__(self) -> None:
-        self.time, self.values = tuple(map(float, self.time)), tuple(tuple(map(float, row)) for row in self.values)
+        self.time = tuple(map(float, self.time))
+        self.values = tuple(tuple(map(float, row)) for row in self.values)
         if self.file is not None:
             check(not self.time and not self.values, "file", self.file, "left out where time and values are given")
             self.time, self.values = _trajectory_in(Path(self.file))
@@ -146,28 +150,38 @@ class Follow(Target):
     def bind(self, scene: Scene) -> BoundTarget:
         if self.joints:
             labels, places = scene.positions(self.joints)
-            names, actual = tuple(labels), lambda state: state.position[places]
+            names = tuple(labels)
+
+            def actual(state: BodyState) -> Array:
+                return state.position[places]
+
         else:
             parts = scene.parts(self.parts)
             points = [scene.point(name) for name in parts]
             names = tuple(f"{name} {axis}" for name in parts for axis in "xyz")
-            actual = lambda state: jnp.concatenate([point(state) for point in points])  # noqa: E731
+
+            def actual(state: BodyState) -> Array:
+                return jnp.concatenate([point(state) for point in points])
+
         wide = len(self.values[0])
         check(wide == len(names), "values", f"{wide} numbers for each moment", f"{len(names)}: {', '.join(names)}")
-        time, values = np.array(self.time, np.float32), np.array(self.values, np.float32)
+        time = np.array(self.time, np.float32)
+        values = np.array(self.values, np.float32)
         length = float(time[-1])
 
         def wanted(begun: Array, now: Array) -> Array:
             moment = begun + now
             moment = moment % length if self.repeats else jnp.minimum(moment, length)
             after = jnp.clip(jnp.searchsorted(time, moment, side="right"), 1, len(time) - 1)
-            before, then = jnp.asarray(time)[after - 1], jnp.asarray(time)[after]
+            before = jnp.asarray(time)[after - 1]
+            then = jnp.asarray(time)[after]
             part = (moment - before) / (then - before)
             return (1 - part) * jnp.asarray(values)[after - 1] + part * jnp.asarray(values)[after]
 
         placed = bool(self.parts)
         draw = (lambda uniforms: length * uniforms[0]) if self.random_start else lambda uniforms: jnp.zeros(())
-        uniforms, again = int(self.random_start), self.time[-1] if self.repeats else 0.0
+        uniforms = int(self.random_start)
+        again = self.time[-1] if self.repeats else 0.0
         return BoundTarget(names, uniforms, draw, wanted, actual, placed, True, length=again)
 
 
@@ -186,11 +200,13 @@ def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray,
 def _reached(scene: Scene, parts: Sequence[str], joints: Any, poses: int) -> Float[np.ndarray, "poses numbers"]:
     """Where parts are in random poses."""
     model: Any = scene.model
-    places, ranges = scene.positions(joints)[1], joint_ranges(scene, joints)
+    places = scene.positions(joints)[1]
+    ranges = joint_ranges(scene, joints)
     data: Any = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    start, found = data.qpos.copy(), np.zeros((poses, 3 * len(parts)), np.float32)
+    start = data.qpos.copy()
+    found = np.zeros((poses, 3 * len(parts)), np.float32)
     kinds = {"SITE": "site_xpos", "GEOM": "geom_xpos", "XBODY": "xpos"}
     where = [
         (kinds[kind], getattr(model, "body" if kind == "XBODY" else kind.lower())(name).id)
@@ -219,7 +235,8 @@ def _drawing(size: int, at: Any, low: Any, high: Any) -> tuple[int, Any]:
     check(low is not None and high is not None, "low, high", (low, high), "both given")
     corners = np.array((low, high), np.float32)
     check((corners[0] <= corners[1]).all(), "low, high", (low, high), "low <= high")
-    least, size_of = jnp.asarray(corners[0]), jnp.asarray(corners[1] - corners[0])
+    least = jnp.asarray(corners[0])
+    size_of = jnp.asarray(corners[1] - corners[0])
     return size, lambda uniforms: least + uniforms * size_of
 
 
@@ -236,26 +253,27 @@ def _check_trajectory(time: Numbers, values: tuple[Numbers, ...]) -> None:
     sizes = {len(row) for row in values}
     check(len(values) == count and len(sizes) == 1, "values", len(values), f"{count} lists of one length")
     finite = all(math.isfinite(value) for row in values for value in row)
-    few = count * (1 + min(sizes)) <= MOST
-    check(finite and few, "values", f"{count} moments", f"finite, and at most {MOST:,} numbers")
+    few = count * (1 + min(sizes)) <= MAX_TRAJECTORY_NUMBERS
+    check(finite and few, "values", f"{count} moments", f"finite, and at most {MAX_TRAJECTORY_NUMBERS:,} numbers")
 
 
 def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
     check(file.is_file() and file.suffix in (".npz", ".csv"), "file", str(file), "an existing file, .npz or .csv")
     try:
-        content = content_of(file, MOST_MOTION_BYTES)
+        content = content_of(file, MAX_MOTION_BYTES)
         if file.suffix == ".npz":
-            arrays = arrays_in(content, MOST_MOTION_BYTES)
+            arrays = arrays_in(content, MAX_MOTION_BYTES)
             check({"time", "values"} <= set(arrays), "arrays", sorted(arrays), "time and values")
-            time, values = (numbers_in(arrays[name], 8 * MOST) for name in ("time", "values"))
+            time, values = (numbers_in(arrays[name], 8 * MAX_TRAJECTORY_NUMBERS) for name in ("time", "values"))
             check(time.ndim == 1 and values.ndim > 0, "time", time.shape, "a list of moments, with values for each")
         else:
             numbers = content.count(b",") + content.count(b"\n")
-            check(numbers <= 2 * MOST, "numbers", numbers, f"at most {MOST:,}")
+            check(numbers <= 2 * MAX_TRAJECTORY_NUMBERS, "numbers", numbers, f"at most {MAX_TRAJECTORY_NUMBERS:,}")
             lines = content.decode().strip().splitlines()
             titled = bool(lines) and not _numeric(lines[0])
             table = np.array([[float(word) for word in line.split(",")] for line in lines[titled:]])
-            time, values = table[:, 0], table[:, 1:]
+            time = table[:, 0]
+            values = table[:, 1:]
         check(len(time) == len(values) > 0, "moments", len(time), f"as many moments as rows of values, {len(values)}")
         moments = tuple(time.tolist())
         rows = tuple(tuple(row) for row in values.reshape(len(time), -1).tolist())

@@ -269,7 +269,8 @@ def register(base: type[Part], name: str, term: Any = None) -> Any:
 def _made_of(base: type[Part], function: Callable[..., Any]) -> type[Part]:
     """The class of a term that a function binds."""
     _, *settings = inspect.signature(function).parameters.values()
-    hints, fields = typing.get_type_hints(function), {}
+    hints = typing.get_type_hints(function)
+    fields = {}
     for each in settings:
         given = {} if each.default is each.empty else {"default": each.default}
         fields[each.name] = number(**given) if hints.get(each.name) is float else eqx.field(static=True, **given)

@@ -6,10 +6,10 @@ from typing import Any
 from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, HostTask, Task
-from motorgrad.training.engines._cycle import MOST_AT_ONCE, CycleState, Mode
+from motorgrad.training.engines._cycle import MAX_TALLY_DECISIONS, CycleState, Mode
 from motorgrad.training.engines._host import BodyStepper, HostStepper
 from motorgrad.training.engines._programs import clear_programs
-from motorgrad.training.engines._side_by_side import MOST, SideBySide
+from motorgrad.training.engines._side_by_side import MAX_SEEDS_PER_ENGINE, SideBySide
 from motorgrad.training.engines._sparse import SparseStepper
 from motorgrad.training.engines._stepper import (
     Record,
@@ -25,7 +25,7 @@ from motorgrad.training.engines._transition import raw_names, state_names
 from motorgrad.training.engines._world import WorldStepper
 
 __all__ = [
-    "MOST_AT_ONCE",
+    "MAX_TALLY_DECISIONS",
     "BodyStepper",
     "CycleState",
     "HostStepper",
@@ -85,6 +85,6 @@ def training_stepper_for(
     workers: int = 0,
 ) -> Stepper:
     """The engine for training: as `stepper_for`, or several side by side for many seeds in a body."""
-    if isinstance(task, BodyTask) and len(seeds) > MOST:
+    if isinstance(task, BodyTask) and len(seeds) > MAX_SEEDS_PER_ENGINE:
         return SideBySide(task, agent, seeds, threads, initial, numbers, envs)
     return stepper_for(task, agent, seeds, "learn", threads, initial, numbers, envs, workers)

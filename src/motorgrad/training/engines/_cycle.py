@@ -22,7 +22,7 @@ Mode = Literal["learn", "sample", "mode", "given"]
 """Learn; or act by a frozen policy, with sampled actions or the most probable ones; or take actions that are given."""
 
 
-MOST_AT_ONCE = 2**31 - 1
+MAX_TALLY_DECISIONS = 2**31 - 1
 """Decisions that one `Tally` counts."""
 
 
@@ -108,7 +108,8 @@ class Cycle:
     ) -> CycleState:
         """The state before the first observation, with the running `statistics` of earlier ones, which a policy that
         does not learn leaves as they are."""
-        memory, observation = self.task.init(init), jnp.zeros(self.task.observation_size)
+        memory = self.task.init(init)
+        observation = jnp.zeros(self.task.observation_size)
         if statistics is not None:
             memory = self.task.with_statistics(memory, statistics)
             memory = memory if self.mode == "learn" else self.task.freeze(memory)

@@ -128,7 +128,8 @@ class HostProgram(Program):
             return self.learn(cycles, row)
         with _alone:
             spare = self._copy(cycles)  # the first call uses up its input
-        rested, due = self.learn_resting(spare, row), self.learn(cycles, row)
+        rested = self.learn_resting(spare, row)
+        due = self.learn(cycles, row)
         with _alone:
             cycles = jax.block_until_ready(self._merge(resting, rested[0], due[0]))
         return cycles, np.where(np.repeat(resting, self._envs)[:, None], rested[1], due[1])
@@ -324,10 +325,13 @@ class HostStepper(Stepper):
             lambda: HostProgram(task, agent, mode, self.batch, room, given, envs, first_episode),
         )
         self.cycle = self.program.cycle
-        width, drawn = self.batch.packed.shape[1], sum(self.program.sizes.values())
+        width = self.batch.packed.shape[1]
+        drawn = sum(self.program.sizes.values())
         self._seen = np.empty((len(rows), width + drawn), np.float32)
-        self._dynamics, self._chance = self._seen[:, :width], self._seen[:, width:]
-        self._block, self._drawn = -1, np.empty(0)
+        self._dynamics = self._seen[:, :width]
+        self._chance = self._seen[:, width:]
+        self._block = -1
+        self._drawn = np.empty(0)
         first = sum(self.program.sizes[name] for name in ("policy", "observe"))
         self._for_memory = self._chance[:, first : first + task.init_uniforms]
         if start := task.begin(self.program.first_numbers(self.seeds)):
@@ -439,7 +443,8 @@ class HostStepper(Stepper):
         """What the compiled call reads for the present decision: the dynamics' packed rows, then random numbers."""
         block, index = block_at(self.decision // self.envs)
         if block != self._block:
-            self._block, self._drawn = block, self.program.draw(self.seeds, block)
+            self._block = block
+            self._drawn = self.program.draw(self.seeds, block)
         self._dynamics[...] = self.batch.packed
         self._chance[...] = self._drawn[index]
         return self._seen

@@ -42,7 +42,8 @@ class Packing:
 
     def unpack(self, packed: Packed) -> PyTree[Array]:
         """The inverse of `pack`."""
-        leaves, start = [], dict.fromkeys(packed, 0)
+        leaves = []
+        start = dict.fromkeys(packed, 0)
         for like, name in zip(self._leaves, self._names, strict=True):
             leaf = packed[name]
             if not _alone(name):

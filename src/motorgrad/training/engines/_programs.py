@@ -13,8 +13,8 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 
 P = TypeVar("P")
-MOST = 32
-"""Programs that are kept; the one used longest ago is dropped first."""
+MAX_KEPT_PROGRAMS = 32
+"""The one used longest ago is dropped first."""
 
 _programs: OrderedDict[Hashable, Any] = OrderedDict()
 _lock = threading.Lock()
@@ -32,7 +32,7 @@ def shared(kind: type[P], task: Task, agent: Agent, more: Hashable, make: Callab
     with _lock:
         if key not in _programs:
             _programs[key] = make()
-            while len(_programs) > MOST:
+            while len(_programs) > MAX_KEPT_PROGRAMS:
                 _programs.popitem(last=False)
         _programs.move_to_end(key)
         return _programs[key]

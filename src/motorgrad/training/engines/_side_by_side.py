@@ -16,7 +16,7 @@ from motorgrad.tasks import BodyTask
 from motorgrad.training.engines._host import BodyStepper
 from motorgrad.training.engines._stepper import Record, Stepper, View, fits
 
-MOST = 8
+MAX_SEEDS_PER_ENGINE = 8
 """Seeds of one engine. With fewer, each costs more, because a compiled call has a price of its own; with more, there
 are fewer engines for the other threads."""
 
@@ -45,7 +45,9 @@ class SideBySide(Stepper):
     ):
         super().__init__(task, agent, seeds, "learn", initial, numbers)
         threads = threads or os.cpu_count() or 1
-        count = 2 ** max(0, math.ceil(math.log2(len(self.seeds) / MOST)))  # which as many threads divide evenly
+        count = 2 ** max(
+            0, math.ceil(math.log2(len(self.seeds) / MAX_SEEDS_PER_ENGINE))
+        )  # which as many threads divide evenly
         shares = np.array_split(np.arange(len(self.seeds)), count)
         self._ends = [int(share[-1]) + 1 for share in shares[:-1]]
         self._threads = min(threads, count)
@@ -53,7 +55,8 @@ class SideBySide(Stepper):
         for share in shares:
             own = jax.tree.map(lambda leaf, share=share: leaf[share], initial)
             part = {path: np.broadcast_to(values, len(self.seeds))[share] for path, values in (numbers or {}).items()}
-            each, chosen = max(1, threads // count), self.seeds[share].tolist()
+            each = max(1, threads // count)
+            chosen = self.seeds[share].tolist()
             more: dict[str, Any] = {"room": len(shares[0]), "envs": envs}
             self.engines.append(BodyStepper(task, agent, chosen, "learn", each, own, part, **more))
         self.cycle = self.engines[0].cycle

@@ -143,7 +143,7 @@ class Stepper(abc.ABC):
 
     @abc.abstractmethod
     def advance(self, decisions: int) -> None:
-        """Make this number of decisions per seed, at most `MOST_AT_ONCE` from one harvest to the next."""
+        """Make this number of decisions per seed, at most `MAX_TALLY_DECISIONS` from one harvest to the next."""
 
     @property
     @abc.abstractmethod

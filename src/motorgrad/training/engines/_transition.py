@@ -33,7 +33,8 @@ def transition(task: Task, cycle: CycleState, before: Any, after: Any, led: Outc
     **Arguments:** the task; the `cycle` with the action chosen; the dynamics `before` and `after` it; what it `led` to.
     """
     agent = cycle.agent
-    policy, readings = agent.policy, task.readings(led.memory, after)
+    policy = agent.policy
+    readings = task.readings(led.memory, after)
     terms = task.reward_terms(led.memory, after)
     told = [readings[name] for name in task.reports]
     nothing = jnp.full((), jnp.nan)
@@ -68,7 +69,8 @@ def transition_of_rows(
     numbers of these `sizes` behind, to what the decisions were."""
 
     def one(packed: Any, before: Array, row: Array) -> Transition:
-        width, cycle = len(before), unpack(packed)
+        width = len(before)
+        cycle = unpack(packed)
         uniforms = dict(zip(sizes, jnp.split(row[width:], np.cumsum([*sizes.values()])), strict=False))
         after = unpack_row(row[:width])
         led = outcome(task, cycle.memory, after, cycle.action, uniforms["observe"], cycle.elapsed)

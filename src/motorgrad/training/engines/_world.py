@@ -133,7 +133,8 @@ class WorldStepper(Stepper):
         first_episode: bool = False,
     ):
         super().__init__(task, agent, seeds, mode, initial, numbers)
-        kind, more = self.program_type, (mode, first_episode)
+        kind = self.program_type
+        more = (mode, first_episode)
         self.program = shared(kind, task, agent, more, lambda: kind(task, agent, mode, first_episode))
         self.cycle, self._axes = self.program.cycle, self.program.axes
         self._carry = self.program.begin(self.seeds, self._start_vector, self._initial)

@@ -75,7 +75,8 @@ class Curve:
     @property
     def quartiles(self) -> Float[np.ndarray, "3 records"]:
         """Lower quartile, median and upper quartile over the seeds; NaN where no seed has a value."""
-        found, seen = np.full((3, len(self.x)), np.nan), self.seen > 0
+        found = np.full((3, len(self.x)), np.nan)
+        seen = self.seen > 0
         if seen.any():
             found[:, seen] = np.nanpercentile(self.values[:, seen], [25, 50, 75], axis=0)
         return found
@@ -104,7 +105,8 @@ def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, labe
     x = _positions(run, axis, len(values))
     if smooth is not None:
         values = trailing_mean(x, values, weights_of(run, quantity), smooth)
-    window, steps = run.config["run"]["window"], run.config["run"]["steps"]
+    window = run.config["run"]["window"]
+    steps = run.config["run"]["steps"]
     broken = int(np.count_nonzero(run.broken))
     return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps), broken)
 

@@ -22,8 +22,13 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 STYLES = ("solid", "dashed", "dotted", "dashdot")  # one more for every round of the colours
 FEW_RUNS = 3  # with more, single seeds hide the medians
 FEW_SEEDS = 64  # with more, a line for each is a blur
-WIDTH, HEIGHT, DPI = 6.5, 2.6, 300  # inches, inches a panel, dots per inch: the text width of a paper
-LEGEND, STATEMENT = 80, 100  # characters in a row
+# inches, inches a panel, dots per inch: the text width of a paper
+WIDTH = 6.5
+HEIGHT = 2.6
+DPI = 300
+# characters in a row
+LEGEND = 80
+STATEMENT = 100
 
 LOOK: Any = {
     "font.size": 9,
@@ -76,7 +81,8 @@ def draw(panels: Sequence[Sequence[Curve]], axis: Axis, smooth: float | None) ->
     """A panel for each quantity, a colour for each run."""
     with matplotlib.rc_context(LOOK):
         figure = LearningCurves(figsize=(WIDTH, HEIGHT * len(panels) + 0.9), layout="constrained")
-        figure.curves, figure.axis = [curve for panel in panels for curve in panel], axis
+        figure.curves = [curve for panel in panels for curve in panel]
+        figure.axis = axis
         all_axes: list[Axes] = list(figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0])
         for axes, panel in zip(all_axes, panels, strict=True):
             for place, curve in enumerate(panel):
@@ -134,7 +140,8 @@ def _y_label(quantity: str) -> str:
 
 def _statement(curves: Sequence[Curve], axis: Axis, smooth: float | None) -> str:
     """What a point, a line and a band are."""
-    seeds, windows = _common(len(c.values) for c in curves), _common(c.window for c in curves)
+    seeds = _common(len(c.values) for c in curves)
+    windows = _common(c.window for c in curves)
     text = "one seed" if seeds == 1 else f"median and quartiles over {f'{seeds} ' if seeds else ''}seeds"
     text += f"; records of {counted(windows, 'decision')}" if windows else "; records as in the legend"
     text += f"; trailing mean over {smooth:,.10g} {UNITS[axis]}" if smooth else "; not smoothed further"

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-MOST = 3  # settings in a label; beyond that the folders say more
-LONGEST = 24  # characters of a setting's value
+MAX_LABEL_SETTINGS = 3  # beyond that the folders say more
+MAX_VALUE_CHARACTERS = 24
 
 
 def labels_of(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]) -> list[str]:
@@ -19,7 +19,7 @@ def labels_of(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]
         return folders
     settings = [_flat(config) for config in configs]
     keys = _differing(settings)
-    if not keys or len(keys) > MOST:
+    if not keys or len(keys) > MAX_LABEL_SETTINGS:
         return folders
     texts = [", ".join(_setting_text(key, keys, each[key]) for key in keys if key in each) for each in settings]
     if len(set(texts)) == len(texts) and all(texts):
@@ -102,7 +102,7 @@ def _is_kind(key: str) -> bool:
 
 def _setting_text(key: str, keys: Sequence[str], value: Any) -> str:
     """A setting as text: `penalty 0.3`; for a kind, its name. Equal names are preceded by that of their table."""
-    text = str(value) if len(str(value)) <= LONGEST else f"{str(value)[: LONGEST - 1]}…"
+    text = str(value) if len(str(value)) <= MAX_VALUE_CHARACTERS else f"{str(value)[: MAX_VALUE_CHARACTERS - 1]}…"
     if _is_kind(key):
         return text.rpartition(".")[2]
     *tables, name = key.split(".")

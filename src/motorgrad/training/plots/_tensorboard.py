@@ -17,7 +17,7 @@ import pyarrow as pa
 
 from motorgrad._extras import require
 from motorgrad._files import changing, read_content, read_json, write_atomically
-from motorgrad._limits import MOST_METRICS_BYTES
+from motorgrad._limits import MAX_METRICS_BYTES
 from motorgrad.training.plots._plot_curves import Plotted
 
 FILE = "events.out.tfevents.motorgrad"  # TensorBoard looks for "tfevents" in the name
@@ -90,7 +90,7 @@ class EventFiles:
     def _missing(self, file: Path, whole: bytes) -> bytes:
         """The part of its `whole` content that a file lacks; a file with other content is emptied."""
         file.parent.mkdir(parents=True, exist_ok=True)
-        there = read_content(file, MOST_METRICS_BYTES) if file.exists() else b""
+        there = read_content(file, MAX_METRICS_BYTES) if file.exists() else b""
         if not whole.startswith(there):
             write_atomically(file, there := b"")
         return whole[len(there) :]

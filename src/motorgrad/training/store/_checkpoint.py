@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from motorgrad._files import read_content, write_atomically
-from motorgrad._limits import MOST_STATE_BYTES
+from motorgrad._limits import MAX_CHECKPOINT_BYTES
 from motorgrad._reading import arrays_in, json_in
 
 FORMAT = 2
@@ -53,8 +53,8 @@ def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> str:
     body = head.encode() + b"\n" + buffer.getvalue()
     mark = checksum(body)
     content = mark.encode() + b"\n" + body
-    if len(content) > MOST_STATE_BYTES:
-        why = f"it takes {len(content):,} bytes, more than the {MOST_STATE_BYTES:,} that are read: use fewer seeds"
+    if len(content) > MAX_CHECKPOINT_BYTES:
+        why = f"it takes {len(content):,} bytes, more than the {MAX_CHECKPOINT_BYTES:,} that are read: use fewer seeds"
         raise OSError(errno.EFBIG, why, str(path))
     write_atomically(path, content)
     return mark
@@ -65,7 +65,7 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
     **Raises:** `CorruptCheckpoint` unless the checksum matches; `ValueError` for what is none, or too large.
     """
-    mark, _, body = read_content(path, MOST_STATE_BYTES).partition(b"\n")
+    mark, _, body = read_content(path, MAX_CHECKPOINT_BYTES).partition(b"\n")
     if checksum(body).encode() != mark:
         raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
     head, _, content = body.partition(b"\n")
@@ -85,7 +85,7 @@ def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 def is_whole(path: Path) -> bool:
     """Whether a file matches its checksum. One that is gone was replaced by a newer one."""
     try:
-        mark, _, body = read_content(path, MOST_STATE_BYTES).partition(b"\n")
+        mark, _, body = read_content(path, MAX_CHECKPOINT_BYTES).partition(b"\n")
     except FileNotFoundError:
         return True
     return checksum(body).encode() == mark

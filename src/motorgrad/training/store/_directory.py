@@ -31,7 +31,7 @@ from jaxtyping import PyTree
 
 from motorgrad._errors import shown
 from motorgrad._files import read_content, read_json, read_toml, refuse_links, remove_partials, write_atomically
-from motorgrad._limits import MOST_JSON_BYTES, MOST_MARK_BYTES, MOST_SETTINGS_BYTES
+from motorgrad._limits import MAX_JSON_BYTES, MAX_SETTINGS_BYTES, MAX_SIGNATURE_BYTES
 from motorgrad._ownership import is_signed, signature
 from motorgrad._reading import content_of, json_in
 from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, is_whole, load, save
@@ -84,7 +84,7 @@ class RunDirectory:
             self._lock.acquire()
         except filelock.Timeout:
             holder = self.path / ".holder"
-            content = read_content(holder, MOST_MARK_BYTES) if holder.exists() else b""
+            content = read_content(holder, MAX_SIGNATURE_BYTES) if holder.exists() else b""
             process = content.decode(errors="replace").split()[:1]
             who = f" (process {shown(process[0])[1:-1]})" if process else ""
             raise RunDirectoryError(f"{self.path} is in use by another process{who}") from None
@@ -106,7 +106,7 @@ class RunDirectory:
     @property
     def is_held(self) -> bool:
         """Whether the folder at the path is still the one that was locked. **Raises** `OSError` where none is."""
-        return read_content(self.path / ".holder", MOST_MARK_BYTES) == self._holder.encode()
+        return read_content(self.path / ".holder", MAX_SIGNATURE_BYTES) == self._holder.encode()
 
     @property
     def is_run(self) -> bool:
@@ -148,7 +148,7 @@ class RunDirectory:
             if where != "run.steps" and not allow_changed:
                 raise RunDirectoryError(f"{said}: {ON_PURPOSE}")
             _warn(said)
-        if tomli_w.dumps(config).encode() != content_of(file, MOST_SETTINGS_BYTES):
+        if tomli_w.dumps(config).encode() != content_of(file, MAX_SETTINGS_BYTES):
             _warn(f"{file}: was altered since motorgrad wrote it, but no setting was")
         return config
 
@@ -162,7 +162,7 @@ class RunDirectory:
     def is_ours(self, task: Mapping[str, Any]) -> bool:
         """Whether this user wrote a configuration with this table `task` here; what it names is then no stranger's."""
         try:
-            mark = content_of(self.path / SIGNATURE, MOST_MARK_BYTES).decode("ascii", "replace")
+            mark = content_of(self.path / SIGNATURE, MAX_SIGNATURE_BYTES).decode("ascii", "replace")
         except (OSError, ValueError):
             return False
         return is_signed(_as_bytes(task), mark)
@@ -211,7 +211,8 @@ class RunDirectory:
         more = None if short is None else self._metrics.write(short)
         about = {**about, **self._bound, "metrics": self._metrics.mark, "short": more}
         save(self._checkpoint(about["decision"]), state, about)
-        self._committed, self._torn = about, False
+        self._committed = about
+        self._torn = False
         with contextlib.suppress(OSError):  # the next commit tries again
             for old in self._checkpoints()[:-2]:
                 old.unlink()
@@ -295,7 +296,8 @@ class RunDirectory:
         about = self._committed if about is None else about
         if about is None:
             return None
-        (tables, damage), (last, more) = self._read(about), self._read_short(about)
+        (tables, damage) = self._read(about)
+        (last, more) = self._read_short(about)
         tables += last
         before = self._before(about) if damage else None
         for each in damage:
@@ -340,9 +342,10 @@ class RunDirectory:
         return facts_of(earlier[-1], *load(earlier[-1])) if earlier else None
 
     def _wrong_provenance(self, about: dict[str, Any]) -> list[str]:
-        file, known = self.path / "provenance.json", about["provenance"]
+        file = self.path / "provenance.json"
+        known = about["provenance"]
         try:
-            found = json_in(content_of(file, MOST_JSON_BYTES))
+            found = json_in(content_of(file, MAX_JSON_BYTES))
             mark = _sessions_checksum(found["seeds"], _sessions(file, found)[: known["sessions"]])
         except (OSError, ValueError, KeyError, TypeError) as error:
             return [f"{file}: damaged: {type(error).__name__}: {error}"]

@@ -12,7 +12,7 @@ from motorgrad._errors import check, check_integer
 from motorgrad._settings import build
 from motorgrad.training.store._metrics import PART
 
-MOST_DECISIONS = 2**32
+MAX_DECISIONS = 2**32
 FACTS = {
     "decision": int,
     "recorded": int,
@@ -49,13 +49,13 @@ def check_config(config: Mapping[str, Any]) -> None:
     check({"run", "task", "agent"} <= set(config), "tables", list(config), "run, task and agent")
     check(isinstance(config["run"], dict), "run", config["run"], "a table")
     run = build(_Run, config["run"], "run")
-    check_integer("run.steps", run.steps, 1, MOST_DECISIONS)
-    check_integer("run.window", run.window, 1, MOST_DECISIONS)
-    check_integer("run.envs", run.envs, 1, MOST_DECISIONS)
+    check_integer("run.steps", run.steps, 1, MAX_DECISIONS)
+    check_integer("run.window", run.window, 1, MAX_DECISIONS)
+    check_integer("run.envs", run.envs, 1, MAX_DECISIONS)
     for name in ("every", "episodes", "seed"):
         value = getattr(run, f"evaluate_{name}")
         if value is not None:
-            check_integer(f"run.evaluate_{name}", value, name != "seed", MOST_DECISIONS)
+            check_integer(f"run.evaluate_{name}", value, name != "seed", MAX_DECISIONS)
     check(run.seeds, "run.seeds", run.seeds, "one seed at least")
     for name, key in (("task", "name"), ("agent", "policy")):
         check(isinstance(config[name], dict) and key in config[name], name, config[name], f"a table with {key}")
@@ -100,9 +100,10 @@ def learner_of(path: Path, about: dict[str, Any]) -> dict[str, Any] | None:
 
 def _check(found: Mapping[str, Any], wanted: Mapping[str, Any], where: str = "") -> None:
     for name, kind in wanted.items():
-        value, place = found.get(name), f"{where}{name}"
+        value = found.get(name)
+        place = f"{where}{name}"
         if kind is int:
-            check_integer(place, value, 0, MOST_DECISIONS)
+            check_integer(place, value, 0, MAX_DECISIONS)
         elif kind is float:
             _check_seconds(place, value)
         elif isinstance(kind, dict):

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from motorgrad._errors import check, shown
 from motorgrad._files import changing, read_content, write_atomically
-from motorgrad._limits import MOST_METRICS_BYTES, MOST_TABLE_BYTES
+from motorgrad._limits import MAX_METRICS_BYTES, MAX_TABLE_BYTES
 from motorgrad._parquet import parquet_in
 from motorgrad.training.store._checkpoint import checksum
 
@@ -49,8 +49,10 @@ class MetricsFiles:
     """The files of the folder `metrics/`."""
 
     def __init__(self, folder: Path):
-        self.folder, self._list = folder, folder / LIST
-        self._length, self._digest = 0, hashlib.sha256()
+        self.folder = folder
+        self._list = folder / LIST
+        self._length = 0
+        self._digest = hashlib.sha256()
 
     @property
     def mark(self) -> dict[str, Any]:
@@ -64,7 +66,8 @@ class MetricsFiles:
         # what was measured hardly repeats: dictionaries of it take time and space
         repeats = [field.name for field in records.schema if field.type in (pa.int32(), pa.int64(), pa.float64())]
         pq.write_table(records, sink, use_dictionary=repeats)  # type: ignore[arg-type]
-        content, name = sink.getvalue().to_pybytes(), f"{first:012d}-{last:012d}.parquet"
+        content = sink.getvalue().to_pybytes()
+        name = f"{first:012d}-{last:012d}.parquet"
         write_atomically(self.folder / name, content)
         return name, checksum(content)
 
@@ -84,21 +87,22 @@ class MetricsFiles:
         """Discard records after the decision `recorded`, but for the file `kept`. `known` are the files of the run with
         their checksums."""
         content = b"".join(_line(name, mark) for name, mark in known.items() if last_of(name) <= recorded)
-        if content != (read_content(self._list, MOST_METRICS_BYTES) if self._list.exists() else b""):
+        if content != (read_content(self._list, MAX_METRICS_BYTES) if self._list.exists() else b""):
             write_atomically(self._list, content)
-        self._length, self._digest = len(content), hashlib.sha256(content)
+        self._length = len(content)
+        self._digest = hashlib.sha256(content)
         for part in self._parts(after=recorded):
             if part != kept:
                 (self.folder / part).unlink()
 
     def listed(self, mark: dict[str, Any], recorded: int) -> tuple[dict[str, str], list[Damage]]:
         """The files that a checkpoint covers with their checksums, and what is wrong with the list."""
-        content = read_content(self._list, MOST_METRICS_BYTES)[: mark["length"]] if self._list.exists() else b""
+        content = read_content(self._list, MAX_METRICS_BYTES)[: mark["length"]] if self._list.exists() else b""
         if checksum(content) == mark["checksum"]:
             return dict(_entries(content)), []
         what = "is damaged" if self._list.exists() else "is missing"
         again = {
-            name: checksum(read_content(self.folder / name, MOST_TABLE_BYTES)) for name in self._parts(upto=recorded)
+            name: checksum(read_content(self.folder / name, MAX_TABLE_BYTES)) for name in self._parts(upto=recorded)
         }
         if checksum(b"".join(_line(*entry) for entry in again.items())) == mark["checksum"]:
             return again, [Damage(LIST, 0, f"{what}; the files that it lists are whole")]
@@ -108,16 +112,18 @@ class MetricsFiles:
 
     def read(self, files: dict[str, str]) -> tuple[list[pa.Table], list[Damage]]:
         """The records of the files that are whole, in order, and what is wrong with the others."""
-        tables, damage, rest = [], [], MOST_METRICS_BYTES
+        tables = []
+        damage = []
+        rest = MAX_METRICS_BYTES
         for name, mark in files.items():
             try:
-                content = read_content(self.folder / name, MOST_TABLE_BYTES)
+                content = read_content(self.folder / name, MAX_TABLE_BYTES)
             except FileNotFoundError:
                 damage.append(Damage(name, last_of(name), "is missing"))
                 continue
             if checksum(content) == mark:
                 try:
-                    tables.append(parquet_in(content, min(rest, MOST_TABLE_BYTES)))
+                    tables.append(parquet_in(content, min(rest, MAX_TABLE_BYTES)))
                     _check_records(tables[-1])
                 except ValueError as error:
                     raise ValueError(f"{self.folder / name}: {error}") from None
@@ -137,7 +143,8 @@ def _check_records(table: pa.Table) -> None:
     check(len(set(names)) == len(names), "columns", names, "each there once")
     check(set(COLUMNS) - {"setting", "cpu_time"} <= set(names), "columns", names, "those of records")
     for field in table.schema:
-        kind, place = field.type, f"type of column {shown(field.name)}"
+        kind = field.type
+        place = f"type of column {shown(field.name)}"
         if field.name == "parameters":
             right = pa.types.is_fixed_size_list(kind) and kind.value_type == pa.float32()
             check(right, place, str(kind), "as many numbers of single precision in each row")

@@ -1,0 +1,70 @@
+"""Dry friction: a mass that sticks and slips."""
+
+import dataclasses
+from typing import Annotated, Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from timlab.blocks._base import Shaped
+from timlab.diagram import Moment, Parameter, Port, Ports, Signals
+
+
+@dataclasses.dataclass(frozen=True)
+class DryFriction(Shaped):
+    r"""Velocity $v$ of a mass under a force $u$ and dry friction.
+
+    While it slips, $m \dot v = u - F_k\,\mathrm{sign}(v) - d\,v$. When its velocity reaches 0 it sticks, unless
+    $|u| \ge F_s$, and it begins to slip where $|u|$ reaches $F_s$: Coulomb's model with static friction
+    (Armstrong-Hélouvry, Dupont & Canudas de Wit, 1994, section 2). A solver that adapts its steps changes the mode at
+    the instant; with RK4 it changes at ticks.
+    """
+
+    name: ClassVar[str] = "dry friction"
+    category: ClassVar[str] = "dynamics"
+
+    mass: Annotated[Any, Parameter("mass, $m$", unit="kg", low=0.0, open=True)] = 1.0
+    static: Annotated[Any, Parameter("$F_s$, the force at which it begins to slip", unit="N", low=0.0)] = 1.0
+    kinetic: Annotated[Any, Parameter("$F_k$, the force while it slips", unit="N", low=0.0)] = 0.8
+    viscous: Annotated[Any, Parameter("viscous friction, $d$", unit="N s/m", low=0.0)] = 0.0
+    initial: Annotated[Any, Parameter("initial velocity", unit="m/s")] = 0.0
+
+    def validate(self) -> None:
+        super().validate()
+        check(np.all(np.less_equal(self.kinetic, self.static)), "kinetic", self.kinetic, f"at most {self.static}")
+
+    @property
+    def inputs(self) -> Ports:
+        return {"u": Port(self.shape, feedthrough=False, help="the force", unit="N")}
+
+    @property
+    def outputs(self) -> Ports:
+        return {
+            "y": Port(self.shape, help="the velocity", unit="m/s"),
+            "slips": Port(self.shape, "bool", help="whether it slips"),
+        }
+
+    def init(self, uniforms: Any) -> Any:
+        """The velocity, and the direction in which it slips, 0 while it sticks."""
+        velocity = self.filled(self.initial)
+        return velocity, jnp.sign(velocity)
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        return {"y": state[0], "slips": state[1] != 0}
+
+    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        velocity, direction = state
+        slope = (inputs["u"] - self.kinetic * direction - self.viscous * velocity) / self.mass
+        return jnp.where(direction == 0, 0.0, slope), jnp.zeros(self.shape)
+
+    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        """The force beyond what holds it, or the velocity against its direction."""
+        velocity, direction = state
+        return jnp.where(direction == 0, jnp.abs(inputs["u"]) - self.static, -velocity * direction).ravel()
+
+    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        velocity, direction = state
+        changes = now.rising.reshape(self.shape)
+        slips = jnp.where(jnp.abs(inputs["u"]) >= self.static, jnp.sign(inputs["u"]), 0.0)
+        return jnp.where(changes, 0.0, velocity), jnp.where(changes, slips, direction)

@@ -1,0 +1,207 @@
+"""Sources: constants, functions of time, noise."""
+
+import dataclasses
+from typing import Annotated, Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad._random import normals
+from timlab.blocks._base import OneShape, Shaped, TimeSource
+from timlab.diagram import Moment, Parameter, Setting, Signals
+
+
+@dataclasses.dataclass(frozen=True)
+class Constant(OneShape):
+    """Constant `value`, broadcast to `shape`."""
+
+    name: ClassVar[str] = "constant"
+    category: ClassVar[str] = "sources"
+
+    value: Annotated[Any, Parameter("the output")] = 0.0
+    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        return {"y": self.filled(self.value)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Step(TimeSource):
+    """Step from `before` to `after` at time `at`."""
+
+    name: ClassVar[str] = "step"
+    category: ClassVar[str] = "sources"
+
+    at: Annotated[Any, Parameter("time of the step", unit="s")] = 1.0
+    before: Annotated[Any, Parameter("output before the step")] = 0.0
+    after: Annotated[Any, Parameter("output from the step on")] = 1.0
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        jumped = now.doubled(lambda start, at: start >= at - now.blur, self.at)
+        return {"y": self.filled(jnp.where(jumped, self.after, self.before))}
+
+    def next_jump(self, now: Moment) -> Any:
+        return now.doubled(lambda start, at: jnp.min(jnp.where(start >= at - now.blur, jnp.inf, at)), self.at)
+
+
+@dataclasses.dataclass(frozen=True)
+class Ramp(TimeSource):
+    r"""Constant `initial` until time `start`, then a ramp, $y = y_0 + k\,(t - t_0)$."""
+
+    name: ClassVar[str] = "ramp"
+    category: ClassVar[str] = "sources"
+
+    slope: Annotated[Any, Parameter("change per second, $k$", unit="1/s")] = 1.0
+    start: Annotated[Any, Parameter("time at which the ramp starts, $t_0$", unit="s")] = 0.0
+    initial: Annotated[Any, Parameter("output before the ramp, $y_0$")] = 0.0
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        def ramp(time: Any, slope: Any, start: Any, initial: Any) -> Any:
+            return initial + slope * jnp.maximum(time - start, 0.0)
+
+        return {"y": self.filled(now.exactly(ramp, self.slope, self.start, self.initial))}
+
+
+@dataclasses.dataclass(frozen=True)
+class Sine(TimeSource):
+    r"""Sine wave, $y = b + a \sin(2\pi f t + \varphi)$."""
+
+    name: ClassVar[str] = "sine"
+    category: ClassVar[str] = "sources"
+
+    amplitude: Annotated[Any, Parameter("peak value, $a$")] = 1.0
+    frequency: Annotated[Any, Parameter("cycles per second, $f$", unit="Hz", low=0.0)] = 1.0
+    phase: Annotated[Any, Parameter(r"phase at time 0, $\varphi$", unit="rad")] = 0.0
+    offset: Annotated[Any, Parameter("mean of the wave, $b$")] = 0.0
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        cycles = now.cycles(self.frequency)
+        return {"y": self.filled(self.offset + self.amplitude * jnp.sin(2 * jnp.pi * cycles + self.phase))}
+
+
+@dataclasses.dataclass(frozen=True)
+class Pulse(TimeSource):
+    """Pulse train: `high` for the first fraction `duty` of every cycle, `low` for the rest."""
+
+    name: ClassVar[str] = "pulse"
+    category: ClassVar[str] = "sources"
+
+    frequency: Annotated[Any, Parameter("cycles per second", unit="Hz", low=0.0)] = 1.0
+    duty: Annotated[Any, Parameter("fraction of a cycle that is high", low=0.0, high=1.0)] = 0.5
+    delay: Annotated[Any, Parameter("start of the first cycle", unit="s")] = 0.0
+    low: Annotated[Any, Parameter("output between pulses")] = 0.0
+    high: Annotated[Any, Parameter("output during a pulse")] = 1.0
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        def is_high(start: Any, frequency: Any, delay: Any, duty: Any) -> Any:
+            return self._phase(now, start, frequency, delay)[0] < duty
+
+        return {"y": self.filled(jnp.where(now.doubled(is_high, *self._times), self.high, self.low))}
+
+    def next_jump(self, now: Moment) -> Any:
+        def jump(start: Any, frequency: Any, delay: Any, duty: Any) -> Any:
+            phase, margin = self._phase(now, start, frequency, delay)
+            left = jnp.where(phase < duty, duty, 1.0) - phase + margin
+            return start + jnp.min(jnp.where(frequency > 0, left / frequency, jnp.inf))
+
+        return now.doubled(jump, *self._times)
+
+    @property
+    def _times(self) -> tuple[Any, Any, Any]:
+        return self.frequency, self.delay, self.duty
+
+    @staticmethod
+    def _phase(now: Moment, start: Any, frequency: Any, delay: Any) -> tuple[Any, Any]:
+        """The part of a cycle that has passed when the step begins, and the part that rounding may take from it: what
+        misses a jump by as little counts as on it.
+        """
+        cycles = frequency * (start - delay)
+        margin = frequency * (now.blur + 1e-15 * jnp.abs(delay)) + 1e-15 * (1 + jnp.abs(cycles))
+        return (cycles % 1.0 + margin) % 1.0, margin
+
+
+@dataclasses.dataclass(frozen=True)
+class Chirp(TimeSource):
+    r"""Sine wave with a frequency sweep from $f_0$ at time 0 to $f_1$ at time $T$, which continues after $T$.
+
+    The frequency is $f_0 + (f_1 - f_0)\,t/T$, or with `sweep="logarithmic"` $f_0\,(f_1/f_0)^{t/T}$.
+    """
+
+    name: ClassVar[str] = "chirp"
+    category: ClassVar[str] = "sources"
+
+    amplitude: Annotated[Any, Parameter("amplitude of the wave")] = 1.0
+    first: Annotated[Any, Parameter("frequency at the start, $f_0$", unit="Hz", low=0.0, open=True)] = 0.1
+    last: Annotated[Any, Parameter("frequency at the end, $f_1$", unit="Hz", low=0.0, open=True)] = 10.0
+    duration: Annotated[Any, Parameter("time from start to end, $T$", unit="s", low=0.0, open=True)] = 10.0
+    phase: Annotated[Any, Parameter("phase at time 0; a phase of 0 starts as a sine", unit="rad")] = 0.0
+    sweep: Annotated[str, Setting("how the frequency changes over time", choices=("linear", "logarithmic"))] = "linear"
+
+    def validate(self) -> None:
+        super().validate()
+        different = np.all(np.not_equal(self.first, self.last))
+        check(different or self.sweep == "linear", "last", self.last, "different from first in a logarithmic sweep")
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        def cycles(time: Any, first: Any, last: Any, duration: Any) -> Any:
+            part = time / duration
+            if self.sweep == "linear":
+                passed = time * (first + 0.5 * (last - first) * part)
+            else:
+                rate = jnp.log(last / first)
+                passed = first * duration / rate * jnp.expm1(rate * part)
+            return passed % 1.0
+
+        phase = 2 * jnp.pi * now.exactly(cycles, self.first, self.last, self.duration) + self.phase
+        return {"y": self.filled(self.amplitude * jnp.sin(phase))}
+
+
+@dataclasses.dataclass(frozen=True)
+class UniformNoise(Shaped):
+    """Independent samples from U[`low`, `high`), drawn at every evaluation and held in between."""
+
+    name: ClassVar[str] = "uniform noise"
+    category: ClassVar[str] = "sources"
+
+    low: Annotated[Any, Parameter("lower bound, inclusive")] = -1.0
+    high: Annotated[Any, Parameter("upper bound, exclusive")] = 1.0
+
+    def validate(self) -> None:
+        super().validate()
+        check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
+
+    @property
+    def uniforms(self) -> int:
+        return int(np.prod(self.shape))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        return {"y": self.low + (self.high - self.low) * now.uniforms.reshape(self.shape)}
+
+
+@dataclasses.dataclass(frozen=True)
+class NormalNoise(Shaped):
+    r"""Independent normal samples, drawn at every evaluation and held in between.
+
+    Their standard deviation is `deviation`, or with `per="root second"` $\sigma/\sqrt h$ for a sample period of $h$
+    seconds: white noise whose integral over $T$ seconds has the standard deviation $\sigma\sqrt T$ for any sample
+    period.
+    """
+
+    name: ClassVar[str] = "normal noise"
+    category: ClassVar[str] = "sources"
+
+    mean: Annotated[Any, Parameter("mean of the samples")] = 0.0
+    deviation: Annotated[Any, Parameter(r"standard deviation, $\sigma$", low=0.0)] = 1.0
+    per: Annotated[
+        str, Setting("whether the deviation is per sample or per root second", choices=("sample", "root second"))
+    ] = "sample"
+
+    @property
+    def uniforms(self) -> int:
+        return 2 * ((int(np.prod(self.shape)) + 1) // 2)
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        standard = normals(now.uniforms)[: int(np.prod(self.shape))].reshape(self.shape)
+        deviation = self.deviation if self.per == "sample" else self.deviation / jnp.sqrt(now.step)
+        return {"y": self.mean + deviation * standard}

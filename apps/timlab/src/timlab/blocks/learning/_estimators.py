@@ -1,0 +1,386 @@
+"""Traces, baselines, critics and the normalization of advantages as blocks, and what turns errors into gradients."""
+
+import dataclasses
+import functools
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from motorgrad import learning, policies
+from motorgrad._errors import check
+from timlab.blocks.learning._parts import (
+    MAX_PARAMETERS,
+    VALID,
+    BlockField,
+    PartBlock,
+    Vector,
+    check_count,
+    is_paid,
+    where,
+)
+from timlab.blocks.learning._units import key_from
+from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+
+ENDED = Port((), "bool", feedthrough=False, default=0.0, help="whether an episode ended at this tick")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TraceBlock(PartBlock):
+    """The output is the trace of the actions *before* this tick, which a reward at this tick is for. So a trace cuts
+    the loop of learning. It restarts where an episode has `ended`."""
+
+    size: Annotated[int, Setting("number of parameters of the score")] = 1
+    newest: Annotated[bool, Setting("whether the newest score is an output too, for baselines of the observation")] = (
+        False
+    )
+
+    def validate(self) -> None:
+        check_count("size", self.size, MAX_PARAMETERS)
+        super().validate()
+        if self._learns:
+            wanted = f"False for a {self.name}, which learns what the newest score counts"
+            check(not self.newest, "newest", True, wanted)
+
+    def number_shape(self, field: BlockField) -> tuple[int, ...]:
+        return () if self._learns else (self.size,)
+
+    @property
+    def _learns(self) -> bool:
+        return self.part.learns  # type: ignore[attr-defined]
+
+    @property
+    def inputs(self) -> Ports:
+        score = {"score": Port((self.size,), feedthrough=False), "ended": ENDED}
+        if not self._learns:
+            return score
+        error = Port((), feedthrough=False, help="what the trace is multiplied by")
+        return score | {"error": error, "valid": dataclasses.replace(VALID, feedthrough=False)}
+
+    @property
+    def outputs(self) -> Ports:
+        trace = {"trace": Port((self.size,))}
+        help = "the newest score, with the weight that the trace gives it"
+        return trace | ({"newest": Port((self.size,), help=help)} if self.newest else {})
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+        empty = self.bound_part.init(jnp.zeros(self.size))
+        return (empty, jnp.zeros(self.size)) if self.newest else empty
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        trace: learning.Trace = self.bound_part
+        if not self.newest:
+            return {"trace": trace.value(state)}
+        alone = trace.update(trace.init(jnp.zeros(self.size)), state[1])
+        return {"trace": trace.value(state[0]), "newest": trace.value(alone)}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        trace: learning.Trace = self.bound_part
+        score = inputs["score"]
+        if self._learns:
+            learned = trace.learn(state, inputs["error"])
+            state = where(is_paid(inputs, now), learned, state)
+            empty = trace.restart(state, jnp.zeros(self.size))
+        else:
+            empty = trace.init(jnp.zeros(self.size))
+        after = trace.update(where(inputs["ended"], empty, state[0] if self.newest else state), score)
+        return (after, score) if self.newest else after
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BaselineBlock(PartBlock):
+    """The block compares a reward with the baseline, and then learns from it. A reward that is not `valid`, or comes
+    before any action, has the error 0, and nothing is learned from it."""
+
+    @property
+    def inputs(self) -> Ports:
+        restarts = self.part.restart is not learning.Baseline.restart  # type: ignore[attr-defined]
+        return {"reward": Port(), "valid": VALID} | ({"ended": ENDED} if restarts else {})
+
+    @property
+    def outputs(self) -> Ports:
+        newest = Port(help="what the newest action's error has beyond `error`")
+        return {
+            "error": Port(help="reward above the baseline"),
+            "baseline": Port(help="present level of rewards"),
+            **({"newest": newest} if self._splits else {}),
+        }
+
+    @property
+    def _policy(self) -> policies.Policy:
+        """A policy of the sizes that the baseline sees."""
+        return policies.hyperplanes(1, 1)
+
+    @functools.cached_property
+    def _splits(self) -> bool:
+        """Whether the newest action is compared with another baseline than older ones."""
+        real = jnp.result_type(float)
+        ports = {name: jax.ShapeDtypeStruct(port.shape, port.dtype) for name, port in self.inputs.items()}
+
+        def advantage(inputs: Signals) -> learning.Advantage:
+            start = self._start(self.template, real, jnp.zeros(self.init_uniforms, real))
+            return self._update(self.template, start, inputs)[0]
+
+        return jax.eval_shape(advantage, ports).newest is not None
+
+    @property
+    def init_uniforms(self) -> int:
+        return int(self.part.starts_at_random)  # type: ignore[attr-defined]
+
+    def _start(self, baseline: learning.Baseline, dtype: Any, uniforms: Any) -> Any:
+        if not self.init_uniforms:
+            return baseline.init(self._policy, dtype)
+        return baseline.start(self._policy, dtype, key_from(uniforms))
+
+    def _inner(self, state: Any) -> Any:
+        """The state of the baseline within that of the block."""
+        return state
+
+    def _transition(self, state: Any, inputs: Signals) -> learning.Transition:
+        return learning.Transition(None, None, inputs["reward"], None, False, ~inputs["valid"])  # type: ignore[arg-type]
+
+    def _update(self, baseline: learning.Baseline, state: Any, inputs: Signals) -> tuple[learning.Advantage, Any]:
+        return baseline.update(self._inner(state), self._policy, self._transition(state, inputs))
+
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+        return self._start(self.bound_part, jnp.result_type(float), uniforms)
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        baseline = self.bound_part
+        counts = is_paid(inputs, now)
+        advantage = self._update(baseline, state, inputs)[0]
+        found = {"error": jnp.where(counts, advantage.trace, 0), "baseline": baseline.level(self._inner(state))}
+        return found if advantage.newest is None else found | {"newest": jnp.where(counts, advantage.newest, 0)}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        baseline = self.bound_part
+        after = where(now.tick > 0, self._update(baseline, state, inputs)[1], self._inner(state))
+        if "ended" in self.inputs:
+            after = where(inputs["ended"], baseline.restart(after), after)
+        return baseline.solve(after)
+
+
+class Recalled(NamedTuple):
+    """The state of a baseline, and the decision whose reward comes next."""
+
+    baseline: Any
+    observation: Float[Array, " observed"]
+    action: Float[Array, " acted"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ObservingBaselineBlock(BaselineBlock):
+    """The block compares a reward with what was expected on the observation, and then learns from it. `observation` is
+    what the next action is chosen on, `next_observation` what the last one led to, before any reset.
+
+    Where there is an output `newest`, older actions are compared with the level of rewards, and the newest with the
+    baseline of its observation: wire `newest` to the gradient sample too, and the `newest` score of the trace.
+    """
+
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    acted: Annotated[int, Setting("number of numbers in an action")] = 1
+
+    def validate(self) -> None:
+        check_count("observed", self.observed)
+        check_count("acted", self.acted)
+        super().validate()
+
+    @property
+    def inputs(self) -> Ports:
+        seen = (self.observed,)
+        action = "the action of this tick, for baselines that look at it"
+        return {
+            "observation": Port(seen, feedthrough=False),
+            "next_observation": Port(seen, default=0.0, help="before any reset"),
+            "action": Port((self.acted,), feedthrough=False, default=0.0, help=action),
+            "reward": Port(),
+            "terminated": Port((), "bool", default=0.0),
+            "ended": ENDED,
+            "valid": VALID,
+        }
+
+    @property
+    def outputs(self) -> Ports:
+        value = Port(help="of the observation on which the last action was taken")
+        return {**super().outputs, **({"value": value} if hasattr(self.part, "value_at") else {})}
+
+    @property
+    def _policy(self) -> policies.Policy:
+        return policies.hyperplanes(self.observed, self.acted)
+
+    def _start(self, baseline: learning.Baseline, dtype: Any, uniforms: Any) -> Recalled:
+        started = super()._start(baseline, dtype, uniforms)
+        return Recalled(started, jnp.zeros(self.observed, dtype), jnp.zeros(self.acted, dtype))
+
+    def _inner(self, state: Recalled) -> Any:
+        return state.baseline
+
+    def _transition(self, state: Recalled, inputs: Signals) -> learning.Transition:
+        reward = inputs["reward"]
+        following = inputs["next_observation"]
+        return learning.Transition(
+            state.observation, state.action, reward, following, inputs["terminated"], ~inputs["valid"]
+        )
+
+    def output(self, state: Recalled, inputs: Signals, now: Moment) -> Signals:
+        found = super().output(state, inputs, now)
+        if not hasattr(self.part, "value_at"):
+            return found
+        previous = getattr(state.baseline, "previous", None)  # of critics, which may look at actions
+        seen = (state.observation,) if previous is None else (state.observation, previous)
+        return found | {"value": self.bound_part.value_at(state.baseline, *seen)}
+
+    def update(self, state: Recalled, inputs: Signals, now: Moment) -> Recalled:
+        after = super().update(state, inputs, now)
+        observation = inputs["observation"]
+        return Recalled(self.bound_part.observe(after, observation), observation, inputs["action"])
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EligibilityBaselineBlock(BaselineBlock):
+    """The block compares a reward with the baseline, and then learns from it and from the trace that it met. The
+    parameters of its trace are one unit: give every unit a block of its own. `gradient` is the sample, with each
+    parameter's own baseline."""
+
+    size: Annotated[int, Setting("number of parameters of the trace")] = 1
+
+    def validate(self) -> None:
+        check_count("size", self.size, MAX_PARAMETERS)
+        super().validate()
+
+    @property
+    def inputs(self) -> Ports:
+        return {"reward": Port(), "trace": Port((self.size,)), "valid": VALID}
+
+    @property
+    def outputs(self) -> Ports:
+        return {
+            "gradient": Port((self.size,), help="reward above the baseline, times the trace"),
+            "baseline": Port(help="present level of rewards"),
+        }
+
+    @property
+    def _policy(self) -> Any:
+        return Vector(jnp.zeros(self.size))
+
+    def _transition(self, state: Any, inputs: Signals) -> learning.Transition:
+        return super()._transition(state, inputs)._replace(eligibility=Vector(inputs["trace"]))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        baseline: Any = self.bound_part
+        error = self._update(baseline, state, inputs)[0].trace
+        sample = (error.parameters if isinstance(error, Vector) else error) * inputs["trace"]
+        return {"gradient": jnp.where(is_paid(inputs, now), sample, 0), "baseline": baseline.level(state)}
+
+
+def baseline_block(part: type[learning.Baseline]) -> type[BaselineBlock]:
+    """The base class of a baseline's block: with ports for the observation where the baseline looks at it, and for the
+    trace where it looks at that."""
+    if part.needs_eligibility:
+        return EligibilityBaselineBlock
+    observes = part.needs_decision or part.observe is not learning.Baseline.observe
+    return ObservingBaselineBlock if observes else BaselineBlock
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NormalizationBlock(PartBlock):
+    """The block divides each `error`, the newest included; `newest` is scaled by the same factor."""
+
+    @property
+    def inputs(self) -> Ports:
+        return {"error": Port(), "newest": Port(default=0.0, help="from a baseline of the observation"), "valid": VALID}
+
+    @property
+    def outputs(self) -> Ports:
+        return {"error": Port(), "newest": Port()}
+
+    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+        return self.bound_part.init(jnp.result_type(float))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        factor = self.bound_part.factor(self.update(state, inputs, now))
+        return {"error": factor * inputs["error"], "newest": factor * inputs["newest"]}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        advantage = inputs["error"] + inputs["newest"]
+        return where(is_paid(inputs, now), self.bound_part.update(state, advantage), state)
+
+
+@dataclasses.dataclass(frozen=True)
+class GradientSample(Block):
+    r"""Credits an error to past actions by their trace, $g = \delta z$.
+
+    With a baseline of the observation it adds what the newest action alone is credited with, $g = \delta z + \nu s$.
+    """
+
+    name: ClassVar[str] = "gradient sample"
+    category: ClassVar[str] = "learning"
+
+    size: Annotated[int, Setting("number of parameters of the trace")] = 1
+
+    def validate(self) -> None:
+        check_count("size", self.size, MAX_PARAMETERS)
+
+    @property
+    def inputs(self) -> Ports:
+        return {
+            "error": Port(),
+            "trace": Port((self.size,)),
+            "newest_error": Port(default=0.0, help=r"$\nu$, `newest` of a baseline of the observation"),
+            "newest_score": Port((self.size,), default=0.0, help="$s$, `newest` of the trace"),
+        }
+
+    @property
+    def outputs(self) -> Ports:
+        return {"gradient": Port((self.size,))}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        newest = inputs["newest_error"] * inputs["newest_score"]
+        return {"gradient": inputs["error"] * inputs["trace"] + newest}
+
+
+@dataclasses.dataclass(frozen=True)
+class GradientMean(Block):
+    """Collects gradient samples, for learners that step once a batch.
+
+    After `samples` of them it outputs their mean or sum, sets `due`, and starts the next batch. Otherwise it outputs 0.
+    """
+
+    name: ClassVar[str] = "gradient mean"
+    category: ClassVar[str] = "learning"
+
+    size: Annotated[int, Setting("number of parameters of the gradient")] = 1
+    samples: Annotated[Any, Parameter("samples in a batch", low=1, high=2**31 - 1, kind="int")] = 100
+    batch: Annotated[str, Setting("whether a step uses their mean or their sum", choices=("mean", "sum"))] = "mean"
+
+    def validate(self) -> None:
+        check_count("size", self.size, MAX_PARAMETERS)
+        self.check_broadcasts("samples", ())
+
+    @property
+    def inputs(self) -> Ports:
+        return {"gradient": Port((self.size,)), "valid": VALID}
+
+    @property
+    def outputs(self) -> Ports:
+        return {"gradient": Port((self.size,)), "due": Port((), "bool", help="whether a batch is complete")}
+
+    def init(self, uniforms: Float[Array, " 0"]) -> learning.RunningMean:
+        return learning.running_mean(jnp.zeros(self.size))
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        running = self._collected(state, inputs, now)
+        size = running.count.astype(running.mean.dtype) if self.batch == "sum" else 1.0
+        due = self._is_full(running, inputs, now)
+        return {"gradient": jnp.where(due, size * running.mean, 0), "due": due}
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        running = self._collected(state, inputs, now)
+        return where(self._is_full(running, inputs, now), learning.running_mean(running.mean), running)
+
+    def _collected(self, state: Any, inputs: Signals, now: Moment) -> learning.RunningMean:
+        return where(is_paid(inputs, now), learning.add_sample(state, inputs["gradient"]), state)
+
+    def _is_full(self, running: learning.RunningMean, inputs: Signals, now: Moment) -> Any:
+        return is_paid(inputs, now) & (running.count >= self.samples)

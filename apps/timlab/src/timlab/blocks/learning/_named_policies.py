@@ -1,0 +1,108 @@
+"""Policies of the library by their names as blocks, with or without hidden layers."""
+
+import dataclasses
+import functools
+import inspect
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from motorgrad import policies
+from timlab.blocks._base import as_text, read_table
+from timlab.blocks.learning._parts import check_count
+from timlab.blocks.learning._units import Sizes, Units, key_from
+from timlab.diagram import Moment, Port, Ports, Setting, Signals
+
+# growing and mirrored ones need more than sizes
+POLICY_NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))
+
+LINEAR = tuple(name for name in POLICY_NAMES if "network" in inspect.signature(policies.INITIAL[name]).parameters)
+
+
+@dataclasses.dataclass(frozen=True)
+class NamedPolicy(Units):
+    """Any initial policy of `motorgrad.policies` by its name: tiles of local units, soft boxes, graded units, …
+
+    Policies with hidden units that draw, such as `layered`, output what these drew at this tick as `hidden`, layer by
+    layer. Those with a memory, such as `recurrent`, output what they remember for the next decision as `memory`, and
+    forget it at a tick with `restart`. A `finite-state-controller` has both outputs: its first hidden draw is the next
+    internal state, from 0, and its memory is that state as a one-hot vector. The memory of `recurrent` begins with the
+    activations of its units.
+
+    Parameters: in the order of the policy's fields.
+    """
+
+    name: ClassVar[str] = "policy"
+
+    policy: Annotated[str, Setting("name of the initial policy", choices=POLICY_NAMES)] = "hyperplanes"
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    units: Annotated[int, Setting("number of units or alternatives")] = 1
+    settings: Annotated[str | Mapping[str, Any], Setting("further settings as TOML: `width = 0.2`")] = ""
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        check_count("observed", self.observed)
+        object.__setattr__(self, "settings", as_text("settings", self.settings))
+        _ = self._initial
+
+    @functools.cached_property
+    def _initial(self) -> Any:
+        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
+
+        return Initial(Sizes(self.observed, self.units), self.policy, read_table("settings", self.settings))
+
+    @property
+    def init_uniforms(self) -> int:
+        return 1
+
+    def start(self, uniforms: Float[Array, " 1"]) -> policies.Policy:
+        return jax.tree.map(jnp.asarray, self._initial(key_from(uniforms)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Network(NamedPolicy):
+    """Units behind hidden layers that learn with them (Elsayed, Vasan & Mahmood, 2024): a policy of the library that
+    is linear in the last layer's output.
+
+    `hidden` are the activations of all hidden units at this tick, layer by layer. Parameters: those of the units, then
+    those of the layers, from the inputs on.
+    """
+
+    name: ClassVar[str] = "network"
+
+    policy: Annotated[str, Setting("name of the initial policy of the units", choices=LINEAR)] = "hyperplanes"
+    hidden: Annotated[tuple[int, ...], Setting("number of units in each hidden layer")] = (32, 32)
+    activation: Annotated[str, Setting("nonlinearity of the hidden units", choices=(*policies.ACTIVATIONS,))] = (
+        "leaky-relu"
+    )
+    layer_norm: Annotated[bool, Setting("normalise potentials before the nonlinearity")] = True
+    sparsity: Annotated[float, Setting("share of each hidden unit's weights that start at 0")] = 0.9
+    standardise: Annotated[bool, Setting("make inputs relative to their running mean and deviation")] = False
+    unit_length: Annotated[bool, Setting("scale the output of the last layer to length 1")] = False
+
+    def validate(self) -> None:
+        object.__setattr__(self, "hidden", tuple(self.hidden))
+        super().validate()
+
+    @functools.cached_property
+    def _initial(self) -> Any:
+        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
+
+        activation: Any = self.activation
+        network = policies.MultilayerPerceptron(
+            self.hidden, activation, self.layer_norm, self.sparsity, self.standardise, self.unit_length
+        )
+        settings = {**read_table("settings", self.settings), "network": network}
+        return Initial(Sizes(self.observed, self.units), self.policy, settings)
+
+    @property
+    def outputs(self) -> Ports:
+        return {**super().outputs, "hidden": Port((sum(self.hidden),), help="activations of the hidden units")}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        policy, seen, _ = self._acted(state, inputs, now)
+        layers = policy.hidden_activations(seen)[: len(self.hidden)]  # what `unit_length` scales comes after them
+        return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}

@@ -1,0 +1,370 @@
+"""Stochastic units as blocks: policies of the library that act, output their score, and take steps."""
+
+import abc
+import dataclasses
+import functools
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from motorgrad import policies
+from motorgrad._errors import check
+from motorgrad.policies import Policy, split, trainable
+from motorgrad.tasks import Task
+from timlab.blocks.learning._parts import check_count, where
+from timlab.diagram import Block, Kind, Moment, Parameter, Port, Ports, Setting, Signals
+
+
+class _Shapes(NamedTuple):
+    policy: Policy
+    action: jax.ShapeDtypeStruct
+    parameters: int
+    units: int
+    """The number of rows of parameters that can move without the others."""
+    hidden: int
+    """How many numbers are drawn that the task does not get."""
+    memory: tuple[int, ...]
+    """The shape of what is remembered, empty without a memory."""
+
+
+class Remembering(NamedTuple):
+    """The state of units with a memory."""
+
+    policy: Policy
+    memory: Float[Array, " memory"] | None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Units(Block, abc.ABC):
+    r"""Stochastic units, a policy $\pi(a \mid y, \theta)$ of `motorgrad.policies`.
+
+    They act on an observation, and output the score $\nabla_\theta \log \pi$ of the action. They own their parameters
+    $\theta$: a `step` that comes in is added before they act, within the limits of the parameters. Or the parameters
+    come by a wire, so that several blocks share those of one, or they are learned by other means.
+
+    `score`, `step` and `parameters` are vectors in the order of the policy's fields.
+    """
+
+    category: ClassVar[str] = "learning"
+
+    greedy: Annotated[Any, Parameter("take the most probable action, not a random one", kind="bool")] = False
+    source: Annotated[str, Setting("where parameters come from", choices=("own", "wire"))] = "own"
+    frozen: Annotated[Any, Parameter("take no steps: all units, or each as a list says", kind="bool")] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_broadcasts("frozen", (self._shapes.units,))
+
+    @abc.abstractmethod
+    def start(self, uniforms: Float[Array, " init_uniforms"]) -> Policy:
+        """The initial policy."""
+
+    @functools.cached_property
+    def _shapes(self) -> _Shapes:
+        real = jnp.result_type(float)
+        policy = jax.eval_shape(self.start, jax.ShapeDtypeStruct((self.init_uniforms,), real))
+        seen = jax.ShapeDtypeStruct((policy.inputs,), real)
+        drawn = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
+        action = jax.eval_shape(lambda p, drawn: p.emit(drawn), policy, drawn)
+        rows = jax.eval_shape(lambda p: p.blocks(trainable(p)), policy)
+        units = sum(row.shape[0] for row in rows)
+        memory = jax.eval_shape(lambda p: p.initial_memory(), policy)
+        hidden = drawn.size - action.size
+        shape = () if memory is None else memory.shape
+        return _Shapes(policy, action, size_of(policy), units, hidden, shape)
+
+    def values(self) -> dict[str, np.ndarray]:
+        found = super().values()  # for every unit, so that one can be frozen while the diagram runs
+        return found | {"frozen": np.broadcast_to(found["frozen"], (self._shapes.units,))}
+
+    @property
+    def inputs(self) -> Ports:
+        policy, size = self._shapes.policy, self._shapes.parameters
+        moved = {
+            "own": {"step": Port((size,), default=0.0, help="added to the parameters at once")},
+            "wire": {"parameters": Port((size,))},
+        }
+        restart = {"restart": Port((), "bool", default=0.0, help="forget: an episode begins")}
+        return {
+            "observation": Port((policy.observation_size,)),
+            **moved[self.source],
+            **(restart if policy.has_memory else {}),
+        }
+
+    @property
+    def outputs(self) -> Ports:
+        policy, action, size, _, hidden, memory = self._shapes
+        ports = {
+            "action": Port(action.shape, kind_of(action.dtype)),
+            "score": Port((size,), help="gradient of the action's log-probability"),
+            "probability": Port((policy.outputs,), help="that each unit fires, or of each alternative"),
+            "parameters": Port((size,), help="at this tick"),
+        }
+        if policy.hides:
+            ports["hidden"] = Port((hidden,), help="what the hidden units drew")
+        if policy.has_memory:
+            ports["memory"] = Port(memory, help="what is remembered for the next decision")
+        return ports
+
+    @property
+    def uniforms(self) -> int:
+        return self._shapes.policy.uniforms
+
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+        policy = self.start(uniforms)
+        return Remembering(policy, policy.initial_memory()) if policy.has_memory else policy
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        policy, seen, action = self._acted(state, inputs, now)
+        shown: dict[str, Any] = {
+            "action": policy.emit(action),
+            "score": flat(policy.score(seen, action)),
+            "probability": policy.prob(seen),
+            "parameters": flat(trainable(policy)),
+        }
+        if policy.hides:
+            shown["hidden"] = action[: self._shapes.hidden]  # what the task gets comes last
+        if policy.has_memory:
+            shown["memory"] = policy.remember(seen, action)
+        return shown
+
+    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        policy, seen, action = self._acted(state, inputs, now)
+        after = where(jnp.all(self.frozen), policy, policy.adapted(seen))
+        return Remembering(after, policy.remember(seen, action)) if policy.has_memory else after
+
+    def _acted(self, state: Any, inputs: Signals, now: Moment) -> tuple[Policy, Array, Array]:
+        """The policy, what its units see, and what they draw."""
+        policy = self.acting(self.moved(state, inputs, now))
+        memory = None
+        if isinstance(state, Remembering):
+            memory = where(inputs["restart"], policy.initial_memory(), state.memory)
+        seen = policy.perceive(memory, inputs["observation"])
+        drawn = policy.sample(seen, now.uniforms)
+        likely = policy.mode(seen)
+        return policy, seen, jnp.where(self.greedy, likely, drawn)
+
+    def moved(self, state: Any, inputs: Signals, now: Moment) -> Any:
+        """The state after the step of this tick."""
+        if isinstance(state, Remembering):
+            return state._replace(policy=self.moved(state.policy, inputs, now))
+        parameters, settings = split(state)
+        if self.source == "wire":
+            return eqx.combine(unflat(parameters, inputs["parameters"]), settings).limited()
+        step = self.thawed(state, state.allowed(unflat(parameters, inputs["step"])))
+        return eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
+
+    def thawed(self, policy: Policy, step: Any) -> Any:
+        """A step without that of frozen units."""
+        rows = policy.blocks(step)
+        start = 0
+        moving = []
+        for row in rows:
+            free = ~self.frozen[start : start + len(row)]
+            moving.append(jnp.broadcast_to(free[:, None], row.shape).astype(row.dtype))
+            start += len(row)
+        return jax.tree.map(lambda x, free: jnp.where(free > 0, x, 0), step, policy.from_blocks(tuple(moving)))
+
+    def acting(self, state: Any) -> Policy:
+        """The policy in a state."""
+        return state.policy if isinstance(state, Remembering) else state
+
+
+@dataclasses.dataclass(frozen=True)
+class Motoneurons(Units):
+    r"""A pool of motoneurons on one input, $p_i = \sigma(k_i\,(y - y^*_i))$ (section 4.2.2 of the thesis).
+
+    Parameters: the thresholds $y^*$, then the gains $k$. The initial thresholds are drawn from `threshold` ± `spread`.
+    """
+
+    name: ClassVar[str] = "motoneurons"
+
+    units: Annotated[int, Setting("number of units")] = 1
+    threshold: Annotated[Any, Parameter("initial $y^*$, for all or for each")] = 0.5
+    gain: Annotated[Any, Parameter("initial $k$, for all or for each")] = 0.0
+    spread: Annotated[Any, Parameter("largest initial distance from `threshold`", low=0.0)] = 0.0
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        for name in ("threshold", "gain", "spread"):
+            self.check_broadcasts(name, (self.units,))
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.units
+
+    def start(self, uniforms: Float[Array, " units"]) -> policies.Motoneurons:
+        threshold = spread(self.threshold, self.spread, uniforms, (self.units,))
+        return policies.Motoneurons(threshold, jnp.broadcast_to(jnp.asarray(self.gain, uniforms.dtype), (self.units,)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Hyperplanes(Units):
+    r"""Units that fire on one side of a soft boundary, $p_i = \sigma(w_i \cdot y + b_i)$ (section 5.2 of the thesis).
+
+    Parameters: the weights $w$, unit by unit, then the biases $b$. With zero weights every unit fires half of the time.
+    """
+
+    name: ClassVar[str] = "hyperplanes"
+
+    units: Annotated[int, Setting("number of units")] = 1
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    weights: Annotated[Any, Parameter("initial $w$, for all or (units, observed)")] = 0.0
+    bias: Annotated[Any, Parameter("initial $b$, for all or for each")] = 0.0
+    spread: Annotated[Any, Parameter("largest initial distance from `weights`", low=0.0)] = 0.0
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        check_count("observed", self.observed)
+        for name in ("weights", "spread"):
+            self.check_broadcasts(name, (self.units, self.observed))
+        self.check_broadcasts("bias", (self.units,))
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.units * self.observed
+
+    def start(self, uniforms: Float[Array, " weights"]) -> policies.Hyperplanes:
+        weights = spread(self.weights, self.spread, uniforms, (self.units, self.observed))
+        return policies.Hyperplanes(weights, jnp.broadcast_to(jnp.asarray(self.bias, weights.dtype), (self.units,)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Softmax(Units):
+    r"""One of several alternatives, $\pi_k \propto \exp(w_k \cdot y)$. The action is the index of one, from 0.
+
+    Parameters: the weights $w$, alternative by alternative.
+    """
+
+    name: ClassVar[str] = "softmax"
+
+    alternatives: Annotated[int, Setting("number of alternatives")] = 2
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    weights: Annotated[Any, Parameter("initial $w$, for all or (alternatives, observed)")] = 0.0
+    spread: Annotated[Any, Parameter("largest initial distance from `weights`", low=0.0)] = 0.0
+
+    def validate(self) -> None:
+        check_count("alternatives", self.alternatives)
+        check_count("observed", self.observed)
+        for name in ("weights", "spread"):
+            self.check_broadcasts(name, (self.alternatives, self.observed))
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.alternatives * self.observed
+
+    def start(self, uniforms: Float[Array, " weights"]) -> policies.Softmax:
+        return policies.Softmax(spread(self.weights, self.spread, uniforms, (self.alternatives, self.observed)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Gaussians(Units):
+    r"""Units that fire only near their centres, $p_i = p_\max \exp(-\frac12 \sum_j ((y_j - \mu_j)/\sigma_j)^2)$
+    (section 6.2 of the thesis).
+
+    Parameters: the centres $\mu$, unit by unit, then the logarithms of the widths $\sigma$. The initial centres are
+    drawn from `centre` ± `spread`.
+    """
+
+    name: ClassVar[str] = "gaussians"
+
+    units: Annotated[int, Setting("number of units")] = 1
+    observed: Annotated[int, Setting("number of observed numbers")] = 1
+    centre: Annotated[Any, Parameter(r"initial $\mu$, for all or (units, observed)")] = 0.0
+    width: Annotated[Any, Parameter(r"initial $\sigma$, for all or (units, observed)", low=0.0, open=True)] = 0.5
+    height: Annotated[Any, Parameter(r"$p_\max$, for all or for each", low=1e-6, high=1.0)] = 1.0
+    spread: Annotated[Any, Parameter("largest initial distance from `centre`", low=0.0)] = 0.0
+    limits: Annotated[
+        tuple[float, float] | None, Setting("smallest and largest width that learning may reach, or none")
+    ] = (0.0183, 7.39)
+
+    def validate(self) -> None:
+        check_count("units", self.units)
+        check_count("observed", self.observed)
+        for name in ("centre", "width", "spread"):
+            self.check_broadcasts(name, (self.units, self.observed))
+        self.check_broadcasts("height", (self.units,))
+        two = isinstance(self.limits, tuple) and len(self.limits) == 2
+        numbers = two and all(isinstance(x, int | float) for x in self.limits or ())
+        right = self.limits is None or (numbers and 0 < self.limits[0] < self.limits[1] < 1e6)
+        check(right, "limits", self.limits, "None, or two widths, 0 < low < high < 1e6")
+
+    @property
+    def init_uniforms(self) -> int:
+        return self.units * self.observed
+
+    def start(self, uniforms: Float[Array, " centres"]) -> policies.Policy:
+        return self.pool(uniforms)
+
+    def pool(self, uniforms: Float[Array, " centres"]) -> policies.LocalGaussians:
+        """The initial units."""
+        shape = (self.units, self.observed)
+        centre = spread(self.centre, self.spread, uniforms, shape)
+        width = jnp.broadcast_to(jnp.log(jnp.asarray(self.width, centre.dtype)), shape)
+        height = jnp.broadcast_to(jnp.asarray(self.height, centre.dtype), (self.units,))
+        limits = None if self.limits is None else (float(np.log(self.limits[0])), float(np.log(self.limits[1])))
+        return policies.LocalGaussians(centre, width, p_max=height, log_width_limits=limits)
+
+
+@dataclasses.dataclass(frozen=True)
+class Sizes(Task):
+    """The sizes of observations and actions in a diagram, in the place of a task, for policies and learners."""
+
+    name: ClassVar[str] = "diagram"
+
+    observed: int
+    acted: int
+
+    @property
+    def dynamics(self) -> Any:
+        raise NotImplementedError("the dynamics are the diagram")
+
+    @property
+    def observation_size(self) -> int:
+        return self.observed
+
+    @property
+    def action_size(self) -> int:
+        return self.acted
+
+    def observe(self, memory: Any, state: Any, uniforms: Any) -> Any:
+        raise NotImplementedError("the diagram observes")
+
+    def reward(self, memory: Any, state: Any, action: Any) -> Any:
+        raise NotImplementedError("the diagram rewards")
+
+
+def key_from(uniforms: Float[Array, " 1"]) -> jax.Array:
+    """A key for functions of the library that draw their own random numbers."""
+    return jax.random.key((uniforms[0] * 2**24).astype(jnp.uint32))
+
+
+def kind_of(dtype: Any) -> Kind:
+    """The kind of signal that arrays of a type are."""
+    return "bool" if np.dtype(dtype) == np.dtype(bool) else "float" if jnp.issubdtype(dtype, jnp.floating) else "int"
+
+
+def flat(tree: Any) -> Float[Array, " parameters"]:
+    """The numbers of a score or of parameters as one vector."""
+    return ravel_pytree(tree)[0]
+
+
+def size_of(policy: Any) -> int:
+    """The number of trainable numbers of a policy, from its shapes alone."""
+    return jax.eval_shape(lambda each: flat(trainable(each)), policy).size
+
+
+def unflat(like: Any, vector: Float[Array, " parameters"]) -> Any:
+    """The inverse of `flat`, in the structure of `like`."""
+    return ravel_pytree(like)[1](vector)
+
+
+def spread(level: Any, width: Any, uniforms: Float[Array, " numbers"], shape: tuple[int, ...]) -> Array:
+    """Numbers drawn from `level` ± `width`."""
+    level = jnp.broadcast_to(jnp.asarray(level, uniforms.dtype), shape)
+    return level + jnp.asarray(width, uniforms.dtype) * (2 * uniforms.reshape(shape) - 1)

@@ -1,0 +1,50 @@
+"""Wires without a line: signals that are named."""
+
+import dataclasses
+from typing import Annotated, Any, ClassVar
+
+import jax.numpy as jnp
+
+from motorgrad._errors import check
+from timlab.diagram._block import Block, Moment, Ports, Signals
+from timlab.diagram._declarations import Kind, Port, Setting
+
+
+@dataclasses.dataclass(frozen=True)
+class _Tagged(Block):
+    tag: Annotated[str, Setting("the name of the signal")] = "signal"
+    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
+    kind: Annotated[Kind, Setting("kind of the signal", choices=("float", "int", "bool"))] = "float"
+
+    def validate(self) -> None:
+        check(self.tag.strip(), "tag", self.tag, "a name")
+
+
+@dataclasses.dataclass(frozen=True)
+class Goto(_Tagged):
+    """Gives a signal a name, its `tag`. Every `From` with this tag outputs it, as if a wire led there: in the same
+    diagram, or in subsystems of it that have no `Goto` with this tag themselves.
+    """
+
+    name: ClassVar[str] = "goto"
+    category: ClassVar[str] = "subsystems"
+
+    @property
+    def inputs(self) -> Ports:
+        return {"u": Port(self.shape, self.kind)}
+
+
+@dataclasses.dataclass(frozen=True)
+class From(_Tagged):
+    """The signal that a `Goto` with the same `tag` names."""
+
+    name: ClassVar[str] = "from"
+    category: ClassVar[str] = "subsystems"
+
+    @property
+    def outputs(self) -> Ports:
+        return {"y": Port(self.shape, self.kind)}
+
+    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+        """As without a `Goto`, which a diagram that runs does not lack."""
+        return {"y": jnp.zeros(self.shape, self.outputs["y"].dtype)}

@@ -1,0 +1,30 @@
+"""The three-dimensional scene of TimSim's page and the cameras that look at it, drawn in the browser by viser."""
+
+from timsim.scene._beside import BODY_COLOURS, main_reading
+from timsim.scene._cameras import Cameras, camera_named, viewpoint_of
+from timsim.scene._contacts import touches, weight_arrow
+from timsim.scene._guard import Guard
+from timsim.scene._layer import Layer
+from timsim.scene._own import own, own_elements, watches
+from timsim.scene._pose import Pose
+from timsim.scene._scene import Scene, View
+from timsim.scene._units import with_unit
+
+__all__ = [
+    "BODY_COLOURS",
+    "Cameras",
+    "Guard",
+    "Layer",
+    "Pose",
+    "Scene",
+    "View",
+    "camera_named",
+    "main_reading",
+    "own",
+    "own_elements",
+    "touches",
+    "viewpoint_of",
+    "watches",
+    "weight_arrow",
+    "with_unit",
+]

@@ -1,0 +1,55 @@
+"""`motorgrad bench`: the speed table."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from motorgrad.benchmarks import Row, speed_table
+from motorgrad.options import parse, write_json
+from motorgrad.training import provenance
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """Compare the speed of this library, and of the applications that are installed, with bare physics and hand-written
+    loops, on this machine."""
+
+    quick: bool = False
+    """A smoke test: small sizes, meaningless numbers."""
+    json: Path | None = None
+    """Also write the table to this file, as JSON; - for the standard output."""
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Bench, arguments, "bench")
+    console = Console(stderr=str(options.json) == "-")
+    where = provenance()
+    console.print(
+        f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest]"
+    )
+    rows = []
+    for row in speed_table(options.quick):
+        rows.append(row)
+        console.print(row_text(row), highlight=False, soft_wrap=True)
+    table = [{key: _finite(value) for key, value in dataclasses.asdict(row).items()} for row in rows]
+    write_json(options.json, {"machine": where, "rows": table})
+    return 0
+
+
+def row_text(row: Row) -> str:
+    """A row of the table as text."""
+    text = f"{row.name:<56} {row.ours:>14,.4g}"
+    text += "" if row.other is None else f" {'÷' if row.ratio else '|'} {row.other:>12,.4g}"
+    text += f" {row.unit}"
+    text += "" if row.ratio is None else f"  = {row.ratio:.2f}"
+    text += "" if row.spread is None else f" [{row.spread[0]:.2f} … {row.spread[1]:.2f}]"
+    return text + (f"   wanted {row.wanted}" if row.wanted else "")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, tuple | list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,123 @@
+"""Options of the commands that run jobs: where, and how many at a time."""
+
+import abc
+import dataclasses
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import tyro
+
+from motorgrad._errors import check, choice
+from motorgrad._extras import require
+from motorgrad._files import check_writable
+from motorgrad._processes import IMPORTED
+from motorgrad.studies import PLACES
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Places:
+    """Where jobs run."""
+
+    on: str = "here"
+    """Where jobs run: here (in this process), processes (of this machine), ray or slurm."""
+    address: str = ""
+    """The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this machine alone."""
+    slurm: tuple[str, ...] | None = None
+    """Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4."""
+    workers: int = 0
+    """The number of jobs that run at the same time; 0 for one per processor."""
+    threads: int = 0
+    """The number of threads of each job; 0 for its share of the processors."""
+    attempts: int = 3
+    """How often a failing job is tried before it is set aside; the others continue."""
+
+    def check_places(self) -> None:
+        """**Raises** `ValueError` for options that do not fit together."""
+        choice("on", self.on, PLACES)
+        if needs := PLACES[self.on].needs:
+            require(*needs)
+        check(self.on == "ray" or not self.address, "address", self.address, "left out, unless --on ray")
+        check(self.on == "slurm" or not self.slurm, "slurm", self.slurm, "left out, unless --on slurm")
+        _ = self.how
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """The options as arguments of `run_study` and `reproduce_all`."""
+        options: dict[str, Any] = {"address": self.address} if self.on == "ray" else {}
+        if self.on == "slurm":
+            options = {"parameters": dict(map(_parameter, self.slurm or ()))}
+        return {
+            "on": self.on,
+            "workers": self.workers,
+            "threads": self.threads,
+            "attempts": self.attempts,
+            "imports": tuple(IMPORTED),
+            "options": options,
+        }
+
+
+def _parameter(word: str) -> tuple[str, Any]:
+    """A parameter of Slurm's jobs as name and value."""
+    name, _, value = word.partition("=")
+    check(name and value, "slurm", word, "a name and a value, such as partition=cpu")
+    try:
+        return name, int(value)
+    except ValueError:
+        return name, value
+
+
+@dataclasses.dataclass(frozen=True)
+class StudyFile(Places, abc.ABC):
+    """Options of a command that runs the study or comparison of a TOML file in a folder."""
+
+    study: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
+    """The TOML file of the study; without it, that of the folder --out."""
+    out: Path | None = None
+    """The folder of the study, by default runs/NAME for NAME.toml."""
+    checkpoint_every: float = 30.0
+    """The time between two checkpoints of a job, in seconds."""
+    trust: bool = False
+    """Run code that the file or the folder names: the module of a task."""
+    json: Path | None = None
+    """Also write the result to this file, as JSON; - for the standard output."""
+
+    file_in_folder: ClassVar[str] = "study.toml"
+
+    def validate(self) -> None:
+        self.check_places()
+        check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
+        check_writable("out", self.folder, folder=True)
+        made = self.made  # its errors name the file
+        try:
+            made.check()
+        except ValueError as error:
+            raise ValueError(f"{self.file}: {error}") from None
+
+    @property
+    @abc.abstractmethod
+    def kind(self) -> Any:
+        """The class that the file describes."""
+
+    @cached_property
+    def made(self) -> Any:
+        """The study or comparison in the file."""
+        return self.kind.read(self.file, trust=self.trust)
+
+    @property
+    def file(self) -> Path:
+        """The file that is read."""
+        return self.study or self.folder / self.file_in_folder
+
+    @property
+    def folder(self) -> Path:
+        """The folder in which it runs."""
+        if self.out is not None:
+            return self.out
+        assert self.study is not None
+        return Path("runs") / self.study.stem
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options as arguments of `run_study`."""
+        return {**self.how, "checkpoint_every": self.checkpoint_every, "trust": self.trust}

@@ -1,0 +1,1 @@
+"""The commands `motorgrad reproduce` and `motorgrad demo`."""

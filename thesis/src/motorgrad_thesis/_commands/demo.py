@@ -1,0 +1,78 @@
+"""`motorgrad demo`: train hoppers, and show what they learned."""
+
+import dataclasses
+import os
+import shutil
+import sys
+from pathlib import Path
+
+from motorgrad._errors import check
+from motorgrad._extras import FILM, require
+from motorgrad._files import check_writable
+from motorgrad.options import parse, summary, write_json
+from motorgrad.tasks import Hopper
+from motorgrad.training import check_training
+from motorgrad_thesis import demo
+
+MAX_SECONDS = 1e7
+MAX_FILM_SECONDS = 3600.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Demo:
+    """Train eight hoppers, and show a learning curve, the behaviour before and after, and a film."""
+
+    out: Path = Path("runs/demo")
+    """The run directory. An unfinished run found there is continued."""
+    seconds: float = 1200.0
+    """Simulated seconds of practice for each hopper."""
+    seeds: int = 8
+    """The number of hoppers."""
+    film_seconds: float = 8.0
+    """The length of the film, in seconds."""
+    json: Path | None = None
+    """Also write the result to this file, as JSON; - for the standard output."""
+
+    def validate(self) -> None:
+        task = Hopper()
+        check(
+            task.period <= self.seconds <= MAX_SECONDS,
+            "seconds",
+            self.seconds,
+            f"from {task.period} to {MAX_SECONDS:g} s",
+        )
+        right = 0 < self.film_seconds <= MAX_FILM_SECONDS
+        check(right, "film_seconds", self.film_seconds, f"positive, at most {MAX_FILM_SECONDS:g} s")
+        check_training(task, None, round(self.seconds / task.period), self.seeds)
+        check_writable("out", self.out, folder=True)
+        require(*FILM)
+
+
+def run(arguments: list[str]) -> int:
+    options = parse(Demo, arguments, "demo")
+    try:
+        shown = demo.demonstrate(options.out, options.seconds, options.seeds, options.film_seconds)
+    except KeyboardInterrupt:
+        print(f"stopped; everything is saved in {options.out}, and the same command continues", file=sys.stderr)
+        return 130
+    if str(options.json) != "-":
+        _print(shown, options.out)
+    files = {name: str(path) for name, path in shown.files.items()}
+    heights = {"before": summary(shown.before.readings["apex"]), "after": summary(shown.after.readings["apex"])}
+    write_json(options.json, {"files": files, "apex": heights, "seconds": shown.seconds, "run": str(options.out)})
+    return 0
+
+
+def _print(shown: demo.Demonstration, out: Path) -> None:
+    program = "motorgrad" if shutil.which("motorgrad") else os.path.relpath(sys.argv[0])
+    print("\n" + "\n".join(demo.in_words(shown)))
+    print(f"\nIt took {shown.seconds:.0f} s. Look at:")
+    for what, path in shown.files.items():
+        print(f"  {what:<28} {path}")
+    for note in shown.notes:
+        print(note)
+    print("\nTry next:")
+    print(f"  {program} evaluate {out} --mode mode        most probable actions only")
+    print(f"  {program} train hopper --task.penalty 0.3 --seeds 4 --out runs/lazy")
+    print(f"  {program} plot {out} runs/lazy --quantity apex")
+    print(f"  {program} list                              tasks, policies and experiments")

@@ -1,0 +1,103 @@
+"""The study of learned gaits: the learner of section 5.3.4, its training and evaluation, and walks of the fixed
+controller."""
+
+import dataclasses
+import math
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from motorgrad._errors import check
+from motorgrad.bodies import Hexapod, walk
+from motorgrad.learning import Agent
+from motorgrad.tasks import HexapodSynergy
+from motorgrad.training import Evaluation, Run, agent_for, evaluate
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, ranged, rising, smoke
+
+GAITS = ("tripod", "pronk", "intermediate", "stalled")
+MODES: tuple[Literal["sample", "mode"], ...] = ("sample", "mode")
+START = 2.0  # seconds at the start of a walk that do not count towards its gait
+INDEPENDENT = "an independent model of the hexapod"
+JITTER = 1e-3
+"""Relative variation of the servos' gain: negligible in itself, but sufficient for walks, which are chaotic, to
+diverge."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SynergyStudy(Experiment):
+    """Base of experiments on hexapods that practise on four synergies, by default with the thesis's numbers.
+
+    **Arguments:**
+
+    - `seconds` (simulated s): length of every hexapod's practice.
+    - `seeds`: independent hexapods with each lag.
+    - `lags` (decisions): delays of the observations, rising; the thesis has none.
+    - `decay`: decay of the eligibility trace, per decision.
+    - `rate`: the step size of all parameters.
+    - `watched` (simulated s): for which the frozen policies are evaluated, at least 20.
+    """
+
+    reading: ClassVar[str] = (
+        "The thesis has no lag between observation and action, so that only hexapods without one judge its "
+        "statements. A gait counts as tripod or pronk by the phase and the correlation of the tripods; the "
+        "bounds are ours."
+    )
+
+    seconds: float = 600.0
+    seeds: int = ranged(20, 2, 10_000)
+    lags: tuple[int, ...] = (0, 1, 2)
+    decay: float = 0.97
+    rate: float = 1e-3
+    watched: float = ranged(20.0, 20, 3600, " simulated s")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(rising(self.lags), "lags", self.lags, "at least one, rising")
+        for lag in self.lags:
+            _ = self.learner(lag)
+        least = 50 * self.task(min(self.lags)).period
+        check(least <= self.seconds < math.inf, "seconds", self.seconds, f"finite and at least {least:g} s")
+
+    quick = smoke(seconds=6.0, seeds=2, lags=(0, 1))
+
+    def task(self, lag: int) -> HexapodSynergy:
+        """The task with observations delayed by this many decisions."""
+        return HexapodSynergy(lag=lag)
+
+    def learner(self, lag: int) -> Agent:
+        """OLGARB on four hyperplanes."""
+        return agent_for(self.task(lag), decay=self.decay, learning_rate=self.rate)
+
+    def trained(self, work: Workspace, lag: int) -> Run:
+        """Trained hexapods, shared with other experiments of the same settings."""
+        task = self.task(lag)
+        return work.train(task, self.learner(lag), round(self.seconds / task.period), self.seeds)
+
+    def watch(self, work: Workspace, run: Run, mode: Literal["sample", "mode"]) -> Evaluation:
+        """Evaluate the policies of all seeds from a fresh start, without learning."""
+        return evaluate(run, round(self.watched / run.task.period), mode=mode, threads=work.threads)
+
+
+def controller_speeds(work: Workspace, seconds: float) -> Values:
+    """Speeds of the fixed controller on level ground after its start, (1,) each, in m/s: `speed` along the heading and
+    `net` displacement over time."""
+
+    def measure() -> dict[str, Any]:
+        gait = walk(Hexapod(drive="servos"), seconds=seconds + START, threads=work.threads).gait(since=START)
+        return {"speed": gait.speed, "net": gait.net}
+
+    return work.part("fixed controller", measure)
+
+
+def gait_readings(outcome: Evaluation) -> dict[str, np.ndarray]:
+    """Results of an evaluation for each seed: `speed`, `net`, `stalls` and `falls` as the task reports them, `gait` and
+    its measures."""
+    return {**outcome.readings, **outcome.measures}
+
+
+def jittered_hexapods(count: int) -> list[Hexapod]:
+    """Hexapods with servos that differ only by tiny variations of the servos' gain: their walks sample the spread due
+    to chaos."""
+    gains = 1.0 + JITTER * np.random.default_rng(0).uniform(-1.0, 1.0, count)
+    body = Hexapod(drive="servos")
+    return [dataclasses.replace(body, servo_gain=body.servo_gain * float(gain)) for gain in gains]
