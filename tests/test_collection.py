@@ -49,7 +49,7 @@ def test_what_an_extra_installs_is_hidden_and_what_the_library_needs_is_not(comp
     assert not {"jax", "mujoco", "pytest", "numpy", "motorgrad"} & hidden
     code = "from motorgrad.cli import main; raise SystemExit(main(['sim']))"
     done = subprocess.run([*ALONE, "-c", code], cwd=ROOT, capture_output=True, text=True, env=compiled_environment)
-    assert done.stderr.endswith(f"motorgrad sim needs more than the library: {install('sim')}\n")
+    assert done.stderr.endswith(f"motorgrad sim: this command needs more than the library: {install('sim')}\n")
 
 
 def test_a_test_that_needs_what_is_not_there_is_skipped_aloud(monkeypatch):

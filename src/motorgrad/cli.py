@@ -56,6 +56,7 @@ def _run(name: str, rest: list[str]) -> int:
 
 def _after_imports(arguments: list[str]) -> list[str]:
     """Import the modules that `--import` names, before or after the command. Returns the other arguments."""
+    IMPORTED.clear()  # what an earlier command of this process named is not of this one
     words = iter(arguments)
     left = []
     for word in words:

@@ -13,6 +13,7 @@ import pytest
 import motorgrad as mg
 from motorgrad._docstrings import attribute_texts, descriptions
 from motorgrad._errors import counted
+from motorgrad._processes import IMPORTED
 from motorgrad._settings import as_hinted, default_of
 from motorgrad._tree import PART_CLASSES, fields_of
 from motorgrad.cli import main
@@ -311,3 +312,13 @@ def test_a_name_that_is_no_text_is_told_and_ends_nothing(tmp_path, compiled_envi
     done = subprocess.run([sys.executable, "-c", write, folder], env=compiled_environment, capture_output=True)
     assert done.returncode == 0
     assert done.stdout.endswith(b"\\udcff\\udcfe\n")
+
+
+def test_what_a_command_imports_is_not_imported_by_the_next(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "parts_of_mine.py").write_text("")
+    assert main(["--import", str(tmp_path / "parts_of_mine.py"), "--version"]) == 0
+    assert IMPORTED == ["parts_of_mine"]
+    assert main(["--version"]) == 0
+    assert IMPORTED == []
+    monkeypatch.delitem(sys.modules, "parts_of_mine")
