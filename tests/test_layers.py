@@ -11,7 +11,7 @@ import motorgrad
 import motorgrad_thesis
 import timlab
 import timsim
-from motorgrad.commands import COMMANDS, ELSEWHERE, command_named
+from motorgrad.commands import COMMANDS, EXTRA_OF_COMMAND, command_named
 
 ROOT = Path(motorgrad.__file__).parent
 PACKAGES = {each.__name__: Path(each.__file__).parent for each in (motorgrad, timsim, timlab, motorgrad_thesis)}
@@ -182,4 +182,4 @@ def test_every_command_is_found_and_explains_itself(name):
 
 def test_every_module_of_a_command_is_a_command():
     found = {file.stem for file in (ROOT / "commands").glob("*.py") if not file.stem.startswith("_")}
-    assert found == set(COMMANDS) - set(ELSEWHERE)
+    assert found == set(COMMANDS) - set(EXTRA_OF_COMMAND)

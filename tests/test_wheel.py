@@ -17,7 +17,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from motorgrad._extras import install
-from motorgrad.commands import ELSEWHERE
+from motorgrad.commands import EXTRA_OF_COMMAND
 from tools.install import PACKAGES, ROOT
 from tools.try_release import TESTS, at_hand, build, named, unpack
 
@@ -191,7 +191,7 @@ for distribution in ("timsim", "timlab", "motorgrad-thesis"):
 
 def test_what_the_applications_offer_is_found(run, installed):
     offered = run(installed, "-c", OFFERED).splitlines()
-    assert {f"motorgrad.commands: {name}" for name in ELSEWHERE} <= set(offered)
+    assert {f"motorgrad.commands: {name}" for name in EXTRA_OF_COMMAND} <= set(offered)
     assert {"motorgrad.lists: experiments", "motorgrad.offers: film", "motorgrad.benchmarks: lab"} <= set(offered)
 
 

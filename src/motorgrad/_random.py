@@ -17,6 +17,8 @@ from motorgrad._errors import check
 
 BLOCK = 128
 """Decisions per block: few enough that the numbers of a thousand seeds stay in the cache."""
+MIN_UNIFORM = 2.0**-24
+"""What takes the place of a uniform number of 0, whose normal quantile is −∞: less than the resolution of float32."""
 
 
 def block_at(decision: int) -> tuple[int, int]:

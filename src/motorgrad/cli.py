@@ -129,7 +129,11 @@ def _answer(name: str, error: BaseException) -> int:
 
 
 def _help() -> str:
+    from motorgrad._applications import OFFERED_COMMANDS, entries
+
     lines = [f"  {name:<10} {what}" for name, what in COMMANDS.items()]
+    others = {name: offer for name, offer in entries(OFFERED_COMMANDS).items() if name not in COMMANDS}
+    lines += [f"  {name:<10} of the package {offer.dist.name}" for name, offer in others.items() if offer.dist]
     return "\n".join(
         [
             "usage: motorgrad [--import MODULE] COMMAND ...",

@@ -1,4 +1,4 @@
-"""The commands of `motorgrad`, one module each with a function `run(arguments) -> exit status`."""
+"""The commands of `motorgrad`, here or in an application: one module each with `run(arguments) -> exit status`."""
 
 import importlib
 from collections.abc import Callable
@@ -21,17 +21,17 @@ COMMANDS = {
     "completion": "print a script that completes commands and options in bash, zsh or fish",
 }
 """What each command does, by name."""
-ELSEWHERE = {"reproduce": "thesis", "demo": "thesis", "sim": "sim", "lab": "lab"}
+EXTRA_OF_COMMAND = {"reproduce": "thesis", "demo": "thesis", "sim": "sim", "lab": "lab"}
 """The commands that an application offers, and the extra that installs it."""
 
 
 def command_named(name: str) -> Callable[[list[str]], int]:
-    """The function of a command: its module's `run`, so that no command loads what another needs, or what an installed
-    distribution offers. **Raises** `ValueError` for an unknown one, `MissingExtra` for one of an application that is
-    not installed."""
-    if name in COMMANDS and name not in ELSEWHERE:
+    """The function of a command, which loads nothing that only others need: the `run` of its module, or what an
+    installed distribution offers. **Raises** `ValueError` for an unknown command, `MissingExtra` for one of an
+    application that is not installed."""
+    if name in COMMANDS and name not in EXTRA_OF_COMMAND:
         return importlib.import_module(f"motorgrad.commands.{name}").run
     from motorgrad._applications import OFFERED_COMMANDS, entries, offered
 
     choice("command", name, [*COMMANDS, *entries(OFFERED_COMMANDS)])
-    return offered(name, "this command needs", ELSEWHERE.get(name, ""), OFFERED_COMMANDS)
+    return offered(name, "this command needs", EXTRA_OF_COMMAND.get(name, ""), OFFERED_COMMANDS)

@@ -7,7 +7,9 @@ from typing import Any
 
 from rich.console import Console
 
-from motorgrad.benchmarks import Row, speed_table
+from motorgrad._applications import entries
+from motorgrad._extras import install
+from motorgrad.benchmarks import ROWS, Row, speed_table
 from motorgrad.options import parse, write_json
 from motorgrad.training import provenance
 
@@ -30,6 +32,9 @@ def run(arguments: list[str]) -> int:
     console.print(
         f"{where['processor']}, {where['cores']} cores; medians, ratios of pairs run in turn [least … greatest]"
     )
+    for extra in ("sim", "lab"):
+        if extra not in entries(ROWS):
+            console.print(f"left out, the rows of the extra {extra}: {install(extra)}", markup=False)
     rows = []
     for row in speed_table(options.quick):
         rows.append(row)

@@ -15,8 +15,9 @@ import numpy as np
 from jax.scipy.special import betainc, digamma, gammaln, log_ndtr, ndtr, ndtri, polygamma
 from jaxtyping import Array, Float
 
+from motorgrad._random import MIN_UNIFORM
+
 Units = Float[Array, " units"]
-MIN_UNIFORM = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
 LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
 

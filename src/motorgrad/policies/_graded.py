@@ -13,6 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._random import MIN_UNIFORM
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import autoregressive
@@ -31,8 +32,6 @@ from motorgrad.policies._policy import (
     unit_rows,
     with_fields,
 )
-
-MIN_UNIFORM = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞: below the resolution of float32
 
 
 class GradedUnits(Policy):

@@ -118,6 +118,8 @@ def _beyond(value: float, bound: float, closed: bool) -> bool:
 class More(TypedDict, total=False):
     """Arguments of `Claim` that the functions below pass on."""
 
+    note: str
+    source: str
     kind: Kind
     of: str
     untested: str
@@ -129,12 +131,10 @@ def above(
     measured: Measured,
     quantity: str = "",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity exceeds `bound`; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, low=bound, **more)
+    return Claim(statement, measured, quantity, unit, low=bound, **more)
 
 
 def at_least(
@@ -143,12 +143,10 @@ def at_least(
     measured: Measured,
     quantity: str = "",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity is `bound` or more; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, low=bound, closed=True, **more)
+    return Claim(statement, measured, quantity, unit, low=bound, closed=True, **more)
 
 
 def below(
@@ -157,12 +155,10 @@ def below(
     measured: Measured,
     quantity: str = "",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity is less than `bound`; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, high=bound, **more)
+    return Claim(statement, measured, quantity, unit, high=bound, **more)
 
 
 def at_most(
@@ -171,12 +167,10 @@ def at_most(
     measured: Measured,
     quantity: str = "",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity is `bound` or less; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, high=bound, closed=True, **more)
+    return Claim(statement, measured, quantity, unit, high=bound, closed=True, **more)
 
 
 def within(
@@ -186,12 +180,10 @@ def within(
     measured: Measured,
     quantity: str = "",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that a quantity lies from `low` to `high`; the other arguments are those of `Claim`."""
-    return Claim(statement, measured, quantity, unit, note, source, low=low, high=high, closed=True, **more)
+    return Claim(statement, measured, quantity, unit, low=low, high=high, closed=True, **more)
 
 
 positive = functools.partial(above, 0)
@@ -205,12 +197,10 @@ def more_than_half(
     measured: Measured,
     quantity: str = "share of seeds",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that something is so most often: that a share exceeds one half."""
-    return above(0.5, statement, measured, quantity, unit, note, source, **more)
+    return above(0.5, statement, measured, quantity, unit, **more)
 
 
 def in_every(
@@ -218,12 +208,10 @@ def in_every(
     happened: Any,
     quantity: str = "share of these seeds",
     unit: str = "",
-    note: str = "",
-    source: str = "",
     **more: Unpack[More],
 ) -> Claim:
     """A claim that something happened in every seed at hand, given a boolean for each."""
-    return within(1, 1, statement, tally_of(happened), quantity, unit, note, source, **more)
+    return within(1, 1, statement, tally_of(happened), quantity, unit, **more)
 
 
 def count_verdicts(verdicts: Iterable[str]) -> str:

@@ -9,11 +9,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from motorgrad._errors import check, unknown
+from motorgrad._random import MIN_UNIFORM
 from motorgrad._tree import number, static
 from motorgrad.tasks.terms._targets import joint_ranges
 from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Reset, Scene, Start, by_name, vector
-
-MIN_UNIFORM = 2.0**-24  # replaces a uniform number of 0, whose normal quantile is −∞
 
 
 class Keyframe(Reset):

@@ -106,7 +106,9 @@ class Wrapping(Experiment):
 def _zero(statement: str, errors: np.ndarray, unit: str, note: str, within: float = 1e-9) -> Claim:
     if within > 1e-9:
         note = f"{note} Compared with finite differences, which are exact to about 1e-9."
-    return at_most(within, statement, exact(np.max(errors)), "greatest difference", unit, note, "appendix A.2")
+    return at_most(
+        within, statement, exact(np.max(errors)), "greatest difference", unit, note=note, source="appendix A.2"
+    )
 
 
 def ends(angle: float, shape: Shape) -> np.ndarray:

@@ -201,7 +201,7 @@ class LargePools(Experiment):
                 late,
                 "time relative to the median of the whole learner",
                 "times as long",
-                note,
+                note=note,
                 kind="extension",
             )
 

@@ -58,7 +58,7 @@ class BothPairs(Readings[Pair]):
 
     def figure(self, values: Values) -> Figure:
         figure = self.draw(values_of(values, self.pairs[0]))
-        figure.text(0.995, 0.005, f"{self.pairs[0]} pair", ha="right", va="bottom", fontsize=7, color="0.4")
+        figure.supxlabel(f"{self.pairs[0]} pair", x=0.995, ha="right", fontsize=7, color="0.4")  # which makes room
         return figure
 
     def claims(self, values: Values) -> Iterator[Claim]:

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from motorgrad._errors import shown, unknown
+from motorgrad._settings import MAX_SINGLE_PRECISION
 from timlab.diagram import as_written
 
 
@@ -88,7 +89,6 @@ COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 MAX_FORMULA_CHARACTERS = 1000
 NESTED = 30  # nested brackets, signs and powers
 MAX_NESTED_OPERATORS = 100  # as in a long sum
-MAX_SINGLE_PRECISION = 3.4e38
 CONSTANTS = {"pi": 3.141592653589793}
 LOGICAL_OPERATORS = {"and", "or", "not"}
 JUMPING = {"<", "<=", ">", ">=", "floor", "ceil", "round", "sign", "mod"}

@@ -267,6 +267,7 @@ def _observed(places: Any, values: Values) -> None:
             _intervals(axes, found, rows - shift, colour, label)
         axes.axvline(0.0, color="0.6", linewidth=1, zorder=0)
         axes.set(xlabel=words, ylim=(len(PAIRS) - 0.5, -0.5))
+        axes.locator_params(axis="x", nbins=5)  # so that the numbers do not touch
     places[0].set_yticks(rows, [COMPARED[pair] for pair in PAIRS])
     places[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9)
 

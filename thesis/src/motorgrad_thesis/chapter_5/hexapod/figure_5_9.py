@@ -154,7 +154,9 @@ class BiomimeticHexapod(Experiment):
             ),
         )
         for statement, differences, unit, note in rows:
-            yield positive(statement, mean_of(differences), "on the same ground: difference", unit, note, SECTION)
+            yield positive(
+                statement, mean_of(differences), "on the same ground: difference", unit, note=note, source=SECTION
+            )
 
 
 def with_friction(body: Hexapod, sections: Sequence[str], friction: float) -> Hexapod:
