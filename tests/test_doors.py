@@ -72,7 +72,7 @@ def test_the_pages_say_what_is_compared():
     from tools import documented_numbers as numbers
 
     for claim in numbers.CLAIMS:
-        assert numbers.told_in(claim) is not None, claim.sentence
+        assert numbers.stated_in(claim) is not None, claim.sentence
         assert max(claim.blocks, default=-1) < len(numbers.python_in(claim.page))
 
 

@@ -14,8 +14,8 @@ import motorgrad
 from motorgrad._processes import SAFE, environment
 from motorgrad.cli import main
 from motorgrad.studies import Study, run_study
+from motorgrad.studies._executors import process_settings
 from motorgrad.studies._jobs import Outcome, Work, parcel, work_parcel
-from motorgrad.studies._places import process_settings
 from motorgrad.tasks.gymnasium import _workers
 from timsim.film import _gl
 from timsim.live import _session
@@ -131,7 +131,7 @@ from motorgrad.studies._jobs import Outcome
 
 class Job:
     name = "job"
-    def do(self, path, told):
+    def do(self, path, job_settings):
         return Outcome(str(path))
 """
 

@@ -103,11 +103,11 @@ def _ports(side: str, ports: Any) -> list[str]:
     return [*lines, ""]
 
 
-def _fields(title: str, kind: type[Block], declared: Any, told: Any) -> list[str]:
+def _fields(title: str, kind: type[Block], declared: Any, describe: Any) -> list[str]:
     if not declared:
         return []
     usual = {field.name: field.default for field in dataclasses.fields(kind)}
-    limits = {name: _cell(told(part)) for name, part in declared.items()}
+    limits = {name: _cell(describe(part)) for name, part in declared.items()}
     some = any(limits.values())
     lines = [
         f"## {title}",

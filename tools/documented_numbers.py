@@ -131,22 +131,22 @@ def main(arguments: list[str]) -> int:
 
 def differences(claim: Claim) -> Iterator[str]:
     """The numbers of a claim that the page has otherwise, in words."""
-    told = told_in(claim)
-    if told is None:
+    stated = stated_in(claim)
+    if stated is None:
         yield f"{claim.page}: does not say: {claim.sentence}"
         return
-    if "commit" in told and not _is_commit(told["commit"]) and (ROOT / ".git").exists():
-        yield f"{claim.page}: commit {told['commit']}: there is none"
+    if "commit" in stated and not _is_commit(stated["commit"]) and (ROOT / ".git").exists():
+        yield f"{claim.page}: commit {stated['commit']}: there is none"
     for name, value in measured(claim).items():
-        if not agrees(told[name], value):
-            yield f"{claim.page}: {name}: the page says {told[name]}, the run gives {value:.6g}"
+        if not agrees(stated[name], value):
+            yield f"{claim.page}: {name}: the page says {stated[name]}, the run gives {value:.6g}"
 
 
 def _is_commit(name: str) -> bool:
     return subprocess.run(["git", "cat-file", "-e", name], cwd=ROOT, capture_output=True).returncode == 0
 
 
-def told_in(claim: Claim) -> dict[str, str] | None:
+def stated_in(claim: Claim) -> dict[str, str] | None:
     """What the page says for each name in a sentence; `None` where the sentence is not there."""
     page = " ".join((ROOT / claim.page).read_text().split())
     pattern = ""
@@ -161,10 +161,10 @@ def told_in(claim: Claim) -> dict[str, str] | None:
     return None if found is None else dict(zip(names, found.groups(), strict=True))
 
 
-def agrees(told: str, value: float) -> bool:
+def agrees(written: str, value: float) -> bool:
     """Whether a number as it is written, such as "1,200" or "0.81", is a value rounded to its digits."""
-    digits = len(told.partition(".")[2])
-    return f"{float(value):,.{digits}f}".replace("-0", "0") == f"{float(told.replace(',', '')):,.{digits}f}"
+    digits = len(written.partition(".")[2])
+    return f"{float(value):,.{digits}f}".replace("-0", "0") == f"{float(written.replace(',', '')):,.{digits}f}"
 
 
 def python_in(page: str) -> list[str]:

@@ -62,13 +62,13 @@ def main() -> None:
         reader.finish(file)
 
     def read() -> None:
-        told = sys.stdout, sys.stderr
+        streams = sys.stdout, sys.stderr
         sys.stdout = sys.stderr = sink
         try:
             with contextlib.suppress(*reader_examples.REFUSALS):
                 reader.read(file)
         finally:
-            sys.stdout, sys.stderr = told
+            sys.stdout, sys.stderr = streams
 
     count = 0
     findings: set[str] = set()

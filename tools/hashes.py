@@ -67,8 +67,8 @@ def hashes_of(name: str, version: str) -> Iterator[str]:
 def index() -> str:
     """The address of the package index that pip is told to use."""
     asked = [sys.executable, "-m", "pip", "config", "get", "global.index-url"]
-    told = subprocess.run(asked, capture_output=True, text=True, check=False)
-    return told.stdout.strip().rstrip("/") or PyPI.simple_url.rstrip("/")
+    answer = subprocess.run(asked, capture_output=True, text=True, check=False)
+    return answer.stdout.strip().rstrip("/") or PyPI.simple_url.rstrip("/")
 
 
 if __name__ == "__main__":

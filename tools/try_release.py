@@ -117,8 +117,8 @@ def from_debian(version: str, root: Path) -> Interpreter:
             sys.exit(f"no Python {version} is at hand; debootstrap and the rights of root would fetch one from Debian")
         shutil.rmtree(root, ignore_errors=True)
         tell = ["apt-get", "indextargets", "--format", "$(ORIGIN) $(LABEL) $(REPO_URI)", "Created-By: Packages"]
-        told = subprocess.run(tell, capture_output=True, text=True, check=True).stdout  # the mirror of this machine
-        mirrors = [line.split()[2] for line in told.splitlines() if line.startswith("Debian Debian ")]
+        listed = subprocess.run(tell, capture_output=True, text=True, check=True).stdout  # the mirror of this machine
+        mirrors = [line.split()[2] for line in listed.splitlines() if line.startswith("Debian Debian ")]
         if not mirrors:
             sys.exit("apt-get knows no mirror of Debian: apt-get update")
         make = ["debootstrap", "--variant=minbase", "--include=python3-venv,ca-certificates", SUITES[version]]

@@ -86,7 +86,7 @@ class ObservationCode(_Data):
         nothing = running_mean(jnp.zeros(self.size)) if self.running.any() else None
         return nothing, nothing  # type: ignore[return-value]
 
-    def look(
+    def observe(
         self, mean: RunningMean | None, variance: RunningMean | None, frozen: Any, raw: Float[Array, " size"]
     ) -> tuple[RunningMean | None, RunningMean | None, Float[Array, " seen"]]:
         """Add a raw observation to the running statistics, unless they are `frozen`.

@@ -128,9 +128,9 @@ class Interface(eqx.Module):
                 continue
             gone = [name for name in then.names if name not in now.names]
             more = [name for name in now.names if name not in then.names]
-            told = [f"without {_listed(gone)}"] * bool(gone) + [f"with {_listed(more)}"] * bool(more)
+            changes = [f"without {_listed(gone)}"] * bool(gone) + [f"with {_listed(more)}"] * bool(more)
             count = f"{numbers[1]} {what} in place of {numbers[0]}" if numbers[0] != numbers[1] else f"other {what}"
-            found.append(", ".join([count, *(told or ["in another order"] * (numbers[0] == numbers[1]))]))
+            found.append(", ".join([count, *(changes or ["in another order"] * (numbers[0] == numbers[1]))]))
         kinds = before.actions.kind, self.actions.kind
         if kinds[0] != kinds[1]:
             found.append(f"{_kind(kinds[1])} actions in place of {_kind(kinds[0])} ones")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from motorgrad._errors import check, shown
 from motorgrad._limits import MAX_PARQUET_CHUNKS, MAX_TABLE_COLUMNS
-from motorgrad._reading import check_unpacked, told
+from motorgrad._reading import check_unpacked, error_message
 
 if TYPE_CHECKING:
     import pyarrow as pa  # loading it would slow down every command's start
@@ -61,7 +61,7 @@ def parquet_in(content: bytes, most: int) -> "pa.Table":
         found.validate(full=True)  # texts, which are else looked at where they are used
         return found
     except (pa.ArrowException, OSError, OverflowError, MemoryError, KeyError) as error:
-        raise ValueError(f"not a Parquet table: {told(error)}") from None
+        raise ValueError(f"not a Parquet table: {error_message(error)}") from None
 
 
 def _is_plain(kind: "pa.DataType") -> bool:

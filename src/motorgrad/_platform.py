@@ -37,11 +37,15 @@ def tell_the_platform() -> None:
 
     used = jax.default_backend()
     if used != "cpu":
-        told = f"JAX computes on {jax.devices()[0]} ({used}): for small policies the processor is faster, and is what "
-        warnings.warn(f"{told}motorgrad is tested on; JAX_PLATFORMS=cpu chooses it", stacklevel=3)
+        message = (
+            f"JAX computes on {jax.devices()[0]} ({used}): for small policies the processor is faster, and is what "
+        )
+        warnings.warn(f"{message}motorgrad is tested on; JAX_PLATFORMS=cpu chooses it", stacklevel=3)
     elif _chosen and (found := accelerators()):
-        told = f"JAX computes on the processor, though {', '.join(found)} is installed: for small policies it is faster"
-        warnings.warn(f"{told}. JAX_PLATFORMS=cuda, set before Python starts, chooses a GPU", stacklevel=3)
+        message = (
+            f"JAX computes on the processor, though {', '.join(found)} is installed: for small policies it is faster"
+        )
+        warnings.warn(f"{message}. JAX_PLATFORMS=cuda, set before Python starts, chooses a GPU", stacklevel=3)
 
 
 def accelerators() -> list[str]:

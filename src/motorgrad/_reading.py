@@ -121,7 +121,7 @@ def entries_in(content: bytes, most: int) -> "zipfile.ZipFile":
     try:
         packed = zipfile.ZipFile(io.BytesIO(content))
     except (zipfile.BadZipFile, *_DAMAGED, NotImplementedError, OSError) as error:
-        raise ValueError(told(error)) from None
+        raise ValueError(error_message(error)) from None
     check_unpacked(sum(entry.file_size for entry in packed.infolist()), most)
     return packed
 
@@ -140,7 +140,7 @@ def unpacked(packed: "zipfile.ZipFile", name: str, most: int) -> bytes:
         with packed.open(entry) as stream:  # as a whole, it would unpack all before it looks at the length
             return b"".join(iter(lambda: stream.read(PIECE), b""))
     except (BadZipFile, zlib.error, *_DAMAGED, NotImplementedError, RuntimeError, OSError) as error:
-        raise ValueError(f"{shown(name)}: {told(error)}") from None
+        raise ValueError(f"{shown(name)}: {error_message(error)}") from None
 
 
 def arrays_in(content: bytes, most: int) -> "dict[str, np.ndarray]":
@@ -171,7 +171,7 @@ def array_in(content: bytes) -> "np.ndarray":
             check((codes <= LAST_CHARACTER).all(), "text", hex(codes.max()), "of characters of Unicode")
         return found
     except _DAMAGED as error:
-        raise ValueError(told(error)) from None
+        raise ValueError(error_message(error)) from None
 
 
 def numbers_in(array: "np.ndarray", most: int) -> "np.ndarray":
@@ -192,7 +192,7 @@ def csv_in(content: bytes, most: int) -> "pa.Table":
     try:
         return csv.read_csv(pa.BufferReader(content))
     except (pa.ArrowException, OSError) as error:
-        raise ValueError(f"not a CSV table: {told(error)}") from None
+        raise ValueError(f"not a CSV table: {error_message(error)}") from None
 
 
 _TOO_DEEP = f"nested too deeply: must be of at most {MAX_NESTING_DEPTH} lists and tables within each other"
@@ -206,5 +206,5 @@ def check_unpacked(size: int, most: int) -> None:
     check(size <= most, "bytes when unpacked", size, f"at most {most:,}")
 
 
-def told(error: BaseException) -> str:
+def error_message(error: BaseException) -> str:
     return " ".join(str(error).split())[:300] or type(error).__name__

@@ -111,8 +111,8 @@ def _answer(name: str, error: BaseException) -> int:
     """Report the error that ended a command, on one line. Returns the exit status."""
     # a library that is interrupted while it loads may raise another error
     if isinstance(error, KeyboardInterrupt) or asked():
-        told = plain(error) if isinstance(error, KeyboardInterrupt) else ""
-        print(f"motorgrad {name}: {told or 'stopped'}", file=sys.stderr)
+        message = plain(error) if isinstance(error, KeyboardInterrupt) else ""
+        print(f"motorgrad {name}: {message or 'stopped'}", file=sys.stderr)
         return 130
     if isinstance(error, BrokenPipeError):
         # the reader, such as head, has closed the pipe; the last flush of the interpreter must not fail
@@ -122,8 +122,8 @@ def _answer(name: str, error: BaseException) -> int:
         words: Any = error
         if isinstance(error, OSError) and error.filename is not None and error.strerror:
             words = f"{shown_path(error.filename)}: {error.strerror}"
-        told = "; ".join(map(plain, (words, *getattr(error, "__notes__", ()))))
-        print(f"motorgrad {plain(name)}: {told}", file=sys.stderr)
+        message = "; ".join(map(plain, (words, *getattr(error, "__notes__", ()))))
+        print(f"motorgrad {plain(name)}: {message}", file=sys.stderr)
         return 2
     raise error
 

@@ -6,7 +6,7 @@ import pytest
 from study_examples import assert_same_study, failing_study, small
 
 from motorgrad.studies import _slurm, run_study
-from motorgrad.studies._places import Work
+from motorgrad.studies._executors import Work
 
 submitit = pytest.importorskip("submitit", reason="needs motorgrad[slurm]")
 pytestmark = pytest.mark.needs("motorgrad[slurm]")
@@ -35,10 +35,10 @@ def test_a_job_that_fails_is_set_aside_with_its_reason(tmp_path):
 def test_the_batch_script_says_what_was_asked_for(tmp_path, monkeypatch):
     # there is no Slurm here; nothing of it is needed to write the script
     monkeypatch.setattr(submitit.SlurmExecutor, "affinity", classmethod(lambda cls: 1))
-    place = _slurm.Slurm(
+    executor = _slurm.Slurm(
         tmp_path, 0, Work(threads=3), parameters={"partition": "long", "timeout_min": 90, "mem_gb": 4, "account": "me"}
     )
-    script = place.executor._executor._make_submission_file_text("python -m work", "0")
+    script = executor.executor._executor._make_submission_file_text("python -m work", "0")
     lines = script.splitlines()
     for line in (
         "#SBATCH --partition=long",

@@ -119,7 +119,7 @@ def test_a_number_of_info_may_be_unknown(odd, value):
     counted = []
     for _ in range(2):
         batch.step(np.zeros((1, 1), np.float32))
-        counted.append(float(batch.unpack(batch.packed[0]).told[0]))
+        counted.append(float(batch.unpack(batch.packed[0]).info_count[0]))
     assert counted == [1, 0]
     assert not batch.lost
 

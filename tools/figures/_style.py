@@ -70,10 +70,10 @@ def inputs(axes: Axes, title: str = "") -> None:
     axes.set(xlabel="input $y_1$", ylabel="input $y_2$", aspect="equal", title=title)
 
 
-def arrow(axes: Axes, start: Any, end: Any, colour: str, bend: float = 0.0, **look: Any) -> None:
+def arrow(axes: Axes, start: Any, end: Any, colour: str, bend: float = 0.0, **style: Any) -> None:
     """An arrow from one place to another, bent to its right where `bend` is positive."""
     from matplotlib.patches import FancyArrowPatch
 
-    style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 9, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-    style |= {"color": colour, "connectionstyle": f"arc3,rad={bend}"} | look
-    axes.add_patch(FancyArrowPatch(tuple(start), tuple(end), **style))
+    usual: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 9, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+    usual |= {"color": colour, "connectionstyle": f"arc3,rad={bend}"} | style
+    axes.add_patch(FancyArrowPatch(tuple(start), tuple(end), **usual))

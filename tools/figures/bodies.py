@@ -109,8 +109,8 @@ def _names(axes: Axes, model: mujoco.MjModel) -> None:
     top = place["load"][2]
 
     def name(words: str, at: Any, beside: tuple[float, float], side: str) -> None:
-        look = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8, "shrinkB": 1}
-        axes.annotate(words, (at[0], at[-1]), beside, arrowprops=look, ha=side, va="center", fontsize=8, color="0.2")
+        style = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8, "shrinkB": 1}
+        axes.annotate(words, (at[0], at[-1]), beside, arrowprops=style, ha=side, va="center", fontsize=8, color="0.2")
 
     name(f"load, {HOPPER.load_mass:g} kg,\non a vertical slide", place["load"], (0.13, top + 0.08), "left")
     name(f"thigh, {HOPPER.link_mass:g} kg", thigh, (0.2, top - 0.02), "left")

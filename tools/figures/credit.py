@@ -144,7 +144,7 @@ def stationary_metric(work: Work) -> Figure:
     figure, (left, right) = panels(2, height=3.0)
     lengths = work.lengths(*LENGTHS)
     exact = oracle.stationary_score(TASK.dynamics, POLICY)
-    looks = jnp.asarray(TASK.dynamics.observations, jnp.float32)
+    observations = jnp.asarray(TASK.dynamics.observations, jnp.float32)
     estimator = Estimator(improve="never")
     for decay, colour in ((0.0, RED), (0.7, ORANGE), (0.95, BLUE)):
         metric = StationaryMetric(Features(bias=False), decay=decay, rate=0.0, ridge=1e-4)
@@ -153,7 +153,7 @@ def stationary_metric(work: Work) -> Figure:
         for length in lengths:
             stepper.advance(length - stepper.decision)
             weights = np.asarray(jax.vmap(metric.solution)(stepper.state["cycle"].agent.chain[0]), float)
-            apart = np.asarray(looks, float) @ weights - exact
+            apart = np.asarray(observations, float) @ weights - exact
             found.append(np.linalg.norm(apart, axis=(1, 2)) / np.linalg.norm(exact))
         band(left, np.array(lengths), np.array(found).T, colour, rf"$\lambda$ = {decay:g}")
     left.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"relative error of $\xi$")

@@ -215,8 +215,8 @@ def batches(work: Work) -> Figure:
     figure, axes = panels(height=3.0)
     task = Chain(length=6, variant="reset", time_limit=100)
     steps = STEPS
-    looks = {"reinforce": ORANGE, "a2c": PINK, "ppo": BLUE, "trpo": GREEN, "stream-ac": RED, "natural": FAINT}
-    for preset, colour in looks.items():
+    colours = {"reinforce": ORANGE, "a2c": PINK, "ppo": BLUE, "trpo": GREEN, "stream-ac": RED, "natural": FAINT}
+    for preset, colour in colours.items():
         run = work.train(task, mg.agent_for(task, preset=preset, steps=steps), steps, 10)
         decisions, earned = run.curve()
         width = max(1, len(decisions) // 40)

@@ -92,7 +92,7 @@ def action_values() -> Figure:
     """The noise of gradient samples by the score and through the action, over the deviation of a normal unit."""
     figure, axes = panels(2, height=2.8)
     deviations = np.geomspace(0.03, 1, 12)
-    look = jnp.zeros(1)
+    observation = jnp.zeros(1)
     uniforms = jnp.asarray(np.random.default_rng(0).random((4_000, 1)))
     for panel, centre in zip(axes, (0.1, 1.0), strict=True):
         noise: dict[str, list[float]] = {"by the score": [], "through the action": []}
@@ -108,12 +108,12 @@ def action_values() -> Figure:
             state = state._replace(weights=eqx.tree_at(lambda w: w.weights, state.weights, jnp.ones(1)))
 
             def scored(u: jax.Array, units: GradedHyperplanes = units, mean: float = centre**2 + deviation**2):
-                action = units.sample(look, u)
-                return (mean - jnp.square(action[0])) * units.score(look, action).level[0]
+                action = units.sample(observation, u)
+                return (mean - jnp.square(action[0])) * units.score(observation, action).level[0]
 
             def through(u: jax.Array, units=units, values=values, state=state):
-                told = Transition(look, None, jnp.zeros(()), look, uniforms=u)
-                return values.gradient(state, units, told).level[0]
+                transition = Transition(observation, None, jnp.zeros(()), observation, uniforms=u)
+                return values.gradient(state, units, transition).level[0]
 
             for found, function in zip(noise.values(), (scored, through), strict=True):
                 found.append(float(np.std(jax.vmap(function)(uniforms)) / (2 * centre)))

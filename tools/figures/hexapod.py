@@ -34,7 +34,7 @@ def body() -> Figure:
 
 def _names(axes: Axes) -> None:
     """Name the parts of the legs, seen from above, and their muscles."""
-    look = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8, "shrinkB": 1}
+    style = {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8, "shrinkB": 1}
     for words, at, beside, side in (
         ("foot", (0.26, 0.37), (0.42, 0.41), "left"),
         ("femur", (0.263, 0.31), (0.42, 0.34), "left"),
@@ -44,7 +44,7 @@ def _names(axes: Axes) -> None:
         ("retractor", (-0.315, 0.175), (-0.42, 0.2), "right"),
         ("spine joint", (0.13, 0.0), (0.13, -0.42), "center"),
     ):
-        axes.annotate(words, at, beside, arrowprops=look, ha=side, va="center", fontsize=7, color="0.2")
+        axes.annotate(words, at, beside, arrowprops=style, ha=side, va="center", fontsize=7, color="0.2")
 
 
 def muscles() -> Figure:

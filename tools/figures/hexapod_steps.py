@@ -22,14 +22,14 @@ def stride() -> Figure:
     random = np.random.default_rng(3)
     decisions = round(SECONDS / task.period)
     frequency = np.repeat(np.linspace(0.0, 0.9, 4), decisions // 4)
-    told = _lived(task, frequency[:, None], random.random(decisions + 1), 0.0)
+    records = _lived(task, frequency[:, None], random.random(decisions + 1), 0.0)
     figure, (ground, clock, speed) = panels(rows=3, height=4.4, sharex=True)
     time = task.period * np.arange(1, decisions + 1)
-    ground.plot(time, np.degrees(told["slope"]), color=FAINT, label="slope, degrees")
-    ground.plot(time, task.pitch_scale * told["seen"][:, 0], color=BLUE, label="smoothed pitch, degrees")
-    _feet(clock, time, told, task.body.groups)
-    speed.plot(time, told["speed"], color="0.25", linewidth=0.8, label="speed, m/s")
-    speed.plot(time, 10 * told["period"], color=ORANGE, label="period, tenths of a second")
+    ground.plot(time, np.degrees(records["slope"]), color=FAINT, label="slope, degrees")
+    ground.plot(time, task.pitch_scale * records["seen"][:, 0], color=BLUE, label="smoothed pitch, degrees")
+    _feet(clock, time, records, task.body.groups)
+    speed.plot(time, records["speed"], color="0.25", linewidth=0.8, label="speed, m/s")
+    speed.plot(time, 10 * records["period"], color=ORANGE, label="period, tenths of a second")
     speed.set(xlabel="time (s)", xlim=(0, SECONDS))
     for axes in (ground, speed):
         axes.legend(loc="upper right", ncols=2)
@@ -43,13 +43,13 @@ def primitive() -> Figure:
     random = np.random.default_rng(1)
     decisions = 150
     actions = np.concatenate([random.random((decisions, 2)) < 0.15, random.normal(0, 0.4, (decisions, 4))], axis=1)
-    told = _lived(task, actions * 1.0, np.zeros((decisions + 1, 0)), None)
+    records = _lived(task, actions * 1.0, np.zeros((decisions + 1, 0)), None)
     figure, (steps, angles) = panels(rows=2, height=3.4, sharex=True)
     time = task.period * np.arange(1, decisions + 1)
-    _feet(steps, time, told, task.body.groups)
+    _feet(steps, time, records, task.body.groups)
     for tripod, colour in zip(TRIPODS, (BLUE, RED), strict=True):
         members = [2 + LEGS.index(leg) for leg in tripod]
-        angles.plot(time, 30.0 * told["seen"][:, members].mean(1), color=colour)
+        angles.plot(time, 30.0 * records["seen"][:, members].mean(1), color=colour)
     angles.set(xlabel="time (s)", ylabel="mean lateral\nangle, degrees", xlim=(0, time[-1]))
     return figure
 
@@ -86,26 +86,26 @@ def _lived(task: Any, actions: np.ndarray, numbers: np.ndarray, start: float | N
     memory, _ = task.observe(
         task.init(jnp.zeros(0) if start is None else jnp.array([start])), state, jnp.atleast_1d(numbers[0])
     )
-    told: dict[str, list[Any]] = {name: [] for name in ("fires", "speed", "seen", "slope", "period")}
+    records: dict[str, list[Any]] = {name: [] for name in ("fires", "speed", "seen", "slope", "period")}
     for action, number in zip(jnp.asarray(actions), numbers[1:], strict=True):
         control = np.asarray(task.control(action, memory))
         batch.step(control[None])
         state = jax.tree.map(lambda part: jnp.array(part[0]), batch.unpack(batch.packed.copy()))
         memory, *_ = task.reward(memory, state, action)
         memory, seen = task.observe(memory, state, jnp.atleast_1d(number))
-        told["fires"].append(control)
-        told["seen"].append(np.asarray(seen))
-        told["speed"].append(float(read_hexapod(state).speed))
+        records["fires"].append(control)
+        records["seen"].append(np.asarray(seen))
+        records["speed"].append(float(read_hexapod(state).speed))
         for name in ("slope", "period"):
-            told[name].append(float(getattr(memory, name, 0.0)))
-    return {name: np.array(values) for name, values in told.items()}
+            records[name].append(float(getattr(memory, name, 0.0)))
+    return {name: np.array(values) for name, values in records.items()}
 
 
-def _feet(axes: Any, time: np.ndarray, told: dict[str, np.ndarray], groups: Any) -> None:
+def _feet(axes: Any, time: np.ndarray, records: dict[str, np.ndarray], groups: Any) -> None:
     """When each tripod swings (above) and stands on its way back (below)."""
     for tripod, colour in zip(range(2), (BLUE, RED), strict=True):
         for row, muscle in enumerate(PARTS):
-            fires = told["fires"][:, list(groups).index(f"{muscle}_{TRIPODS[tripod][0]}")]
+            fires = records["fires"][:, list(groups).index(f"{muscle}_{TRIPODS[tripod][0]}")]
             place = 2 * tripod + row
             axes.fill_between(time, place, place + 0.8 * fires, step="pre", color=colour, linewidth=0)
     axes.set(ylim=(4, -0.2), yticks=np.arange(4) + 0.4)

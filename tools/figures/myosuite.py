@@ -93,17 +93,17 @@ def holding(work: Work) -> Figure:
         policy = work.train(task, agent, steps, 1, "elbow-filtered" if filtered else "elbow").policy(0)
         world = mg.environments.TaskEnv(task)
         starts = [(world.reset(seed=seed)[0], seed) for seed in range(12)]
-        several = sorted((look[angle] + look[error], seed) for look, seed in starts)[1::3]
+        several = sorted((observation[angle] + observation[error], seed) for observation, seed in starts)[1::3]
         for (wanted, seed), colour in zip(several, (BLUE, RED, GREEN, ORANGE), strict=True):
-            look = world.reset(seed=seed)[0]
+            observation = world.reset(seed=seed)[0]
             memory = policy.initial_memory()
             path = []
             for _ in time:
-                path.append(look[angle])
-                seen = policy.perceive(memory, jnp.asarray(look))
+                path.append(observation[angle])
+                seen = policy.perceive(memory, jnp.asarray(observation))
                 action = policy.mode(seen)
                 memory = policy.remember(seen, action)
-                look = world.step(np.asarray(action))[0]
+                observation = world.step(np.asarray(action))[0]
             panel.axhspan(wanted - 0.175, wanted + 0.175, color=colour, alpha=0.12, linewidth=0)
             panel.plot(time, path, color=colour, linewidth=1.3)
         panel.set(title=f"mean action {words}", xlabel="time (s)", xlim=(0, time[-1]))

@@ -381,15 +381,15 @@ def features() -> Figure:
     x, y = plane(2.0, 81)
     wanted = np.sin(2 * x) * np.cos(y) + 0.5 * x * y
     figure, axes = panels(1 + len(maps), height=1.9, sharey=True)
-    look = {"cmap": "RdBu_r", "vmin": -2, "vmax": 2, "rasterized": True}
-    axes[0].pcolormesh(x, y, wanted, **look)
+    style = {"cmap": "RdBu_r", "vmin": -2, "vmax": 2, "rasterized": True}
+    axes[0].pcolormesh(x, y, wanted, **style)
     axes[0].set(title="wanted", ylabel="$y_2$")
     for panel, (name, features) in zip(axes[1:], maps.items(), strict=True):
         seen = over(features.expanded, x, y).reshape(wanted.size, -1)
         seen = np.concatenate([seen, np.ones((wanted.size, 1))], axis=1)
         weights = np.linalg.solve(seen.T @ seen + 1e-3 * np.eye(seen.shape[1]), seen.T @ wanted.ravel())
         found = (seen @ weights).reshape(wanted.shape)
-        panel.pcolormesh(x, y, found, **look)
+        panel.pcolormesh(x, y, found, **style)
         panel.set(title=f"{name}\n{1 - np.var(wanted - found) / np.var(wanted):.0%} explained")
     for panel in axes:
         panel.set(xlabel="$y_1$", aspect="equal", xticks=(-2, 0, 2), yticks=(-2, 0, 2))

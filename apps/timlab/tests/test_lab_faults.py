@@ -94,7 +94,7 @@ def test_who_goes_on_knowingly_is_warned_once():
     assert record.ticks == run.tick == 30
     assert not np.isfinite(record["x.y"][0, 10:]).any()
     run.advance(5)
-    assert [problem.path for problem in run.told] == ["x"]
+    assert [problem.path for problem in run.warnings] == ["x"]
 
 
 def test_a_formula_without_a_value_is_named_with_its_input():

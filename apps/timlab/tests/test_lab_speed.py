@@ -16,7 +16,7 @@ def test_the_peers_oscillators_move_as_ours():
     assert len(benchmarks.oscillators(3).nodes) == 15
     for ticks in (0, 1, 149):
         peer.advance(ticks)
-    np.testing.assert_allclose(peer.look(), [record[place][0, -1] for place in places], atol=1e-5)
+    np.testing.assert_allclose(peer.positions(), [record[place][0, -1] for place in places], atol=1e-5)
     assert np.ptp(record[places[0]]) > 0.5
 
 

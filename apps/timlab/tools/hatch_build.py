@@ -45,11 +45,11 @@ class EditorPages(BuildHookInterface):
         if not why:
             return
         node = ".".join(map(str, build_editor.MIN_NODE_VERSION))
-        told = (
+        message = (
             f"The pages of TimLab's editor could not be built: {why}. Node.js {node} or later builds them, and npm "
             "fetches packages for it: see the output above, or run "
             "`python apps/timlab/tools/build_editor.py` in the checkout."
         )
         if BY_PIP not in os.environ:
-            raise RuntimeError(told)
-        self.app.display_warning(f"{told} Everything but `motorgrad lab` works without them.")
+            raise RuntimeError(message)
+        self.app.display_warning(f"{message} Everything but `motorgrad lab` works without them.")

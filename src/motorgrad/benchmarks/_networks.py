@@ -141,10 +141,10 @@ class TorchLearner:
     def run(self, steps: int) -> None:
         """So many decisions on random observations."""
         torch = self._torch
-        looks = 2 * torch.rand(steps + 1, OBSERVED) - 1
+        observations = 2 * torch.rand(steps + 1, OBSERVED) - 1
         noise = torch.randn(steps, ACTED)
         for t in range(steps):
-            self.step(looks[t], noise[t], looks[t + 1])
+            self.step(observations[t], noise[t], observations[t + 1])
 
 
 def network_row(decisions: int, peer_decisions: int, pairs: int = 5, wanted: str = "") -> Row:

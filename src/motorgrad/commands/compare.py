@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from motorgrad._errors import counted, plain
 from motorgrad._signals import unfinished
 from motorgrad.options import finite_table, listed_failures, parse, print_outcome, print_place, write_json
-from motorgrad.options.places import StudyFile
+from motorgrad.options.executors import StudyFile
 from motorgrad.studies import Comparison, ComparisonResults
 
 

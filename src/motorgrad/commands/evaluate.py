@@ -152,9 +152,9 @@ def run(arguments: list[str]) -> int:
             print(_text(name, value))
     if options.table is not None:
         found["table"] = str(options.table)
-        told = _write_table(trained, options, modes[0])
+        message = _write_table(trained, options, modes[0])
         if not quiet:
-            print(told)
+            print(message)
     write_film = None
     try:
         write_film = film_maker("film") if filmed else None
@@ -235,7 +235,7 @@ def _of_episodes(outcome: EpisodeEvaluation, name: str) -> dict[str, Any]:
     over = outcome.over_seeds(name) if len(outcome.seeds) > 1 else outcome.over_episodes(name)[0]
     numbers = finite_table({"mean": over.value, "low": over.low, "high": over.high, "of": over.count})
     means = [float(mean) if np.isfinite(mean) else None for mean in outcome.means(name)]
-    return {"told": outcome.told(name), **numbers, "per_seed": means, "episodes": values}
+    return {"told": outcome.in_words(name), **numbers, "per_seed": means, "episodes": values}
 
 
 def _text(name: str, value: Any) -> str:

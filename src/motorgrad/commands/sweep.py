@@ -9,7 +9,7 @@ from motorgrad._extras import require
 from motorgrad._files import read_toml
 from motorgrad._signals import unfinished
 from motorgrad.options import finite_table, listed_failures, parse, print_outcome, print_place, write_json
-from motorgrad.options.places import StudyFile
+from motorgrad.options.executors import StudyFile
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, broken_text, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]

@@ -168,9 +168,9 @@ def _compile(task: Task) -> Functions:
     reset, step = (world.reset_uniforms, world.uniforms) if world else (0, 0)
 
     def start(memory: Callable[[Any], Any], packed: Any, numbers: Any) -> Any:
-        fresh, init, look = jnp.split(numbers, (reset, reset + task.init_uniforms))
+        fresh, init, sensing = jnp.split(numbers, (reset, reset + task.init_uniforms))
         state = world.reset(fresh) if world else ()
-        after, observation = task.sense(memory(init), unpack(packed) if unpack else state, look)
+        after, observation = task.sense(memory(init), unpack(packed) if unpack else state, sensing)
         return (after, state), observation
 
     def begin(packed: Any, numbers: Any) -> Any:
@@ -181,11 +181,11 @@ def _compile(task: Task) -> Functions:
 
     def decide(carry: Any, packed: Any, action: Any, numbers: Any) -> Any:
         memory, state = carry
-        chance, look = jnp.split(numbers, (step,))
+        chance, sensing = jnp.split(numbers, (step,))
         state = world.step(state, action, chance) if world else ()
         seen = unpack(packed) if unpack else state
         memory, reward, terminated = task.reward(memory, seen, action)
-        memory, observation = task.sense(memory, seen, look)
+        memory, observation = task.sense(memory, seen, sensing)
         readings = task.readings(memory, seen)
         numbers = [
             reward,

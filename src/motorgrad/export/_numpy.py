@@ -37,15 +37,15 @@ def numpy_file(functions: Mapping[str, Program], interface: Mapping[str, Any] | 
         arrays[tables[key]] = value
         return tables[key]
 
-    told = {name: _told(program, array) for name, program in functions.items()}
+    serialised = {name: _serialised(program, array) for name, program in functions.items()}
     file = io.BytesIO()
-    texts = {"functions": told} | ({} if interface is None else {"interface": interface})
+    texts = {"functions": serialised} | ({} if interface is None else {"interface": interface})
     texts = {name: np.asarray(json.dumps(text)) for name, text in texts.items()}
     np.savez_compressed(file, **texts, **arrays)  # pyright: ignore[reportArgumentType]
     return file.getvalue()
 
 
-def _told(program: Program, array: Any) -> list[Any]:
+def _serialised(program: Program, array: Any) -> list[Any]:
     """A program as the reader has it: inputs, calls and outputs."""
     names = {}
     steps = []
@@ -70,22 +70,22 @@ def _told(program: Program, array: Any) -> list[Any]:
 
 def _call(operation: Operation, given: list[Any], array: Any) -> tuple[str, list[Any]]:
     """The name of NumPy's function, and its arguments."""
-    kind, told = operation.kind, operation.attributes
+    kind, attributes = operation.kind, operation.attributes
     group, _, which = kind.partition(" ")
     if kind in ("reshape", "expand"):
         return NUMPY_NAMES.get(kind, kind), [*given, list(operation.shape)]
     if kind == "take":
-        return "take", [*given, array(told["index"])]
+        return "take", [*given, array(attributes["index"])]
     if kind == "concatenate":
-        return "concatenate", [given, told["axis"]]
+        return "concatenate", [given, attributes["axis"]]
     if kind == "einsum":
-        return "einsum", [told["spec"], *given]
+        return "einsum", [attributes["spec"], *given]
     if kind in ("argmax", "argmin"):
-        return kind, [*given, told["axis"]]
+        return kind, [*given, attributes["axis"]]
     if group == "reduce" and which in REDUCTIONS:
-        return which, [*given, list(told["axes"])]
+        return which, [*given, list(attributes["axes"])]
     if group == "cumulative" and which in ("sum", "prod"):
-        return f"cum{which}", [*given, told["axis"]]
+        return f"cum{which}", [*given, attributes["axis"]]
     if NUMPY_NAMES.get(kind, kind) in ELEMENTWISE:
         return NUMPY_NAMES.get(kind, kind), given
     if kind == "pick":

@@ -103,26 +103,26 @@ class _Graph:
         return self._node("Cast", given, to=self._type(np.dtype(dtype)))
 
     def _made(self, operation: Operation, given: list[str]) -> str:
-        kind, told, dtype = operation.kind, operation.attributes, operation.dtype
+        kind, attributes, dtype = operation.kind, operation.attributes, operation.dtype
         group, _, which = kind.partition(" ")
         of = self.program.operations[operation.operands[0]].dtype
         if kind in ("reshape", "expand"):
             return self._node(kind.capitalize(), given[0], self._constant(operation.shape, np.int64))
         if kind == "take":
-            return self._gathered(given[0], self._constant(told["index"], np.int64))
+            return self._gathered(given[0], self._constant(attributes["index"], np.int64))
         if kind == "pick":
             return self._gathered(given[0], given[1])
         if kind == "concatenate":
-            return self._node("Concat", *given, axis=told["axis"])
+            return self._node("Concat", *given, axis=attributes["axis"])
         if kind == "einsum":
-            return self._node("Einsum", *given, equation=told["spec"])
+            return self._node("Einsum", *given, equation=attributes["spec"])
         if kind in ("argmax", "argmin"):
             node = "ArgMax" if kind == "argmax" else "ArgMin"
-            return self._cast(self._node(node, given[0], axis=told["axis"], keepdims=0), dtype)
+            return self._cast(self._node(node, given[0], axis=attributes["axis"], keepdims=0), dtype)
         if group == "reduce":
-            return self._reduced(which, given[0], told["axes"], dtype)
+            return self._reduced(which, given[0], attributes["axes"], dtype)
         if kind == "cumulative sum":
-            return self._node("CumSum", given[0], self._constant(told["axis"], np.int64))
+            return self._node("CumSum", given[0], self._constant(attributes["axis"], np.int64))
         if kind == "convert":
             return self._cast(given[0], dtype)
         if kind == "ne":

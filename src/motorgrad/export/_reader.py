@@ -76,8 +76,8 @@ def read(path):
             found.interface = _is(_text(interface), dict)
         return found
     except DAMAGED as error:
-        told = " ".join(str(error).split())[:300]
-        raise ValueError(f"{path}: not an exported policy: {told or type(error).__name__}") from None
+        message = " ".join(str(error).split())[:300]
+        raise ValueError(f"{path}: not an exported policy: {message or type(error).__name__}") from None
     except TypeError:
         raise ValueError(f"{path}: not an exported policy: a function is no inputs, steps and outputs") from None
 
@@ -195,8 +195,8 @@ def _shape(function, arguments, shapes):
             if given.count(given[0]) == len(given):
                 made = (*given[0][:axis], length, *given[0][axis:])
                 return made, math.prod(made)
-        case "einsum", [str(spec), x, y] if told := re.fullmatch("([a-z]*),([a-z]*)->([a-z]*)", spec):
-            first, second, made = told.groups()
+        case "einsum", [str(spec), x, y] if match := re.fullmatch("([a-z]*),([a-z]*)->([a-z]*)", spec):
+            first, second, made = match.groups()
             pairs = [*zip(first, of(x), strict=True), *zip(second, of(y), strict=True)]
             sizes = dict(pairs)
             if all(sizes[letter] == size for letter, size in pairs) and len(set(made)) == len(made):

@@ -196,19 +196,19 @@ def _split(b: Any, operands: list[int], equation: Any) -> list[int]:
 @rule("scan")
 def _scan(b: Any, operands: list[int], equation: Any) -> list[int]:
     """A loop of few steps, written out."""
-    told = equation.params
-    length = told["length"]
-    consts = told["num_consts"]
-    carried = told["num_carry"]
+    params = equation.params
+    length = params["length"]
+    consts = params["num_consts"]
+    carried = params["num_carry"]
     if length > MAX_UNROLLED_STEPS:
         raise Untranslatable(f"scan of {length} steps: an export writes out at most {MAX_UNROLLED_STEPS}")
     still = operands[:consts]
     carry = operands[consts : consts + carried]
     rows = operands[consts + carried :]
     seen: dict[int, list[int]] = {}
-    for step in reversed(range(length)) if told["reverse"] else range(length):
+    for step in reversed(range(length)) if params["reverse"] else range(length):
         own = [_row(b, place, step) for place in rows]
-        made = b.run(told["jaxpr"].jaxpr, told["jaxpr"].consts, [*still, *carry, *own])
+        made = b.run(params["jaxpr"].jaxpr, params["jaxpr"].consts, [*still, *carry, *own])
         carry = made[:carried]
         seen[step] = made[carried:]
     stacks = []

@@ -65,8 +65,8 @@ class Builder:
         self, kind: str, operands: tuple[int, ...], shape: tuple[int, ...], dtype: Any, /, **attributes: Any
     ) -> int:
         """An operation. **Returns** its place."""
-        told = tuple((name, _key(value)) for name, value in sorted(attributes.items()))
-        key = (kind, operands, shape, np.dtype(dtype), told)
+        attribute_keys = tuple((name, _key(value)) for name, value in sorted(attributes.items()))
+        key = (kind, operands, shape, np.dtype(dtype), attribute_keys)
         if key not in self._places:
             self._places[key] = len(self.operations)
             whole = tuple(int(n) for n in shape)

@@ -119,7 +119,7 @@ class ActionTransitions(Baseline):
     ) -> tuple[Advantage, TransitionState]:
         dtype = state.weights.dtype
         actions = policy.enumerate()
-        look = transition.observation.astype(dtype)
+        observation = transition.observation.astype(dtype)
         later = transition.next_observation.astype(dtype)
         rows = actions.reshape(len(actions), -1)
         taken = jnp.all(rows == jnp.ravel(transition.action), axis=1).argmax().astype(jnp.int32)
@@ -127,13 +127,13 @@ class ActionTransitions(Baseline):
         def chances(y: Array) -> Float[Array, " actions"]:
             return jnp.exp(jax.vmap(lambda action: policy.log_prob(y, action))(actions)).astype(dtype)
 
-        values = self.values(state, look)
-        compared = jnp.sum(chances(look) * values)
+        values = self.values(state, observation)
+        compared = jnp.sum(chances(observation) * values)
         if self.relative_to == "previous":
             compared = jnp.where(state.previous >= 0, values[state.previous], compared)
         worth = values[taken] - compared
 
-        slope = jnp.outer(jnp.arange(len(actions)) == taken, self._seen(look)).ravel().astype(dtype)
+        slope = jnp.outer(jnp.arange(len(actions)) == taken, self._seen(observation)).ravel().astype(dtype)
         following = jnp.outer(chances(later), self._seen(later)).ravel().astype(dtype)
         following = jnp.where(transition.terminated, 0, following)
         horizon = 1.0 if self.discount is None else self.discount

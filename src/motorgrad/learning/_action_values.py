@@ -102,39 +102,40 @@ class ActionValues(Part):
         return weights(_joined(weights, observation, action))
 
     def gradient(
-        self, state: ActionValueState, policy: Policy, transition: Transition, worth: Any = 0.0
+        self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Any = 0.0
     ) -> PyTree[Array]:
-        r"""$\nabla_\theta\,[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))]$, with $\alpha$ as the `worth`, for the
-        random numbers $u$ from which the action of the transition was drawn."""
+        r"""$\nabla_\theta\,[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))]$, with $\alpha$ as the
+        `entropy_coefficient`, for the random numbers $u$ from which the action of the transition was drawn."""
         learned, settings = split(policy)
 
         def gain(parameters: Any) -> Float[Array, ""]:
             present = eqx.combine(parameters, settings)
             action = present.sample(transition.observation, transition.uniforms)
             value = self.value(state.weights, transition.observation, action)
-            return value + worth * present.entropy(transition.observation)
+            return value + entropy_coefficient * present.entropy(transition.observation)
 
         return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
 
     def update(
-        self, state: ActionValueState, policy: Policy, transition: Transition, worth: Any = 0.0
+        self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Any = 0.0
     ) -> ActionValueState:
         """The state after a transition."""
-        look, action = transition.observation, transition.action
+        observation, action = transition.observation, transition.action
         weights, following = state.weights, transition.next_observation
-        layers = adapted(weights.layers, _joined(weights, look, action))
+        layers = adapted(weights.layers, _joined(weights, observation, action))
         weights = eqx.tree_at(lambda each: each.layers, weights, layers)
         key = jax.random.wrap_key_data(state.key)
-        numbers = jax.random.uniform(jax.random.fold_in(key, 0), (policy.uniforms,), look.dtype)
-        going = 1 - jnp.asarray(transition.terminated, look.dtype)
-        later = self.value(weights, following, policy.sample(following, numbers)) + worth * policy.entropy(following)
+        numbers = jax.random.uniform(jax.random.fold_in(key, 0), (policy.uniforms,), observation.dtype)
+        going = 1 - jnp.asarray(transition.terminated, observation.dtype)
+        later = self.value(weights, following, policy.sample(following, numbers))
+        later = later + entropy_coefficient * policy.entropy(following)
         learned, settings = split(weights)
 
         def valued(learned: Any) -> Float[Array, ""]:
-            return self.value(eqx.combine(learned, settings), look, action)
+            return self.value(eqx.combine(learned, settings), observation, action)
 
         value, slope = jax.value_and_grad(valued)(learned)
-        bonus = transition.reward + worth * policy.entropy(look)
+        bonus = transition.reward + entropy_coefficient * policy.entropy(observation)
         scale = self._scaled(state.scale, bonus.astype(value.dtype), going)
         variance = scale.rewards[1].mean + scale.discounts[1].mean * scale.squares.mean
         sigma = jnp.where(variance > 0, jnp.sqrt(jnp.maximum(variance, MIN_VARIANCE)), 1)
@@ -210,11 +211,13 @@ class ActionValueGradient(Estimator):
         key = jax.random.key(0) if key is None else key
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
         values = self.values.init(policy, dtype, jax.random.fold_in(key, 2))
-        look = jnp.zeros(policy.inputs, dtype)
+        observation = jnp.zeros(policy.inputs, dtype)
         numbers = jnp.zeros(policy.uniforms, dtype)
         try:
-            told = Transition(look, policy.mode(look), look[0], look, uniforms=numbers)
-            jax.eval_shape(lambda values: self.values.gradient(values, policy, told), values)
+            transition = Transition(
+                observation, policy.mode(observation), observation[0], observation, uniforms=numbers
+            )
+            jax.eval_shape(lambda values: self.values.gradient(values, policy, transition), values)
         except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
             wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
             raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
@@ -229,9 +232,9 @@ class ActionValueGradient(Estimator):
         values = state.baseline
         scaled, state = self._advantage(state, policy, transition)  # the reward, as nothing is subtracted
         transition = transition._replace(reward=scaled.value)
-        worth = 0.0 if self.entropy is None else at(self.entropy, steps)
-        gradient = self.values.gradient(values, policy, transition, worth)
-        return gradient, state._replace(baseline=self.values.update(values, policy, transition, worth))
+        entropy_coefficient = 0.0 if self.entropy is None else at(self.entropy, steps)
+        gradient = self.values.gradient(values, policy, transition, entropy_coefficient)
+        return gradient, state._replace(baseline=self.values.update(values, policy, transition, entropy_coefficient))
 
     def restart(self, state: EstimatorState, policy: Policy) -> EstimatorState:
         fresh = super().restart(state, policy)

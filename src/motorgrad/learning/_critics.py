@@ -145,8 +145,8 @@ class Critic(Baseline):
         mean = centring.follow(state.reward, reward, error, self.fit.mean_rate)
         mean = where(transition.diverged, state.reward, mean)
         seen = jnp.asarray(reward, dtype)
-        looks = (state.features, following, transition.terminated)
-        step = CriticStep(slope, next_features, seen, level, error, self.horizon, self.decay, *looks)
+        observed = (state.features, following, transition.terminated)
+        step = CriticStep(slope, next_features, seen, level, error, self.horizon, self.decay, *observed)
         weights, fit = self.fit.update(state.weights, state.fit, step, transition.diverged)
         return Advantage(error, error), CriticState(weights, state.features, previous, mean, fit)
 

@@ -201,12 +201,14 @@ class Estimator(Part):
         if self.reuse is not None:
             return advantage.value, self._stored(state, transition, advantage)
         entropy = None
-        worth = jnp.zeros(())
+        entropy_coefficient = jnp.zeros(())
         if self.entropy is not None:
             entropy = entropy_gradient(policy, transition.observation)
-            worth = at(self.entropy, steps)
+            entropy_coefficient = at(self.entropy, steps)
         if entropy is not None and self.entropy_in == "trace":
-            signed = jax.tree.map(lambda h: (jnp.sign(advantage.value) * worth * h).astype(h.dtype), entropy)
+            signed = jax.tree.map(
+                lambda h: (jnp.sign(advantage.value) * entropy_coefficient * h).astype(h.dtype), entropy
+            )
             state = state._replace(trace=jax.tree.map(jnp.add, state.trace, self._alone(policy, signed)))
         eligibility = self.trace.value(state.trace)
         sample = credited(eligibility, advantage.trace)
@@ -215,7 +217,7 @@ class Estimator(Part):
             newest = self.trace.value(self._alone(policy, score))
             sample = jax.tree.map(jnp.add, sample, credited(newest, advantage.newest))
         if entropy is not None and self.entropy_in == "sample":
-            sample = jax.tree.map(lambda g, h: (g + worth * h).astype(g.dtype), sample, entropy)
+            sample = jax.tree.map(lambda g, h: (g + entropy_coefficient * h).astype(g.dtype), sample, entropy)
         if self.trace.learns:
             learned = self.trace.learn(state.trace, advantage.trace)
             state = state._replace(trace=where(transition.diverged, state.trace, learned))
@@ -326,8 +328,8 @@ class Estimator(Part):
         assert self.reuse is not None
         assert state.batch is not None
         newest = 0 if advantage.newest is None else advantage.newest
-        told = (transition.observation, transition.action, advantage.trace, newest)
-        return state._replace(batch=self.reuse.add(state.batch, *told, transition.diverged))
+        entry = (transition.observation, transition.action, advantage.trace, newest)
+        return state._replace(batch=self.reuse.add(state.batch, *entry, transition.diverged))
 
     def _alone(self, policy: Policy, score: PyTree[Array]) -> Any:
         """The trace of one score. A trace is linear, so it can be added to that of the scores before."""

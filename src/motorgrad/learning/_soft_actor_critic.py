@@ -90,7 +90,13 @@ class ActionValueEnsemble(Part):
         return state._replace(weights=tuple(after))
 
     def update(
-        self, state: EnsembleState, policy: Policy, drawn: Drawn, worth: Any, key: jax.Array, steps: Any = None
+        self,
+        state: EnsembleState,
+        policy: Policy,
+        drawn: Drawn,
+        entropy_coefficient: Any,
+        key: jax.Array,
+        steps: Any = None,
     ) -> EnsembleState:
         """The state after a step down the squared errors of a batch of decisions; the parameters have made `steps`."""
         learned, settings = split(cast(Any, state.weights))
@@ -98,8 +104,8 @@ class ActionValueEnsemble(Part):
         numbers = jax.random.uniform(key, (len(following), policy.uniforms), following.dtype)
         action = jax.vmap(policy.sample)(following, numbers)
         later = jnp.min(self.values(eqx.combine(state.slow, settings), following, action), axis=0)
-        if worth is not None:
-            later = later + worth * jax.vmap(policy.entropy_estimate)(following, numbers)
+        if entropy_coefficient is not None:
+            later = later + entropy_coefficient * jax.vmap(policy.entropy_estimate)(following, numbers)
         wanted = (drawn.reward + self.discount * (1 - drawn.terminated) * later).astype(later.dtype)
 
         def loss(learned: Any) -> Float[Array, ""]:
@@ -114,7 +120,7 @@ class ActionValueEnsemble(Part):
 
 
 class EntropyState(NamedTuple):
-    """The logarithm of the worth of entropy, and the state of Adam."""
+    """The logarithm of the entropy coefficient, and the state of Adam."""
 
     log_worth: Float[Array, ""]
     rule: Any
@@ -146,9 +152,9 @@ class EntropyTarget(Part):
 
     def update(self, state: EntropyState, policy: Policy, drawn: Drawn, key: jax.Array) -> EntropyState:
         """The state after a step with a batch of decisions."""
-        look = drawn.observation
-        numbers = jax.random.uniform(key, (len(look), policy.uniforms), look.dtype)
-        entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(look, numbers))
+        observation = drawn.observation
+        numbers = jax.random.uniform(key, (len(observation), policy.uniforms), observation.dtype)
+        entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(observation, numbers))
         above = (entropy / policy.outputs - self.target).astype(state.log_worth.dtype)
         move, rule = optax.scale_by_adam().update(above, state.rule)
         log_worth = state.log_worth - self.learning_rate * cast(Array, move)
@@ -228,21 +234,21 @@ class SoftActorCritic(Estimator):
         check(plain, "policy", type(policy).__name__, f"{wanted}, for SoftActorCritic")
         key = jax.random.key(0) if key is None else key
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
-        look = jnp.zeros(lasting.inputs, dtype)
+        observation = jnp.zeros(lasting.inputs, dtype)
         numbers = jnp.zeros(lasting.uniforms, dtype)
-        action = lasting.mode(look)
+        action = lasting.mode(observation)
         (learned, settings) = split(lasting)
         try:
-            drawn = lambda learned: jnp.sum(eqx.combine(learned, settings).sample(look, numbers))  # noqa: E731
+            drawn = lambda learned: jnp.sum(eqx.combine(learned, settings).sample(observation, numbers))  # noqa: E731
             jax.eval_shape(jax.grad(drawn), learned)
         except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
             wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
             raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
-        values = self.values.init(look.size + action.size, dtype, jax.random.fold_in(key, 2))
-        experience = self.replay.init(look, action, jax.random.fold_in(key, 3))
+        values = self.values.init(observation.size + action.size, dtype, jax.random.fold_in(key, 2))
+        experience = self.replay.init(observation, action, jax.random.fold_in(key, 3))
         scaling = None if self.reward_scaling is None else self.reward_scaling.init(dtype)
-        worth = None if self.entropy_target is None else self.entropy_target.init(dtype)
-        return EstimatorState(None, values, None, None, scaling, experience, entropy=worth)
+        entropy = None if self.entropy_target is None else self.entropy_target.init(dtype)
+        return EstimatorState(None, values, None, None, scaling, experience, entropy=entropy)
 
     def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
         return state
@@ -257,8 +263,8 @@ class SoftActorCritic(Estimator):
         values = where(dropped, state.baseline, self.values.adapted(state.baseline, seen, transition.action))
         if self.reward_scaling is not None and scaling is not None:
             scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
-        told = (seen, transition.action, transition.reward, following, transition.terminated, dropped)
-        batch = self.replay.add(state.batch, *told)  # type: ignore[arg-type]
+        entry = (seen, transition.action, transition.reward, following, transition.terminated, dropped)
+        batch = self.replay.add(state.batch, *entry)  # type: ignore[arg-type]
         reward = transition.reward.astype(batch.rewards.dtype)
         return reward, state._replace(baseline=values, scaling=scaling, batch=batch)
 
@@ -288,14 +294,16 @@ class SoftActorCritic(Estimator):
             of_next, of_this = jax.random.split(jax.random.wrap_key_data(words))
             drawn = drawn._replace(reward=(factor * drawn.reward).astype(drawn.reward.dtype))
             learned = state.estimator.entropy
-            worth = None if self.entropy is None else at(self.entropy, state.steps)
+            entropy_coefficient = None if self.entropy is None else at(self.entropy, state.steps)
             if self.entropy_target is not None:
                 learned = self.entropy_target.update(learned, state.policy.marginal, drawn, of_this)
-                worth = jnp.exp(learned.log_worth)
+                entropy_coefficient = jnp.exp(learned.log_worth)
             marginal = state.policy.marginal
-            values = self.values.update(state.estimator.baseline, marginal, drawn, worth, of_next, state.steps)
+            values = self.values.update(
+                state.estimator.baseline, marginal, drawn, entropy_coefficient, of_next, state.steps
+            )
             state = state._replace(estimator=state.estimator._replace(baseline=values, entropy=learned))
-            return step(state, self._gradient(values, state.policy, drawn, worth, of_this)), None
+            return step(state, self._gradient(values, state.policy, drawn, entropy_coefficient, of_this)), None
 
         return jax.lax.scan(once, state, drawn)[0]
 
@@ -303,19 +311,19 @@ class SoftActorCritic(Estimator):
         return self.replay.renewed(batch)
 
     def _gradient(
-        self, values: EnsembleState, policy: Policy, drawn: Drawn, worth: Any, key: jax.Array
+        self, values: EnsembleState, policy: Policy, drawn: Drawn, entropy_coefficient: Any, key: jax.Array
     ) -> PyTree[Array]:
         """The mean gradient of the least value over a batch, for actions drawn anew."""
         learned, settings = split(policy)
-        look = drawn.observation
-        numbers = jax.random.uniform(key, (len(look), policy.marginal.uniforms), look.dtype)
+        observation = drawn.observation
+        numbers = jax.random.uniform(key, (len(observation), policy.marginal.uniforms), observation.dtype)
 
         def gain(parameters: Any) -> Float[Array, ""]:
             present = eqx.combine(parameters, settings).marginal
-            action = jax.vmap(present.sample)(look, numbers)
-            gains = jnp.min(self.values.values(values.weights, look, action), axis=0)
-            if worth is not None:
-                gains = gains + worth * jax.vmap(present.entropy_estimate)(look, numbers)
+            action = jax.vmap(present.sample)(observation, numbers)
+            gains = jnp.min(self.values.values(values.weights, observation, action), axis=0)
+            if entropy_coefficient is not None:
+                gains = gains + entropy_coefficient * jax.vmap(present.entropy_estimate)(observation, numbers)
             return drawn.mean(gains)
 
         return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)

@@ -123,10 +123,10 @@ class StationaryMetric(Metric):
         return StationaryState(started._replace(count=started.count + 1), means, phi, zeros, jnp.zeros((), bool))
 
     def observe(self, state: StationaryState, policy: Policy, transition: Transition) -> StationaryState:
-        look, action = transition.observation, transition.action
-        phi = self._seen(policy.judged(look)).astype(state.earlier.dtype)
-        score = ravel_pytree(policy.score(look, action))[0]
-        blocks = add_sample(state.blocks, policy.fisher(look, action), self.rate)
+        observation, action = transition.observation, transition.action
+        phi = self._seen(policy.judged(observation)).astype(state.earlier.dtype)
+        score = ravel_pytree(policy.score(observation, action))[0]
+        blocks = add_sample(state.blocks, policy.fisher(observation, action), self.rate)
         outer = phi[:, None]
         sample = Backward(outer * (phi - state.earlier), outer * state.scores, phi, outer * phi)
         backward = where(state.any, add_sample(state.backward, sample, self.rate), state.backward)

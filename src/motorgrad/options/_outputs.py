@@ -22,8 +22,8 @@ def check_outputs(cls: type, named: Mapping[str, Any], values: Mapping[str, Any]
     """
     for name, is_ours in OUTPUTS.items():
         flag = f"--{name.replace('_', '-')}"
-        told = any(word == flag or word.startswith(f"{flag}=") for word in words)
-        if name not in named or told or values[name] != named[name] or name in getattr(cls, "opened", ()):
+        given = any(word == flag or word.startswith(f"{flag}=") for word in words)
+        if name not in named or given or values[name] != named[name] or name in getattr(cls, "opened", ()):
             continue
         allowed = f"new, or written by motorgrad, where a file names it; {flag} on the command line replaces it"
         for path in named[name] if isinstance(named[name], tuple) else (named[name],):

@@ -103,7 +103,7 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
         track = jnp.full((longest + 1, episodes, 2), jnp.nan).at[0].set(state.position)
         sizes = (policy.uniforms, world.uniforms, task.uniforms)
 
-        def decide(memory: Any, state: Any, seen: Any, kept: Any, choose: Any, move: Any, look: Any) -> Any:
+        def decide(memory: Any, state: Any, seen: Any, kept: Any, choose: Any, move: Any, uniforms: Any) -> Any:
             units = policy.perceive(kept, seen)
             drawn = policy.sample(units, choose)
             kept = policy.remember(units, drawn)
@@ -111,7 +111,7 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
             state = world.step(state, action, move)
             memory, _, terminated = task.reward(memory, state, action)
             ended = jnp.logical_or(terminated, task.truncated(memory, state))
-            return *task.observe(memory, state, look), kept, state, ended
+            return *task.observe(memory, state, uniforms), kept, state, ended
 
         def step(carry: Any) -> Any:
             t, memory, state, seen, kept, alive, lengths, track = carry

@@ -27,21 +27,21 @@ MAX_COMMENT_NAMES = 200
 def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None) -> Path:
     """Write a policy to a file that needs no motorgrad; see `Policy.export`."""
     path = Path(path)
-    told = functions(policy)
+    exported = functions(policy)
     ends = f"a name that ends in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}"
     check(path.suffix in FORMATS, "path", str(path), f"{ends}; timlab.write_fmu(policy, path) writes an FMU")
     check_writable("path", path)
     for place, leaf in jax.tree_util.tree_leaves_with_path(policy):
         fine = not jnp.issubdtype(leaf.dtype, jnp.inexact) or bool(jnp.isfinite(leaf).all())
         check(fine, f"policy{jax.tree_util.keystr(place)}", "not all finite", "finite numbers: it has learned nothing")
-    for name in told if only is None else only:
-        choice("function", name, told)
-    told = {name: parts for name, parts in told.items() if only is None or name in only}
-    check(told, "only", only, "one function at least")
+    for name in exported if only is None else only:
+        choice("function", name, exported)
+    exported = {name: parts for name, parts in exported.items() if only is None or name in only}
+    check(exported, "only", only, "one function at least")
     try:
-        content = _content(policy, told, path)
+        content = _content(policy, exported, path)
     except Untranslatable as error:
-        fine = [name for name in told if _fits(policy, {name: told[name]}, path)]
+        fine = [name for name in exported if _fits(policy, {name: exported[name]}, path)]
         remedy = f"; what can be exported: only={tuple(fine)}" if fine else ""
         raise Untranslatable(f"{type(policy).__name__} as {path.suffix}: {error}{remedy}") from None
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -49,15 +49,15 @@ def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None
     return path
 
 
-def _content(policy: "Policy", told: Functions, path: Path) -> bytes:
+def _content(policy: "Policy", exported: Functions, path: Path) -> bytes:
     meaning = None if policy.interface is None else policy.interface.table()
     if path.suffix == ".onnx":
-        return onnx_model(whole(told), "policy", about(policy), meaning).SerializeToString()
+        return onnx_model(whole(exported), "policy", about(policy), meaning).SerializeToString()
     if path.suffix == ".npz":
-        return numpy_file(programs(told, NUMPY_LACKS), meaning)
+        return numpy_file(programs(exported, NUMPY_LACKS), meaning)
     name = re.sub(r"\W|^(?=\d)", "_", path.stem, flags=re.ASCII)
     lines = [] if policy.interface is None else _lines(policy.interface)
-    return c_source(programs(told), name, [about(policy), *HOW, *lines]).encode()
+    return c_source(programs(exported), name, [about(policy), *HOW, *lines]).encode()
 
 
 def _lines(interface: Interface) -> list[str]:
@@ -70,16 +70,16 @@ def _lines(interface: Interface) -> list[str]:
     names = code.names if code.form in ("same", "clip") and code.kind != "discrete" else ()
     for place in range(min(code.outputs, MAX_COMMENT_NAMES)):
         has_range = code.low is not None and code.high is not None
-        told = f" from {code.low[place]:g} to {code.high[place]:g}" if has_range else ""  # type: ignore[index]
-        found.append(f"  [{place}] {names[place] if place < len(names) else ''}{told}".rstrip())
+        limits = f" from {code.low[place]:g} to {code.high[place]:g}" if has_range else ""  # type: ignore[index]
+        found.append(f"  [{place}] {names[place] if place < len(names) else ''}{limits}".rstrip())
     found += ["  ..."] * (code.outputs > MAX_COMMENT_NAMES)
     # names come from files of others: none ends the comment, or begins a line of its own
     return [plain(line).replace("*/", "* /").replace("\\", "/").replace("??/", "") for line in found]
 
 
-def _fits(policy: "Policy", told: Functions, path: Path) -> bool:
+def _fits(policy: "Policy", exported: Functions, path: Path) -> bool:
     try:
-        _content(policy, told, path)
+        _content(policy, exported, path)
     except Untranslatable:
         return False
     return True
@@ -144,19 +144,19 @@ def deviation_of(policy: Any) -> Any:
     return deviation_of(parts[0]) if len(parts) == 1 else None
 
 
-def programs(told: Functions, lacks: Collection[str] = ()) -> dict[str, Program]:
+def programs(exported: Functions, lacks: Collection[str] = ()) -> dict[str, Program]:
     """A program for each function."""
-    return {name: traced(function, given, lacks) for name, (function, given) in told.items()}
+    return {name: traced(function, given, lacks) for name, (function, given) in exported.items()}
 
 
-def whole(told: Functions) -> Program:
+def whole(exported: Functions) -> Program:
     """One program of all functions, as an ONNX model has one graph: `prob`, `mode` and `sample` are its outputs, with
     `mode_memory` and `sample_memory` where there is a memory."""
-    inputs = {name: example for _, given in told.values() for name, example in given.items()}
+    inputs = {name: example for _, given in exported.values() for name, example in given.items()}
 
     def joined(**values: Any) -> dict[str, Any]:
         made = {}
-        for name, (function, given) in told.items():
+        for name, (function, given) in exported.items():
             outputs = function(**{each: values[each] for each in given})
             made |= {name if each in (name, "action") else f"{name}_{each}": value for each, value in outputs.items()}
         return made

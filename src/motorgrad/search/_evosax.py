@@ -57,8 +57,13 @@ class _Evosax(Method):
             return before
         worse = np.where(np.isfinite(scores), -np.asarray(scores, float), np.inf)
         strategy, params = self._strategy(drawn.shape[1])
-        told = (jnp.asarray(drawn), jnp.asarray(self._costs(worse), jnp.float32), self._like_evosax(before), params)
-        return _arrays(strategy.tell(jax.random.key(0), *told)[0])
+        arguments = (
+            jnp.asarray(drawn),
+            jnp.asarray(self._costs(worse), jnp.float32),
+            self._like_evosax(before),
+            params,
+        )
+        return _arrays(strategy.tell(jax.random.key(0), *arguments)[0])
 
     def _like_evosax(self, state: State) -> Any:
         size = len(state["mean"])

@@ -145,13 +145,15 @@ def search(
         for number in range(first, rounds):
             places, state = method.ask(state, np.random.default_rng([seed, number, _ASKS]))
             named = [space.named(each) for each in places]
-            told = score(named, np.random.default_rng([seed, number, _SCORES]))
-            given = np.asarray(told.scores if isinstance(told, WithGradients) else told, float)
+            scored = score(named, np.random.default_rng([seed, number, _SCORES]))
+            given = np.asarray(scored.scores if isinstance(scored, WithGradients) else scored, float)
             check(given.shape == (batch,), "scores.shape", given.shape, f"({batch},), one for each candidate")
             given = np.where(np.isfinite(given), given, np.nan)
             state = method.tell(state, places, given)
-            if isinstance(told, WithGradients):
-                state = method.tell_gradients(state, places, *_by_place(told, space.slopes(places), np.isfinite(given)))
+            if isinstance(scored, WithGradients):
+                state = method.tell_gradients(
+                    state, places, *_by_place(scored, space.slopes(places), np.isfinite(given))
+                )
             candidates = np.concatenate([candidates, space.numbers(places)])
             scores = np.concatenate([scores, given])
             if file is not None:
@@ -165,10 +167,10 @@ def _begin(space: Space, method: Method) -> tuple[State, np.ndarray, np.ndarray]
     return method.begin(space.start), np.zeros((0, space.size)), np.zeros(0)
 
 
-def _by_place(told: WithGradients, slopes: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _by_place(scored: WithGradients, slopes: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives by the places, with their variances, NaN for candidates that failed."""
-    gradients = np.asarray(told.gradients, float)
-    variances = np.asarray(told.variances, float)
+    gradients = np.asarray(scored.gradients, float)
+    variances = np.asarray(scored.variances, float)
     for name, values in (("gradients", gradients), ("variances", variances)):
         check(values.shape == slopes.shape, f"{name}.shape", values.shape, f"{slopes.shape}, a row for each candidate")
     known = np.isfinite(gradients) & known[:, None]

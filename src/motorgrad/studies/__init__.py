@@ -1,6 +1,6 @@
 """Studies: tasks × settings × seeds on one machine or many, each job a run directory."""
 
-from motorgrad.studies._driver import PLACES, On, drive, run_study
+from motorgrad.studies._driver import EXECUTORS, On, drive, run_study
 from motorgrad.studies._jobs import AnyJob, JobFolder, Outcome, Work
 from motorgrad.studies._page import broken_text, settings_text
 from motorgrad.studies._partition import Job
@@ -13,7 +13,7 @@ from motorgrad.studies.comparison._results import ComparisonResults
 from motorgrad.studies.comparison._run import compare
 
 __all__ = [
-    "PLACES",
+    "EXECUTORS",
     "AnyJob",
     "Best",
     "Comparison",

@@ -15,16 +15,16 @@ from motorgrad._errors import check, check_integer, unknown
 from motorgrad._files import check_writable
 from motorgrad._progress import Progress
 from motorgrad._signals import stop_when_asked
+from motorgrad.studies._executors import Executor, Here, Processes
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._jobs import AnyJob, JobFolder, Work
 from motorgrad.studies._page import write_page
-from motorgrad.studies._places import Here, Place, Processes
 from motorgrad.studies._ray import Ray
 from motorgrad.studies._results import Results
 from motorgrad.studies._slurm import Slurm
 from motorgrad.studies._study import Study
 
-PLACES: dict[str, type[Place]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
+EXECUTORS: dict[str, type[Executor]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
 """Where jobs can run, by name."""
 
 On = Literal["here", "processes", "ray", "slurm"]
@@ -57,7 +57,7 @@ def run_study(
     - `out`: the folder. A study that is found there unfinished continues; jobs that failed before are tried again.
     - `on`: where jobs run: `"here"`, in this process; `"processes"` of this machine; tasks of `"ray"`, by default on
       this machine; jobs of `"slurm"`. The last two need `motorgrad[ray]` and `motorgrad[slurm]`.
-    - `workers`: how many jobs run at the same time; 0 for as many as the place has processors.
+    - `workers`: how many jobs run at the same time; 0 for as many as the executor has processors.
     - `threads`: threads of each job; 0 for all processors of this process, or for each worker's share of them.
     - `attempts`: how often a job that fails is tried before it is set aside and the others go on. A job whose process
       or machine dies has not failed; it continues from its last checkpoint.
@@ -66,8 +66,8 @@ def run_study(
     - `trust`: whether to run code that another process named in the folder: modules of tasks.
     - `progress`: whether to show progress.
     - `metric`: the metric by which the page `index.html` of the folder ranks settings.
-    - `options`: of the place: for Ray the `address` of a cluster; for Slurm `parameters` such as `{"partition": "cpu",
-      "timeout_min": 120, "mem_gb": 4}`, and `cluster="local"` to try it out.
+    - `options`: of the executor: for Ray the `address` of a cluster; for Slurm `parameters` such as
+      `{"partition": "cpu", "timeout_min": 120, "mem_gb": 4}`, and `cluster="local"` to try it out.
 
     None of these has an effect on any number.
 
@@ -86,14 +86,14 @@ def run_study(
             warnings.simplefilter("ignore")  # those about the run directories have been given
             write_page(folder, metric, learned)
 
-    told = Work(threads, checkpoint_every, tuple(imports), allowed())
-    drive(folder, told, report, on=on, workers=workers, attempts=attempts, progress=progress, options=options)
+    job_settings = Work(threads, checkpoint_every, tuple(imports), allowed())
+    drive(folder, job_settings, report, on=on, workers=workers, attempts=attempts, progress=progress, options=options)
     return Results(folder)
 
 
 def drive(
     folder: JobFolder,
-    told: Work,
+    job_settings: Work,
     report: Callable[[float | None], None],
     *,
     on: On = "here",
@@ -104,17 +104,17 @@ def drive(
 ) -> bool:
     """Do the jobs of a folder that are not done. See `run_study` for the other arguments.
 
-    **Arguments:** `told`: information for every job; `report`: writes down how things stand, now and then and at the
-    end, given the seconds of learning in this session, while it lasts.
+    **Arguments:** `job_settings`: information for every job; `report`: writes down how things stand, now and then and
+    at the end, given the seconds of learning in this session, while it lasts.
 
     **Returns** whether it has come to its end, rather than been asked to stop.
     """
-    if on not in PLACES:
-        raise unknown("on", on, PLACES)
+    if on not in EXECUTORS:
+        raise unknown("on", on, EXECUTORS)
     check_integer("attempts", attempts, 1)
-    check_integer("threads", told.threads, 0, 4096)
+    check_integer("threads", job_settings.threads, 0, 4096)
     with folder:
-        driver = _Driver(folder, PLACES[on](folder.path, workers, told, **dict(options or {})), attempts)
+        driver = _Driver(folder, EXECUTORS[on](folder.path, workers, job_settings, **dict(options or {})), attempts)
         driver.run(progress, report)
     return not driver.stopping
 
@@ -122,8 +122,8 @@ def drive(
 class _Driver:
     """One session of a study."""
 
-    def __init__(self, folder: JobFolder, place: Place, attempts: int):
-        self.folder, self.place, self.attempts = folder, place, attempts
+    def __init__(self, folder: JobFolder, executor: Executor, attempts: int):
+        self.folder, self.executor, self.attempts = folder, executor, attempts
         self.jobs = folder.jobs
         self.waiting = deque(job for job in self.jobs if not folder.is_done(job))
         self.flying: dict[Any, AnyJob] = {}
@@ -148,21 +148,21 @@ class _Driver:
                     self._submit(stopped)
                     if stopped() and not self.stopping:
                         self.stopping = True
-                        self.place.stop()
-                    for future in self.place.wait(self.flying, 0.5):
+                        self.executor.stop()
+                    for future in self.executor.wait(self.flying, 0.5):
                         self._take(self.flying.pop(future), future)
                     done = sum(map(self.folder.is_done, self.jobs))
                     aside = len(self.folder.failures())
                     shown.update(done, f"{len(self.flying)} running" + (f" · {aside} set aside" * bool(aside)))
         finally:
-            self.place.close()
+            self.executor.close()
             reporter.finish()
 
     def _submit(self, stopped: Callable[[], bool]) -> None:
-        while self.waiting and len(self.flying) < self.place.workers and not (stopped() or self.stopping):
+        while self.waiting and len(self.flying) < self.executor.workers and not (stopped() or self.stopping):
             job = self.waiting.popleft()
             self.saved[job.name] = self.folder.saved(job)
-            future = self.place.submit(job, self.folder.place(job))
+            future = self.executor.submit(job, self.folder.place(job))
             self.flying[future] = job
             if future.done():  # this process works itself: take the result before the next job
                 return
@@ -174,7 +174,7 @@ class _Driver:
         except KeyboardInterrupt:
             self.stopping = True
         except Exception as error:
-            if self.place.has_died(error):
+            if self.executor.has_died(error):
                 self._interrupted(job, error)
                 return
             self.failed[job.name] += 1
@@ -183,7 +183,7 @@ class _Driver:
             self.learned += outcome.learned
             if outcome.result is not None:
                 self.folder.add(job, outcome.result)
-            elif self.place.itself and not outcome.busy:
+            elif self.executor.itself and not outcome.busy:
                 self.stopping = True
             else:
                 why = "another process has its folder" if outcome.busy else "it was stopped from outside"

@@ -1,4 +1,4 @@
-"""Jobs as the driver and the places see them: each has its own folder."""
+"""Jobs as the driver and the executors see them: each has its own folder."""
 
 import abc
 import contextlib
@@ -54,17 +54,17 @@ class AnyJob(Protocol):
         """Its name, unique in the folder."""
         ...
 
-    def do(self, path: Path, told: Work) -> Outcome:
+    def do(self, path: Path, job_settings: Work) -> Outcome:
         """Do the job in its folder, or the rest of it."""
         ...
 
 
-def parcel(job: AnyJob, path: Path, told: Work) -> tuple[bytes, str, tuple[str, ...]]:
+def parcel(job: AnyJob, path: Path, job_settings: Work) -> tuple[bytes, str, tuple[str, ...]]:
     """What `work_parcel` is given in a process that knows nothing of this one: a job, the working folder, and the
     modules that are imported first, which may be there, and be needed to read the job."""
     import cloudpickle
 
-    return cloudpickle.dumps((job, path, told)), os.getcwd(), told.imports
+    return cloudpickle.dumps((job, path, job_settings)), os.getcwd(), job_settings.imports
 
 
 def work_parcel(content: bytes, folder: str, imports: tuple[str, ...]) -> Outcome:
@@ -77,13 +77,13 @@ def work_parcel(content: bytes, folder: str, imports: tuple[str, ...]) -> Outcom
     return work(*pickle.loads(content))
 
 
-def work(job: AnyJob, path: Path | str, told: Work) -> Outcome:
+def work(job: AnyJob, path: Path | str, job_settings: Work) -> Outcome:
     """Do a job in its folder: the whole work of a worker."""
     path = Path(path)
     path.mkdir(parents=True, exist_ok=True)
     with interrupt_when_asked():
-        allow(told.allowed)
-        for name in told.imports:
+        allow(job_settings.allowed)
+        for name in job_settings.imports:
             importlib.import_module(name)
         try:
             # an earlier worker of the same job, whose driver was killed, may still hold the folder
@@ -91,7 +91,7 @@ def work(job: AnyJob, path: Path | str, told: Work) -> Outcome:
                 pass
         except filelock.Timeout:
             return Outcome(None, busy=True)
-        return job.do(path, told)
+        return job.do(path, job_settings)
 
 
 class JobFolder(contextlib.AbstractContextManager[Any]):

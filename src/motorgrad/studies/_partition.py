@@ -49,14 +49,14 @@ class Job:
         """The task."""
         return _task(self.task)
 
-    def do(self, path: Path, told: Work) -> Outcome:
+    def do(self, path: Path, job_settings: Work) -> Outcome:
         """Learn, or learn what is left, in the run directory. The result is the run's rows in the index."""
-        how = {"sweep": self.sweep, "window": self.window, "threads": told.threads, "progress": False}
-        how["checkpoint_every"] = told.checkpoint_every
+        how = {"sweep": self.sweep, "window": self.window, "threads": job_settings.threads, "progress": False}
+        how["checkpoint_every"] = job_settings.checkpoint_every
         run = unfinished("run", lambda: train(self.make_task(), self.agent, self.steps, self.seeds, path, **how))
         learned = float(run.metrics["wall_time"][-1].as_py()) if run.metrics.num_rows else 0.0
         if run.complete and self._modes and not (path / FROZEN).exists():
-            write_arrays(path / FROZEN, self._evaluated(run, told.threads))
+            write_arrays(path / FROZEN, self._evaluated(run, job_settings.threads))
         return Outcome(self.rows(run) if run.complete else None, learned)
 
     def rows(self, run: Run) -> pa.Table:

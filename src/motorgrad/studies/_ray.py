@@ -10,14 +10,14 @@ from typing import Any
 from motorgrad._errors import check_integer
 from motorgrad._extras import require
 from motorgrad._processes import environment
+from motorgrad.studies._executors import Executor, process_settings, processors
 from motorgrad.studies._jobs import AnyJob, Work, parcel, work_parcel
-from motorgrad.studies._places import Place, process_settings, processors
 from motorgrad.studies._ray_alone import ray_alone
 
 AHEAD = 2  # jobs in flight for each that fits, so that a node need not wait for the driver
 
 
-class Ray(Place):
+class Ray(Executor):
     """Tasks of Ray. By default Ray is started on this machine alone.
 
     Each job takes `threads` processors, by default one. The folder of the study must be the same on all nodes, on a
@@ -33,7 +33,7 @@ class Ray(Place):
 
     needs = ("running jobs on Ray needs", "ray", "ray")
 
-    def __init__(self, folder: Path, workers: int, told: Work, address: str = ""):
+    def __init__(self, folder: Path, workers: int, job_settings: Work, address: str = ""):
         require(*self.needs)
         import ray  # type: ignore[import-not-found]
         from ray import exceptions as errors  # type: ignore[import-not-found]
@@ -59,14 +59,14 @@ class Ray(Place):
             errors.OutOfMemoryError,
             errors.ObjectLostError,
         )
-        self._told = told._replace(threads=told.threads or 1)
+        self._job_settings = job_settings._replace(threads=job_settings.threads or 1)
         self._most = workers
         self._fit = 0
         self._asked = -1.0
         # the driver knows better than Ray whether to try a job again
-        settings = {"env_vars": process_settings(self._told.threads)}
+        settings = {"env_vars": process_settings(self._job_settings.threads)}
         task = ray.remote(work_parcel)
-        self._task: Any = task.options(num_cpus=self._told.threads, max_retries=0, runtime_env=settings)
+        self._task: Any = task.options(num_cpus=self._job_settings.threads, max_retries=0, runtime_env=settings)
         self._references: dict[Any, Any] = {}
 
     @property
@@ -74,7 +74,7 @@ class Ray(Place):
         """Twice the number of jobs for which the cluster, which may grow and shrink, has room."""
         now = time.monotonic()
         if now > self._asked + 1.0:
-            self._fit = int(self._ray.cluster_resources().get("CPU", 0) // self._told.threads)
+            self._fit = int(self._ray.cluster_resources().get("CPU", 0) // self._job_settings.threads)
             self._asked = now
         return min(self._most or AHEAD * self._fit, AHEAD * self._fit)
 
@@ -82,7 +82,7 @@ class Ray(Place):
         return isinstance(error, self._deaths)
 
     def submit(self, job: AnyJob, path: Path) -> Any:
-        reference = self._task.remote(*parcel(job, path.absolute(), self._told))
+        reference = self._task.remote(*parcel(job, path.absolute(), self._job_settings))
         future = reference.future()
         self._references[future] = reference
         return future

@@ -53,7 +53,7 @@ class ScoreEach:
         check_writable("out", Path(out), folder=True)
         self.score = score
         self.out = Path(out)
-        self.told = Work(threads, imports=tuple(imports), allowed=allowed())
+        self.job_settings = Work(threads, imports=tuple(imports), allowed=allowed())
         self.how: dict[str, Any] = {"on": on, "workers": workers, "attempts": attempts, "progress": progress}
         self.how["options"] = options
 
@@ -65,7 +65,7 @@ class ScoreEach:
             for number, (each, seed) in enumerate(zip(candidates, seeds, strict=True))
         ]
         folder = _Round(self.out, jobs)
-        if not drive(folder, self.told, lambda learned: None, **self.how):
+        if not drive(folder, self.job_settings, lambda learned: None, **self.how):
             raise KeyboardInterrupt
         return np.array([folder.scores.get(job.name, math.nan) for job in jobs])
 
@@ -79,7 +79,7 @@ class _Candidate:
     numbers: dict[str, float]
     seed: int
 
-    def do(self, path: Path, told: Work) -> Outcome:
+    def do(self, path: Path, job_settings: Work) -> Outcome:
         found = float(self.score(dict(self.numbers), np.random.default_rng(self.seed)))
         kept = {"candidate": self.numbers, "score": found if math.isfinite(found) else None}
         write_atomically(path / "score.json", json.dumps(kept, indent=1).encode())

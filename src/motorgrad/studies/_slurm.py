@@ -8,14 +8,14 @@ from typing import Any
 from motorgrad._errors import check, check_integer
 from motorgrad._extras import require
 from motorgrad._processes import environment
+from motorgrad.studies._executors import Executor, process_settings
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, parcel, work_parcel
-from motorgrad.studies._places import Place, process_settings
 
 AT_ONCE = 64  # jobs in Slurm's queue, unless more are asked for
 POLL = 0.2  # seconds between two looks at the results
 
 
-class Slurm(Place):
+class Slurm(Executor):
     """Jobs of Slurm. The folder of the study must be on a file system that all nodes share; logs are in its `slurm/`.
 
     A job that Slurm stops because its time is over, or preempts, is submitted again by submitit and continues.
@@ -35,7 +35,7 @@ class Slurm(Place):
         self,
         folder: Path,
         workers: int,
-        told: Work,
+        job_settings: Work,
         cluster: str = "slurm",
         parameters: Mapping[str, Any] | None = None,
     ):
@@ -47,15 +47,17 @@ class Slurm(Place):
         check(cluster in ("slurm", "local"), "cluster", cluster, "'slurm' or 'local'")
         self._workers = workers or AT_ONCE
         self._errors = utils
-        self._told = told._replace(threads=told.threads or int((parameters or {}).get("cpus_per_task", 1)))
+        self._job_settings = job_settings._replace(
+            threads=job_settings.threads or int((parameters or {}).get("cpus_per_task", 1))
+        )
         known = submitit.AutoExecutor._typed_parameters()
         given = {name if name in known else f"slurm_{name}": value for name, value in (parameters or {}).items()}
-        exports = [f"export {name}={value}" for name, value in process_settings(self._told.threads).items()]
+        exports = [f"export {name}={value}" for name, value in process_settings(self._job_settings.threads).items()]
         given["slurm_setup"] = [*exports, *given.get("slurm_setup", ())]
         try:
             self.executor = submitit.AutoExecutor(folder=folder.absolute() / "slurm", cluster=cluster)
             self.executor.update_parameters(
-                **({"name": "motorgrad", "cpus_per_task": self._told.threads, "timeout_min": 24 * 60} | given)
+                **({"name": "motorgrad", "cpus_per_task": self._job_settings.threads, "timeout_min": 24 * 60} | given)
             )
         except (NameError, AssertionError) as error:
             raise ValueError(f"slurm: {error}") from None
@@ -70,8 +72,8 @@ class Slurm(Place):
         return isinstance(error, died) and not isinstance(error, raised)
 
     def submit(self, job: AnyJob, path: Path) -> Any:
-        with environment(process_settings(self._told.threads)):
-            submitted = self.executor.submit(ResumableWork(), *parcel(job, path.absolute(), self._told))
+        with environment(process_settings(self._job_settings.threads)):
+            submitted = self.executor.submit(ResumableWork(), *parcel(job, path.absolute(), self._job_settings))
         self._jobs.add(submitted)
         return submitted
 

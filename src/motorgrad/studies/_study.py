@@ -209,8 +209,8 @@ def whole(results: Any) -> Any:
     stop: a script is not to go on with a part of them, unless it catches this."""
     if results.complete or results.failures:
         return results
-    told = f"stopped; what was done is saved in {results.path}, and the same call continues"
-    raise interrupt(told, results=results)
+    message = f"stopped; what was done is saved in {results.path}, and the same call continues"
+    raise interrupt(message, results=results)
 
 
 def points_of(case: Mapping[str, Any], design: Design | None) -> list[Point]:

@@ -289,15 +289,15 @@ class Composed(BodyTask):
         self, memory: ComposedMemory, state: BodyState, uniforms: Float[Array, " 0"]
     ) -> tuple[ComposedMemory, Float[Array, " inputs"]]:
         memory, raw = self.sense(memory, state, uniforms)
-        mean, variance, seen = self.observation_code.look(memory.mean, memory.variance, memory.frozen, raw)
+        mean, variance, seen = self.observation_code.observe(memory.mean, memory.variance, memory.frozen, raw)
         return memory._replace(mean=mean, variance=variance), seen
 
     def sense(
         self, memory: ComposedMemory, state: BodyState, uniforms: Float[Array, " 0"]
     ) -> tuple[ComposedMemory, Float[Array, " inputs"]]:
         del uniforms
-        look = self._looks(memory, state)
-        return memory, jnp.concatenate([scale * jnp.atleast_1d(look(each)) for scale, each in self._bound.observe])
+        read = self._reader(memory, state)
+        return memory, jnp.concatenate([scale * jnp.atleast_1d(read(each)) for scale, each in self._bound.observe])
 
     @functools.cached_property
     def observation_code(self) -> ObservationCode:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -364,11 +364,11 @@ class Composed(BodyTask):
             pairs = zip(parts.remembering, memory.terms, strict=True)
             after = (each.step(now._replace(memory=own)) if each.step else own for each, own in pairs)
             memory = memory._replace(terms=tuple(after))
-        look = self._looks(memory, state)
-        reward = jnp.asarray(sum(weight * look(each) for weight, each in parts.reward))
+        read = self._reader(memory, state)
+        reward = jnp.asarray(sum(weight * read(each) for weight, each in parts.reward))
         ended: Any = False
         for term, each in parts.terminate:
-            value = look(each)
+            value = read(each)
             if term.above is not None:
                 ended |= value > term.above
             if term.below is not None:
@@ -385,8 +385,8 @@ class Composed(BodyTask):
 
     def reward_terms(self, memory: ComposedMemory, state: BodyState) -> dict[str, Scalar]:
         """Each term times its weight; a further one of a name has its number, too."""
-        look = self._looks(memory, state)
-        terms = [jnp.asarray(weight * look(each)) for weight, each in self._bound.reward]
+        read = self._reader(memory, state)
+        terms = [jnp.asarray(weight * read(each)) for weight, each in self._bound.reward]
         return dict(zip(self.reward_names, terms, strict=True))
 
     # -- readings
@@ -397,8 +397,8 @@ class Composed(BodyTask):
 
     def readings(self, memory: ComposedMemory, state: BodyState) -> dict[str, Reading]:
         """Those that were asked for."""
-        look = self._looks(memory, state)
-        return {name: (look(each), memory.ended if late else True) for name, late, each in self._bound.readings}
+        read = self._reader(memory, state)
+        return {name: (read(each), memory.ended if late else True) for name, late, each in self._bound.readings}
 
     def marks(self, memory: ComposedMemory, state: BodyState) -> Float[Array, "marks 4"]:
         """Where parts of the body should be: balls with the radius of the smallest tolerance of a term."""
@@ -416,18 +416,18 @@ class Composed(BodyTask):
         n, period = memory.decisions, self.action_period
         return Now(state, memory.control, n * period, memory.drawn, decisions=n, period=period)
 
-    def _looks(self, memory: ComposedMemory, state: BodyState) -> Any:
+    def _reader(self, memory: ComposedMemory, state: BodyState) -> Any:
         """A function that reads a term, with what the term remembers."""
         now = self._now(memory, state)
         remembering = self._bound.remembering
 
-        def look(bound: Bound) -> Array:
+        def read(bound: Bound) -> Array:
             if bound.init is None:
                 return bound.read(now)
             place = next(i for i, each in enumerate(remembering) if each is bound)
             return bound.read(now._replace(memory=memory.terms[place]))
 
-        return look
+        return read
 
 
 def compose(

@@ -65,16 +65,16 @@ def tell_if_few_can_be_held(body: Body, model: Any) -> None:
     held = balanced if found.stable is None else found.stable.mean()
     if held >= FEW:
         return
-    told = f"{held:.0%} of the poses can be held by any constant activation"
+    message = f"{held:.0%} of the poses can be held by any constant activation"
     if found.stable is None:
-        told = f"{balanced:.0%} of the poses can be held by any activation"
+        message = f"{balanced:.0%} of the poses can be held by any activation"
     elif balanced > held:
-        told += f", {balanced:.0%} by one that corrects all the time"
+        message += f", {balanced:.0%} by one that corrects all the time"
     warnings.warn(
-        f"{body!r}: {told} (a sample of {len(found.balanced)} poses spread over the joints' ranges, at rest, without "
-        "contacts; balance by bounded least squares, stability by linear programs). In the others the body gives way: "
-        "stronger muscles, longer moment arms, more muscles across a joint, less mass or narrower ranges of the joints "
-        "help; mg.tasks.held_poses(model) has each pose",
+        f"{body!r}: {message} (a sample of {len(found.balanced)} poses spread over the joints' ranges, at rest, "
+        "without contacts; balance by bounded least squares, stability by linear programs). In the others the body "
+        "gives way: stronger muscles, longer moment arms, more muscles across a joint, less mass or narrower ranges of "
+        "the joints help; mg.tasks.held_poses(model) has each pose",
         HoldingWarning,
         stacklevel=5,
     )

@@ -48,7 +48,7 @@ def suggestions(body: Body) -> dict[str, dict[str, Any]]:
     ```
     """
     model: Any = Anatomy(body).model
-    about = _look(body, model)
+    about = _examine(body, model)
     step = float(model.opt.timestep)
     common = {
         "actions": "binary" if about.muscles else "graded",
@@ -115,7 +115,7 @@ def _standing(about: _Found) -> dict[str, dict[str, Any]]:
     }
 
 
-def _look(body: Body, model: Any) -> _Found:
+def _examine(body: Body, model: Any) -> _Found:
     data: Any = mujoco.MjData(model)
     position, velocity, activation = start_pose(body, model)
     data.qpos[:], data.qvel[:], data.act[:] = position, velocity, activation

@@ -21,13 +21,15 @@ def not_all_finite(numbers: Any) -> Bool[np.ndarray, " lanes"]:
     return np.any(~np.isfinite(np.reshape(numbers, (len(numbers), -1))), axis=1)
 
 
-def told_lanes(which: Bool[np.ndarray, " lanes"], seeds: Sequence[int], settings: Sequence[Mapping[str, float]]) -> str:
+def lanes_in_words(
+    which: Bool[np.ndarray, " lanes"], seeds: Sequence[int], settings: Sequence[Mapping[str, float]]
+) -> str:
     """Some lanes in a few words: their seeds, in a sweep of each setting."""
-    told = []
+    parts = []
     for place, lanes in enumerate(which.reshape(-1, len(seeds))):
         chosen = sorted(seed for seed, lane in zip(seeds, lanes, strict=True) if lane)
         more = f" and {len(chosen) - 5} more" if len(chosen) > 5 else ""
         words = f"seed{'s' * (len(chosen) > 1)} {', '.join(map(str, chosen[:5]))}{more}"
-        told += [f"{words} of {setting_text(settings[place])}" if settings else words] * bool(chosen)
-    more = f"; and of {len(told) - 5} more settings" if len(told) > 5 else ""
-    return "; ".join(told[:5]) + more
+        parts += [f"{words} of {setting_text(settings[place])}" if settings else words] * bool(chosen)
+    more = f"; and of {len(parts) - 5} more settings" if len(parts) > 5 else ""
+    return "; ".join(parts[:5]) + more

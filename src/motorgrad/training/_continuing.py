@@ -35,6 +35,6 @@ def interface_of(task: Task, policy: Policy) -> Interface | None:
     try:
         return task.interface(policy.actions)  # type: ignore[arg-type]
     except ValueError as error:
-        told = f"{error}: its policies act in this task alone, and start others without it"
-        warnings.warn(told, RunWarning, stacklevel=2)
+        message = f"{error}: its policies act in this task alone, and start others without it"
+        warnings.warn(message, RunWarning, stacklevel=2)
         return None

@@ -16,7 +16,7 @@ from motorgrad.learning import Agent
 from motorgrad.policies import Policy, trainable
 from motorgrad.statistics import LEVEL, Measured, mean_of
 from motorgrad.tasks import HostTask, Task
-from motorgrad.training._broken import not_finite, told_lanes
+from motorgrad.training._broken import lanes_in_words, not_finite
 from motorgrad.training.engines import MAX_TALLY_DECISIONS, Mode, stepper_for
 from motorgrad.training.store import RunWarning
 
@@ -63,8 +63,8 @@ class EpisodeEvaluation:
     def __repr__(self) -> str:
         policies, episodes = self.returns.shape
         of = f"each of {policies:,} policies" if policies > 1 else "one policy"
-        told = "" if self.settings else f"; return {self.told('return')}; length {self.told('length')}"
-        return f"EpisodeEvaluation({counted(episodes, 'episode')} of {of}{told})"
+        means = "" if self.settings else f"; return {self.in_words('return')}; length {self.in_words('length')}"
+        return f"EpisodeEvaluation({counted(episodes, 'episode')} of {of}{means})"
 
     @property
     def others(self) -> list[str]:
@@ -101,7 +101,7 @@ class EpisodeEvaluation:
         """The mean of each policy with Student's interval over its episodes: how well that one policy is known."""
         return [_mean(values[np.isfinite(values)], level) for values in self.values(quantity)]
 
-    def told(self, quantity: str = "return") -> str:
+    def in_words(self, quantity: str = "return") -> str:
         """The mean in words, with the interval over seeds, or of a single one over its episodes, and which it is."""
         if len(self.seeds) > 1:
             return f"{self.over_seeds(quantity)} seeds"
@@ -183,9 +183,9 @@ def evaluate_episodes(
     table = {name: np.concatenate([part[name] for part in found]).reshape(len(every), episodes) for name in found[0]}
     cut = table["episodes"] == 0
     if (broken := not_finite(policies)).any():
-        said = told_lanes(broken, seeds, settings)
-        told = f"{said}: parameters that are not finite; nothing is said of them (NaN)"
-        warnings.warn(told, RunWarning, stacklevel=3)
+        said = lanes_in_words(broken, seeds, settings)
+        message = f"{said}: parameters that are not finite; nothing is said of them (NaN)"
+        warnings.warn(message, RunWarning, stacklevel=3)
     unknown = broken[:, None] & np.ones(episodes, bool)
     if (short := cut & ~unknown).any():
         warnings.warn(

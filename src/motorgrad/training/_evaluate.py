@@ -14,7 +14,7 @@ from motorgrad._errors import check_integer, choice, counted
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
-from motorgrad.training._broken import not_finite, told_lanes
+from motorgrad.training._broken import lanes_in_words, not_finite
 from motorgrad.training._episodes import EpisodeEvaluation, decision_seeds, evaluate_episodes
 from motorgrad.training._load import load
 from motorgrad.training._metrics import Records
@@ -172,7 +172,7 @@ def _by_decisions(run: Run, policies: Policy, steps: int, seed: int, mode: Mode,
     record = without_broken(stepper.harvest())
     broken = not_finite(policies)
     if broken.any():
-        found = told_lanes(broken, run.seeds, run.settings)
+        found = lanes_in_words(broken, run.seeds, run.settings)
         warnings.warn(
             f"{found}: parameters that are not finite; nothing is said of them (NaN)", RunWarning, stacklevel=3
         )

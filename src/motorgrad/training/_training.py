@@ -20,7 +20,7 @@ from motorgrad.policies import Policy, describe, with_interface
 from motorgrad.tasks import HostTask
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments
-from motorgrad.training._broken import not_all_finite, not_finite, told_lanes
+from motorgrad.training._broken import lanes_in_words, not_all_finite, not_finite
 from motorgrad.training._callbacks import Callback, Report
 from motorgrad.training._continuing import interface_of
 from motorgrad.training._evaluating import STATE, EvaluationCallback, evaluating_of
@@ -282,10 +282,10 @@ class Training:
             error.run = run
             raise error
         if stopped():
-            raise interrupt(self._told_stop(), run=run)
+            raise interrupt(self._stop_message(), run=run)
         return run
 
-    def _told_stop(self) -> str:
+    def _stop_message(self) -> str:
         """How far it is, where it is saved, and how it goes on, once it was asked to stop."""
         done = self.stepper.decision
         steps = self.config["run"]["steps"]
@@ -328,7 +328,7 @@ class Training:
     def _look_for_broken(self, lost: Bool[np.ndarray, " lanes"]) -> None:
         """Warn of the lanes whose parameters have ceased to be finite since the last record."""
         if (new := lost & ~self.lost).any():
-            lanes = told_lanes(new, self.config["run"]["seeds"], self.config.get("sweep", []))
+            lanes = lanes_in_words(new, self.config["run"]["seeds"], self.config.get("sweep", []))
             of = f"{np.count_nonzero(lost)} of {len(self.lost)}"
             when = f"parameters not finite by decision {self.stepper.decision:,}"
             what = "from then on nothing is learned, and reward and readings are NaN"

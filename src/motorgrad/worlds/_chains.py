@@ -96,8 +96,8 @@ def recurrent(matrix: np.ndarray) -> list[np.ndarray]:
 def stationary(matrix: Float[np.ndarray, "states states"]) -> Float[np.ndarray, " states"]:
     """The stationary distribution of a chain with exactly one recurrent class."""
     closed = recurrent(matrix)
-    told = f"{len(closed)} recurrent classes"
-    check(len(closed) == 1, "policy", told, "one whose chain has a unique stationary distribution")
+    found = f"{len(closed)} recurrent classes"
+    check(len(closed) == 1, "policy", found, "one whose chain has a unique stationary distribution")
     pi = np.zeros(len(matrix))
     pi[closed[0]] = balance(matrix[np.ix_(closed[0], closed[0])])
     return pi

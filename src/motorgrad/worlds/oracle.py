@@ -362,13 +362,13 @@ def _emitted(policy: Policy) -> Int[Array, " drawn"]:
 def _chances(
     parameters: Any,
     settings: Any,
-    looks: Float[np.ndarray, "states inputs"],
+    observations: Float[np.ndarray, "states inputs"],
     index: Int[np.ndarray, " drawn"],
     actions: int,
 ) -> Float[Array, "states actions"]:
     policy = eqx.combine(parameters, settings)
     log_prob = jax.vmap(jax.vmap(policy.log_prob, (None, 0)), (0, None))
-    each = jnp.exp(log_prob(jnp.asarray(looks), policy.enumerate()))
+    each = jnp.exp(log_prob(jnp.asarray(observations), policy.enumerate()))
     # Of a policy with hidden units, several actions look alike to the world.
     return jax.ops.segment_sum(each.T, index, actions).T
 

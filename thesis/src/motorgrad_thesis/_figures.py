@@ -56,29 +56,29 @@ def draw_band(
     *,
     records: int = 1,
     mean: bool = False,
-    **look: Any,
+    **style: Any,
 ) -> None:
     """Median and quartiles over seeds of the curves `values`, `(seeds, records)`.
 
     **Arguments:** `records`, the length of the moving average; `mean`, whether to draw the mean instead of the
-    median; `look`, of the line.
+    median; `style`, of the line.
     """
     smooth = moving_mean(values, records)
     x = x[records - 1 :]
     low, middle, high = np.percentile(smooth, [25, 50, 75], axis=0)
     axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
-    axes.plot(x, smooth.mean(0) if mean else middle, color=colour, label=label, **look)
+    axes.plot(x, smooth.mean(0) if mean else middle, color=colour, label=label, **style)
 
 
-def draw_intervals(axes: Axes, x: Any, measured: Sequence[Measured], across: bool = False, **look: Any) -> None:
+def draw_intervals(axes: Axes, x: Any, measured: Sequence[Measured], across: bool = False, **style: Any) -> None:
     """Measured numbers at `x` with their intervals as error bars; `across` puts the numbers on the horizontal axis."""
     values = [each.value for each in measured]
     errors = np.reshape([[each.value - each.low, each.high - each.value] for each in measured], (-1, 2)).T
     errors = np.maximum(errors, 0.0)  # rounding may put the end of an interval just beyond the value
     if across:
-        axes.errorbar(values, x, xerr=errors, **look)
+        axes.errorbar(values, x, xerr=errors, **style)
     else:
-        axes.errorbar(x, values, errors, **look)
+        axes.errorbar(x, values, errors, **style)
 
 
 def draw_arrow(
@@ -97,8 +97,8 @@ def draw_arrow(
     """
     from matplotlib.patches import FancyArrowPatch
 
-    look: dict[str, Any] = {"mutation_scale": size, "linewidth": width, "shrinkA": gap, "shrinkB": gap, "zorder": 2}
-    axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>" if head else "-", color=colour, **look))
+    style: dict[str, Any] = {"mutation_scale": size, "linewidth": width, "shrinkA": gap, "shrinkB": gap, "zorder": 2}
+    axes.add_patch(FancyArrowPatch(start, end, arrowstyle="-|>" if head else "-", color=colour, **style))
 
 
 def bend(interior: float, upper: float, lower: float) -> tuple[np.ndarray, np.ndarray]:

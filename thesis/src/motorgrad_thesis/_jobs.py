@@ -82,8 +82,8 @@ def reproduce_all(
     results = Reproductions(done, failures, folder.path / "report.html", len(done) == len(jobs))
     if results.complete or failures:
         return results
-    told = f"stopped after {len(done):,} of {counted(len(jobs), 'experiment')}, saved in {folder.path}"
-    raise interrupt(f"{told}; the same call continues", results=results)
+    message = f"stopped after {len(done):,} of {counted(len(jobs), 'experiment')}, saved in {folder.path}"
+    raise interrupt(f"{message}; the same call continues", results=results)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,10 +99,10 @@ class _Job:
     def name(self) -> str:
         return self.experiment.name
 
-    def do(self, path: Path, told: Work) -> Outcome:
+    def do(self, path: Path, job_settings: Work) -> Outcome:
         if self.said:
             print(f"{self.name}: {self.experiment.title} ({self.said})", file=sys.stderr)
-        how: dict[str, Any] = {"quick": self.quick, "films": self.films, "threads": told.threads}
+        how: dict[str, Any] = {"quick": self.quick, "films": self.films, "threads": job_settings.threads}
         try:
             return Outcome(reproduce(self.experiment, path.parent, progress=bool(self.said), **how))
         except KeyboardInterrupt:

@@ -145,7 +145,7 @@ class PathSimOscillators:
         for _ in range(ticks):
             self._simulation.timestep(TICK, adaptive=False)
 
-    def look(self) -> np.ndarray:
+    def positions(self) -> np.ndarray:
         """The places of the oscillators."""
         return np.array([float(place.outputs[0]) for place in self.places])
 

@@ -176,8 +176,10 @@ def _on_path(model: Any, actuator: int) -> bool:
 def _warn_of_overshoot(model: Any, which: str, shortest: float) -> None:
     step = model.opt.timestep
     if step > shortest:
-        told = f"goes beyond what it approaches in a time step of {step:g} s; use a timestep of at most {shortest:g} s"
-        warnings.warn(f"{which}: its activation, with time constants from {shortest:g} s on, {told}", stacklevel=2)
+        message = (
+            f"goes beyond what it approaches in a time step of {step:g} s; use a timestep of at most {shortest:g} s"
+        )
+        warnings.warn(f"{which}: its activation, with time constants from {shortest:g} s on, {message}", stacklevel=2)
 
 
 def _check_sensor(model: Any, i: int, which: str) -> None:

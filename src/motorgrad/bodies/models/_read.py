@@ -60,8 +60,8 @@ def in_source(source: Path | str, do: Callable[[], T]) -> T:
     try:
         return do()
     except ValueError as error:
-        told = " ".join(str(error).split())
-        raise ValueError(told if told.startswith(where) else f"{where}: {told}") from None
+        message = " ".join(str(error).split())
+        raise ValueError(message if message.startswith(where) else f"{where}: {message}") from None
 
 
 def read_spec(source: Path | str, assets: Mapping[str, bytes] | None = None) -> tuple[mujoco.MjSpec, Documents]:
@@ -150,8 +150,8 @@ def _check_ranges(spec: Any) -> None:
     data.ctrl[:] = 1.0
     mujoco.mj_step(model, data)
     broken = [name for name, kind in _BROKEN.items() if data.warning.number[kind]]
-    told = "finite, so that the length ranges of muscles can be found"
-    check(not broken, "numbers of the model", f"{', '.join(broken)} infinite or huge", told)
+    allowed = "finite, so that the length ranges of muscles can be found"
+    check(not broken, "numbers of the model", f"{', '.join(broken)} infinite or huge", allowed)
 
 
 def _guarded(what: str, do: Callable[[], T]) -> T:
@@ -159,5 +159,5 @@ def _guarded(what: str, do: Callable[[], T]) -> T:
     try:
         return do()
     except Exception as error:
-        told = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"MuJoCo cannot {what} it: {told}") from None
+        message = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"MuJoCo cannot {what} it: {message}") from None

@@ -318,5 +318,5 @@ def _refuse_doctype(*given: object) -> None:
 
 
 def _at(tag: str, line: int, error: ValueError) -> str:
-    told = str(error)
-    return told if told.startswith("<") else f"<{tag}> in line {line}: {told}"
+    message = str(error)
+    return message if message.startswith("<") else f"<{tag}> in line {line}: {message}"

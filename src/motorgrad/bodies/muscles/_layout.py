@@ -83,8 +83,8 @@ def _tried(place: int, what: str, found: Any, wanted: Any) -> int:
     return place
 
 
-def _other(what: str, told: str) -> str:
+def _other(what: str, problem: str) -> str:
     return (
-        f"MuJoCo {mujoco.__version__}: {what} is {told}, so the muscle law cannot be installed; "
+        f"MuJoCo {mujoco.__version__}: {what} is {problem}, so the muscle law cannot be installed; "
         "use mujoco>=4.0,<4.1, or muscle_model='native'"
     )

@@ -49,15 +49,15 @@ class Visited(Part):
         place = state.seen % self.every
         chosen = (hash_bits(block ^ salt) % self.every == place) & jnp.all(jnp.isfinite(observation))
         here = jnp.arange(self.slots, dtype=jnp.uint32) == state.kept % self.slots
-        looks = jnp.where((here & chosen)[:, None], observation.astype(state.looks.dtype), state.looks)
-        return VisitedState(looks, state.seen + 1, counted_round(state.kept + chosen, self.slots))
+        observations = jnp.where((here & chosen)[:, None], observation.astype(state.looks.dtype), state.looks)
+        return VisitedState(observations, state.seen + 1, counted_round(state.kept + chosen, self.slots))
 
     def draw(self, state: VisitedState, salt: UInt32[Array, ""], otherwise: Float[Array, " inputs"]) -> Array:
         """A kept observation, each with the same probability; `otherwise` where there is none."""
         count = jnp.minimum(state.kept, self.slots)
         slot = hash_bits(salt + state.seen * jnp.uint32(0x9E3779B9)) % jnp.maximum(count, 1)
-        look = jnp.sum(jnp.where((jnp.arange(self.slots) == slot)[:, None], state.looks, 0), axis=0)
-        return jnp.where(count > 0, look, otherwise)
+        observation = jnp.sum(jnp.where((jnp.arange(self.slots) == slot)[:, None], state.looks, 0), axis=0)
+        return jnp.where(count > 0, observation, otherwise)
 
 
 def hash_bits(bits: UInt32[Array, ""]) -> UInt32[Array, ""]:

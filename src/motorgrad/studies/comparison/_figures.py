@@ -141,8 +141,8 @@ def intervals(rows: Sequence[Row], methods: Sequence[str], ranked: Sequence[str]
         for row in rows:
             place = methods.index(row["method"])
             line = ranked.index(row["method"])
-            look = {"color": colour(place), "linewidth": 2.2, "solid_capstyle": "round"}
-            axes.plot([row["low"], row["high"]], [line, line], **look)
+            line_style = {"color": colour(place), "linewidth": 2.2, "solid_capstyle": "round"}
+            axes.plot([row["low"], row["high"]], [line, line], **line_style)
             axes.plot(row["value"], line, marker="o", color=colour(place), markersize=6)
         axes.set_yticks(range(len(ranked)), [literal(name) for name in ranked])
         axes.set(xlabel="normalized score", ylim=(len(ranked) - 0.5, -0.5))
@@ -172,9 +172,9 @@ def plane(rows: Sequence[Row], methods: Sequence[str]) -> str:
     def draw(axes: Axes) -> None:
         for row in rows:
             place = methods.index(row["method"])
-            look = {"color": colour(place), "alpha": 0.75, "linewidth": 1.3}
-            axes.plot([row["sensitivity_low"], row["sensitivity_high"]], [row["tuned"]] * 2, **look)
-            axes.plot([row["sensitivity"]] * 2, [row["tuned_low"], row["tuned_high"]], **look)
+            line_style = {"color": colour(place), "alpha": 0.75, "linewidth": 1.3}
+            axes.plot([row["sensitivity_low"], row["sensitivity_high"]], [row["tuned"]] * 2, **line_style)
+            axes.plot([row["sensitivity"]] * 2, [row["tuned_low"], row["tuned_high"]], **line_style)
             axes.plot(
                 row["sensitivity"],
                 row["tuned"],
@@ -217,8 +217,8 @@ def tuning(rows: Sequence[Row], methods: Sequence[str]) -> str:
         for method, found in _by(rows, "method", methods):
             place = methods.index(method)
             x, y = ([row[name] for row in found] for name in ("decisions", "score"))
-            look = {"color": colour(place), "linestyle": style(place), "linewidth": 1.8}
-            axes.plot(x, y, marker="o" if len(x) < 3 else "", markersize=4, **look)
+            line_style = {"color": colour(place), "linestyle": style(place), "linewidth": 1.8}
+            axes.plot(x, y, marker="o" if len(x) < 3 else "", markersize=4, **line_style)
         axes.set(xlabel="decisions spent on tuning, all tasks", ylabel="expected score", xscale="log")
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=9))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))

@@ -28,8 +28,8 @@ class EnvironmentState(NamedTuple):
     - `observation` (size): flattened, before any reset, unscaled.
     - `reward`: the sum over the decision's steps; `steps`, their number.
     - `terminated`, `truncated`: as reported by the environment.
-    - `info` (keys): the sum over these steps of each number that is read from the environment's `info`; `told` (keys),
-      in how many of the steps it was there and finite.
+    - `info` (keys): the sum over these steps of each number that is read from the environment's `info`; `info_count`
+      (keys), in how many of the steps it was there and finite.
     """
 
     observation: Any
@@ -38,7 +38,7 @@ class EnvironmentState(NamedTuple):
     truncated: Any
     steps: Any
     info: Any = None
-    told: Any = None
+    info_count: Any = None
 
 
 class EnvironmentBatch:
@@ -220,8 +220,8 @@ class EnvironmentBatch:
         environment that was restored: its numbers may be of any type."""
         if not self._restored:
             return ValueError(f"{place}: {error}")
-        told = f"{type(error).__name__}: {one_line(error)}"
-        return RuntimeError(f"{self._env_id} fails after it was restored from a checkpoint: {place}: {told}")
+        message = f"{type(error).__name__}: {one_line(error)}"
+        return RuntimeError(f"{self._env_id} fails after it was restored from a checkpoint: {place}: {message}")
 
 
 class Info(NamedTuple):

@@ -280,7 +280,7 @@ class Gymnasium(HostTask):
     def observe(
         self, memory: EnvironmentMemory, state: EnvironmentState, uniforms: Float[Array, " 0"]
     ) -> tuple[EnvironmentMemory, Float[Array, " inputs"]]:
-        mean, variance, seen = self._facts.seen.look(memory.mean, memory.variance, memory.frozen, state.observation)
+        mean, variance, seen = self._facts.seen.observe(memory.mean, memory.variance, memory.frozen, state.observation)
         return memory._replace(mean=mean, variance=variance), seen
 
     def sense(
@@ -318,8 +318,8 @@ class Gymnasium(HostTask):
             found["success"] = (jnp.where(memory.solved >= self.success_steps, 1.0, 0.0), ended)
         names = ("solved", *facts.info[1:]) if facts.succeeds else facts.info
         for index, name in enumerate(names):
-            told = state.told[index]
-            found[name] = (state.info[index] / jnp.maximum(told, 1), told > 0)
+            count = state.info_count[index]
+            found[name] = (state.info[index] / jnp.maximum(count, 1), count > 0)
         return found
 
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, shown_path
 from motorgrad._limits import MAX_MOTION_BYTES
-from motorgrad._reading import arrays_in, content_of, numbers_in, told
+from motorgrad._reading import arrays_in, content_of, error_message, numbers_in
 from motorgrad._tree import static
 from motorgrad.bodies import BodyState
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
@@ -279,7 +279,7 @@ def _trajectory_in(file: Path) -> tuple[Numbers, tuple[Numbers, ...]]:
         rows = tuple(tuple(row) for row in values.reshape(len(time), -1).tolist())
         _check_trajectory(moments, rows)
     except (ValueError, OSError, IndexError) as error:
-        raise ValueError(f"file = {shown_path(file)}: {told(error)}") from None
+        raise ValueError(f"file = {shown_path(file)}: {error_message(error)}") from None
     return moments, rows
 
 

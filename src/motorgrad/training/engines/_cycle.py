@@ -97,7 +97,7 @@ class Cycle:
         statistics: Statistics | None = None,
     ) -> CycleState:
         """The state before the first decision, with the dynamics in `state`."""
-        return self.look(self.blank(agent, numbers, init, statistics), state, uniforms)
+        return self.observe(self.blank(agent, numbers, init, statistics), state, uniforms)
 
     def blank(
         self,
@@ -121,7 +121,7 @@ class Cycle:
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
         return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
 
-    def look(self, cycle: CycleState, state: Any, uniforms: Float[Array, " _"]) -> CycleState:
+    def observe(self, cycle: CycleState, state: Any, uniforms: Float[Array, " _"]) -> CycleState:
         """The state after an observation of the dynamics in `state`."""
         memory, observation = observe(self.task, cycle.memory, state, uniforms)
         return cycle._replace(memory=memory, observation=observation)
@@ -195,8 +195,8 @@ class Cycle:
                 ended = flag if ended is False else ended | flag
         if self.mode == "learn":
             learner = self.learner(cycle)
-            told = (led.reward, led.observation, led.terminated, led.truncated, diverged)
-            agent = learner.reinforce(agent, *told)
+            transition = (led.reward, led.observation, led.terminated, led.truncated, diverged)
+            agent = learner.reinforce(agent, *transition)
             agent = agent if resting else learner.improve(agent, ended, diverged, self.task.hindsight)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
         return CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally), ended

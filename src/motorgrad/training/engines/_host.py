@@ -222,8 +222,8 @@ class HostProgram(Program):
         blank = jax.vmap(lambda init: self.cycle.blank(agent, numbers, init, statistics_of(own)))(init)
         shared, of_each = self._split(blank)
         begun = self._join([leaf[0] for leaf in shared], of_each)
-        look = self._in_turn(lambda cycle, row, u: (self.cycle.look(cycle, self._unpack_row(row), u), ()))
-        return look(begun, rows, uniforms)[0]
+        observe_all = self._in_turn(lambda cycle, row, u: (self.cycle.observe(cycle, self._unpack_row(row), u), ()))
+        return observe_all(begun, rows, uniforms)[0]
 
     def _starts(self, seed: Array) -> list[tuple[Array, Array]]:
         """The random numbers for memory and observation before the first decision of each environment."""
@@ -352,8 +352,8 @@ class HostStepper(Stepper):
             self.batch.step(self._out[:, :-2])
             self.decision += envs
             if self.watcher is not None:
-                told = program.watched(self._cycles, before, self._input())
-                self.watcher({name: np.array(part)[None] for name, part in told.items()})
+                watched = program.watched(self._cycles, before, self._input())
+                self.watcher({name: np.array(part)[None] for name, part in watched.items()})
             if rests:
                 self._cycles, self._out = program.learn_each(self._cycles, rest, self._input())
             else:
@@ -424,9 +424,9 @@ class HostStepper(Stepper):
         cycles = self.program.unpack(self._cycles)
         given = jnp.asarray(actions, cycles.action.dtype).reshape(cycles.action.shape)
         self._cycles = self.program.pack(cycles._replace(action=given))
-        told = jax.vmap(self.task.control)(given, cycles.memory)
+        control = jax.vmap(self.task.control)(given, cycles.memory)
         self._out = np.array(self._out)
-        self._out[:, :-2] = np.reshape(told, (len(self._out), -1))
+        self._out[:, :-2] = np.reshape(control, (len(self._out), -1))
 
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
         viewed = self.program.viewer(view)

@@ -224,9 +224,10 @@ def validate(task: Task, policy: Policy) -> None:
                 f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
             )
     if policy.actions not in task.accepted_actions:
-        takes = " or ".join(map(_told, task.accepted_actions))
+        takes = " or ".join(map(_actions_in_words, task.accepted_actions))
         raise ValueError(
-            f"policy {type(policy).__name__}: {_told(policy.actions)} actions, but the task {task.name!r} takes {takes}"
+            f"policy {type(policy).__name__}: {_actions_in_words(policy.actions)} actions, "
+            f"but the task {task.name!r} takes {takes}"
         )
 
 
@@ -242,7 +243,7 @@ def _is_printed(part: Any) -> bool:
     return isinstance(part, PrintedGaussians)
 
 
-def _told(actions: str | tuple[str, ...]) -> str:
+def _actions_in_words(actions: str | tuple[str, ...]) -> str:
     """A kind of actions in words, such as "binary" or "2 binary, 3 graded"."""
     if isinstance(actions, str):
         return actions

@@ -36,7 +36,7 @@ def transition(task: Task, cycle: CycleState, before: Any, after: Any, led: Outc
     policy = agent.policy
     readings = task.readings(led.memory, after)
     terms = task.reward_terms(led.memory, after)
-    told = [readings[name] for name in task.reports]
+    reported = [readings[name] for name in task.reports]
     nothing = jnp.full((), jnp.nan)
     found = {
         "input": cycle.observation,
@@ -44,7 +44,7 @@ def transition(task: Task, cycle: CycleState, before: Any, after: Any, led: Outc
         "action": cycle.action,
         "reward": jnp.asarray(led.reward, jnp.result_type(float)),
         "terms": _row([terms[name] for name in task.reward_names]),
-        "readings": _row([jnp.where(happened, value, nothing) for value, happened in told]),
+        "readings": _row([jnp.where(happened, value, nothing) for value, happened in reported]),
         "terminated": jnp.asarray(led.terminated, bool),
         "truncated": jnp.asarray(led.truncated, bool),
         "marks": jnp.ravel(task.marks(cycle.memory, before).T[:3].T),

@@ -109,9 +109,9 @@ class _Lane:
         read = recording.read[: self.count, self.lane]
         for column, numbers in zip(recording.probe.columns, rows.read(read, ends).T, strict=True):
             yield column.name, numbers, column.unit
-        told = recording.told[: self.count]
-        for name in dict.fromkeys(name for each in told for name in each):
-            given = np.array([each[name][self.lane] if name in each else np.nan for each in told])
+        info = recording.info[: self.count]
+        for name in dict.fromkeys(name for each in info for name in each):
+            given = np.array([each[name][self.lane] if name in each else np.nan for each in info])
             yield f"info: {name}", rows.led(given), ""
 
 

@@ -35,7 +35,7 @@ class Probe(Protocol):
         """The end of the last decision, (seeds, columns)."""
         ...
 
-    def told(self) -> dict[str, np.ndarray]:
+    def info(self) -> dict[str, np.ndarray]:
         """What the last decision led to, beside the task's outcome, by name, `(seeds,)`."""
         ...
 
@@ -54,7 +54,7 @@ class BodyProbe:
     def end(self) -> np.ndarray:
         return self._reader.end()
 
-    def told(self) -> dict[str, np.ndarray]:
+    def info(self) -> dict[str, np.ndarray]:
         return {}
 
 
@@ -84,9 +84,9 @@ class EnvironmentProbe:
         nothing = np.full(self._controls, np.nan)
         return np.stack([np.concatenate([nothing, tap.physics()]) for tap in self._taps])
 
-    def told(self) -> dict[str, np.ndarray]:
-        names = dict.fromkeys(name for tap in self._taps for name in tap.told)
-        return {name: np.array([tap.told.get(name, np.nan) for tap in self._taps]) for name in names}
+    def info(self) -> dict[str, np.ndarray]:
+        names = dict.fromkeys(name for tap in self._taps for name in tap.info_numbers)
+        return {name: np.array([tap.info_numbers.get(name, np.nan) for tap in self._taps]) for name in names}
 
 
 class _Tap:
@@ -96,7 +96,7 @@ class _Tap:
         self.env = environment
         self.fresh = True
         self.action: Any = 0.0
-        self.told: dict[str, float] = {}
+        self.info_numbers: dict[str, float] = {}
         physics = _mujoco(environment)
         self.columns = [] if physics is None else joint_columns(physics[0])
         self.before = self.physics()
@@ -108,7 +108,7 @@ class _Tap:
             self.before = self.physics()
         found = self.env.step(action)
         said = {str(key): one_number(value) for key, value in found[4].items()}
-        self.told = {key: number for key, number in said.items() if number is not None}
+        self.info_numbers = {key: number for key, number in said.items() if number is not None}
         return found
 
     def __getattr__(self, name: str) -> Any:

@@ -22,7 +22,7 @@ class Recording:
 
     **Attributes:** `parts`, what `transition` says, by name, `(decisions, seeds, …)`; `ended` `(decisions, seeds)`,
     where it ended an episode; `read`, what the probe has read, `(decisions, seeds, readings, columns)`; `ends`, by
-    decision, the readings at its end `(seeds, columns)`, where it ended an episode or is the last; `told`, for each
+    decision, the readings at its end `(seeds, columns)`, where it ended an episode or is the last; `info`, for each
     decision, what the probe was told.
     """
 
@@ -32,7 +32,7 @@ class Recording:
         self._ended = _Stack()
         self._read = _Stack()
         self.ends: dict[int, np.ndarray] = {}
-        self.told: list[dict[str, np.ndarray]] = []
+        self.info: list[dict[str, np.ndarray]] = []
         stepper.watcher = self._watch  # type: ignore[attr-defined]
 
     def run(self, decisions: int, episodes: bool) -> None:
@@ -67,7 +67,7 @@ class Recording:
         if self.probe is not None:  # dynamics on the host make one decision at a time
             read = self.probe.read(bool(ended.any()))
             self._read.add(read.before[None])
-            self.told.append(self.probe.told())
+            self.info.append(self.probe.info())
             if read.end is not None:
                 self.ends[self._ended.count] = read.end
         for name, part in block.items():
@@ -78,8 +78,8 @@ class Recording:
         """Refuse so many decisions if they need too much memory."""
         each = sum(stack.each for stack in (*self._parts.values(), self._read))
         most = MAX_RECORDING_BYTES // max(each, 1)
-        told = f"at most {most:,}, which fill 4 GiB here: take fewer seeds, or fewer at a time"
-        check(decisions <= most, "decisions", decisions, told)
+        wanted = f"at most {most:,}, which fill 4 GiB here: take fewer seeds, or fewer at a time"
+        check(decisions <= most, "decisions", decisions, wanted)
 
 
 class _Stack:

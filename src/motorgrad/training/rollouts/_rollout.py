@@ -19,7 +19,7 @@ from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.training._arguments import check_training
-from motorgrad.training._broken import not_finite, told_lanes
+from motorgrad.training._broken import lanes_in_words, not_finite
 from motorgrad.training._episodes import MAX_EPISODE_DECISIONS, MAX_EPISODES, TOGETHER, decision_seeds, evaluation_seeds
 from motorgrad.training._load import load
 from motorgrad.training._run import Run
@@ -127,9 +127,9 @@ class _Acting:
         broken = not_finite(self.policies)
         if not broken.any():
             return self
-        told = f"{told_lanes(broken, self.seeds, [])}: parameters that are not finite"
-        check(not broken.all(), "policies", told, "at least one that is finite")
-        warnings.warn(f"{told}; left out of the table", RunWarning, stacklevel=3)
+        message = f"{lanes_in_words(broken, self.seeds, [])}: parameters that are not finite"
+        check(not broken.all(), "policies", message, "at least one that is finite")
+        warnings.warn(f"{message}; left out of the table", RunWarning, stacklevel=3)
         return self.of(np.flatnonzero(~broken))
 
     def of(self, rows: np.ndarray) -> Self:
@@ -170,8 +170,10 @@ class _Acting:
                 ended = ended[: over[0] + 1] if len(over) else ended
             found.append(columns_of(recording, lane, ended, acting.seeds[lane], acting.values))
         if cut:
-            told = f"{cut:,} of {len(lanes):,} episodes were not over after {decisions:,} decisions, and are cut there"
-            warnings.warn(f"{told}; give the task a time limit", RunWarning, stacklevel=4)
+            message = (
+                f"{cut:,} of {len(lanes):,} episodes were not over after {decisions:,} decisions, and are cut there"
+            )
+            warnings.warn(f"{message}; give the task a time limit", RunWarning, stacklevel=4)
         return found
 
 

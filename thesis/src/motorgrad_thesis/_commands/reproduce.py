@@ -12,7 +12,7 @@ from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._signals import unfinished
 from motorgrad.options import Arguments, read_arguments, resolve, write_json
-from motorgrad.options.places import Places
+from motorgrad.options.executors import ExecutorOptions
 from motorgrad_thesis import (
     EXPERIMENTS,
     Reproductions,
@@ -27,7 +27,7 @@ MARKS = {"holds": "✓", "refuted": "✗", "undecided": "?"}
 
 
 @dataclasses.dataclass(frozen=True)
-class Reproduce(Places):
+class Reproduce(ExecutorOptions):
     """Run experiments, draw their figures and check their claims; then write a one-page report on everything in the
     folder. Finished experiments are not run again; interrupted ones continue. A failing experiment is tried again, then
     set aside, and the others continue. motorgrad reproduce NAME --help shows the settings of one experiment."""
@@ -46,7 +46,7 @@ class Reproduce(Places):
     """Also write claims, numbers and versions to this file, as JSON; - for the standard output."""
 
     def validate(self) -> None:
-        self.check_places()
+        self.check_executor()
         allowed = "the names of experiments, or all; motorgrad list has them"
         check(self.experiments, "experiments", self.experiments, allowed)
         select_experiments(self.experiments, EXPERIMENTS)

@@ -64,11 +64,11 @@ def _climb(bumps: Bumps, starts: Array, each: int, records: int) -> Array:
         fourth = slope(bumps, point + step * third)
         return point + step / 6 * (first + 2 * second + 2 * third + fourth), None
 
-    def look(point: Array, _: None) -> tuple[Array, Array]:
+    def record(point: Array, _: None) -> tuple[Array, Array]:
         point = jax.lax.scan(move, point, length=each)[0]
         return point, point
 
-    return jax.vmap(lambda start: jax.lax.scan(look, start, length=records)[1])(starts)
+    return jax.vmap(lambda start: jax.lax.scan(record, start, length=records)[1])(starts)
 
 
 def learn(
@@ -94,14 +94,14 @@ def learn(
         return (point, baseline.learn(compared, reward)), None
 
     def run(start: Array, key: Array) -> Array:
-        def look(state: tuple, block: Array) -> tuple[tuple, Array]:
+        def record(state: tuple, block: Array) -> tuple[tuple, Array]:
             noise = jax.random.normal(jax.random.fold_in(key, block), (each,))
             state = jax.lax.scan(decide, state, noise)[0]
             return state, state[0]
 
         # the baseline begins at the reward of the start, so that the first steps are informative
         begin = (start, objective(bumps, start))
-        return jax.lax.scan(look, begin, jnp.arange(records))[1]
+        return jax.lax.scan(record, begin, jnp.arange(records))[1]
 
     keys = jax.random.split(jax.random.key(seed), len(starts))
     return np.asarray(jax.jit(jax.vmap(run))(jnp.asarray(starts, float), keys))

@@ -237,8 +237,8 @@ def _surface(axes: Any, values: Values, colour: Any) -> None:
     face = light.shade_rgb(
         colour.to_rgba(values["reached"])[..., :3], values["objective"], blend_mode="soft", vert_exag=4
     )
-    look = {"rcount": 101, "ccount": 201, "shade": False, "linewidth": 0, "antialiased": False}
-    drawn = axes.plot_surface(mean, deviation, values["objective"], facecolors=face, **look)
+    style = {"rcount": 101, "ccount": 201, "shade": False, "linewidth": 0, "antialiased": False}
+    drawn = axes.plot_surface(mean, deviation, values["objective"], facecolors=face, **style)
     drawn.set_rasterized(True)
     # the front edge is the reward itself
     axes.plot(values["means"], 0 * values["means"], values["objective"][0], color=INK, linewidth=1.4)

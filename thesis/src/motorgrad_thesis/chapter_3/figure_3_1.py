@@ -328,8 +328,8 @@ def _decay(axes: Axes, values: Values) -> None:
         for name, (line, marker, face) in LINE_STYLES.items():
             label = f"$T$ = {int(values['length'][at]):,}" if name == "mean" else None
             errors = values[f"error {name}"][:, at]
-            look = {"color": colour, "linestyle": line, "marker": marker, "markerfacecolor": face}
-            _points(axes, _reach(values), errors, label=label, **look)
+            style = {"color": colour, "linestyle": line, "marker": marker, "markerfacecolor": face}
+            _points(axes, _reach(values), errors, label=label, **style)
     axes.plot(_reach(values), values["exact bias"], color="0.5", linewidth=1, label="bias only")
     axes.set(
         xscale="log", yscale="log", xlabel=r"reach of the trace, $1/(1-\beta)$ decisions", ylabel="mean relative error"
@@ -350,7 +350,7 @@ def _learning(axes: Axes, values: Values, good: float) -> None:
     axes.legend(loc="upper right")
 
 
-def _points(axes: Axes, where: np.ndarray, samples: np.ndarray, **look: Any) -> None:
+def _points(axes: Axes, where: np.ndarray, samples: np.ndarray, **style: Any) -> None:
     """Means with their intervals of `samples`, (places, runs)."""
-    style = {"markersize": 4, "linewidth": 1, "linestyle": "none", **look}
-    draw_intervals(axes, where, [mean_of(each) for each in samples], **style)
+    usual = {"markersize": 4, "linewidth": 1, "linestyle": "none", **style}
+    draw_intervals(axes, where, [mean_of(each) for each in samples], **usual)

@@ -280,8 +280,8 @@ def _mixing(axes: Axes, values: Values) -> None:
     for number, name in enumerate(WORLDS):
         reset = name.startswith("reset")
         mixes = int(values[f"mixing {name}"])
-        look = {"color": f"C{number}", "linestyle": "--" if reset else "-", "linewidth": 1.3}
-        axes.plot(values[f"reach {name}"], values[f"bias {name}"], label=f"{name} ({mixes})", **look)
+        style = {"color": f"C{number}", "linestyle": "--" if reset else "-", "linewidth": 1.3}
+        axes.plot(values[f"reach {name}"], values[f"bias {name}"], label=f"{name} ({mixes})", **style)
     axes.axvline(1, color="0.4", linestyle=":", linewidth=1)
     axes.set(
         xscale="log", yscale="log", xlabel=r"$1/(1-\beta)$ in mixing times", ylabel="relative bias", ylim=(1e-3, 1.3)
@@ -290,5 +290,5 @@ def _mixing(axes: Axes, values: Values) -> None:
     axes.legend(fontsize=8, title="mixing time in brackets", title_fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
 
 
-def _points(axes: Axes, where: np.ndarray, found: list[Measured], **look: Any) -> None:
-    draw_intervals(axes, where, found, fmt="o", markersize=4, linewidth=1, **look)
+def _points(axes: Axes, where: np.ndarray, found: list[Measured], **style: Any) -> None:
+    draw_intervals(axes, where, found, fmt="o", markersize=4, linewidth=1, **style)

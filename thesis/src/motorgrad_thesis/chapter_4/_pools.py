@@ -256,6 +256,6 @@ def draw_thresholds(
         for these, usual, colour in ((chosen & positive, "o", THRESHOLD), (chosen & ~positive, "x", "black")):
             if not these.any():
                 continue
-            look: dict[str, Any] = {"color": colour, "markersize": 3.2, "clip_on": False, "zorder": 3}
-            axes.plot(np.clip(places[these], *reach), row[these], mark or usual, **look)
+            style: dict[str, Any] = {"color": colour, "markersize": 3.2, "clip_on": False, "zorder": 3}
+            axes.plot(np.clip(places[these], *reach), row[these], mark or usual, **style)
     axes.set(xlim=reach, ylim=(len(order) - 0.4, -0.6), yticks=[])

@@ -39,9 +39,9 @@ class RecruitmentTask(Experiment):
             (POOL, 1.3, "motoneuron pool", NEURON),
             (UNITS, 1.6, "motor units", MUSCLE),
         ):
-            look: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": f"{colour}11", "edgecolor": colour}
+            style: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": f"{colour}11", "edgecolor": colour}
             corner = (place - width / 2, heights[-1] - gap / 2)
-            axes.add_patch(FancyBboxPatch(corner, width, gap * self.units, linewidth=1.2, **look))
+            axes.add_patch(FancyBboxPatch(corner, width, gap * self.units, linewidth=1.2, **style))
             axes.text(place, heights[0] + gap / 2 + 0.3, words, ha="center", color=colour)
         middle = (POOL + UNITS) / 2 - 0.1
         for unit, height in enumerate(heights):
@@ -91,5 +91,5 @@ def _fibre(axes: Axes, place: Point, half: float, thick: float) -> None:
 
 
 def _box(axes: Axes, place: Point, words: str, colour: str) -> None:
-    look = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": colour, "linewidth": 1.3}
-    axes.text(*place, words, ha="center", va="center", color=colour, bbox=look, zorder=3)
+    style = {"boxstyle": "round,pad=0.45", "facecolor": "white", "edgecolor": colour, "linewidth": 1.3}
+    axes.text(*place, words, ha="center", va="center", color=colour, bbox=style, zorder=3)

@@ -201,16 +201,16 @@ def hop_events(values: dict[str, np.ndarray], hop: tuple[int, int, int]) -> dict
     apex = flight + int(np.argmax(height[flight:end]))
     stretched = flight + int(np.argmax(angle[flight : apex + 1]))
     flexing = stretched + int(np.argmin(rate[stretched : apex + 1]))
-    told = (
+    events = (
         (landing, "landing"),
         (crouch, "crouch"),
         (push, "push"),
         (flight - 1, "take-off"),
         (stretched, "stretched"),
     )
-    told += ((flexing, "flexing"), (apex, "apex"), ((apex + end) // 2, "falling"))
+    events += ((flexing, "flexing"), (apex, "apex"), ((apex + end) // 2, "falling"))
     # of two events at the same decision, the first is kept
-    return dict(sorted(dict(reversed(told)).items()))
+    return dict(sorted(dict(reversed(events)).items()))
 
 
 def _background(figure, axes: Axes, values: dict[str, np.ndarray]) -> None:

@@ -123,7 +123,7 @@ def _arrow(axes: Axes, start: float, end: float, weights: np.ndarray, size: floa
     u = RIGHT - MUSCLE[0] / 2 - 0.04
     v = end + 0.2 * (start - 1.5) / 1.5
     width = 0.015 + 0.085 * size
-    look: dict[str, Any] = {"facecolor": colour} if sure else {"facecolor": "white", "linestyle": (0, (2, 1))}
+    style: dict[str, Any] = {"facecolor": colour} if sure else {"facecolor": "white", "linestyle": (0, (2, 1))}
     head = 0.06 + 1.5 * width
     axes.add_patch(
         FancyArrow(
@@ -134,7 +134,7 @@ def _arrow(axes: Axes, start: float, end: float, weights: np.ndarray, size: floa
             length_includes_head=True,
             edgecolor=colour,
             linewidth=0.8,
-            **look,
+            **style,
         )
     )
     label = f"{round(share.value * share.count)}/{share.count}"

@@ -107,8 +107,8 @@ class ActionPeriod(Experiment):
         practice = values["practice"]
         shades = colormaps["viridis_r"](np.linspace(0.15, 0.95, len(practice)))
         for index, (shade, seconds) in enumerate(zip(shades, practice, strict=True)):
-            look = {"marker": "o", "markersize": 4}
-            draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **look)
+            style = {"marker": "o", "markersize": 4}
+            draw_band(heights, period, values["height"][:, :, index].T, shade, f"{seconds:,.4g} s", **style)
         heights.set(ylabel="height of hops (m)", ylim=(0, None))
         heights.legend(title="after practice of", fontsize=9)
         passed = values["passed"]

@@ -63,8 +63,8 @@ class ParticlePolicy(Experiment):
             (UNITS, "plastic, stochastic layer\n$\\theta_t$", PLASTIC),
             (FORCES, "fixed forces", FIXED),
         ):
-            look: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": f"{colour}11", "edgecolor": colour}
-            axes.add_patch(FancyBboxPatch((place - 0.6, HEIGHTS[-1] - 0.45), 1.2, 3.6, linewidth=1.2, **look))
+            style: dict[str, Any] = {"boxstyle": "round,pad=0.12", "facecolor": f"{colour}11", "edgecolor": colour}
+            axes.add_patch(FancyBboxPatch((place - 0.6, HEIGHTS[-1] - 0.45), 1.2, 3.6, linewidth=1.2, **style))
             axes.text(place, HEIGHTS[0] + 0.68, words, ha="center", va="bottom", color=colour)
         for number, height in enumerate(HEIGHTS):
             left = number % 2 == 0
@@ -91,8 +91,8 @@ class ParticlePolicy(Experiment):
             ((UNITS, BELOW), (UNITS, HEIGHTS[-1] - 0.57), True),
         ):
             draw_arrow(axes, start, end, PAID, head=head)
-        look = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": PAID, "linewidth": 1.3}
-        axes.text(PARTICLE, BELOW, "reward $r_t(x)$", ha="center", va="center", color=PAID, bbox=look, zorder=3)
+        style = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": PAID, "linewidth": 1.3}
+        axes.text(PARTICLE, BELOW, "reward $r_t(x)$", ha="center", va="center", color=PAID, bbox=style, zorder=3)
         axes.text((UNITS + PARTICLE) / 2, BELOW + 0.1, "the same for all units", ha="center", fontsize=9, color=PAID)
         # the observation: around the outside
         top = HEIGHTS[0] + 1.55

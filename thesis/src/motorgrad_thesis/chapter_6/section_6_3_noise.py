@@ -77,14 +77,14 @@ class Noise(LayoutStudy):
     def figure(self, values: Values) -> Figure:
         figure = new_figure(9, 3 * len(self.layouts))
         thousand = values["decision"] / 1000
-        look: dict[str, Any] = {"records": min(SMOOTH, len(thousand)), "mean": True}
+        style: dict[str, Any] = {"records": min(SMOOTH, len(thousand)), "mean": True}
         for row, layout in zip(
             figure.subplots(len(self.layouts), 2, sharex=True, sharey="row", squeeze=False), self.layouts, strict=True
         ):
             for axes, (kind, words) in zip(row, NOISE_LABELS.items(), strict=True):
-                draw_band(axes, thousand, values[f"{layout} none"], "0.3", "none", **look)
+                draw_band(axes, thousand, values[f"{layout} none"], "0.3", "none", **style)
                 for number, level in enumerate(self.levels(kind)):
-                    draw_band(axes, thousand, values[f"{layout} {kind} {level:g}"], f"C{number}", f"{level:g}", **look)
+                    draw_band(axes, thousand, values[f"{layout} {kind} {level:g}"], f"C{number}", f"{level:g}", **style)
                 axes.legend(title=words, loc="center right", fontsize=8, title_fontsize=8)
             row[0].set_ylabel(f"{layout}: reward per decision")
         for axes in figure.axes[-2:]:

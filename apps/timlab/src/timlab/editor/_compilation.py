@@ -67,7 +67,7 @@ class Compilation:
         )
         making = _Making(make)
         start = time.monotonic()
-        told = 0.0
+        reported_at = 0.0
         making.start()
         while making.is_alive():
             making.join(POLL)
@@ -76,10 +76,10 @@ class Compilation:
                 self._left.append(making)
                 atexit.register(_wait_for, making)  # after JAX's own handlers, hence called before them
                 raise Stopped(f"{what} stopped after {took:.0f} s: what was begun goes on unseen until it is done")
-            if took - told >= REPORT:
-                if told < PATIENCE <= took:
+            if took - reported_at >= REPORT:
+                if reported_at < PATIENCE <= took:
                     self._say(f"{what}: {PATIENCE:.0f} s so far: pause stops it")
-                told = took
+                reported_at = took
                 self._report(took)
         if making.error is not None:
             raise making.error

@@ -11,20 +11,20 @@ class Faults:
 
     def __init__(self) -> None:
         self._stopped: Problem | None = None
-        self._told: list[Problem] = []
+        self._warnings: list[Problem] = []
 
     @property
     def list(self) -> "list[dict[str, Any]]":
         """Everything found, as problems."""
-        return [problem._asdict() for problem in [*([self._stopped] if self._stopped else []), *self._told]]
+        return [problem._asdict() for problem in [*([self._stopped] if self._stopped else []), *self._warnings]]
 
     def stop(self, fault: RunFault) -> None:
         """Keep what stopped the run."""
         self._stopped = fault.problem
 
-    def look(self, run: Run) -> "list[Problem]":
+    def observe(self, run: Run) -> "list[Problem]":
         """Look after ticks that were made. **Returns** what the run newly warned of."""
         self._stopped = None
-        new = [problem for problem in run.told if problem not in self._told]
-        self._told += new
+        new = [problem for problem in run.warnings if problem not in self._warnings]
+        self._warnings += new
         return new

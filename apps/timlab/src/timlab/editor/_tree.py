@@ -191,7 +191,7 @@ class Tree:
                     self._show(branch, fault.record)
                 raise
             known = branch.faults.list
-            if new := branch.faults.look(branch.run):
+            if new := branch.faults.observe(branch.run):
                 self._emit({"event": "error", "message": str(new[0])})
             if new or known != branch.faults.list:
                 self._report(whole=True)

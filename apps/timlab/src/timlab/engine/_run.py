@@ -102,7 +102,7 @@ class Run:
             loop.hosts(values, self.seeds, self._threads) if isinstance(loop, HostLoop) else {}
         )
         self._last: dict[int, dict[str, np.ndarray]] = {}
-        self.told: list[Problem] = []
+        self.warnings: list[Problem] = []
         """What was warned of."""
         self._goes_on = False
         """Whether it went on after a fault."""
@@ -262,16 +262,16 @@ class Run:
         return [] if self._hosts else unstable_steps(self._begun())
 
     def _tell(self, problem: Problem) -> None:
-        self.told.append(problem)
+        self.warnings.append(problem)
         self.warn(str(problem))
 
     def _tell_chatter(self) -> None:
         """Warn of crossings that are reached without end and are not held, once for each block."""
         if "chatter" not in self._carry.fault or not np.any(self._carry.fault["chatter"]):
             return
-        told = {problem.path for problem in self.told}
+        known = {problem.path for problem in self.warnings}
         for path, tick in chattering(self, self._carry):
-            if path not in told:
+            if path not in known:
                 self._tell(Problem(path, None, CHATTER.format(tick=tick, time=f"{tick * self.plan.tick:.9g}")))
 
     def _begun(self) -> Self:
@@ -397,7 +397,7 @@ class Run:
         other._parameters = self._parameters.copy()
         other._start()
         other._set_state(self.state)
-        other.told = list(self.told)
+        other.warnings = list(self.warnings)
         other._goes_on = self._goes_on
         other._sound = self._sound
         return other

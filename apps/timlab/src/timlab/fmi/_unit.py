@@ -238,15 +238,15 @@ def _description(
         for i in range(1 if whole else _size(port)):
             place = "" if whole else f"[{','.join(str(n) for n in np.unravel_index(i, port.shape))}]"
             index += 1
-            told = {"name": f"{title}{place}", "valueReference": str(reference + i), "causality": causality}
+            attributes = {"name": f"{title}{place}", "valueReference": str(reference + i), "causality": causality}
             if title in known:
-                told["description"] = ", ".join(known[title]) if whole else known[title][i]
-            told["variability"] = "continuous" if port.kind == "float" else "discrete"
+                attributes["description"] = ", ".join(known[title]) if whole else known[title][i]
+            attributes["variability"] = "continuous" if port.kind == "float" else "discrete"
             start = {} if resting is None else {"start": _start(resting if whole else resting.ravel()[i])}
             if old:
-                ElementTree.SubElement(ElementTree.SubElement(variables, "ScalarVariable", told), kind, start)
+                ElementTree.SubElement(ElementTree.SubElement(variables, "ScalarVariable", attributes), kind, start)
             else:
-                variable = ElementTree.SubElement(variables, kind, told | start)
+                variable = ElementTree.SubElement(variables, kind, attributes | start)
                 for size in port.shape:
                     ElementTree.SubElement(variable, "Dimension", start=str(size))
             if causality == "output":
@@ -290,11 +290,11 @@ def _description(
 
 def _real(parent: Any, old: bool, name: str, reference: int, about: dict[str, str], **more: str) -> None:
     """Add a variable that is one real number."""
-    told = {"name": name, "valueReference": str(reference), **about}
+    attributes = {"name": name, "valueReference": str(reference), **about}
     if old:
-        ElementTree.SubElement(ElementTree.SubElement(parent, "ScalarVariable", told), "Real", more)
+        ElementTree.SubElement(ElementTree.SubElement(parent, "ScalarVariable", attributes), "Real", more)
     else:
-        ElementTree.SubElement(parent, "Float64", told | more)
+        ElementTree.SubElement(parent, "Float64", attributes | more)
 
 
 def _start(value: Any) -> str:

@@ -18,7 +18,7 @@ class Autosave:
         self._last = live.Save(str(file))
         self._every = every
         self._due = time.monotonic() + every
-        self._told = ""
+        self._reported = ""
 
     def go_on(self, session: live.Session) -> None:
         """Save if it is time, and tell why it could not be saved before."""
@@ -26,9 +26,9 @@ class Autosave:
             session.order(live.Save(self._last.path, quiet=True))
             self._due = time.monotonic() + self._every
         for failure in self._outcomes(session, self._last.not_saved)[-1:]:
-            if failure != self._told:
+            if failure != self._reported:
                 print(f"motorgrad sim: warning: {plain(failure)}", file=sys.stderr)
-                self._told = failure
+                self._reported = failure
 
     def finish(self, session: live.Session) -> None:
         """Save for the last time. **Raises** `RuntimeError` where it could not be saved."""

@@ -67,9 +67,9 @@ def bodies(options: Any) -> tuple[int, str, dict[str, Any] | None]:
 
 def _labelled(word: str) -> tuple[str, str]:
     """A label and what it stands for, from `LABEL=PATH` or a path alone."""
-    label, told, what = word.partition("=")
-    what = what if told else word
-    return label if told else (Path(what).stem or what), what
+    label, separator, what = word.partition("=")
+    what = what if separator else word
+    return label if separator else (Path(what).stem or what), what
 
 
 def _names(runs: Sequence[Path]) -> list[str]:

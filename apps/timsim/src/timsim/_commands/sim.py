@@ -334,8 +334,10 @@ def _with_file_name(given: Arguments, make: Any) -> Any:
     try:
         return make()
     except ValueError as error:
-        told = str(error)
-        raise ValueError(told if given.file is None or str(given.file) in told else f"{given.file}: {told}") from None
+        message = str(error)
+        raise ValueError(
+            message if given.file is None or str(given.file) in message else f"{given.file}: {message}"
+        ) from None
 
 
 def _usage(status: int) -> int:

@@ -406,10 +406,10 @@ class MatplotlibRenderer:
                 continue
             start, end = sight.flat(arrow.ends)
             wide = max(1.0, 2 * arrow.radius * points)
-            look: dict[str, Any] = {"color": arrow.colour, "linewidth": wide, "shrinkA": 0, "shrinkB": 0, "zorder": 3}
-            patch = FancyArrowPatch(tuple(start), tuple(end), arrowstyle="-|>", mutation_scale=3 * wide, **look)
-            look = {"textcoords": "offset points", "ha": "center", "zorder": 3}
-            name = self._axes.annotate(literal(arrow.name), end, (0, 4), **look)
+            style: dict[str, Any] = {"color": arrow.colour, "linewidth": wide, "shrinkA": 0, "shrinkB": 0, "zorder": 3}
+            patch = FancyArrowPatch(tuple(start), tuple(end), arrowstyle="-|>", mutation_scale=3 * wide, **style)
+            style = {"textcoords": "offset points", "ha": "center", "zorder": 3}
+            name = self._axes.annotate(literal(arrow.name), end, (0, 4), **style)
             name.set_fontsize(3.3 * self._line)
             self._arrows += [self._axes.add_patch(patch), name]
 

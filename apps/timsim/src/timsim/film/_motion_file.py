@@ -200,10 +200,10 @@ def _columns(path: Path, model: Any) -> Columns:
         raise ValueError(f"cannot be read: {' '.join(str(error).split()) or type(error).__name__}") from None
     del model
     check(len(found.time) > 0, "rows", 0, "at least one")
-    told = [found.values, *([] if found.activation is None else [found.activation])]
-    for each in (found.time, *(told if found.names is None else told[1:])):
+    tables = [found.values, *([] if found.activation is None else [found.activation])]
+    for each in (found.time, *(tables if found.names is None else tables[1:])):
         check(np.all(np.isfinite(each)), "numbers", "not finite", "finite")
-    for each in told:
+    for each in tables:
         check(each.ndim == 2, "shape", each.shape, "rows and columns")
         check(len(each) == len(found.time), "rows", len(each), f"{len(found.time)}, one for each moment")
     return found

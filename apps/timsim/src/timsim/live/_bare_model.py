@@ -157,7 +157,7 @@ class BareModel:
     def set_policy(self, policy: Any, memory: Any) -> None:
         self._refuse("load")
 
-    def look(self) -> NoReturn:
+    def picture(self) -> NoReturn:
         self._refuse("look")
 
     def _refuse(self, what: str) -> NoReturn:

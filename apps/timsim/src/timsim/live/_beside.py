@@ -78,7 +78,7 @@ class BesideBody:
             self.stepper.advance(1)
             self._choose()
 
-    def look(self) -> Probed:
+    def observe(self) -> Probed:
         """The present moment. Of a policy that is not motorgrad's, neither parameters nor probabilities are known."""
         found = self._probe()
         if self._predict is not None:

@@ -57,10 +57,10 @@ class BodyPart:
 
     def control(self, stepper: Stepper) -> np.ndarray:
         """The control of every actuator until the next decision, `(seeds, actuators)`."""
-        told = np.zeros((len(stepper.seeds), len(self.muscles)))
+        control = np.zeros((len(stepper.seeds), len(self.muscles)))
         if isinstance(stepper, BodyStepper):
-            told[:, self._driven] = np.clip(stepper.control[:, self._source], *self._limits)
-        return told
+            control[:, self._driven] = np.clip(stepper.control[:, self._source], *self._limits)
+        return control
 
     def seen(self, stepper: Stepper) -> dict[str, np.ndarray]:
         """Readings of the body that the task's state lacks, by the names of a snapshot, `(seeds, …)`: none."""

@@ -25,7 +25,7 @@ class Picture(NamedTuple):
     seconds: float
 
 
-def look_of(task: Task) -> tuple[Any, bool]:
+def appearance_of(task: Task) -> tuple[Any, bool]:
     """The MuJoCo model of a Gymnasium environment, or None; and whether it has a picture of its own instead."""
     if not isinstance(task, Gymnasium):
         return None, False

@@ -218,7 +218,7 @@ class Learner:
     def control(self, actuator: int, value: float) -> None:
         raise ValueError("control: the learner moves this body")
 
-    def look(self) -> Picture:
+    def picture(self) -> Picture:
         return picture_of(self._pictures, self._stepper)
 
     @property
@@ -300,7 +300,7 @@ class Learner:
         found = self._probe_learner()
         if not self._beside:
             return found
-        others = [each.look() | self._of_body(each.stepper) for each in self._shown]
+        others = [each.observe() | self._of_body(each.stepper) for each in self._shown]
         below = {name: [fitted(each[name], rows) for each in others] for name, rows in found.items()}
         return {name: np.concatenate([rows, *below[name]]) for name, rows in found.items()}
 

@@ -109,7 +109,7 @@ class Subject(Protocol):
 
     def control(self, actuator: int, value: float) -> None: ...
 
-    def look(self) -> Any:
+    def picture(self) -> Any:
         """The picture of a Gymnasium environment (`live.Picture`)."""
         ...
 

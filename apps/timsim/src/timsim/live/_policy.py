@@ -173,6 +173,6 @@ def _words(description: Any) -> str:
         return f"[{', '.join(map(_words, description))}]"
     if not isinstance(description, dict):
         return str(description)
-    told = {name: value for name, value in description.items() if isinstance(value, str | dict | list)}
-    parts = [f"{name} {_words(value)}" for name, value in told.items() if name != "kind"]
+    described = {name: value for name, value in description.items() if isinstance(value, str | dict | list)}
+    parts = [f"{name} {_words(value)}" for name, value in described.items() if name != "kind"]
     return f"{description['kind'].rsplit('.', 1)[-1]}({', '.join(parts)})"

@@ -96,15 +96,15 @@ class Session:
         if wait:
             self.wait_until_ready()
 
-    def wait_until_ready(self, told: Callable[[str], object] = lambda _: None) -> None:
-        """Wait until the run has started; `told` is called with short progress messages.
+    def wait_until_ready(self, report: Callable[[str], object] = lambda _: None) -> None:
+        """Wait until the run has started; `report` is called with short progress messages.
 
         **Raises** `ValueError` or `RuntimeError` with the worker's message where it cannot start.
         """
         if self._listener is not None:
             return
-        told("starting a process for the simulation")
-        ready = self._first(told)
+        report("starting a process for the simulation")
+        ready = self._first(report)
         self.sizes: Sizes = ready.sizes
         self.period = ready.period
         self.settings = dict(ready.settings)
@@ -243,7 +243,7 @@ class Session:
             raise RuntimeError(f"{self.name}: the session is closed")
         return self._shared[part].read()
 
-    def _first(self, told: Callable[[str], object]) -> Ready:
+    def _first(self, report: Callable[[str], object]) -> Ready:
         """The worker's first reply after its progress messages."""
         reply: Any = ""
         while isinstance(reply, str):
@@ -252,7 +252,7 @@ class Session:
             except (EOFError, OSError):
                 reply = None
             if isinstance(reply, str):
-                told(reply)
+                report(reply)
         if isinstance(reply, Ready):
             return reply
         self._process.terminate()
@@ -295,17 +295,17 @@ class Session:
         self.log.append(event)
 
 
-def succeed(session: Session, setup: Setup, told: Callable[[str], object] = lambda _: None) -> Session:
+def succeed(session: Session, setup: Setup, report: Callable[[str], object] = lambda _: None) -> Session:
     """Start another run, with the numbers of the body that were edited by hand, and let the page of a session show it.
 
-    **Arguments:** `session` of the page; `setup` of what follows; `told`, as of `Session.wait_until_ready`.
+    **Arguments:** `session` of the page; `setup` of what follows; `report`, as of `Session.wait_until_ready`.
 
     **Raises** `ValueError` or `RuntimeError` where it cannot start; the page then stays as it is.
     """
     playing = setup.task is not None or setup.motion is not None
     found = Session(setup, playing=playing, speed=session.speed, wait=False)
     try:
-        found.wait_until_ready(told)
+        found.wait_until_ready(report)
         for name, value in session.settings.items():
             if name.startswith("body.") and value != session.started[name] and name in found.settings:
                 found.order(Edit(name, value))

@@ -26,7 +26,7 @@ from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task, load, my
 from motorgrad.training import Run, check_training
 from timsim.film import Motion, read_motion
 from timsim.live._beside import Beside, beside_of
-from timsim.live._foreign import look_of
+from timsim.live._foreign import appearance_of
 from timsim.live._policy import load_policy, policy_of_run
 
 if TYPE_CHECKING:
@@ -314,7 +314,7 @@ def _of_task(
         read: Any = policy_of_run if isinstance(run, Run) else load_policy
         initial, memory = read(run, shape, asked.task.name, seed)
         check_training(staged, asked.agent, seeds=[seed], initial=initial)
-    model, rendered = (compile_model(staged.dynamics), False) if isinstance(staged, BodyTask) else look_of(staged)
+    model, rendered = (compile_model(staged.dynamics), False) if isinstance(staged, BodyTask) else appearance_of(staged)
     shown: Any = {"model": model, "rendered": rendered, "stage": stage}
     return Setup(_title(staged), staged, asked.agent, seed, initial, memory, frozen, folder=folder, **shown)
 

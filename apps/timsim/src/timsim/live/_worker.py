@@ -79,12 +79,12 @@ class Worker:
         pipe: Connection,
         playing: bool,
         speed: float,
-        told: Callable[[str], object] = lambda _: None,
+        report: Callable[[str], object] = lambda _: None,
     ):
-        told("building the model" if setup.task is None else "building the learner")
+        report("building the model" if setup.task is None else "building the learner")
         self._setup, self.pipe = setup, pipe
         self.subject = self._subject(setup)
-        told("starting the model" if setup.task is None else "compiling the learner")
+        report("starting the model" if setup.task is None else "compiling the learner")
         about = self.subject.about()
         pipe.send(about)
         names = pipe.recv()
@@ -105,7 +105,7 @@ class Worker:
         self._resets = 0
         self._guard = InterventionGuard()
         self._latest = self.subject.tick, self._sampled()
-        self._told: object = None
+        self._sent_branches: object = None
         self._broken = False  # whether the learner's parameters are not finite
         self._publish()
         self._tell_branches()
@@ -174,7 +174,7 @@ class Worker:
                     text = "" if order.quiet else order.saved
                     kind = "saved"
                 case Look():
-                    self.pipe.send(subject.look())
+                    self.pipe.send(subject.picture())
                     return
                 case Undo():
                     text = f"took back: {self._undo()}"
@@ -342,8 +342,8 @@ class Worker:
         """Send the branches to the session if any has changed."""
         beside = self.beside
         now = self.branches.about(*((None, None) if beside is None else (beside.course, beside.playback)))
-        if (told := [branch._replace(end=0) for branch in now]) != self._told:
-            self._told = told
+        if (branches := [branch._replace(end=0) for branch in now]) != self._sent_branches:
+            self._sent_branches = branches
             self.pipe.send(Reply(Event(time.time(), self.subject.tick, "", "change"), {}, now))
 
     def _keep(self) -> None:
@@ -439,8 +439,8 @@ class Worker:
         broken = not np.isfinite(sample["parameters"][0]).all()
         if broken and not self._broken:
             self.clock.pause()
-            told = f"parameters not finite by decision {subject.tick:,}: nothing is learned, and rewards are unknown"
-            self.send(f"{told}; Undo, or reset with a lower learning rate", "lost")
+            message = f"parameters not finite by decision {subject.tick:,}: nothing is learned, and rewards are unknown"
+            self.send(f"{message}; Undo, or reset with a lower learning rate", "lost")
         self._broken = broken
         numbers: dict[str, float] = {
             "decision": subject.tick,

@@ -89,7 +89,7 @@ class Links:
     def __init__(self, cameras: Cameras) -> None:
         self._cameras = cameras
         self._fields: dict[int, Any] = {}
-        self._told: dict[int, tuple[Any, str]] = {}
+        self._sent: dict[int, tuple[Any, str]] = {}
         self._waiting: int | None = None
         self._guard = Guard("the address of a browser")
         self._due = 0.0
@@ -103,7 +103,7 @@ class Links:
 
         @server.on_client_disconnect
         async def _(client: Any) -> None:
-            for known in (self._fields, self._told):
+            for known in (self._fields, self._sent):
                 known.pop(client.client_id, None)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
@@ -159,8 +159,8 @@ class Links:
         if self._cameras.names and not camera:  # it has just come
             return
         words = f'data-own="{" ".join(shown)}" data-go="{field._impl.uuid}" data-camera="{html.escape(camera)}"'
-        element, told = self._told.get(number, (None, ""))
-        if words != told:
+        element, sent = self._sent.get(number, (None, ""))
+        if words != sent:
             element = client.gui.add_html("") if element is None else element
-            self._told[number] = element, words
+            self._sent[number] = element, words
             element.content = f'<div class="motorgrad-own" {words}></div>'

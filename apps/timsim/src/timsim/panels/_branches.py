@@ -9,7 +9,7 @@ from timsim.live import Alongside, Branch, Delete, Fork, Rename, Switch
 from timsim.panels._panel import Panel
 
 NONE = "(none)"
-TOLD = 4  # edits of a branch that are told
+MAX_SHOWN_EDITS = 4  # of a branch
 
 
 class BranchFolder:
@@ -80,9 +80,9 @@ def branch_list(branches: tuple[Branch, ...], period: float) -> str:
         origin = f"from {parent} at {branch.start * period:,.2f} s" if parent else "from the start"
         if not branch.parent and branch.name != branches[0].name:
             origin = "from the start"
-        told = [f"{tick * period:,.2f} s: {html.escape(text)}" for tick, text in branch.edits[-TOLD:]]
-        more = len(branch.edits) - len(told)
-        lines = "".join(f"<div>{line}</div>" for line in ([f"… {more} before"] if more else []) + told)
+        edits = [f"{tick * period:,.2f} s: {html.escape(text)}" for tick, text in branch.edits[-MAX_SHOWN_EDITS:]]
+        more = len(branch.edits) - len(edits)
+        lines = "".join(f"<div>{line}</div>" for line in ([f"… {more} before"] if more else []) + edits)
         ticks = "".join(
             f'<span style="position:absolute;left:{100 * tick / longest:.2f}%;top:-2px;width:2px;height:9px;'
             f'background:currentColor"></span>'

@@ -41,10 +41,10 @@ def picture(pixels: np.ndarray, x: float, y: float, width: float, height: float,
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG")
     data = base64.b64encode(buffer.getvalue()).decode()
-    look = "" if smooth else ' style="image-rendering:pixelated"'
+    style = "" if smooth else ' style="image-rendering:pixelated"'
     return (
         f'<image x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" preserveAspectRatio="none"'
-        f'{look} href="data:image/png;base64,{data}"/>'
+        f'{style} href="data:image/png;base64,{data}"/>'
     )
 
 
@@ -226,9 +226,9 @@ class Plot:
     @staticmethod
     def _axes(label: str) -> tuple[dict[str, Any], ...]:
         words = {"labelSize": 18, "font": "11px sans-serif", "labelFont": "11px sans-serif"}
-        look = words | {"ticks": {"size": 4, "width": 1}}
-        up = look | {"size": 52} | ({"label": label} if label else {})
-        return look | {"label": "simulated time (s)", "size": 34}, up
+        style = words | {"ticks": {"size": 4, "width": 1}}
+        up = style | {"size": 52} | ({"label": label} if label else {})
+        return style | {"label": "simulated time (s)", "size": 34}, up
 
 
 class CurvePlot(Plot):

@@ -103,7 +103,7 @@ class FilmRecorder:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         self._session = session
         self._fps = rate_of(self.path, fps)
-        self._look = width, height, camera, ground, titles
+        self._picture_options = width, height, camera, ground, titles
         painting = painting_of(session)
         if painting is None:
             raise ValueError(f"{session.name}: has neither a body nor local units, so there is nothing to film")
@@ -144,7 +144,7 @@ class FilmRecorder:
     def _run(self) -> None:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            painting = self._painting(self._session, self._session.snapshot(), *self._look)
+            painting = self._painting(self._session, self._session.snapshot(), *self._picture_options)
             try:
                 first = self._paint(painting)
                 size = (first.shape[1], first.shape[0])
@@ -212,7 +212,13 @@ class SlowFilmRecorder:
     ) -> None:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         check(math.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
-        self._look: dict[str, Any] = {"fps": fps, "width": width, "height": height, "ground": ground, "speed": speed}
+        self._picture_options: dict[str, Any] = {
+            "fps": fps,
+            "width": width,
+            "height": height,
+            "ground": ground,
+            "speed": speed,
+        }
         self._camera, self._plots = camera, plots
         self._recorder = MotionRecorder(session)
         self._watcher = Watcher(session, annotations, camera if callable(camera) else None)
@@ -248,7 +254,7 @@ class SlowFilmRecorder:
             plots=[found[name] for name in self._plots if name in found],
             annotations=lambda at: watcher.annotations(moment(at)),
             progress=self._note,
-            **self._look,
+            **self._picture_options,
         )
 
     def _note(self, made: int, of: int) -> None:
@@ -332,8 +338,8 @@ class _Bodies(Painting):
         self._camera: Any = camera
         self._together = callable(camera) or isinstance(camera, Viewpoint)
         count = 1 if self._together else len(snapshot.position)
-        self._look: Any = {"width": width, "height": height, "camera": None if callable(camera) else camera}
-        self._look["ground"] = ground
+        self._picture_options: Any = {"width": width, "height": height, "camera": None if callable(camera) else camera}
+        self._picture_options["ground"] = ground
         self._painters: list[Painter] = []
         self._open(count)
         self._name = session.name
@@ -345,7 +351,7 @@ class _Bodies(Painting):
         self.close()
         model: Any = copy.copy(self._pose.model)
         model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
-        self._painters = [Painter(model, **self._look) for _ in range(count)]
+        self._painters = [Painter(model, **self._picture_options) for _ in range(count)]
         self._edits = self._pose.edits
 
     def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:

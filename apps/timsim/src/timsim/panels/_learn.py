@@ -196,8 +196,8 @@ class LearnPanel(Panel):
             self._tell(" ".join(str(error).split()), "#c92a2a")
 
     def _tell(self, words: str, colour: str = "inherit") -> None:
-        look = f"color:{colour};font-size:12.5px;margin:2px 12px 6px;overflow-wrap:anywhere"
-        self._said.content = f'<div role="status" style="{look}">{html.escape(words)}</div>' if words else ""
+        style = f"color:{colour};font-size:12.5px;margin:2px 12px 6px;overflow-wrap:anywhere"
+        self._said.content = f'<div role="status" style="{style}">{html.escape(words)}</div>' if words else ""
 
 
 def body_of(session: Session) -> Any:

@@ -186,9 +186,9 @@ class MusclesPanel(Panel):
         row = self._chosen
         rows = self._finder.rows()
         names = self.session.muscles
-        told = tuple(names[each] for each in rows) or tuple(names)
-        if told != self._which.options and (self._which.value in told or self._finder.narrowed):
-            self._which.options = told  # which chooses the first where the present one is not among them
+        options = tuple(names[each] for each in rows) or tuple(names)
+        if options != self._which.options and (self._which.value in options or self._finder.narrowed):
+            self._which.options = options  # which chooses the first where the present one is not among them
             row = self._chosen
         seen = rows[:SHOWN]
         mark = seen.index(row) if row in seen else -1

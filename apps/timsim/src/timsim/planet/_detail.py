@@ -110,7 +110,7 @@ def select_tiles(
     urgency = np.full(6, np.inf)
     count = 0
     for level, error in enumerate(errors):
-        seen, pixels = _look(surface, float(errors[0]), cameras, level, tiles, float(error))
+        seen, pixels = _visibility(surface, float(errors[0]), cameras, level, tiles, float(error))
         # no tile is divided before its parent
         tiles = tiles[seen]
         parent = parent[seen]
@@ -128,7 +128,7 @@ def select_tiles(
     return _cut(levels, most)
 
 
-def _look(
+def _visibility(
     surface: Surface, slack: float, cameras: Sequence[Camera], level: int, tiles: Tiles, error: float
 ) -> tuple[Bool[np.ndarray, " tiles"], Float[np.ndarray, " tiles"]]:
     """For each tile, whether some camera may see it, and the largest error of its mesh in pixels."""

@@ -36,14 +36,14 @@ def annotated(
     for frame, row in zip(added, places, strict=True):
         for arrow in frame.arrows:
             row[list(arrows).index(arrow.name)] = arrow.ends.ravel()
-    looks = [{"name": each.name, "colour": _rgb(each.colour), "radius": each.radius} for each in arrows.values()]
+    styles = [{"name": each.name, "colour": _rgb(each.colour), "radius": each.radius} for each in arrows.values()]
     plots = [
         Plot(title, np.array([*known]), np.array([*known.values()]))
         for title, known in curves.items()
         if len(set(known.values())) > 1
     ]
     columns = {"text": np.array(spoken, np.uint32), "arrow": places.reshape(len(added), -1)} if added else {}
-    return {"texts": list(texts), "arrows": looks}, columns, plots
+    return {"texts": list(texts), "arrows": styles}, columns, plots
 
 
 def _rgb(colour: str) -> list[float]:

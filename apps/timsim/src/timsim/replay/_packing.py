@@ -23,8 +23,8 @@ def packed(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
     place = 0
     for name, array in arrays.items():
         kind = TYPE_CODES[str(array.dtype)]
-        told = np.diff(array, axis=0, prepend=np.zeros_like(array[:1])) if kind == "i2" else array
-        content = np.ascontiguousarray(told).astype(f"<{kind}").tobytes()
+        values = np.diff(array, axis=0, prepend=np.zeros_like(array[:1])) if kind == "i2" else array
+        content = np.ascontiguousarray(values).astype(f"<{kind}").tobytes()
         content += bytes(-len(content) % 4)
         table[name] = [kind, place, list(array.shape)]
         parts.append(content)

@@ -131,9 +131,9 @@ class Labels(Layer):
             self._texts.append(self._scene.add_label(f"/labels/{row}", names[row], anchor="bottom-center"))
         if not names:
             return
-        told = self._readings.words(pose)
+        readings = self._readings.words(pose)
         for row, (label, data, offset) in enumerate(zip(self._texts, pose.bodies, pose.offset, strict=False)):
-            words = f"{names[row]}: {told[row]}" if told[row] else names[row]
+            words = f"{names[row]}: {readings[row]}" if readings[row] else names[row]
             if label.text != words:
                 label.text = words
             # one above the other in turn, so that long ones do not overlap

@@ -64,7 +64,7 @@ class Bodies(Layer):
         if model is None:
             return
         self._colours = geom_colours(model)
-        self._looks = (-1, -1)
+        self._drawn = (-1, -1)
         self._copies: list[tuple[Any, ...]] = []
         for kind, shape, pieces in unit_pieces(model):
             self._pieces[kind] = pieces
@@ -86,9 +86,9 @@ class Bodies(Layer):
 
     def draw(self, pose: Pose) -> None:
         assert pose.model is not None
-        looks = (pose.edits, self.chosen)
-        if looks != self._looks:  # sizes may have changed; the number of copies does not
-            self._looks = looks
+        drawn = (pose.edits, self.chosen)
+        if drawn != self._drawn:  # sizes may have changed; the number of copies does not
+            self._drawn = drawn
             pieces = {kind: pieces for kind, _, pieces in unit_pieces(pose.model)}
             colours = tinted(pose.model, self._colours, self.chosen)
             self._copies = []
@@ -227,8 +227,8 @@ class Meshes(Layer):
             shape = smooth_shaded(vertices, faces)
             colour = colours[geom]
             opacity = None if colour[3] >= 1 else float(colour[3])
-            look = {"color": tuple(tinted_beside(colour[None, :3], row)[0]), "opacity": opacity}
-            node = scene.add_mesh_simple(name, shape.vertices, shape.faces, **look, **where)
+            style = {"color": tuple(tinted_beside(colour[None, :3], row)[0]), "opacity": opacity}
+            node = scene.add_mesh_simple(name, shape.vertices, shape.faces, **style, **where)
             self._nodes += [(node, int(geom))] if row == 0 else []
 
 

@@ -119,14 +119,14 @@ class Follow(CameraMode):
 
     def _heed(self, camera: viser.CameraHandle, now: float) -> None:
         """Take over how the user has turned the camera and zoomed; reports of what was sent before do not count."""
-        told = camera.update_timestamp
-        if told == self._told:  # no report since the last movement, which another thread may have torn
+        reported_at = camera.update_timestamp
+        if reported_at == self._reported_at:  # no report since the last movement, which another thread may have torn
             return
         away = camera.position - camera.look_at
         distance = float(np.linalg.norm(away))
-        if camera.update_timestamp != told:
+        if camera.update_timestamp != reported_at:
             return
-        self._told = told
+        self._reported_at = reported_at
         if self.awaited and np.linalg.norm(away - distance * self._towards) > 1e-3 * distance:
             return  # from before the browser has heard where to look
         self.awaited = False
@@ -147,7 +147,7 @@ class Follow(CameraMode):
         if self._sent[-1] != self._distance:
             self._sent.append(self._distance)
         aim(camera, self._target + self._distance * self._towards, self._target)
-        self._told = camera.update_timestamp
+        self._reported_at = camera.update_timestamp
 
 
 class Walk(CameraMode):
@@ -198,13 +198,13 @@ class Walk(CameraMode):
     def _place_now(self, camera: viser.CameraHandle) -> tuple[np.ndarray, float]:
         """The camera's current position, extrapolated from its last report and speed, and the time."""
         now = camera.update_timestamp
-        told = camera.position.copy()
+        position = camera.position.copy()
         if self._last is not None and now > self._last[0]:
-            self._speed = (told - self._last[1]) / max(now - self._last[0], 0.02)
-            self._last = (now, told)
+            self._speed = (position - self._last[1]) / max(now - self._last[0], 0.02)
+            self._last = (now, position)
         elif self._last is None:
-            self._last = (now, told)
-        return told + self._speed * np.clip(time.time() - now, 0, 0.1), time.time()
+            self._last = (now, position)
+        return position + self._speed * np.clip(time.time() - now, 0, 0.1), time.time()
 
     def end(self, camera: viser.CameraHandle) -> None:
         camera.max_orbit_distance, camera.min_orbit_distance = MAX_ORBIT_DISTANCE, MIN_ORBIT_DISTANCE

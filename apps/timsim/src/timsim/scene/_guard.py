@@ -20,7 +20,7 @@ class Guard:
 
     def __init__(self, subject: str) -> None:
         self._subject = subject
-        self._told = set[str]()
+        self._reported = set[str]()
         self.failures = 0
 
     def __call__(self, name: str, act: Callable[P, object], *arguments: P.args, **named: P.kwargs) -> None:
@@ -36,6 +36,6 @@ class Guard:
                 act(*arguments, **named)
         except Exception:
             self.failures += 1
-            if name not in self._told:
-                self._told.add(name)
+            if name not in self._reported:
+                self._reported.add(name)
                 log.exception("%s: %s could not be drawn", self._subject, name)

@@ -135,9 +135,9 @@ def peak_force(model: mujoco.MjModel) -> np.ndarray:
 
 def _strength(model: mujoco.MjModel) -> np.ndarray:
     """The peak force of MuJoCo's own muscle: given, or derived from the acceleration it causes."""
-    told = model.actuator_gainprm[:, 2]
+    given = model.actuator_gainprm[:, 2]
     scale = model.actuator_gainprm[:, 3]
-    return np.where(told > 0, told, scale / np.maximum(model.actuator_acc0, 1e-9))
+    return np.where(given > 0, given, scale / np.maximum(model.actuator_acc0, 1e-9))
 
 
 def tendon_tension(model: mujoco.MjModel, force: np.ndarray) -> np.ndarray:

@@ -187,7 +187,7 @@ class PlaneUnits(Layer):
         assert snapshot is not None
         if now >= self._due or not snapshot.playing:
             self._due = now + PERIOD
-            self._look(snapshot)
+            self._place_units(snapshot)
         firing = np.nan_to_num(snapshot.probability[0])[: len(self._forces)][self._there]
         count = len(firing)
         turn = np.tile(FACING, (count, 1))
@@ -196,7 +196,7 @@ class PlaneUnits(Layer):
         self.pools[0].show(self._at, turn, np.column_stack([self._half, np.full(count, 0.1)]), self._colours)
         self.pools[1].show(self._at, turn, flat, self._colours)
 
-    def _look(self, snapshot: Snapshot) -> None:
+    def _place_units(self, snapshot: Snapshot) -> None:
         """Update the positions of the units."""
         policy = self._session.policy(snapshot)
         if policy is None:

@@ -132,8 +132,8 @@ class Growth(Experiment):
                 (values[f"{name} start spacing"][None], phases - 1, "C1"),
             ):
                 place = np.arange(1, len(found) + 1) + shift + (0.2 if shift else 0)
-                look = {"fmt": "o-", "markersize": 4, "color": colour, "linewidth": 0.8}
-                draw_intervals(axes[1, column], place, [median_of(row) for row in found], **look)
+                style = {"fmt": "o-", "markersize": 4, "color": colour, "linewidth": 0.8}
+                draw_intervals(axes[1, column], place, [median_of(row) for row in found], **style)
             axes[1, column].axhline(SPACED, color="0.6", linewidth=0.8, linestyle="--")
             axes[1, column].set(xlabel="units", yscale="log")
         axes[0, 0].set(ylabel="mean error of the force", ylim=(0, None))

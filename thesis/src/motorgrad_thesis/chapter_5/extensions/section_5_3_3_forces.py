@@ -130,20 +130,20 @@ class Forces(Experiment):
         every = values["all speed"]
         lateral = values["lateral speed"]
         net, falls = ([values[f"{way} {name}"][-1].mean() for way in WAYS] for name in ("net", "falls"))
-        told = {way: _medians(values, way) for way in WAYS}
+        medians = {way: _medians(values, way) for way in WAYS}
         yield positive(
             "Beyond a point, more force of all muscles slows the hexapod down.",
             mean_of(behind_best(every, -1)),
             f"deficit at {most} times the force relative to the best inner level",
             "m/s slower",
-            note=f"The best level for each seed is that of the other seeds. Medians: {told['all']}.",
+            note=f"The best level for each seed is that of the other seeds. Medians: {medians['all']}.",
         )
         yield positive(
             "More force of the lateral muscles without more of the vertical ones slows it down.",
             mean_of(lateral[usual] - lateral[-1]),
             f"deficit at {most} times the lateral force relative to the standard force",
             "m/s slower",
-            note=f"Medians: {told['lateral']}.",
+            note=f"Medians: {medians['lateral']}.",
         )
         yield positive(
             "The reason is that the vertical muscles do not match.",

@@ -274,8 +274,8 @@ def _observed(places: Any, values: Values) -> None:
 
 def _intervals(axes: Axes, found: Any, rows: np.ndarray, colour: str, label: str) -> None:
     """Means of rows of values, with their intervals."""
-    look = {"fmt": "o", "color": colour, "markersize": 4, "capsize": 2, "label": label}
-    draw_intervals(axes, rows, [mean_of(each) for each in found], across=True, **look)
+    style = {"fmt": "o", "color": colour, "markersize": 4, "capsize": 2, "label": label}
+    draw_intervals(axes, rows, [mean_of(each) for each in found], across=True, **style)
 
 
 def morphology_claims(values: Values, evaluations: int) -> Iterator[Claim]:
@@ -289,13 +289,13 @@ def _search_claims(values: Values, evaluations: int) -> Iterator[Claim]:
     usual = values["usual"].mean()
     cma, boltzmann, uniform = (values[f"{kind} again"].mean(axis=1) for kind in ("cma-es", "boltzmann", "uniform"))
     gain = mean_of(cma - usual)
-    told = f"The standard body walks at {usual:.2f} m/s; the best body of a search is judged by further walks."
+    note = f"The standard body walks at {usual:.2f} m/s; the best body of a search is judged by further walks."
     yield positive(
         "An outer loop with a global optimiser finds a faster body.",
         gain,
         f"CMA-ES, {evaluations} evaluations: speed minus that of the standard body",
         "m/s",
-        note=told,
+        note=note,
         source="section 5.4.1",
     )
     yield negative(

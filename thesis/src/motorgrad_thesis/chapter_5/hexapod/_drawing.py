@@ -91,8 +91,8 @@ def name_part(
 
 def dimension(axes: Axes, start: Any, stop: Any, words: str, away: tuple[float, float], colour: str = SIZE) -> None:
     """A labelled distance between two points; the label is `away` metres from the middle of the arrow."""
-    look = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", tuple(start), tuple(stop), zorder=7, arrowprops=look)
+    style = {"arrowstyle": "<->", "color": colour, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tuple(start), tuple(stop), zorder=7, arrowprops=style)
     x, y = (np.asarray(start) + stop) / 2 + away
     axes.text(x, y, words, ha="center", va="center", fontsize=8.5, color=colour, zorder=8)
 

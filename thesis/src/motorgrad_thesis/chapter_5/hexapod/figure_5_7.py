@@ -142,21 +142,21 @@ def draw_machine(axes: Axes, controller: TripodController) -> None:
     draw_arrow(axes, (WIDE / 2, 3.6), (5.0 - WIDE / 2, 3.6), **arrow)
     draw_arrow(axes, (5.0, 3.6 - HIGH / 2), (5.0, HIGH / 2), **arrow)
     draw_arrow(axes, (5.0 - WIDE / 2, 0.0), (WIDE / 2, 0.0), **arrow)
-    look: dict[str, Any] = {"fontsize": 8.5, "zorder": 5}
-    axes.text(0.15, 1.8, f"the leg is back\nbeyond {_degrees(controller.back)}", ha="left", va="center", **look)
-    axes.text(4.85, 1.8, f"the leg is forward\nbeyond {_degrees(controller.forward)}", ha="right", va="center", **look)
+    style: dict[str, Any] = {"fontsize": 8.5, "zorder": 5}
+    axes.text(0.15, 1.8, f"the leg is back\nbeyond {_degrees(controller.back)}", ha="left", va="center", **style)
+    axes.text(4.85, 1.8, f"the leg is forward\nbeyond {_degrees(controller.forward)}", ha="right", va="center", **style)
     axes.text(
         2.5, 3.6 + HIGH / 2 + 0.1, "more than one leg of the opposing\ntripod is in stance or waits",
-        ha="center", va="bottom", **look,
+        ha="center", va="bottom", **style,
     )  # fmt: skip
     axes.text(
         2.5, -HIGH / 2 - 0.1, f"the foot touches the ground\nwith more than {controller.contact:g} N",
-        ha="center", va="top", **look,
+        ha="center", va="top", **style,
     )  # fmt: skip
     if controller.mended:
         lowest = f"or: it is within {_degrees(controller.margin)}\nof its lower limit"
-        axes.text(2.5, 0.2, lowest, ha="center", va="bottom", color=FIXED, **look)
-        axes.text(-WIDE / 2, -1.5, "● our addition", ha="left", va="center", color=FIXED, **look)
+        axes.text(2.5, 0.2, lowest, ha="center", va="bottom", color=FIXED, **style)
+        axes.text(-WIDE / 2, -1.5, "● our addition", ha="left", va="center", color=FIXED, **style)
     axes.set(xlim=(-WIDE / 2 - 0.1, 5.0 + WIDE / 2 + 0.1), ylim=(-1.7, 5.0), aspect="equal")
     axes.set_axis_off()
 
@@ -167,8 +167,8 @@ def _state(axes: Axes, place: Point, state: LegState, controller: TripodControll
     turning = controller.turning[state]
     colour = STATE_COLOURS[state]
     corner = (place[0] - WIDE / 2, place[1] - HIGH / 2)
-    look: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.15", "edgecolor": colour, "linewidth": 2}
-    axes.add_patch(FancyBboxPatch(corner, WIDE, HIGH, facecolor="white", zorder=3, **look))
+    style: dict[str, Any] = {"boxstyle": "round,pad=0,rounding_size=0.15", "edgecolor": colour, "linewidth": 2}
+    axes.add_patch(FancyBboxPatch(corner, WIDE, HIGH, facecolor="white", zorder=3, **style))
     x, y = place
     axes.text(x, y + 0.31, state.name.lower(), ha="center", va="center", fontsize=11, weight="bold", zorder=4)
     words = f"lateral {_rate(turning.lateral)}\nvertical {_rate(turning.vertical)}"

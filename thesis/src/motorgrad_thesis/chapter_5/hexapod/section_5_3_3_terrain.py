@@ -147,8 +147,8 @@ class RoughGround(Experiment):
 
 def _points(axes: Axes, x: np.ndarray, measured: Sequence[Any], colour: str, line: str, words: str) -> None:
     known = [number for number, each in enumerate(measured) if each is not None]
-    look = {"fmt": line, "color": colour, "markersize": 3.5, "linewidth": 1.2, "elinewidth": 0.9, "label": words}
-    draw_intervals(axes, x[known], [measured[number] for number in known], **look)
+    style = {"fmt": line, "color": colour, "markersize": 3.5, "linewidth": 1.2, "elinewidth": 0.9, "label": words}
+    draw_intervals(axes, x[known], [measured[number] for number in known], **style)
 
 
 def kind_claims(values: Values, kind: str, clearance: float) -> Iterator[Claim]:

@@ -265,7 +265,7 @@ def _draw_curves(axes: Axes, values: Values, words: Mapping[str, str]) -> None:
     for name, (colour, line) in CURVES.items():
         label = f"{words[name]} ({counts[name]} parameters)"
         thousands = values["decision"] / 1e3
-        look = {"records": SMOOTH, "linestyle": line}
-        draw_band(axes, thousands, values[f"{name} reward"], colour, label, **look)
+        style = {"records": SMOOTH, "linestyle": line}
+        draw_band(axes, thousands, values[f"{name} reward"], colour, label, **style)
     axes.set(xlabel="thousand decisions", ylabel="reward per decision")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)

@@ -91,8 +91,8 @@ class Mixtures(LayoutStudy):
                 run = self.learned(work, task, **kind.changes)
                 found["decision"], found[f"{layout} {name}"] = run.curve()
                 found[f"{layout} {name} late"] = late_reward(run)
-                looks = min(self.decisions, 2_500)
-                found[f"{layout} {name} untrained"] = frozen_reward(work, task, run.initial, looks, **kind.changes)
+                decisions = min(self.decisions, 2_500)
+                found[f"{layout} {name} untrained"] = frozen_reward(work, task, run.initial, decisions, **kind.changes)
                 if name in GRADED:
                     found |= {f"{layout} {name} {key}": value for key, value in _forces(task, run).items()}
         return found

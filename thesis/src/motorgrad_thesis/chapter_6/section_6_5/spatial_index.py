@@ -173,7 +173,7 @@ def _learner(units: int, kind: str) -> tuple[FallingParticle, Agent]:
     )
 
 
-def _neglect(initial: Any, learned: Any, looks: int = 20_000) -> dict[str, Any]:
+def _neglect(initial: Any, learned: Any, samples: int = 20_000) -> dict[str, Any]:
     """Firing of units where they are not listed, after they have moved from the places for which the table was made, on
     the way to what they learned, as far as their margins permit: the greatest probability, and the mean number that
     would fire."""
@@ -187,7 +187,7 @@ def _neglect(initial: Any, learned: Any, looks: int = 20_000) -> dict[str, Any]:
         low, size = map(jnp.asarray, index.grid(before))
         table = index.table(before, np.asarray(low), np.asarray(size))
         units = len(before.centre)
-        seen = jnp.asarray(rng.uniform(0, 1, (looks // len(learned.centre), 2)), np.float32)
+        seen = jnp.asarray(rng.uniform(0, 1, (samples // len(learned.centre), 2)), np.float32)
         p = np.asarray(jax.vmap(pool.prob)(seen))
         cells = np.asarray(jax.vmap(index.cell, (0, None, None, None))(seen, low, size, units))
         listed = np.zeros((len(table), units + 1), bool)

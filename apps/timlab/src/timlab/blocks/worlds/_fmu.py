@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import NotTrusted, check, choice, shown, unknown
 from motorgrad._limits import MAX_FMU_BYTES, MAX_FMU_DESCRIPTION_BYTES
-from motorgrad._reading import content_of, entries_in, told, unpacked
+from motorgrad._reading import content_of, entries_in, error_message, unpacked
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.worlds._fmu_instance import CoSimulation, Instance, ModelExchange, fmpy_module
 from timlab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, nested
@@ -164,7 +164,9 @@ class Fmu(Foreign, HostBlock):
             _check_unpacked(content)
             found = fmpy.read_model_description(io.BytesIO(content), validate=False)
         except Exception as error:  # it raises whatever a damaged archive or XML makes it raise
-            raise ValueError(f"file = {self.file!r}: is not a Functional Mock-up Unit: {told(error)}") from None
+            raise ValueError(
+                f"file = {self.file!r}: is not a Functional Mock-up Unit: {error_message(error)}"
+            ) from None
         try:
             _check_description(found)
         except ValueError as error:

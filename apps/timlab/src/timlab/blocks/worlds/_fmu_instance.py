@@ -10,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad._extras import missing
-from motorgrad._reading import told
+from motorgrad._reading import error_message
 
 MAX_EVENTS_PER_TICK = 1000
 BISECTIONS = 50
@@ -47,7 +47,9 @@ class Instance(abc.ABC):
             make = fmpy_module().simulation.instantiate_fmu
             self.fmu = make(folder, unit, self.kind, require_functions=False)  # few units have all of them
         except Exception as error:  # fmpy raises nothing more special
-            raise ValueError(f"the unit {unit.modelName} does not run on this machine: {told(error)}") from None
+            raise ValueError(
+                f"the unit {unit.modelName} does not run on this machine: {error_message(error)}"
+            ) from None
         self._call(self._initialise, start)
 
     def _initialise(self, start: Sequence[tuple[Any, Any]]) -> None:
@@ -107,7 +109,9 @@ class Instance(abc.ABC):
         try:
             return function(*arguments)
         except Exception as error:  # fmpy's own, which names call and status; of ctypes for what the unit lacks
-            raise RuntimeError(f"the unit {self.unit.modelName} at {self._time:.6g} s: {told(error)}") from None
+            raise RuntimeError(
+                f"the unit {self.unit.modelName} at {self._time:.6g} s: {error_message(error)}"
+            ) from None
 
     def _check_goes_on(self, over: Any) -> None:
         if over:

@@ -104,10 +104,10 @@ def advance_scene(
 
 
 def restart_scene(
-    task: Task, scene: Scene, state: Any, where: Bool[Array, ""], init: Float[Array, " _"], look: Float[Array, " _"]
+    task: Task, scene: Scene, state: Any, where: Bool[Array, ""], init: Float[Array, " _"], uniforms: Float[Array, " _"]
 ) -> Scene:
     """Begin a new episode `where` one has ended, with the dynamics reset to `state`."""
-    memory, observation = task.observe(task.renew(scene.memory, init), state, look)
+    memory, observation = task.observe(task.renew(scene.memory, init), state, uniforms)
     elapsed = None if scene.elapsed is None else jnp.zeros_like(scene.elapsed)
     fresh = scene._replace(memory=memory, observation=observation, elapsed=elapsed)
     return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, scene)
@@ -123,16 +123,16 @@ class Functions(NamedTuple):
 
 def functions(task: HostTask, unpack: Callable[[Any], Any]) -> Functions:
     """The functions of a task that reads its dynamics through `unpack`."""
-    look, init = task.uniforms, task.init_uniforms
+    observing, init = task.uniforms, task.init_uniforms
 
     def begin(packed: Any, numbers: Any) -> Scene:
         return initial_scene(task, unpack(packed), numbers[:init], numbers[init:])
 
     def advance(scene: Scene, action: Any, packed: Any, numbers: Any) -> Any:
-        return advance_scene(task, scene, unpack(packed), action, numbers[:look], packed[-1] > 0)
+        return advance_scene(task, scene, unpack(packed), action, numbers[:observing], packed[-1] > 0)
 
     def restart(scene: Scene, packed: Any, ended: Any, numbers: Any) -> Scene:
-        rest = numbers[look:]
+        rest = numbers[observing:]
         return restart_scene(task, scene, unpack(packed), ended, rest[:init], rest[init:])
 
     return Functions(*(jax.jit(jax.vmap(function)) for function in (begin, advance, restart)))
@@ -159,8 +159,8 @@ class TaskHost(Host):
         scene, ended = _to_numpy(self._compiled.advance(self._scene, action, self.batch.packed.copy(), numbers))
         if ended.any():
             rows = np.flatnonzero(ended)
-            look = self.task.uniforms
-            self.batch.reset(rows, **self.task.begin(numbers[rows, look : look + self.task.init_uniforms]))
+            observing = self.task.uniforms
+            self.batch.reset(rows, **self.task.begin(numbers[rows, observing : observing + self.task.init_uniforms]))
             scene = _to_numpy(self._compiled.restart(scene, self.batch.packed.copy(), ended, numbers))
         self._scene = scene
 

@@ -100,9 +100,9 @@ class World(Block):
         return own + self._reset_sizes if self._restarts else own
 
     def init(self, uniforms: Float[Array, " numbers"]) -> _State:
-        reset, memory, look = _parts(uniforms, self._reset_sizes)
+        reset, memory, observing = _parts(uniforms, self._reset_sizes)
         state = self._dynamics.reset(reset)
-        return _State(initial_scene(self.instance, state, memory, look), state)
+        return _State(initial_scene(self.instance, state, memory, observing), state)
 
     def output(self, state: _State, inputs: Signals, now: Moment) -> Signals:
         return scene_outputs(state.scene, now.tick > 0)
@@ -115,9 +115,9 @@ class World(Block):
         scene, ended = advance_scene(task, state.scene, moved, inputs["action"], observe)
         if not self._restarts:
             return _State(scene, moved)
-        reset, memory, look = again
+        reset, memory, observing = again
         moved = jax.tree.map(lambda new, old: jnp.where(ended, new, old), world.reset(reset), moved)
-        return _State(restart_scene(task, scene, moved, ended, memory, look), moved)
+        return _State(restart_scene(task, scene, moved, ended, memory, observing), moved)
 
 
 def _parts(numbers: Array, sizes: tuple[int, ...]) -> list[Array]:

@@ -1,6 +1,6 @@
 """Where jobs run: in this process, or in processes of this machine.
 
-A `Place` has three doors: `submit` a job, `wait` until some are done, `close`. What is submitted is a future, whose
+An `Executor` has three doors: `submit` a job, `wait` until some are done, `close`. What is submitted is a future, whose
 `result()` is the job's `Outcome`. The driver decides everything else.
 """
 
@@ -23,8 +23,8 @@ from motorgrad._signals import STOPS
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
 
 
-class Place(abc.ABC):
-    """Where jobs run. A place receives the folder of the study, the number of workers (0 for its own choice),
+class Executor(abc.ABC):
+    """Where jobs run. An executor receives the folder of the study, the number of workers (0 for its own choice),
     information for the jobs, and its own options.
 
     - `itself`: whether jobs run in the process of the driver.
@@ -35,7 +35,7 @@ class Place(abc.ABC):
     needs: ClassVar[tuple[str, ...]] = ()
 
     @abc.abstractmethod
-    def __init__(self, folder: Path, workers: int, told: Work, **options: Any): ...
+    def __init__(self, folder: Path, workers: int, job_settings: Work, **options: Any): ...
 
     @property
     def workers(self) -> int:
@@ -64,35 +64,35 @@ class Place(abc.ABC):
         return
 
 
-class Here(Place):
+class Here(Executor):
     """This process, one job after the other. It alone receives the requests to stop."""
 
     itself = True
 
-    def __init__(self, folder: Path, workers: int, told: Work):
+    def __init__(self, folder: Path, workers: int, job_settings: Work):
         check_integer("workers", workers, 0, 1)
-        self._told = told
+        self._job_settings = job_settings
 
     def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
         future: Future[Outcome] = Future()
         try:
-            future.set_result(work(job, path, self._told))
+            future.set_result(work(job, path, self._job_settings))
         except (Exception, KeyboardInterrupt) as error:
             future.set_exception(error)
         return future
 
 
-class Processes(Place):
+class Processes(Executor):
     """Processes of this machine, by default one for each processor; each has its share of the threads.
 
-    Every process has an executor of its own, so that the others do not notice when one is killed.
+    Every process has a pool of its own, so that the others do not notice when one is killed.
     """
 
-    def __init__(self, folder: Path, workers: int, told: Work):
+    def __init__(self, folder: Path, workers: int, job_settings: Work):
         check_integer("workers", workers, 0, 4096)
         cores = processors()
         self._workers = workers or cores
-        self._told = told._replace(threads=told.threads or max(1, cores // self._workers))
+        self._job_settings = job_settings._replace(threads=job_settings.threads or max(1, cores // self._workers))
         self._free: list[ProcessPoolExecutor] = []
         self._busy: dict[Future[Any], ProcessPoolExecutor] = {}
 
@@ -105,40 +105,42 @@ class Processes(Place):
 
     def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
         context = multiprocessing.get_context("spawn")
-        executor = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
-        with environment(process_settings(self._told.threads)):  # of the process, which starts with the first job
-            future = executor.submit(work, job, path, self._told)
-        self._busy[future] = executor
+        pool = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
+        with environment(
+            process_settings(self._job_settings.threads)
+        ):  # of the process, which starts with the first job
+            future = pool.submit(work, job, path, self._job_settings)
+        self._busy[future] = pool
         return future
 
     def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
         done = super().wait(flying, seconds)
         for future in done & self._busy.keys():
-            executor = self._busy.pop(future)
+            pool = self._busy.pop(future)
             if isinstance(future.exception(), BrokenProcessPool):
-                executor.shutdown(wait=False)
+                pool.shutdown(wait=False)
             else:
-                self._free.append(executor)
+                self._free.append(pool)
         return done
 
     def stop(self) -> None:
-        for executor in self._busy.values():
-            for process in _processes_of(executor):
+        for pool in self._busy.values():
+            for process in _processes_of(pool):
                 process.terminate()
 
     def close(self) -> None:
-        processes = [process for executor in (*self._free, *self._busy.values()) for process in _processes_of(executor)]
-        for executor in self._busy.values():  # a second request interrupts at once; what is saved stays
-            for process in _processes_of(executor):
+        processes = [process for pool in (*self._free, *self._busy.values()) for process in _processes_of(pool)]
+        for pool in self._busy.values():  # a second request interrupts at once; what is saved stays
+            for process in _processes_of(pool):
                 process.kill()
-        for executor in (*self._free, *self._busy.values()):
-            executor.shutdown(wait=False, cancel_futures=True)
+        for pool in (*self._free, *self._busy.values()):
+            pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.join()
 
 
-def _processes_of(executor: ProcessPoolExecutor) -> list[BaseProcess]:
-    return list((executor._processes or {}).values())
+def _processes_of(pool: ProcessPoolExecutor) -> list[BaseProcess]:
+    return list((pool._processes or {}).values())
 
 
 def processors() -> int:

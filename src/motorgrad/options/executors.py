@@ -12,11 +12,11 @@ from motorgrad._errors import check, choice
 from motorgrad._extras import require
 from motorgrad._files import check_writable
 from motorgrad._processes import IMPORTED
-from motorgrad.studies import PLACES
+from motorgrad.studies import EXECUTORS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Places:
+class ExecutorOptions:
     """Where jobs run."""
 
     on: str = "here"
@@ -32,10 +32,10 @@ class Places:
     attempts: int = 3
     """How often a failing job is tried before it is set aside; the others continue."""
 
-    def check_places(self) -> None:
+    def check_executor(self) -> None:
         """**Raises** `ValueError` for options that do not fit together."""
-        choice("on", self.on, PLACES)
-        if needs := PLACES[self.on].needs:
+        choice("on", self.on, EXECUTORS)
+        if needs := EXECUTORS[self.on].needs:
             require(*needs)
         check(self.on == "ray" or not self.address, "address", self.address, "left out, unless --on ray")
         check(self.on == "slurm" or not self.slurm, "slurm", self.slurm, "left out, unless --on slurm")
@@ -68,7 +68,7 @@ def _parameter(word: str) -> tuple[str, Any]:
 
 
 @dataclasses.dataclass(frozen=True)
-class StudyFile(Places, abc.ABC):
+class StudyFile(ExecutorOptions, abc.ABC):
     """Options of a command that runs the study or comparison of a TOML file in a folder."""
 
     study: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
@@ -85,7 +85,7 @@ class StudyFile(Places, abc.ABC):
     file_in_folder: ClassVar[str] = "study.toml"
 
     def validate(self) -> None:
-        self.check_places()
+        self.check_executor()
         check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
         check_writable("out", self.folder, folder=True)
         made = self.made  # its errors name the file
