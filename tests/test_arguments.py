@@ -118,13 +118,18 @@ def good(door, name, parameter):
     return kinds[name]()
 
 
+ANYTHING = ("Any", "ArrayLike", "ColorType", "object")
+"""Annotations of what comes in many forms: the functions themselves find out whether it will do."""
+
+
 def arguments():
     for door, function in DOORS.items():
         for name, parameter in inspect.signature(function).parameters.items():
             if name not in TOP.get(door.removeprefix("mg."), (name,)):
                 continue
             several = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-            if not several and "Any" not in str(parameter.annotation).split(" | ")[0].removeprefix("typing."):
+            first = str(parameter.annotation).split(" | ")[0]
+            if not several and not any(each in first for each in ANYTHING):
                 yield door, name
 
 

@@ -40,7 +40,7 @@ BELOW = {
     "plane": {"tasks", "worlds", "policies"},
     "training": {"search", "tasks", "statistics"} | DYNAMICS | LEARNING,
     "studies": {"training", "tasks", "statistics"},
-    "presets": {"training", "tasks", "learning"},
+    "presets": {"training"},
     "environments": {"tasks"} | DYNAMICS,
     "benchmarks": {"environments", "presets", "training", "tasks"} | DYNAMICS | LEARNING,
     "options": {"studies", "training", "tasks"} | LEARNING,

@@ -60,8 +60,8 @@ CLAIMS = (
             "least": "after.min()",
             "most": "after.max()",
         },
-        "after = mg.evaluate(run, steps=1000).readings['apex']\n"
-        "before = mg.evaluate(run, steps=1000, untrained=True).readings['apex']",
+        "after = mg.evaluate(run, steps=1000).metrics['apex']\n"
+        "before = mg.evaluate(run, steps=1000, untrained=True).metrics['apex']",
     ),
     Claim(
         "README.md",

@@ -121,7 +121,7 @@ def learn(name: str, learner: str, steps: int, seeds: list[int], threads: int, o
         x, curves[reading] = run.curve(reading)
         curves["steps"] = x
     found: dict[Mode, Any] = {mode: mg.evaluate(run, EPISODES * LENGTH, mode=mode, threads=threads) for mode in MODES}
-    evaluated = {mode: {key: found[mode].readings[key] for key in ("success", "solved")} for mode in MODES}
+    evaluated = {mode: {key: found[mode].metrics[key] for key in ("success", "solved")} for mode in MODES}
     return {"took": took, "settings": run.config["agent"], "curves": curves, "evaluated": evaluated}
 
 

@@ -42,6 +42,9 @@ MODULES = [
     "motorgrad_thesis",
 ]
 """The modules with a page of the API."""
+OPTIONS = {"motorgrad.presets": {"show_signature": "false"}, "motorgrad.studies": {"inherited_members": "true"}}
+"""How the page of a module differs from the others: a preset has the signature of a table where it stands, and studies
+and comparisons have most of their members from a private class."""
 START: dict[str, list[tuple[str, str]]] = {
     "Train and look": [
         ("training.train", "train a learner on a task, for many seeds"),
@@ -137,7 +140,8 @@ def _options(name: str) -> str:
         thing = getattr(module, name)
         return name.isupper() or (isinstance(thing, type) and issubclass(thing, BaseException))
 
-    return f"    options:\n      members: {sorted(dict.fromkeys(names), key=stands_last)}\n"
+    options = {"members": sorted(dict.fromkeys(names), key=stands_last), **OPTIONS.get(name, {})}
+    return "    options:\n" + "".join(f"      {option}: {value}\n" for option, value in options.items())
 
 
 def _start_of_api() -> str:

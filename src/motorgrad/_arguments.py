@@ -10,25 +10,25 @@ contents of a sequence or an array is left to the function.
 import ast
 import functools
 import inspect
-import numbers
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
-from motorgrad._errors import check
+from motorgrad._errors import check, is_integer, is_number
 
-_ANYTHING = {"Any", "Body"}  # of a protocol, which is known by what it has, the function finds out itself
+# what comes in many forms: the function finds out itself whether it will do
+_ANYTHING = {"Any", "ArrayLike", "Body", "ColorType", "object"}
 
 
 class _Kind(NamedTuple):
     """What an argument may be, in `words`, and whether a value `fits`."""
 
     words: str
-    fits: Callable[[Any], bool]
+    fits: Callable[[object], bool]
 
 
 def check_arguments(function: Callable[..., Any], given: Mapping[str, Any], only: Iterable[str] | None = None) -> None:
@@ -62,7 +62,7 @@ def _kinds_of(function: Callable[..., Any]) -> dict[str, list[_Kind]]:
     return found
 
 
-def _kinds(annotation: Any, names: Mapping[str, Any]) -> list[_Kind | None]:
+def _kinds(annotation: object, names: Mapping[str, Any]) -> list[_Kind | None]:
     """The alternatives of an annotation, which may be a text; None for one that may be anything."""
     text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
     found = []
@@ -97,45 +97,29 @@ def _split(text: str) -> list[str]:
 
 
 def _of_class(name: str) -> _Kind:
-    """Of a class by its name, as it may be imported for type checkers alone."""
+    """An instance of a class by its name, as it may be imported for type checkers alone."""
     article = "an" if name.startswith(("A", "E", "I", "O", "Mj")) else "a"
     return _Kind(f"{article} {name}", lambda value: name in {each.__name__ for each in type(value).__mro__})
 
 
-def _among(options: Any) -> _Kind:
-    """Of the type of the options. The function says which are meant, and suggests the nearest."""
+def _among(options: object) -> _Kind:
+    """A value of the type of the options. The function says which are meant, and suggests the nearest."""
     allowed = options if isinstance(options, tuple) else (options,)
     return _Kind(" or ".join(map(repr, allowed)), lambda value: type(value) in map(type, allowed))
 
 
 def _numbers(count: int) -> _Kind:
-    def fits(value: Any) -> bool:
-        return _is_sequence(value) and len(value) == count and all(map(_is_number, value))
+    def fits(value: object) -> bool:
+        return _is_sequence(value) and len(value) == count and all(map(is_number, value))
 
     return _Kind(f"{count} numbers", fits)
 
 
-def _is_bool(value: Any) -> bool:
-    return isinstance(value, bool | np.bool_)
-
-
-def _is_integer(value: Any) -> bool:
-    return isinstance(value, numbers.Integral) and not _is_bool(value)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, numbers.Real) and not _is_bool(value)
-
-
-def _is_sequence(value: Any) -> bool:
+def _is_sequence(value: object) -> TypeGuard[Collection[object]]:
     return isinstance(value, Sequence | np.ndarray | set | frozenset) and not isinstance(value, str | bytes)
 
 
-def _is_iterable(value: Any) -> bool:
-    return isinstance(value, Iterable) and not isinstance(value, str | bytes)
-
-
-def _is_array(value: Any) -> bool:
+def _is_array(value: object) -> bool:
     """Whether NumPy can make an array of numbers of it."""
     try:
         return np.asarray(value).dtype.kind in "biuf"
@@ -150,15 +134,15 @@ _PLAIN = {
     "Callable": _Kind("a function", callable),
     "Float": _ARRAY,
     "Int": _ARRAY,
-    "Iterable": _Kind("a sequence", _is_iterable),
+    "Iterable": _Kind("a sequence", lambda value: isinstance(value, Iterable) and not isinstance(value, str | bytes)),
     "Mapping": _Kind("a table", lambda value: isinstance(value, Mapping)),
     "None": _Kind("None", lambda value: value is None),
     "Path": _PATH,
     "PathLike": _PATH,
     "Sequence": _Kind("a sequence", _is_sequence),
-    "bool": _Kind("True or False", _is_bool),
-    "float": _Kind("a number", _is_number),
-    "int": _Kind("an integer", _is_integer),
+    "bool": _Kind("True or False", lambda value: isinstance(value, bool | np.bool_)),
+    "float": _Kind("a number", is_number),
+    "int": _Kind("an integer", is_integer),
     "list": _Kind("a sequence", _is_sequence),
     "ndarray": _ARRAY,
     "str": _Kind("a text", lambda value: isinstance(value, str)),

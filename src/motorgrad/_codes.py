@@ -12,8 +12,10 @@ from typing import Any, Literal, Self, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+import numpy.typing as npt
+from jaxtyping import Array, Bool, Float
 
+from motorgrad._arrays import Real
 from motorgrad._errors import check, check_integer, choice, counted
 from motorgrad._running import RunningMean, add_observation, running_mean, standardised
 
@@ -23,7 +25,7 @@ CODE_KINDS = ("binary", "discrete", "graded", "querying")
 MAX_NUMBERS = 2**24
 """Numbers of a stored interface, in each of its arrays."""
 MAX_NAME_CHARACTERS = 1000
-"""Of a stored name."""
+"""The length of a stored name."""
 WHOLE_NUMBERS_END = 2**31
 """Whole numbers of raw actions that a compiled or exported program can give are below this."""
 
@@ -66,7 +68,7 @@ class ObservationCode(_Data):
 
     @classmethod
     def plain(cls, names: Sequence[str], running: bool = False) -> Self:
-        """Of numbers that are seen as they are, or all by running statistics."""
+        """The code of numbers that are seen as they are, or all by running statistics."""
         size = len(names)
         zeros = np.zeros(size, np.float32)
         return cls(tuple(names), zeros, zeros + 1, np.full(size, running), (size,))
@@ -87,7 +89,11 @@ class ObservationCode(_Data):
         return nothing, nothing  # type: ignore[return-value]
 
     def observe(
-        self, mean: RunningMean | None, variance: RunningMean | None, frozen: Any, raw: Float[Array, " size"]
+        self,
+        mean: RunningMean | None,
+        variance: RunningMean | None,
+        frozen: Bool[Array, ""] | bool,
+        raw: Float[Array, " size"],
     ) -> tuple[RunningMean | None, RunningMean | None, Float[Array, " seen"]]:
         """Add a raw observation to the running statistics, unless they are `frozen`.
 
@@ -122,7 +128,7 @@ class ObservationCode(_Data):
         }
 
     @classmethod
-    def of_table(cls, table: Any, where: str) -> Self:
+    def of_table(cls, table: Mapping[str, Any], where: str) -> Self:
         """The inverse of `table`. **Raises** `ValueError` that names what is wrong."""
         _check_keys(table, cls, where)
         names = _names(table["names"], f"{where}.names")
@@ -179,7 +185,7 @@ class ActionCode(_Data):
         assert numbers is not None
         return len(numbers)
 
-    def decode(self, action: Any, xp: ModuleType = np) -> Any:
+    def decode(self, action: Real, xp: ModuleType = np) -> Any:
         """The raw numbers `(…, outputs)` for actions `(…, size)` of zeros and ones or graded, or for the number of an
         alternative `(…)`; `xp` is NumPy, or `jax.numpy` in programs that are compiled."""
         if self.form == "same":
@@ -202,7 +208,7 @@ class ActionCode(_Data):
             return xp.fmax(xp.fmin(xp.rint(action), high), low)
         return xp.clip(action, low, high)
 
-    def native(self, action: Any) -> np.ndarray:
+    def native(self, action: npt.ArrayLike) -> np.ndarray:
         """Raw actions as the environment takes them, `(…, *shape)`, in NumPy."""
         action = np.asarray(action)
         if self.form == "choice":  # once per step of every environment: it is to be quick
@@ -216,7 +222,7 @@ class ActionCode(_Data):
         assert self.matrix is not None
         return self.matrix.astype(self.dtype).reshape((self.size, *self.shape))
 
-    def of_raw(self, raw: Any, where: str = "action") -> np.ndarray:
+    def of_raw(self, raw: npt.ArrayLike, where: str = "action") -> np.ndarray:
         """The policy's action for a raw one: the inverse of `native`, for one action.
 
         **Raises:** `ValueError` for another size, for an action that is no alternative, and for codes of units, which
@@ -254,7 +260,7 @@ class ActionCode(_Data):
         }
 
     @classmethod
-    def of_table(cls, table: Any, where: str) -> Self:
+    def of_table(cls, table: Mapping[str, Any], where: str) -> Self:
         """The inverse of `table`. **Raises** `ValueError` that names what is wrong."""
         _check_keys(table, cls, where)
         check_integer(f"{where}.size", table["size"], 1, MAX_NUMBERS)
@@ -303,27 +309,27 @@ class ActionCode(_Data):
         return cls(kind, size, table["form"], names, shape, dtype, **arrays)
 
 
-def _check_keys(table: Any, cls: type, where: str) -> None:
+def _check_keys(table: object, cls: type, where: str) -> None:
     known = [field.name for field in dataclasses.fields(cls)]
     found = sorted(table) if isinstance(table, Mapping) and all(isinstance(key, str) for key in table) else table
     check(found == sorted(known), where, found, f"a table of {', '.join(known)}")
 
 
-def _names(value: Any, where: str) -> tuple[str, ...]:
+def _names(value: list[str], where: str) -> tuple[str, ...]:
     right = isinstance(value, list) and len(value) <= MAX_NUMBERS
     right = right and all(isinstance(each, str) and len(each) <= MAX_NAME_CHARACTERS for each in value)
     check(right, where, value, f"names of at most {MAX_NAME_CHARACTERS:,} characters")
     return tuple(value)
 
 
-def _shape(value: Any, where: str) -> tuple[int, ...]:
+def _shape(value: list[int], where: str) -> tuple[int, ...]:
     right = isinstance(value, list) and len(value) <= 32
     right = right and all(type(each) is int and 0 < each <= MAX_NUMBERS for each in value)
     check(right, where, value, "lengths of axes")
     return tuple(value)
 
 
-def _numbers(value: Any, where: str, shape: tuple[int, ...]) -> np.ndarray:
+def _numbers(value: object, where: str, shape: tuple[int, ...]) -> np.ndarray:
     """Stored numbers of a shape, in the widest type that has them."""
 
     def flat(part: Any, lengths: tuple[int, ...]) -> list[Any]:

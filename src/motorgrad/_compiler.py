@@ -4,7 +4,10 @@ import functools
 import os
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
+
+Carry = TypeVar("Carry")
+Out = TypeVar("Out")
 
 THRESHOLD = 4 * 2**20  # bytes, about the cache of a core
 EXTRA = "--xla_backend_extra_options="
@@ -28,7 +31,7 @@ def compile_small_loops_whole() -> None:
         os.environ["XLA_FLAGS"] = f"{flags} {ours}".strip()
 
 
-def in_one_piece(function: Callable[..., tuple[Any, Any]]) -> Callable[..., tuple[Any, Any]]:
+def in_one_piece(function: Callable[..., tuple[Carry, Out]]) -> Callable[..., tuple[Carry, Out]]:
     """Compile `function(carry, *rest) -> (carry, out)` into one CPU function, with `carry` donated.
 
     XLA calls the operations of a program one by one, and hands independent ones to other threads. For small operations
@@ -39,11 +42,11 @@ def in_one_piece(function: Callable[..., tuple[Any, Any]]) -> Callable[..., tupl
     import jax
     import jax.numpy as jnp
 
-    def loop(carry: Any, *rest: Any) -> tuple[Any, Any]:
+    def loop(carry: Carry, *rest: object) -> tuple[Carry, Out]:
         count = jax.lax.optimization_barrier(jnp.int32(1))
         out = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(function, carry, *rest)[1])
 
-        def iterate(state: Any) -> Any:
+        def iterate(state: tuple[jax.Array, Carry, Out]) -> tuple[jax.Array, Carry, Out]:
             index, carry, _ = state
             return index + 1, *function(*jax.lax.optimization_barrier((carry, *rest)))
 

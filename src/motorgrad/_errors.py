@@ -3,9 +3,10 @@
 import difflib
 import math
 import numbers
+import os
 import unicodedata
 from collections.abc import Iterable
-from typing import Any
+from typing import TypeGuard
 
 MAX_VALUE_CHARACTERS = 100  # in a message
 MAX_PATH_CHARACTERS = 1000  # of a path that a message shows whole
@@ -24,7 +25,7 @@ class NotTrusted(RuntimeError):
         self.names = tuple(names)
 
 
-def check(condition: Any, name: str, value: Any, allowed: str) -> None:
+def check(condition: object, name: str, value: object, allowed: str) -> None:
     """Raise `ValueError` unless `condition` holds.
 
     **Arguments:**
@@ -38,26 +39,26 @@ def check(condition: Any, name: str, value: Any, allowed: str) -> None:
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
 
 
-def check_integer(name: str, value: Any, least: int, most: int | None = None, unit: str = "") -> None:
+def check_integer(name: str, value: object, least: int, most: int | None = None, unit: str = "") -> None:
     """Raise `ValueError` unless `value` is an integer from `least` to `most`. `unit` is appended to the message."""
     bounds = f">= {least}" if most is None else f"from {least} to {most:,}"
-    right = _is_integer(value) and value >= least and (most is None or value <= most)
+    right = is_integer(value) and value >= least and (most is None or value <= most)
     check(right, name, value, f"an integer {bounds} {unit}".rstrip())
 
 
-def check_finite(name: str, value: Any) -> None:
+def check_finite(name: str, value: object) -> None:
     """Raise `ValueError` unless `value` is a finite number."""
-    check(_is_number(value) and math.isfinite(value), name, value, "a finite number")
+    check(is_number(value) and math.isfinite(value), name, value, "a finite number")
 
 
-def check_positive(name: str, value: Any) -> None:
+def check_positive(name: str, value: object) -> None:
     """Raise `ValueError` unless `value` is a finite number above 0."""
-    check(_is_number(value) and 0.0 < value < math.inf, name, value, "a finite number > 0")
+    check(is_number(value) and 0.0 < value < math.inf, name, value, "a finite number > 0")
 
 
-def check_not_negative(name: str, value: Any) -> None:
+def check_not_negative(name: str, value: object) -> None:
     """Raise `ValueError` unless `value` is a finite number of at least 0."""
-    check(_is_number(value) and 0.0 <= value < math.inf, name, value, "a finite number >= 0")
+    check(is_number(value) and 0.0 <= value < math.inf, name, value, "a finite number >= 0")
 
 
 def counted(number: int, noun: str) -> str:
@@ -65,7 +66,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,} {noun}{'s' * (number != 1)}"
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as one line of limited length, for an error message."""
     try:
         text = " ".join(repr(value).splitlines())
@@ -74,13 +75,13 @@ def shown(value: Any) -> str:
     return text if len(text) <= MAX_VALUE_CHARACTERS else f"{text[: MAX_VALUE_CHARACTERS - 1]}…"
 
 
-def shown_path(path: Any) -> str:
+def shown_path(path: os.PathLike[str] | str) -> str:
     """A path for an error message: whole, as its end says which file is meant, unless that fills a screen."""
     text = str(path)
     return repr(text) if len(text) <= MAX_PATH_CHARACTERS else shown(text)
 
 
-def plain(text: Any) -> str:
+def plain(text: object) -> str:
     """A text as one line for a terminal: characters that would steer it, or turn letters around, are shown as codes."""
     line = " ".join(str(text).splitlines())
     if line.isprintable():
@@ -89,7 +90,7 @@ def plain(text: Any) -> str:
 
 
 def unknown(
-    kind: str, name: Any, known: Iterable[str], meant: Iterable[str] = (), *, registered: bool = False
+    kind: str, name: object, known: Iterable[str], meant: Iterable[str] = (), *, registered: bool = False
 ) -> ValueError:
     """The error for a name that is not among `known`. It suggests `meant`, or else the nearest known name.
 
@@ -107,7 +108,7 @@ def unknown(
     return ValueError(f"unknown {kind} {shown(name)}: {hint}known are {listed}{own}")
 
 
-def choice(name: str, value: Any, allowed: Iterable[str], *, registered: bool = False) -> None:
+def choice(name: str, value: object, allowed: Iterable[str], *, registered: bool = False) -> None:
     """Raise `ValueError` unless `value` is one of `allowed`. The message suggests the nearest.
 
     **Arguments:** `registered`: whether users may add names of their own. The message then says how.
@@ -117,9 +118,11 @@ def choice(name: str, value: Any, allowed: Iterable[str], *, registered: bool = 
         raise unknown(name, value, allowed, registered=registered)
 
 
-def _is_integer(value: Any) -> bool:
+def is_integer(value: object) -> TypeGuard[int]:
+    """Whether a value is a whole number of Python or NumPy. True and false are none."""
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a real number of Python or NumPy. True and false are none."""
     return isinstance(value, numbers.Real) and not isinstance(value, bool)

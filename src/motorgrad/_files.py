@@ -72,7 +72,7 @@ def changing(path: Path) -> Iterator[BinaryIO]:
 
 
 def _not_through_links(path: str, flags: int) -> int:
-    """As `open` opens a file, but for a link, which is refused."""
+    """Opens a file as `open` does, but for a link, which is refused."""
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0), 0o666)
 
 

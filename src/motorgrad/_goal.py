@@ -1,4 +1,4 @@
-"""What a task aims at, as its observations show it."""
+"""The goal of a task: what tasks say of their target, and learners use to learn about other targets."""
 
 from collections.abc import Callable
 from typing import NamedTuple

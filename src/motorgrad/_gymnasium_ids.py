@@ -5,10 +5,16 @@ motorgrad` registers ours, either immediately or when Gymnasium is imported late
 """
 
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Any, cast
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, cast
 
 from motorgrad._task_table import TASK_TABLE
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader
+    from importlib.machinery import ModuleSpec
 
 TASK_OF = {entry.env_id: name for name, entry in TASK_TABLE.items() if entry.env_id is not None}
 """The name of the task behind each id."""
@@ -48,7 +54,9 @@ class _GymnasiumFinder:
 
     _asking = False
 
-    def find_spec(self, fullname: str, path: Any, target: Any = None) -> Any:
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> "ModuleSpec | None":
         if fullname != "gymnasium" or self._asking:
             return None
         self._asking = True
@@ -64,10 +72,10 @@ class _GymnasiumFinder:
 class _RegisteringLoader:
     """A loader that wraps another one, and then calls `register`."""
 
-    def __init__(self, loader: Any, finder: _GymnasiumFinder):
+    def __init__(self, loader: "Loader", finder: _GymnasiumFinder):
         self._loader, self._finder = loader, finder
 
-    def create_module(self, spec: Any) -> Any:
+    def create_module(self, spec: "ModuleSpec") -> ModuleType | None:
         return self._loader.create_module(spec)
 
     def exec_module(self, module: Any) -> None:

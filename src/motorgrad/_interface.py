@@ -5,7 +5,7 @@ environment, in its own units, to what the policy sees, and from the policy's ac
 that it can be stored; and pure functions, so that it can be exported together with the policy.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -83,7 +83,7 @@ class Interface(eqx.Module):
         return {"observations": self.observations.table(), "actions": self.actions.table(), "period": self.period}
 
     @classmethod
-    def of_table(cls, table: Any, where: str = "interface") -> "Interface":
+    def of_table(cls, table: Mapping[str, Any], where: str = "interface") -> "Interface":
         """The inverse of `table`, without statistics. **Raises** `ValueError` that names what is wrong."""
         known = {"observations", "actions", "period"}
         check(isinstance(table, dict) and table.keys() == known, where, table, f"a table of {', '.join(sorted(known))}")

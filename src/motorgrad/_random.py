@@ -6,7 +6,6 @@ purpose, changes no existing number.
 """
 
 import zlib
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +30,7 @@ def block_at(decision: int) -> tuple[int, int]:
     return block, place
 
 
-def key_of(seed: Int[Array, ""] | int, purpose: str | Any) -> jax.Array:
+def key_of(seed: Int[Array, ""] | int, purpose: str | int | Array) -> jax.Array:
     """The key of a seed for one purpose: a name such as `"policy"`, or the 32-bit CRC of a name."""
     number = zlib.crc32(purpose.encode()) if isinstance(purpose, str) else purpose
     return jax.random.fold_in(jax.random.key(seed), number)
@@ -42,7 +41,7 @@ def draw_block(
 ) -> Float[Array, "decisions size seeds"]:
     """Draw the U[0, 1) numbers of a block: `size` per decision, seeds last."""
 
-    def draw(seed: Any) -> Float[Array, "decisions size"]:
+    def draw(seed: Int[Array, ""]) -> Float[Array, "decisions size"]:
         return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (BLOCK, size))
 
     if size == 0:
@@ -55,7 +54,7 @@ def draw_places(
 ) -> Float[Array, "decisions size seeds"]:
     """Like `draw_block`, with different numbers: a larger `size` appends numbers and keeps the existing ones."""
 
-    def draw(seed: Any) -> Float[Array, "size decisions"]:
+    def draw(seed: Int[Array, ""]) -> Float[Array, "size decisions"]:
         return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (size, BLOCK))
 
     return jnp.swapaxes(jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds)), 0, 1)

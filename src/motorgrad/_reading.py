@@ -95,9 +95,9 @@ def toml_in(text: str) -> dict[str, Any]:
     return found
 
 
-def check_plain(data: Any) -> None:
+def check_plain(data: object) -> None:
     """Refuse lists and tables nested too deeply, whole numbers too large to work with, and the dates of TOML."""
-    todo = [(data, 0)]
+    todo: list[tuple[object, int]] = [(data, 0)]
     largest = 10**MAX_INTEGER_DIGITS
     while todo:
         value, depth = todo.pop()

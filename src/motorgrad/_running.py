@@ -1,6 +1,6 @@
 """Running means that stay exact over billions of samples."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,13 +9,13 @@ from jaxtyping import Array, PyTree, UInt32
 CLIP = 5.0  # standard deviations
 
 
-def counted_on(count: Array, more: Any = 1) -> Array:
+def counted_on(count: Array, more: Array | int = 1) -> Array:
     """A count and `more`, which stands still at the greatest number of its type rather than begin again."""
     most = jnp.asarray(jnp.iinfo(count.dtype).max, count.dtype)
     return count + jnp.minimum(jnp.asarray(more, count.dtype), most - count)
 
 
-def counted_round(count: Array, size: Any) -> Array:
+def counted_round(count: Array, size: Array | int) -> Array:
     """A count of which only the place in rounds of `size` matters, and whether there was a whole round: from two rounds
     on it is one less, so that it never ends."""
     return jnp.where(count >= 2 * size, count - size, count)
@@ -48,7 +48,9 @@ def two_sum(total: Array, carry: Array, more: Array) -> tuple[Array, Array]:
     return after, (total - (after - part)) + (more - part)
 
 
-def add_sample(running: RunningMean, sample: PyTree[Array], rate: Any = None, size: int = 1) -> RunningMean:
+def add_sample(
+    running: RunningMean, sample: PyTree[Array], rate: Array | float | None = None, size: int = 1
+) -> RunningMean:
     """Add the n-th sample: it moves the mean by 1/n of its distance, or by `rate` of it where that is more. A sample
     that is itself the mean of `size` others counts as so many."""
     count = counted_on(running.count, size)

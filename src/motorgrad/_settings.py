@@ -5,12 +5,15 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
 from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 T = TypeVar("T")
 MAX_SINGLE_PRECISION = 3.4e38
@@ -38,7 +41,7 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | No
         raise ValueError(f"{where}{'.' if named else ': '}{error}" if where else str(error)) from None
 
 
-def check_fields(instance: Any) -> None:
+def check_fields(instance: "DataclassInstance") -> None:
     """Convert the fields of a frozen dataclass to their annotated types, as settings from a file are.
 
     Call this first in `__post_init__`, so that an instance made in Python has the types of one made from TOML.
@@ -49,7 +52,7 @@ def check_fields(instance: Any) -> None:
         object.__setattr__(instance, field.name, as_hinted(field.type, getattr(instance, field.name), field.name))
 
 
-def convert(cls: type, values: Mapping[str, Any], where: str = "", base: Any = None) -> dict[str, Any]:
+def convert(cls: type, values: Mapping[str, Any], where: str = "", base: object = None) -> dict[str, Any]:
     """The values in the types of the fields of `cls`: `build` without making the instance."""
     hints = hints_of(cls)
     fields = fields_of(cls)
@@ -112,7 +115,7 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
+def _deeper(cls: type, key: str, base: object = None) -> list[str]:
     """Where tables within the table have a setting of this name."""
     hints = hints_of(cls)
     found = []
@@ -128,7 +131,7 @@ def _deeper(cls: type, key: str, base: Any = None) -> list[str]:
     return found
 
 
-def table(instance: Any) -> dict[str, Any]:
+def table(instance: "DataclassInstance") -> dict[str, Any]:
     """The inverse of `build`: a dataclass as a plain table.
 
     Fields that are `None` by default are left out where they are `None`; others are then `"none"`. A part of a learner
@@ -209,14 +212,14 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     return value
 
 
-def _is_kind(hint: Any, value: Any) -> bool:
+def _is_kind(hint: object, value: object) -> bool:
     """Whether a value is a part or names its kind. Where a number may stand too, only a known name does."""
     if not isinstance(value, str) or float not in options_of(hint):
         return isinstance(value, str | Part)
     return any(value in kind.kinds() for kind in parts_in(hint))
 
 
-def _is_part_table(hint: Any, value: Any, default: Any) -> bool:
+def _is_part_table(hint: object, value: object, default: object) -> bool:
     """Whether a table describes a part or changes the `default` part, and not numbers by group."""
     mappings = any(
         isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in typing.get_args(hint)
@@ -227,7 +230,9 @@ def _is_part_table(hint: Any, value: Any, default: Any) -> bool:
     return not mappings or "kind" in value or changes
 
 
-def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, default: Any) -> Part | None:
+def _part(
+    kinds: tuple[type[Part], ...], hint: object, value: Part | str | Mapping[str, Any], where: str, default: object
+) -> Part | None:
     """A part of a learner: itself, by the name of its kind, or as a table with its `kind` and its settings.
 
     Without a `kind` the table changes the `default`; where there is no default, the only kind is meant. A part of
@@ -264,7 +269,7 @@ def _part(kinds: tuple[type[Part], ...], hint: Any, value: Any, where: str, defa
     return build(cls, settings, where, base)
 
 
-def _one_of(hint: Any, options: tuple[Any, ...], value: Any, where: str, default: Any) -> Any:
+def _one_of(hint: object, options: tuple[Any, ...], value: object, where: str, default: object) -> Any:
     if (value is None or value == "none") and type(None) in options:
         return None
     for option in options:

@@ -5,7 +5,8 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from types import FrameType
+from typing import TypeVar
 
 T = TypeVar("T")
 
@@ -25,7 +26,7 @@ def leave_to_parent() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def interrupt(message: str, **unfinished: Any) -> KeyboardInterrupt:
+def interrupt(message: str, **unfinished: object) -> KeyboardInterrupt:
     """The interrupt of a computation that has saved what it had when it was asked to stop, with the `unfinished` thing
     as an attribute. A script that does not expect it ends, and its caller sees that it was interrupted: only the class
     itself makes Python end as by the signal, which also ends a loop of a shell."""
@@ -79,12 +80,12 @@ def _handled(act: Callable[[], None], interrupt: bool = False) -> Iterator[None]
         yield
         return
 
-    def handle(number: int, frame: Any) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         act()
         if interrupt:
             raise KeyboardInterrupt
 
-    def raise_again(swallowed: Any) -> None:
+    def raise_again(swallowed: "sys.UnraisableHookArgs") -> None:
         if isinstance(swallowed.exc_value, KeyboardInterrupt):
             again = threading.Timer(0.01, signal.pthread_kill, [threading.main_thread().ident, signal.SIGINT])
             again.daemon = True

@@ -17,8 +17,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check, shown, unknown
 
@@ -33,7 +34,7 @@ class Range(NamedTuple):
     open_low: bool = False
     open_high: bool = False
 
-    def allows(self, value: Any) -> bool:
+    def allows(self, value: object) -> bool:
         """Whether a number, or every number of an array, is finite and within the range."""
         try:
             numbers = np.asarray(value)
@@ -54,7 +55,7 @@ class Range(NamedTuple):
 
 
 def number(
-    default: Any = dataclasses.MISSING,
+    default: object = dataclasses.MISSING,
     low: float = -math.inf,
     high: float = math.inf,
     *,
@@ -69,20 +70,21 @@ def number(
 
     - `default`: the field's default; a field whose type allows `None` may be absent.
     - `low` and `high`: the range, each end included unless `open_low` or `open_high` says otherwise.
-    - `groups`: whether the field also takes a mapping from names of a policy's fields to numbers or arrays.
+    - `groups`: whether the field also takes a mapping from names of a policy's fields to numbers or arrays. A name may
+      be the end of a field's path, such as `movement.weights`.
     - `at_start`: whether it is used only to build the first state, so that changing it during a run has no effect.
     """
     metadata = {"range": Range(low, high, open_low, open_high), "groups": groups, "at_start": at_start}
-    given = {} if default is dataclasses.MISSING else {"default": default}
+    given: dict[str, Any] = {} if default is dataclasses.MISSING else {"default": default}
     return eqx.field(converter=_number, metadata=metadata, **given)
 
 
-def count(default: Any, low: int = 0, high: int = 2**31 - 1) -> Any:
+def count(default: int | str | None, low: int = 0, high: int = 2**31 - 1) -> Any:
     """Declare a static field that holds a whole number: a length, an interval or a count."""
     return eqx.field(static=True, default=default, metadata={"whole": (low, high)})
 
 
-def static(default: Any, *, kw_only: bool = False) -> Any:
+def static(default: object, *, kw_only: bool = False) -> Any:
     """Declare a field that is part of the structure: a choice by name, a flag, or a number that fixes a shape.
     `kw_only` as in `dataclasses.field`."""
     if kw_only:
@@ -117,7 +119,7 @@ PART_CLASSES: dict[type, dict[str, Any]] = {}
 """The registry: for every kind of part, the classes that may take its place, by name."""
 
 
-def register(base: type[Part], name: str, part: Any) -> None:
+def register(base: type[Part], name: str, part: type[Part]) -> None:
     """Give a part of your own a name, by which options, TOML files and saved runs know it: a part of a learner, or a
     term of a composed task.
 
@@ -158,17 +160,17 @@ def hints_of(cls: type) -> dict[str, Any]:
     return typing.get_type_hints(cls)
 
 
-def options_of(hint: Any) -> tuple[Any, ...]:
+def options_of(hint: object) -> tuple[Any, ...]:
     """The members of a union, or the type itself."""
     return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
 
 
-def parts_in(hint: Any) -> tuple[type[Part], ...]:
+def parts_in(hint: object) -> tuple[type[Part], ...]:
     """The kinds of part that a field of this type may hold."""
     return tuple(option for option in options_of(hint) if isinstance(option, type) and issubclass(option, Part))
 
 
-def is_tracer(value: Any) -> bool:
+def is_tracer(value: object) -> bool:
     """Whether a value is not known until a compiled function runs."""
     return isinstance(value, Tracer)
 
@@ -181,7 +183,7 @@ class Numbers:
     **Arguments:** a `tree` of parts, whose leaves are numbers or arrays of numbers.
     """
 
-    def __init__(self, tree: Any):
+    def __init__(self, tree: PyTree):
         found, self._structure = jax.tree_util.tree_flatten_with_path(tree)
         self.paths = [path_of(place) for place, _ in found]
         self._shapes = [np.shape(leaf) for _, leaf in found]
@@ -197,7 +199,7 @@ class Numbers:
         """What is the same for trees that differ in the values of their numbers alone."""
         return self._structure, tuple(self._shapes)
 
-    def vector(self, tree: Any, dtype: Any = None) -> Float[np.ndarray, " numbers"]:
+    def vector(self, tree: PyTree, dtype: npt.DTypeLike | None = None) -> Float[np.ndarray, " numbers"]:
         """The numbers of a tree of the same structure, in the order of `paths`."""
         leaves = [np.ravel(np.asarray(leaf, float)) for leaf in self._structure.flatten_up_to(tree)]
         joined = np.concatenate([np.zeros(0), *leaves])
@@ -214,12 +216,12 @@ def path_of(place: tuple[Any, ...]) -> str:
     return jax.tree_util.keystr(place, simple=True, separator=".")
 
 
-def numbers_of(tree: Any) -> dict[str, Any]:
+def numbers_of(tree: PyTree) -> dict[str, Any]:
     """The numbers of a tree of parts, by path."""
     return {path_of(place): leaf for place, leaf in jax.tree_util.tree_leaves_with_path(tree)}
 
 
-def check_rounded(tree: T, dtype: Any) -> T:
+def check_rounded(tree: T, dtype: npt.DTypeLike) -> T:
     """Check a tree of parts again with its numbers rounded to the precision of a run: 1 − 1e-9 becomes 1.
 
     **Returns** the rounded tree.
@@ -227,7 +229,7 @@ def check_rounded(tree: T, dtype: Any) -> T:
     **Raises** `ValueError` that names the path, the number as written and what is allowed.
     """
 
-    def rounded(leaf: Any) -> Any:
+    def rounded(leaf: object) -> Any:
         if isinstance(leaf, float):
             return float(np.asarray(leaf, dtype))
         return np.asarray(leaf, dtype).astype(float) if isinstance(leaf, np.ndarray) else leaf
@@ -244,7 +246,7 @@ def check_rounded(tree: T, dtype: Any) -> T:
     return after
 
 
-def parts_by_path(tree: Any, path: str = "") -> Iterator[tuple[str, Part]]:
+def parts_by_path(tree: object, path: str = "") -> Iterator[tuple[str, Part]]:
     """Every part in a tree with its path, the outer ones first."""
     if isinstance(tree, Part):
         yield path, tree
@@ -255,20 +257,23 @@ def parts_by_path(tree: Any, path: str = "") -> Iterator[tuple[str, Part]]:
             yield from parts_by_path(item, f"{path}.{index}")
 
 
-def is_live(tree: Any, path: str) -> bool:
+def is_live(tree: object, path: str) -> bool:
     """Whether changing the number at a path during a run has an effect. **Raises** `ValueError` for an unknown path."""
     return not metadata_at(tree, path).get("at_start", False)
 
 
-def metadata_at(tree: Any, path: str) -> Mapping[str, Any]:
+def metadata_at(tree: object, path: str) -> Mapping[str, Any]:
     """What the field of the number at a path declares: its `range`, and more. **Raises** `ValueError` for an unknown
     path."""
     node = tree
     metadata = {}
-    for name in path.split("."):
+    names = path.split(".")
+    for place, name in enumerate(names):
         if isinstance(node, Mapping):
-            node = node[name]
-        elif isinstance(node, tuple):
+            if ".".join(names[place:]) not in node:  # a name of a group may have dots
+                raise unknown("number", path, numbers_of(tree))
+            break
+        if isinstance(node, tuple):
             node = node[int(name)]
             metadata = {}
         else:
@@ -280,7 +285,7 @@ def metadata_at(tree: Any, path: str) -> Mapping[str, Any]:
     return metadata
 
 
-def with_number(tree: T, path: str, value: Any) -> T:
+def with_number(tree: T, path: str, value: object) -> T:
     """The tree with another number at a path. The parts on the way are built anew, and so checked.
 
     **Raises** `ValueError` for a path where there is no number, and for a value out of its range.
@@ -288,13 +293,13 @@ def with_number(tree: T, path: str, value: Any) -> T:
     if not _surely_number(tree, path) and path not in numbers_of(tree):
         raise unknown("number", path, numbers_of(tree))
 
-    def replaced(node: Any, names: list[str], where: str) -> Any:
+    def replaced(node: object, names: list[str], where: str) -> Any:
         if not names:
             return value
         name, *rest = names
         here = f"{where}.{name}" if where else name
-        if isinstance(node, Mapping):
-            return {**node, name: replaced(node[name], rest, here)}
+        if isinstance(node, Mapping):  # a name of a group may have dots
+            return {**node, ".".join(names): value}
         if isinstance(node, tuple):
             place = int(name)
             return (*node[:place], replaced(node[place], rest, here), *node[place + 1 :])
@@ -307,7 +312,7 @@ def with_number(tree: T, path: str, value: Any) -> T:
     return replaced(tree, path.split("."), "")
 
 
-def _surely_number(tree: Any, path: str) -> bool:
+def _surely_number(tree: object, path: str) -> bool:
     """Whether there is a number at a path, found without a walk over the whole tree; `False` where that is not sure."""
     node = tree
     for name in path.split("."):
@@ -318,7 +323,7 @@ def _surely_number(tree: Any, path: str) -> bool:
     return isinstance(node, float | np.ndarray | jax.Array)
 
 
-def _with_field(part: Any, name: str, value: Any) -> Any:
+def _with_field(part: Any, name: str, value: object) -> Any:
     """The part with another value of a field, checked. Studies make many thousands of these."""
     if not isinstance(part, Part) or not _is_plain(type(part)):
         return dataclasses.replace(part, **{name: value})
@@ -343,20 +348,26 @@ def _is_plain(cls: type) -> bool:
     return written and not hasattr(cls, "__post_init__") and all(f.init for f in dataclasses.fields(cls))
 
 
-def _number(value: Any) -> Any:
-    """A number as it is kept: a float, an array of them, or a mapping of either; anything else is left to the check."""
+def _number(value: object) -> Any:
+    """A number as it is kept: a float, an array of them, or a mapping of either; anything else is left to the check.
+    A mapping within one gives its numbers longer names: `{"movement": {"bias": 0.1}}` is `{"movement.bias": 0.1}`."""
     if isinstance(value, Mapping):
-        return {str(name): _number(item) for name, item in value.items()}
+        found: dict[str, Any] = {}
+        for name, item in value.items():
+            kept = _number(item)
+            inner = kept if isinstance(kept, dict) else {"": kept}
+            found |= {f"{name}.{own}" if own else str(name): each for own, each in inner.items()}
+        return found
     if isinstance(value, bool | np.bool_):
         return value
     if isinstance(value, int | float | np.number):
         return float(value)
     if isinstance(value, list | tuple | np.ndarray):
         try:
-            found = np.asarray(value)
+            array = np.asarray(value)
         except ValueError:
             return value
-        return found.astype(float) if found.dtype.kind in "iuf" else value
+        return array.astype(float) if array.dtype.kind in "iuf" else value
     return value
 
 
@@ -391,7 +402,7 @@ def _check_field(part: Part, name: str, field: dataclasses.Field[Any]) -> None:
         check(functions or isinstance(value, kinds), name, value, wanted)
 
 
-def _check_number(name: str, value: Any, allowed: Range, groups: bool, options: tuple[Any, ...]) -> None:
+def _check_number(name: str, value: object, allowed: Range, groups: bool, options: tuple[Any, ...]) -> None:
     schedules = parts_in(typing.Union[options])  # noqa: UP007
     if schedules and isinstance(value, schedules):
         return

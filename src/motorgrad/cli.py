@@ -149,7 +149,7 @@ def _help() -> str:
     )
 
 
-def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+def _warn(message: Warning | str, *_: object, **__: object) -> None:
     """Show a warning as one line, without the place in the code and without colours."""
     words = " ".join(re.sub("\x1b\\[[0-9;]*m", "", str(message)).split())
     print(f"motorgrad: warning: {plain(words.removeprefix('WARN: '))}", file=sys.stderr)

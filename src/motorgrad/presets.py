@@ -1,12 +1,22 @@
-"""Presets: learners for any task, in proportion to a budget, whose parts can be changed one by one."""
+"""Presets: learners for any task, in proportion to a budget, whose parts can be changed one by one.
 
-from collections.abc import Mapping
-from typing import Any
+All return an `Agent`, and are called as `natural(task, steps=100_000, changes=None, **more)`, which has the arguments.
+"""
 
-from motorgrad._presets import PRESETS, STEPS
-from motorgrad.learning import Agent
-from motorgrad.tasks import Task
-from motorgrad.training import agent_for
+from motorgrad.training.presets import (
+    PRESETS,
+    a2c,
+    avg,
+    intentional_ac,
+    natural,
+    natural_network,
+    ppo,
+    ppo_short_horizon,
+    reinforce,
+    sac,
+    stream_ac,
+    trpo,
+)
 
 __all__ = [
     "PRESETS",
@@ -22,219 +32,3 @@ __all__ = [
     "stream_ac",
     "trpo",
 ]
-
-
-def natural(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""The natural actor-critic (Peters & Schaal, 2008), which learned to walk on 24 muscles, for any task.
-
-    It is made of generalised advantages (Schulman et al., 2016) from a least-squares critic (Boyan, 2002), which are
-    divided by their running root mean square; of the natural gradient of each unit, which is followed as far as a limit
-    on the Kullback-Leibler divergence allows; and of the average of the last parameters. The policy is that of the
-    task's own learner; or it goes with the task's actions: softmax for discrete ones, hyperplanes for binary and
-    squashed normal units for graded ones. These see 128 fixed random features beside their inputs. So does the critic,
-    which also sees the last action and, of up to 40 inputs, all products of two.
-
-    What depends on the length of a training scales with it: a batch is a hundredth of the `steps`, from 100 to 1,000
-    decisions. Over the training, the limit on the divergence of n units falls from 0.05 sqrt(n) to 0.005 nats, and the
-    worth of a nat of entropy from 0.3 usual advantages to nothing. Averaging begins with the last eighth.
-    Critic and metric have a memory of ten batches. The discount is 1 - 1/h, and the trace's decay 1 - 6/h, with a
-    horizon h of half the longest episode, from 10 to 100 decisions: 0.99 and 0.94, or 0.98 and 0.88 for episodes of 100
-    decisions.
-
-    **Arguments:**
-
-    - `task`: a task, or the name of one.
-    - `steps` (decisions): length of the training, per seed.
-    - `changes`, `more`: settings to be changed, by path, by short name or as parts, as in `agent_for`.
-
-    **Returns** an `Agent`.
-
-    **Raises:** `ValueError` as `agent_for`.
-
-    ```python
-    task = mg.tasks.from_gymnasium("CartPole-v1")
-    agent = mg.presets.natural(task, steps=50_000, damping=0.02)
-    run = mg.train(task, agent, steps=50_000, seeds=10)
-    ```
-    """
-    return agent_for(task, changes, preset="natural", steps=steps, **more)
-
-
-def natural_network(
-    task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any
-) -> Agent:
-    r"""The natural actor-critic of `natural`, whose policy has hidden layers that learn.
-
-    It differs from `natural` in four respects. The units stand behind two layers of 128 hyperbolic tangents, layer
-    norms and sparse initial weights in place of fixed features; the critic stays linear in features. The natural
-    gradient is found by conjugate gradients over the decisions of a batch (`motorgrad.learning.ConjugateGradient`).
-    The horizon is a fifth of the longest episode, from 10 to 100 decisions, and a nat of entropy is worth 0.1 usual
-    advantages at the start.
-
-    Choose it for bodies with many muscles, or where `natural` stops short of the goal. On small bodies a decision takes
-    longer than with `natural`.
-
-    **Arguments**, **returns** and **raises** as `natural`.
-
-    ```python
-    task = mg.tasks.myosuite("myoHandReachRandom-v0")
-    agent = mg.presets.natural_network(task, steps=3_000_000)
-    ```
-    """
-    return agent_for(task, changes, preset="natural-network", steps=steps, **more)
-
-
-def stream_ac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""Stream-AC(λ) (Elsayed, Vasan & Mahmood, 2024): two networks that learn from every decision, once.
-
-    Policy and critic have two hidden layers of 128 units each, with layer normalisation, leaky rectifiers and sparse
-    initial weights. Both see inputs relative to their running mean and deviation. Rewards are divided by the deviation
-    of their discounted sum. Both have traces of $\gamma\lambda = 0.99 \cdot 0.8$, and steps bounded so that they do not
-    overshoot; entropy is favoured within the trace. It stores no decision. Its numbers are those of the paper for all
-    tasks: nothing scales with the `steps`. Unlike in the paper, output units start at 0, and values are bootstrapped
-    where an episode was truncated. The kind of policy is that of `natural_network`.
-
-    **Arguments**, **Returns** and **Raises:** as `natural`.
-
-    ```python
-    task = mg.tasks.from_gymnasium("CartPole-v1")
-    run = mg.train(task, mg.presets.stream_ac(task), steps=50_000, seeds=10)
-    ```
-    """
-    return agent_for(task, changes, preset="stream-ac", steps=steps, **more)
-
-
-def avg(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""Action value gradient (Vasan et al., 2024): climbs the learned value of an action, through the action.
-
-    For tasks with real-valued actions. Policy and action values have two hidden layers of 256 leaky rectifiers each,
-    whose last output has length 1, and see inputs relative to their running mean and deviation. Both learn from every
-    decision, once, by Adam without momentum: $\gamma$ = 0.99, rates 3e-4 and 1e-3. A nat of entropy is worth 0.05
-    scaled rewards. The paper has other rates and entropies for every few tasks; here one setting is meant to serve,
-    with rewards divided by the deviation of their discounted sum. The deviation of a unit is its own, and not a
-    function of the input.
-
-    **Arguments** and **Returns:** as `natural`.
-
-    **Raises:** as `natural`; for a task whose actions are not all real numbers.
-    """
-    return agent_for(task, changes, preset="avg", steps=steps, **more)
-
-
-def sac(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""Soft actor-critic (Haarnoja et al., 2018) with replay, lasting noise, and targets in hindsight.
-
-    For tasks with real-valued actions. Policy and two action values have two hidden layers of 128 rectifiers each, with
-    layer norms, and see inputs relative to their running mean and deviation. After every 40 decisions, ten batches of
-    256 are drawn from the newest 300,000 observations, and each makes a step of Adam with a learning rate of 5e-4 for
-    values and policy. $\gamma = 1 - 1/h$ with a horizon $h$ of a fifth of the longest episode, from 10 to 100
-    decisions; rewards are divided by the deviation of their discounted sum.
-
-    There is no entropy bonus. The deviation of a squashed number starts at 0.5 and shrinks to 0.3 at most; noise has
-    the autocorrelation $1 - 15/h$, at least 0. Averaging begins with the last eighth of the `steps`. On a task with
-    `hindsight`, such as `compose` and `myosuite` make with `scaling="none"`, a third of the drawn decisions get the
-    place that was reached some $h$ decisions later as their target (Andrychowicz et al., 2017), and a third the target
-    of another episode.
-
-    **Arguments** and **Returns:** as `natural`.
-
-    **Raises:** as `natural`; for a task whose actions are not all real numbers.
-
-    ```python
-    task = mg.tasks.myosuite("myoHandReachRandom-v0", scaling="none")
-    run = mg.train(task, mg.presets.sac(task, steps=300_000), steps=300_000)
-    ```
-    """
-    return agent_for(task, changes, preset="sac", steps=steps, **more)
-
-
-def intentional_ac(
-    task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any
-) -> Agent:
-    r"""Intentional actor-critic (Sharifnassab et al., 2026): two networks whose steps have a given size in the output.
-
-    Networks, inputs, discount, traces and entropy are those of `stream_ac`. Every step of the critic takes back half of
-    its error. Advantages are divided by their running root mean square; one of usual size changes the logarithm of the
-    policy by 0.05. So rewards need no scaling. As nothing but the abstract of the paper was at hand, how traces enter
-    the size of a step was derived anew: see `motorgrad.learning.IntentionalStep`.
-
-    **Arguments**, **Returns** and **Raises:** as `natural`.
-
-    ```python
-    agent = mg.presets.intentional_ac("hopper", changes={"estimator.bound.change": 0.02})
-    ```
-    """
-    return agent_for(task, changes, preset="intentional-ac", steps=steps, **more)
-
-
-def reinforce(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""REINFORCE with a baseline (Williams, 1992; Sutton & Barto, 2018): a step of Adam for each episode.
-
-    Networks, scaled rewards and standardised inputs are those of `ppo`. The critic learns from every decision by TD(1)
-    with bounded steps, so the advantages of an episode add up to its discounted returns above the values.
-
-    **Arguments** and **Returns:** as `natural`.
-
-    **Raises:** as `natural`; when trained, for a task without episodes.
-    """
-    return agent_for(task, changes, preset="reinforce", steps=steps, **more)
-
-
-def a2c(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""Advantage actor-critic (Mnih et al., 2016): for every 64 decisions, Adam makes a step of policy and of critic.
-
-    Networks, scaled rewards and standardised inputs are those of `ppo`; a nat of entropy is worth 0.01 scaled rewards.
-
-    **Arguments**, **Returns** and **Raises:** as `natural`.
-    """
-    return agent_for(task, changes, preset="a2c", steps=steps, **more)
-
-
-def ppo(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""Proximal policy optimisation (Schulman et al., 2017): ten epochs of the clipped surrogate over each batch.
-
-    Policy and critic have two hidden layers of 64 units each. Both see inputs relative to their running mean and
-    deviation, and rewards are divided by the deviation of their discounted sum. A batch is a fiftieth of the `steps`,
-    from 256 to 2,048 decisions; minibatches have 64. Advantages are generalised ones with $\gamma = 0.99$ and
-    $\lambda = 0.95$, standardised by batch. Adam's learning rate is 3e-4 for the policy. The critic is fitted to the
-    $\lambda$-returns of each batch by 40 steps of Adam with a learning rate of 1e-3.
-
-    **Arguments**, **Returns** and **Raises:** as `natural`.
-
-    ```python
-    agent = mg.presets.ppo("hopper", 200_000, {"estimator.reuse.epochs": 4})
-    ```
-    """
-    return agent_for(task, changes, preset="ppo", steps=steps, **more)
-
-
-def ppo_short_horizon(
-    task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any
-) -> Agent:
-    r"""The preset `ppo` for bodies with many muscles: it looks ahead for a fifth of an episode.
-
-    With a horizon h of a fifth of the longest episode, from 10 to 100 decisions, $\gamma = 1 - 1/h$, so 0.95 for
-    episodes of 100 decisions, and $\lambda = 0.9$. All else is as in `ppo`.
-
-    Choose it for bodies with dozens of muscles, such as a hand, and a budget of a million decisions and more. With
-    fewer decisions, and on a finger, `natural_network` learned more.
-
-    **Arguments**, **Returns** and **Raises:** as `natural`.
-
-    ```python
-    task = mg.tasks.myosuite("myoHandReachRandom-v0")
-    agent = mg.presets.ppo_short_horizon(task, steps=9_000_000)
-    ```
-    """
-    return agent_for(task, changes, preset="ppo-short-horizon", steps=steps, **more)
-
-
-def trpo(task: Task | str, steps: int = STEPS, changes: Mapping[str, Any] | None = None, **more: Any) -> Agent:
-    r"""Trust region policy optimisation (Schulman et al., 2015) without its line search: natural steps of 0.01 nats.
-
-    Networks, critic, batches and advantages are those of `ppo`. The natural gradient is that of ten conjugate gradients
-    with damping 0.1. Every step has the length of the limit.
-
-    **Arguments**, **Returns** and **Raises:** as `natural`.
-    """
-    return agent_for(task, changes, preset="trpo", steps=steps, **more)

@@ -35,7 +35,7 @@ def test_the_learner_in_torch_takes_the_same_steps():
     policy, critic = state.policy, state.estimator.baseline.weights
     wanted = []
     for module, *last in (
-        (policy.module, policy.pool.slope, policy.pool.level, policy.pool.log_deviation),
+        (policy.module, policy.pool.weights, policy.pool.bias, policy.pool.log_deviation),
         (critic.layers, critic.weights[None], critic.bias[None]),
     ):
         wanted += [leaf for layer in module.layers[::3] for leaf in (layer.weight, layer.bias)] + last

@@ -21,7 +21,7 @@ targets = ["reach"]
 observe = ["joint-positions", "target-error"]
 reward = ["distance", { kind = "effort", weight = -0.1 }]
 reset = ["random-joints"]
-readings = ["distance"]
+metrics = ["distance"]
 """
 
 
@@ -105,7 +105,7 @@ def test_a_module_may_be_imported_after_the_command(folder, monkeypatch, capsys)
         "from motorgrad.tasks import terms\n"
         "terms.register(terms.Quantity, 'none-at-all', lambda scene: lambda now: now.time)\n"
     )
-    (folder / "tasks" / "reach.toml").write_text(REACH.replace('readings = ["', 'readings = ["none-at-all", "'))
+    (folder / "tasks" / "reach.toml").write_text(REACH.replace('metrics = ["', 'metrics = ["none-at-all", "'))
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setitem(PART_CLASSES, terms.Quantity, {**PART_CLASSES[terms.Quantity]})
     assert status("train", "--task", "tasks/reach.toml", "--check") == 2

@@ -12,12 +12,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from motorgrad._settings import build, table
-from motorgrad._tree import fields_of
+from motorgrad._tree import fields_of, metadata_at, numbers_of, with_number
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.bodies import Muscle
 from motorgrad.cli import main
 from motorgrad.learning import SGD, Adam, Agent, Annealed, Estimator, FisherMetric, Growth, LinearCritic, Window
-from motorgrad.tasks import TASKS, make
+from motorgrad.tasks import TASKS, HexapodPrimitive, make
 from motorgrad.training import agent_for, agent_from_table, agent_table, load, stepper_for
 
 PARTS = {
@@ -213,6 +213,34 @@ def test_one_number_for_all_takes_the_place_of_a_number_by_group(one):
 def test_the_number_of_one_group_is_changed_by_its_path():
     changed = agent_for("arm-recruitment", {"learning_rate.gain": 0.5})
     assert changed.optimizer.learning_rate == {"gain": 0.5, "threshold": 4e-4}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"learning_rate.movement.weights": 0.5},
+        {"optimizer.learning_rate": {**HexapodPrimitive.learner["learning_rate"], "movement": {"weights": 0.5}}},
+    ],
+)
+def test_the_number_of_one_pool_is_changed_by_its_path(change):
+    usual = HexapodPrimitive.learner["learning_rate"]
+    agent = agent_for("hexapod-primitive", change)
+    path = "optimizer.learning_rate.movement.weights"
+    assert agent.optimizer.learning_rate == {**usual, "movement.weights": 0.5}
+    assert numbers_of(agent)[path] == 0.5
+    assert metadata_at(agent, path) == metadata_at(agent, "optimizer.learning_rate")
+    assert with_number(agent, path, 0.25).optimizer.learning_rate == {**usual, "movement.weights": 0.25}
+    again = agent_from_table(make("hexapod-primitive"), tomllib.loads(tomli_w.dumps(agent_table(agent))))
+    assert again.optimizer.learning_rate == agent.optimizer.learning_rate
+    with pytest.raises(ValueError, match=r"unknown number 'optimizer\.learning_rate\.movement\.wieghts'"):
+        metadata_at(agent, "optimizer.learning_rate.movement.wieghts")
+
+
+def test_the_number_of_one_pool_is_an_option(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["train", "hexapod-primitive", "--agent.learning-rate.movement.weights", "0.5", "--check"])
+    rates = tomllib.loads(capsys.readouterr().out)["agent"]["optimizer"]["learning_rate"]
+    assert rates == {**HexapodPrimitive.learner["learning_rate"], "movement.weights": 0.5}
 
 
 def test_an_annealed_rate_takes_the_place_of_numbers_by_group_and_is_changed_by_its_paths(capsys):

@@ -36,7 +36,7 @@ TINY = MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0, unit_length=Tr
 
 
 def unit() -> Any:
-    return GradedHyperplanes(slope=jnp.array([[0.2]]), level=jnp.array([-0.1]), log_deviation=jnp.array([-1.0]))
+    return GradedHyperplanes(weights=jnp.array([[0.2]]), bias=jnp.array([-0.1]), log_deviation=jnp.array([-1.0]))
 
 
 class Bowl(eqx.Module):
@@ -79,8 +79,8 @@ def test_of_normal_units_it_is_the_exact_gradient_of_a_quadratic_bandit():
         found = jax.tree.map(lambda g: g.mean(0), jax.vmap(sample)(jnp.asarray(grid(20_000))))
         m, s = 0.2 * 1.5 - 0.1, 0.02 + math.exp(-1.0)
         of_m, of_s = -2 * (m - CENTRE * 1.5), (-2 * s + 0.3 / s) * math.exp(-1.0)
-        np.testing.assert_allclose(found.level[0], of_m, rtol=1e-4)
-        np.testing.assert_allclose(found.slope[0, 0], 1.5 * of_m, rtol=1e-4)
+        np.testing.assert_allclose(found.bias[0], of_m, rtol=1e-4)
+        np.testing.assert_allclose(found.weights[0, 0], 1.5 * of_m, rtol=1e-4)
         np.testing.assert_allclose(found.log_deviation[0], of_s, atol=1e-4)  # near 0
 
 
@@ -97,8 +97,8 @@ def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
             noise, zero = jnp.array([noise]), jnp.array([[0.0]])
             low, high = jnp.array(-1.0), jnp.array(2.0)
             return BoundedHyperplanes(
-                slope=zero,
-                level=jnp.array([level]),
+                weights=zero,
+                bias=jnp.array([level]),
                 log_deviation=noise,
                 low=low,
                 high=high,
@@ -128,7 +128,7 @@ def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
             (mean((0.3 + step, -0.8)) - mean((0.3 - step, -0.8))) / (2 * step),
             (mean((0.3, -0.8 + step)) - mean((0.3, -0.8 - step))) / (2 * step),
         ]
-        np.testing.assert_allclose([found.level, found.log_deviation], slopes, rtol=0.02, atol=1e-3)
+        np.testing.assert_allclose([found.bias, found.log_deviation], slopes, rtol=0.02, atol=1e-3)
 
 
 def test_a_decision_of_the_critic_is_that_of_the_formulas():
@@ -196,7 +196,7 @@ def bandit(seeds, steps):
     """The mean error of the mean action of learners on the bandit −(a − 0.7 y)² with noise, before and after."""
     network = MultilayerPerceptron((32,), "tanh", layer_norm=False, sparsity=0.0)
     estimator = ActionValueGradient(entropy=0.01, values=ActionValues(0.0, 3e-3, network=network))
-    policy = BoundedHyperplanes(slope=jnp.zeros((1, 1)), level=jnp.zeros(1), log_deviation=-jnp.ones(1))
+    policy = BoundedHyperplanes(weights=jnp.zeros((1, 1)), bias=jnp.zeros(1), log_deviation=-jnp.ones(1))
     agent = Agent(policy, estimator, Adam(3e-3, b1=0.0))
 
     def live(key):
@@ -240,7 +240,7 @@ def test_what_has_no_place_in_it_is_refused_by_name(changes, said):
 
 
 def test_densities_that_have_no_slope_in_jax_are_refused():
-    policy = BoundedHyperplanes(slope=jnp.zeros((1, 1)), level=jnp.zeros(1), log_deviation=jnp.zeros(1), density="beta")
+    policy = BoundedHyperplanes(jnp.zeros((1, 1)), jnp.zeros(1), jnp.zeros(1), density="beta")
     with pytest.raises(ValueError, match="must be one whose actions JAX can differentiate, such as of the densities"):
         eqx.filter_eval_shape(Agent(policy, ActionValueGradient()).init, jax.random.key(0))
 
@@ -261,7 +261,7 @@ def test_what_diverged_and_the_scale_of_rewards():
     state, _, broken = told(agent, begun, np.ones(1), [0.3], np.nan, [np.nan], diverged=True)
     kept, was = broken.estimator.baseline, state.estimator.baseline
     jax.tree.map(np.testing.assert_array_equal, split(kept.weights)[0], split(was.weights)[0])
-    assert float(broken.gradient.level[0]) == 0
+    assert float(broken.gradient.bias[0]) == 0
     paid = told(agent, begun, np.ones(1), [0.3], 1.0, terminated=True)[2]
     assert float(paid.estimator.baseline.scale.earned) == 0
     assert int(paid.estimator.baseline.scale.squares.count) == 1

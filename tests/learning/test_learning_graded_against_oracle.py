@@ -92,7 +92,7 @@ def check_gradient(name, decisions, precision):
     mean = stepper.state["cycle"].agent.gradient.mean
     units = mean.pools[0] if isinstance(policy, Mixed) else mean
     found = np.concatenate(
-        [np.asarray(leaf, float).reshape(400, -1) for leaf in (units.slope, units.level, units.log_deviation)], axis=1
+        [np.asarray(leaf, float).reshape(400, -1) for leaf in (units.weights, units.bias, units.log_deviation)], axis=1
     )
     error = found.std(0) / np.sqrt(len(found))
     assert np.linalg.norm(error) < precision * np.linalg.norm(exact)  # sharp enough for a bias to show

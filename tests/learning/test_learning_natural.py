@@ -34,7 +34,7 @@ from motorgrad.policies import (
     split,
     trainable,
 )
-from motorgrad.policies._policy import in_structure
+from motorgrad.policies._parameters import in_structure
 from motorgrad.tasks import CallAdmission, ThreeState
 from motorgrad.training import stepper_for
 from motorgrad.worlds import AdmissionThresholds, FiniteMDP, oracle

@@ -77,6 +77,22 @@ def test_groups_are_found_by_their_field_in_nested_policies():
     assert (inner.pools[1].weights, inner.pools[1].bias) == (1.0, 2.0)
 
 
+def test_a_longer_name_is_that_of_a_field_in_one_pool():
+    pools = [Hyperplanes([[0.0]], [0.0]) for _ in range(4)]
+    policy = Factored([pools[0], Factored(pools[1:])])
+    given = {"weights": 1.0, "pools.0.weights": 2.0, "pools": {1: {"pools.1.weights": 3.0}}, "bias": 4.0}
+    kept = {"weights": 1.0, "pools.0.weights": 2.0, "pools.1.pools.1.weights": 3.0, "bias": 4.0}
+    assert SGD(given).learning_rate == kept
+    step = one_step(SGD(given), policy)
+    first, inner = step.pools
+    assert [float(pool.weights[0, 0]) for pool in (first, *inner.pools)] == [2.0, 2.0, 3.0, 1.0]
+    assert [float(pool.bias[0]) for pool in (first, *inner.pools)] == [4.0] * 4
+    with pytest.raises(ValueError, match=r"learning rates: 'pools\.3\.weights': did you mean 'pools\.0\.w"):
+        SGD({"weights": 1.0, "bias": 1.0, "pools.3.weights": 1.0}).init(policy)
+    with pytest.raises(ValueError, match=r"weights = 1\.0: must be left out: .* in pools\.0\.weights, pools\.1"):
+        SGD({"weights": 1.0, "bias": 1.0, "pools.0.weights": 1.0, "pools.1.weights": 1.0}).init(Factored(pools[:2]))
+
+
 def test_a_rate_may_be_an_array_over_units():
     step = one_step(SGD({"weights": np.array([[0.5], [0.25]]), "bias": [0.0, 1.0]}), PLANES)
     np.testing.assert_array_equal(step.weights, [[0.5] * 3, [0.25] * 3])

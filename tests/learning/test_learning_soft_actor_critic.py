@@ -40,7 +40,7 @@ SMALL = {"kind": "perceptron", "hidden": [8], "layer_norm": False, "sparsity": 0
 
 
 def unit() -> Any:
-    return GradedHyperplanes(slope=jnp.array([[0.2]]), level=jnp.array([-0.1]), log_deviation=jnp.array([-1.0]))
+    return GradedHyperplanes(weights=jnp.array([[0.2]]), bias=jnp.array([-0.1]), log_deviation=jnp.array([-1.0]))
 
 
 class Bowl(eqx.Module):
@@ -191,7 +191,7 @@ def arm(scaling: Any = "none", **changes: Any) -> Any:
         "targets": [terms.Reach("hand")],
         "observe": ["joint-positions", terms.TargetError(scale=3.0), "joint-velocities"],
         "reward": [terms.Distance(), terms.Within(weight=2.0), terms.Effort(weight=-0.1)],
-        "readings": ["distance"],
+        "metrics": ["distance"],
         "time_limit": 1.0,
     }
     return compose("arm6", scaling=scaling, **{**settings, **changes})
@@ -324,8 +324,8 @@ def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
         look, weight = np.asarray(drawn.observation)[:, 0], np.asarray(drawn.weight)
         of_m, s = -2 * (0.2 * look - 0.1 - CENTRE * look), 0.02 + math.exp(-1.0)
         mean = lambda values: np.average(values, weights=weight)  # noqa: E731
-        np.testing.assert_allclose(found.level[0], mean(of_m), atol=0.02)
-        np.testing.assert_allclose(found.slope[0, 0], mean(look * of_m), atol=0.02)
+        np.testing.assert_allclose(found.bias[0], mean(of_m), atol=0.02)
+        np.testing.assert_allclose(found.weights[0, 0], mean(look * of_m), atol=0.02)
         np.testing.assert_allclose(found.log_deviation[0], (-2 * s + 0.3 / s) * math.exp(-1.0), atol=0.02)
 
 
@@ -352,8 +352,8 @@ def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
     estimator = SoftActorCritic(improve=4, values=values, replay=Replay(3_000, 100, 64, 4))
     state = bandit(estimator, unit(), 1_500)
     policy = state.policy
-    assert float(policy.slope[0, 0]) == pytest.approx(CENTRE, abs=0.1)
-    assert float(policy.level[0]) == pytest.approx(0, abs=0.1)
+    assert float(policy.weights[0, 0]) == pytest.approx(CENTRE, abs=0.1)
+    assert float(policy.bias[0]) == pytest.approx(0, abs=0.1)
     assert float(policy.deviation[0]) < 0.25
 
 
@@ -374,8 +374,8 @@ def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
 def test_nothing_moves_before_there_is_enough_experience():
     estimator = SoftActorCritic(improve=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
     before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision
-    np.testing.assert_array_equal(before.policy.slope, unit().slope)
-    assert float(after.policy.slope[0, 0]) != 0.2
+    np.testing.assert_array_equal(before.policy.weights, unit().weights)
+    assert float(after.policy.weights[0, 0]) != 0.2
 
 
 # -- what it takes
@@ -441,7 +441,7 @@ def test_a_stopped_run_continues_bit_for_bit_with_its_experience(tmp_path):
     again = mg.resume(tmp_path / "part", steps=400, progress=False)
     for one, other in zip(jax.tree.leaves(whole.policies), jax.tree.leaves(again.policies), strict=True):
         np.testing.assert_array_equal(one, other)
-    assert np.ptp(whole.policies.pool.slope) > 0  # it has learned
+    assert np.ptp(whole.policies.pool.weights) > 0  # it has learned
 
 
 @pytest.mark.slow

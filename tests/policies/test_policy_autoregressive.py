@@ -27,7 +27,7 @@ RHO = 0.8
 
 
 def _units(kind: type = GradedHyperplanes, **more: object) -> GradedHyperplanes:
-    return kind(slope=[[0.5, -1.0], [0.3, 0.2]], level=[0.2, -0.4], log_deviation=[-1.0, -0.5], floor=0.02, **more)
+    return kind(weights=[[0.5, -1.0], [0.3, 0.2]], bias=[0.2, -0.4], log_deviation=[-1.0, -0.5], floor=0.02, **more)
 
 
 def _behind_layers() -> Network:

@@ -206,7 +206,7 @@ def test_nothing_is_infinite_where_a_unit_is_saturated(density):
             policy = BoundedHyperplanes(np.zeros((len(levels), 1)), levels, noise, 0.02, low, high, density)
             seen, ask = jnp.ones(1), Compiled(policy)
             scores, sampled = ask.over("score", seen, jnp.asarray(actions)), ask.samples(seen, uniforms)
-            found.append(np.stack([scores.level, scores.log_deviation]))
+            found.append(np.stack([scores.bias, scores.log_deviation]))
             slopes = [np.asarray(leaf) for leaf in jax.tree.leaves(entropy_slope(policy, seen))]
             log = ask.over("log_probs", seen, jnp.asarray(sampled))
             fisher = ask.fisher(seen, actions[0])[0]
@@ -311,7 +311,7 @@ two = np.zeros(2)
 @pytest.mark.parametrize(
     ("build", "names"),
     [
-        (lambda: BoundedHyperplanes(two, two, two), "slope = (2,): must be of shape (units, inputs)"),
+        (lambda: BoundedHyperplanes(two, two, two), "weights = (2,): must be of shape (units, inputs)"),
         (lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, 0.0), "floor = 0.0: must be positive"),
         (lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, low=[0.0] * 3), "low = (3,): must be one number, or"),
         (lambda: BoundedHyperplanes(np.zeros((2, 1)), two, two, low=1.0), "low, high = (1.0, 1.0): must be finite"),

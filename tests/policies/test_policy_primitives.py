@@ -60,7 +60,7 @@ def test_what_cannot_begin_never_does_and_has_no_score():
     for part in (score.precondition.weights, score.precondition.bias):
         np.testing.assert_array_equal(part[0], 0)
         assert np.abs(part[1]).max() > 0
-    for part in (score.movement.slope, score.movement.level, score.movement.log_deviation):
+    for part in (score.movement.weights, score.movement.bias, score.movement.log_deviation):
         np.testing.assert_array_equal(part[:2], 0)
         assert np.abs(part[2:]).max() > 0
     silent = ask.score(READY, np.zeros(6, np.float32))
@@ -122,7 +122,7 @@ def test_blocks_are_undone_and_a_stored_policy_is_rebuilt():
         np.testing.assert_array_equal(a, b)
     shapes = rebuild(describe(policy))
     assert jax.tree.structure(shapes) == jax.tree.structure(policy)
-    assert shapes.movement.slope.shape == (4, 3)
+    assert shapes.movement.weights.shape == (4, 3)
 
 
 def test_the_first_policy_begins_half_of_the_times_and_moves_as_it_is_told():

@@ -47,7 +47,7 @@ kind = "random-joints"
 kind = "distance"
 above = 1.0
 
-[[readings]]
+[[metrics]]
 kind = "within"
 name = "solved"
 tolerance = 0.1
@@ -122,7 +122,7 @@ def test_the_file_of_a_task_is_the_task(file):
         reward=[terms.Distance(weight=-2)],
         reset=["random-joints"],
         terminate=[{"kind": "distance", "above": 1}],
-        readings=[terms.Within(tolerance=0.1, name="solved")],
+        metrics=[terms.Within(tolerance=0.1, name="solved")],
         actions="binary",
         groups=["shoulder flexor", ("shoulder extensor", "elbow*")],
         time_limit=2,

@@ -128,14 +128,14 @@ def test_success_counts_the_decisions_within(control):
     aim = {"targets": [terms.Reach("hand", low=(-9, -9, -9), high=(9, 9, 9))], "time_limit": 0.02 * DECISIONS}
     for needed, wanted in ((DECISIONS - 1, 1), (DECISIONS, 0)):
         success = terms.Success(tolerance=100.0, decisions=needed)
-        made = task(reward=[success], readings=[success], **aim)
+        made = task(reward=[success], metrics=[success], **aim)
         memory, state, _, rewards, _ = carried(made, control)
         assert rewards[-1] == wanted
         assert rewards[0] == 0
-        number, occurred = made.readings(memory, state)["success"]
+        number, occurred = made.metrics(memory, state)["success"]
         assert (float(number), bool(occurred)) == (wanted, True)
     memory, state, *_ = carried(made, control[:-1])
-    assert not made.readings(memory, state)["success"][1]
+    assert not made.metrics(memory, state)["success"][1]
 
 
 @pytest.mark.parametrize("rest", [0.0, 0.1])
@@ -205,7 +205,7 @@ def test_targets_that_are_places_are_marked():
         targets=[two, follow, terms.Pose(name="pose")],
         observe=["joint-positions"],
         reward=[terms.Within("two", 0.05), terms.Within("pose", 0.2)],
-        readings=[terms.Within("two", 0.04)],
+        metrics=[terms.Within("two", 0.04)],
     )
     start = made.init(jnp.zeros(made.init_uniforms))
     later = start._replace(decisions=jnp.asarray(25))
@@ -339,6 +339,14 @@ def registry():
         PART_CLASSES[base].update(kinds)
 
 
+def test_an_observation_of_one_number_has_the_name_of_its_kind(registry):
+    @terms.register(terms.Observation, "passed")
+    def passed(scene):
+        return lambda now: now.time
+
+    assert task(observe=["passed"]).observation_names == ("passed",)
+
+
 def test_a_term_of_ones_own_is_one_function_and_one_line(registry, control):
     @terms.register(terms.Quantity, "apart")
     def apart(scene, first: str, second: str, factor: float = 1.0):
@@ -405,7 +413,7 @@ def test_every_term_has_a_page_of_arguments():
         ({"targets": [terms.Pose("ball")]}, "joint = 'ball': must be a hinge or slide with a range"),
         ({"targets": ["reach", "reach"]}, "name of a target = 'target': must be given once"),
         ({"reset": [terms.Keyframe(("lw",))]}, "reset: keyframe: unknown keyframe 'lw': did you mean 'low'"),
-        ({"readings": ["alive", "alive"]}, "name of a reading = 'alive': must be given once"),
+        ({"metrics": ["alive", "alive"]}, "name of a metric = 'alive': must be given once"),
         ({"groups": ["lft"]}, "unknown actuator 'lft': did you mean 'lift'"),
         ({"groups": [("lift", "bend")]}, r"the same for all actuators of one unit"),
         ({"action_period": 0.003}, "action_period"),

@@ -34,7 +34,7 @@ FORMS = {"bool": bool, "float": float, "numpy": np.bool_, "array": lambda flag: 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_success_is_read_unasked_under_each_of_its_names(reporting, key, form):
     task = from_gymnasium(reporting(lambda time: {"other": "text", key: form(time > 3)}, cut=5))
-    assert task.reports == ("return", "length", "success", "solved")
+    assert task.metric_names == ("return", "length", "success", "solved")
     record = recorded(task, 10)
     np.testing.assert_array_equal([record["success"][0], record["success_count"][0]], [1, 2])
     np.testing.assert_allclose([record["solved"][0], record["solved_count"][0]], [0.4, 10])
@@ -60,7 +60,7 @@ def test_other_keys_are_read_where_they_are_asked_for(reporting):
         return {"effort": 2.0 * time, "late": np.nan if time < 3 else time, "is_success": False, "words": "no"}
 
     task = from_gymnasium(reporting(report, cut=4), info=("effort", "late"))
-    assert task.reports == ("return", "length", "success", "solved", "effort", "late")
+    assert task.metric_names == ("return", "length", "success", "solved", "effort", "late")
     record = recorded(task, 4)
     np.testing.assert_allclose([record["effort"][0], record["late"][0], record["solved"][0]], [5, 3.5, 0])
     np.testing.assert_array_equal([record["late_count"][0], record["diverged"][0]], [2, 0])
@@ -78,7 +78,7 @@ def test_of_several_keys_of_success_the_one_asked_for_means_it(reporting):
     env_id = reporting(lambda time: {"solved": False, "is_success": True}, cut=3)
     assert recorded(from_gymnasium(env_id), 3)["success"] == 0
     asked = from_gymnasium(env_id, info=("is_success",))
-    assert asked.reports == ("return", "length", "success", "solved")
+    assert asked.metric_names == ("return", "length", "success", "solved")
     assert recorded(asked, 3)["success"] == 1
 
 
@@ -112,5 +112,5 @@ def test_success_is_recorded_kept_and_evaluated(reporting, tmp_path):
     run = mg.load(tmp_path / "run")
     np.testing.assert_allclose(run.curve("success")[1][:, -1], 1)
     np.testing.assert_allclose(run.final("solved", 1.0), 0.5)
-    found = mg.evaluate(run, 20).readings
+    found = mg.evaluate(run, 20).metrics
     np.testing.assert_allclose([found["success"], found["solved"], found["effort"]], [[1, 1], [0.5, 0.5], [2.5, 2.5]])

@@ -139,7 +139,7 @@ def test_the_end_reward_is_the_learners_alone(told):
         state = EnvironmentState(jnp.zeros(2), jnp.float32(2.0), jnp.array(terminated), jnp.array(truncated), 1.0)
         memory, reward, _ = task.reward(task.init(NONE), state, None)
         assert float(reward) == wanted
-        value, occurred = task.readings(memory, state)["return"]
+        value, occurred = task.metrics(memory, state)["return"]
         assert float(value) == 2.0
         assert bool(occurred) is (terminated or truncated)
 

@@ -21,7 +21,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 def walked(task, actions):
-    """What one body observes and does under these actions: observations, activations by name, rewards, readings."""
+    """What one body observes and does under these actions: observations, activations by name, rewards, metrics."""
     batch = task.batch([0], 1)
     state = jax.tree.map(lambda part: jnp.asarray(part[0]), batch.unpack(batch.packed.copy()))
     memory, seen = task.observe(task.init(NONE), state, NONE)
@@ -31,8 +31,8 @@ def walked(task, actions):
         batch.step(control[None])
         state = jax.tree.map(lambda part: jnp.asarray(part[0]), batch.unpack(batch.packed.copy()))
         memory, reward, fallen = task.reward(memory, state, jnp.asarray(action))
-        readings = task.readings(memory, state)
-        told.append((np.asarray(seen), dict(zip(batch.groups, control, strict=True)), float(reward), fallen, readings))
+        metrics = task.metrics(memory, state)
+        told.append((np.asarray(seen), dict(zip(batch.groups, control, strict=True)), float(reward), fallen, metrics))
         memory, seen = task.observe(memory, state, NONE)
     return told, state
 
@@ -57,7 +57,7 @@ def test_a_step_is_a_swing_and_a_stance_of_the_lengths_that_were_chosen():
     np.testing.assert_array_equal([seen[0] for seen, *_ in told], [1.0] + [0.0] * 12 + [1.0] * 7)
     np.testing.assert_array_equal([seen[1] for seen, *_ in told], 1.0)
     # a twenty-fifth of a second is two decisions of half a tripod's step each
-    assert [float(readings["begins"][0]) for *_, readings in told] == [25.0] + [0.0] * 19
+    assert [float(metrics["begins"][0]) for *_, metrics in told] == [25.0] + [0.0] * 19
 
 
 def test_a_choice_counts_only_where_a_step_can_begin():
@@ -94,13 +94,13 @@ def test_it_learns_both_and_either_alone():
     task = HexapodPrimitive()
     rates = dict(task.learner["learning_rate"])
     for off, still, moved in (
-        ((), (), ("weights", "level")),
-        (("level",), ("level",), ("weights",)),
-        (("weights", "bias"), ("weights",), ("level",)),
+        ((), (), ("weights", "bias")),
+        (("movement.bias",), ("bias",), ("weights",)),
+        (("precondition.weights", "precondition.bias"), ("weights",), ("bias",)),
     ):
         agent = agent_for(task, learning_rate=rates | dict.fromkeys(off, 0.0))
         run = train(task, agent, steps=150, seeds=1, progress=False)
-        learned = {"weights": run.policies.precondition.weights, "level": run.policies.movement.level}
+        learned = {"weights": run.policies.precondition.weights, "bias": run.policies.movement.bias}
         assert all(not np.any(learned[name]) for name in still)
         assert all(np.any(learned[name]) for name in moved)
 
@@ -121,10 +121,10 @@ def test_a_saved_learner_goes_on_to_the_last_bit():
 @pytest.mark.slow
 def test_other_policies_of_real_numbers_will_do_too():
     task = make("hexapod-primitive")
-    rates = {"slope": 1e-4, "level": 1e-4, "log_deviation": 0}
+    rates = {"weights": 1e-4, "bias": 1e-4, "log_deviation": 0}
     agent = agent_for(task, policy="graded-hyperplanes", learning_rate=rates)
     run = train(task, agent, steps=30, seeds=1, progress=False)
-    assert run.policies.level.shape == (1, 6)
+    assert run.policies.bias.shape == (1, 6)
     environment = TaskEnv(task)
     environment.reset(seed=0)
     assert np.isfinite(environment.step(environment.action_space.sample())[0]).all()

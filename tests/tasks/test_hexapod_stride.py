@@ -30,9 +30,9 @@ def walked(task, action, decisions, phase=0.0, slope_number=0.5):
         batch.step(np.asarray(task.control(jnp.asarray(action), memory))[None])
         state = jax.tree.map(lambda part: jnp.asarray(part[0]), batch.unpack(batch.packed.copy()))
         memory, reward, fallen = task.reward(memory, state, jnp.asarray(action))
-        readings = task.readings(memory, state)
+        metrics = task.metrics(memory, state)
         memory, seen = task.observe(memory, state, jnp.array([slope_number]))
-        told.append((memory, state, float(reward), bool(fallen), readings, float(seen[0])))
+        told.append((memory, state, float(reward), bool(fallen), metrics, float(seen[0])))
     return told
 
 
@@ -47,7 +47,7 @@ def test_the_clock_goes_on_at_the_rate_that_was_chosen_whatever_was_before():
     told = walked(task, [0.5], 20, phase=0.11)
     phases = np.array([float(memory.phase) for memory, *_ in told])
     np.testing.assert_allclose(phases, (0.11 + 0.01 * np.arange(1, 21) / 0.2) % 1.0, atol=1e-5)
-    assert {round(float(readings["period"][0]), 6) for *_, readings, _ in told} == {0.2}
+    assert {round(float(metrics["period"][0]), 6) for *_, metrics, _ in told} == {0.2}
     # choices are averaged as frequencies: two ways to the same phase
     ends = []
     for pair in ((0.0, 1.0), (0.5, 0.5)):
@@ -97,9 +97,9 @@ def test_the_pitch_is_smoothed():
 @pytest.mark.ci
 def test_it_is_paid_for_its_speed_and_falls_where_it_overturns():
     task = HexapodStride(slopes=(0.0,), reward_scale=3.0)
-    for _memory, state, reward, fallen, readings, _ in walked(task, [0.9], 30):
+    for _memory, state, reward, fallen, metrics, _ in walked(task, [0.9], 30):
         assert reward == pytest.approx(3.0 * float(read_hexapod(state).speed), abs=1e-5)
-        assert (fallen, float(readings["falls"][0])) == (False, 0.0)
+        assert (fallen, float(metrics["falls"][0])) == (False, 0.0)
     over = state._replace(sensors={**state.sensors, "upward": jnp.array([0.0, 0.6, -0.8])})
     assert bool(task.reward(task.init(jnp.zeros(1)), over, jnp.zeros(1))[2])
 
@@ -118,7 +118,7 @@ def test_uphill_is_slower_than_downhill():
 def test_it_learns_on_real_numbers_and_refuses_other_policies():
     task = make("hexapod-stride", stretch=0.1)
     run = train(task, steps=60, seeds=2, progress=False)
-    assert not np.array_equal(run.policies.level, run.initial.level)
+    assert not np.array_equal(run.policies.bias, run.initial.bias)
     with pytest.raises(ValueError, match="binary actions, but the task 'hexapod-stride' takes graded"):
         train(task, agent_for(task, policy="hyperplanes", learning_rate=1e-3), steps=10, progress=False)
     assert (graded_hyperplanes(task).inputs, hyperplanes(task).outputs) == (1, 1)
@@ -142,10 +142,10 @@ def test_as_an_environment_it_takes_real_numbers():
     environment = TaskEnv("hexapod-stride")
     assert environment.action_space.shape == (1,)
     environment.reset(seed=0)
-    for action in (np.array([0.5]), np.array([-1.0], np.float32)):
+    for action in (np.array([0.5]), np.array([-0.5], np.float32)):
         observation, reward, *_ = environment.step(action)
         assert np.isfinite([*observation, reward]).all()
-    with pytest.raises(ValueError, match=r"action = .*numbers from -1 to 1"):
+    with pytest.raises(ValueError, match=r"action = .*numbers from -0.625 to 2.75"):
         environment.step(np.array([np.nan]))
 
 

@@ -54,23 +54,23 @@ def at(decision, row=0, **sensors):
 
 
 def followed(task, decisions=130):
-    """What is observed at the start and after every decision, what each pays, whether it fell, and its readings."""
+    """What is observed at the start and after every decision, what each pays, whether it fell, and its metrics."""
 
     @jax.jit
     def decide(memory, state):
         memory, reward, fallen = task.reward(memory, state, jnp.zeros(task.action_size))
         memory, seen = task.observe(memory, state, NONE)
-        return memory, seen, reward, fallen, task.readings(memory, state)
+        return memory, seen, reward, fallen, task.metrics(memory, state)
 
     memory, first = task.observe(task.init(NONE), at(0), NONE)
-    observed, rewards, falls, readings = [first], [], [], []
+    observed, rewards, falls, metrics = [first], [], [], []
     for decision in range(1, decisions + 1):
         memory, seen, reward, fallen, told = decide(memory, at(decision))
         observed.append(seen)
         rewards.append(float(reward))
         falls.append(bool(fallen))
-        readings.append({k: float(v) if o else None for k, (v, o) in told.items()})
-    return np.stack(observed), np.array(rewards), falls, readings
+        metrics.append({k: float(v) if o else None for k, (v, o) in told.items()})
+    return np.stack(observed), np.array(rewards), falls, metrics
 
 
 @pytest.mark.ci
@@ -172,14 +172,14 @@ def test_velocity_is_paid_along_the_heading_the_course_or_x():
 
 @pytest.mark.ci
 def test_speed_is_reported_at_every_decision_and_stalls_once_a_second():
-    *_, falls, readings = followed(Hexapod())
+    *_, falls, metrics = followed(Hexapod())
     speed = read_hexapod(the_walk()).speed[1:, 0]
-    np.testing.assert_allclose([r["speed"] for r in readings], speed, atol=1e-6)
-    stalls = {n + 1: r["stalls"] for n, r in enumerate(readings) if r["stalls"] is not None}
+    np.testing.assert_allclose([r["speed"] for r in metrics], speed, atol=1e-6)
+    stalls = {n + 1: r["stalls"] for n, r in enumerate(metrics) if r["stalls"] is not None}
     assert stalls == {50: float(speed[:50].mean() < 0.3), 100: float(speed[50:100].mean() < 0.3)}
     assert not any(falls)
-    assert {r["falls"] for r in readings} == {0.0}
-    assert {r["net"] for r in readings} == {None}  # twenty seconds are not over
+    assert {r["falls"] for r in metrics} == {0.0}
+    assert {r["net"] for r in metrics} == {None}  # twenty seconds are not over
 
 
 def test_net_displacement_is_that_of_twenty_seconds_each():
@@ -193,7 +193,7 @@ def test_net_displacement_is_that_of_twenty_seconds_each():
         if n:
             memory, _, _ = task.reward(memory, state, jnp.zeros(24))
         memory, _ = task.observe(memory, state, NONE)
-        values = task.readings(memory, state)
+        values = task.metrics(memory, state)
         if n and values["net"][1]:
             found.append((n, float(values["net"][0])))
         if n:
@@ -203,7 +203,7 @@ def test_net_displacement_is_that_of_twenty_seconds_each():
 
 
 def walked(task, speeds, upward=1.0):
-    """The readings of `net` along x at these speeds in m/s, one a decision; at the last the trunk's up points so."""
+    """The metrics of `net` along x at these speeds in m/s, one a decision; at the last the trunk's up points so."""
     memory, _ = task.observe(task.init(NONE), at(0, position=(0.0, 0.0, 0.2)), NONE)
     found, place = [], 0.0
     for n, speed in enumerate(speeds, 1):
@@ -212,7 +212,7 @@ def walked(task, speeds, upward=1.0):
         state = at(0, position=(place, 0.0, 0.2), velocity=(speed, 0.0, 0.0), forward=(1.0, 0.0, 0.0), upward=up)
         memory, _, _ = task.reward(memory, state, jnp.zeros(24))
         memory, _ = task.observe(memory, state, NONE)
-        value, occurred = task.readings(memory, state)["net"]
+        value, occurred = task.metrics(memory, state)["net"]
         found += [(n, float(value))] if bool(occurred) else []
     return found
 
@@ -239,7 +239,7 @@ def test_an_overturned_trunk_ends_the_episode_and_counts_as_a_fall():
         state = at(1, upward=up)
         after, _, ended = task.reward(memory, state, jnp.zeros(24))
         assert bool(ended) == fallen
-        rate, occurred = task.readings(after, state)["falls"]
+        rate, occurred = task.metrics(after, state)["falls"]
         assert occurred
         assert float(rate) == pytest.approx(50.0 * fallen)
 
@@ -336,13 +336,13 @@ def test_an_evaluation_measures_the_gait():
     task = HexapodSynergy(time_limit=2.0)
     run = train(task, steps=100, seeds=[4, 9], window=50, progress=False)
     found = evaluate(run, 200)
-    assert set(found.measures) == {"gait", "frequency", "phase", "contact_correlation", "correlation", "duty"}
-    assert set(found.measures["gait"]) <= {"tripod", "pronk", "intermediate", "stalled"}
-    assert all(len(values) == 2 for values in found.measures.values())
+    assert set(found.motion_metrics) == {"gait", "frequency", "phase", "contact_correlation", "correlation", "duty"}
+    assert set(found.motion_metrics["gait"]) <= {"tripod", "pronk", "intermediate", "stalled"}
+    assert all(len(values) == 2 for values in found.motion_metrics.values())
     assert found.sensors is not None
-    # the mean speed that the classes are made from is the reading's, but for the start
+    # the mean speed that the classes are made from is the metric's, but for the start
     speed = read_hexapod_of(found)[:, 100:].mean(1)
-    assert all((kind == "stalled") == (v < 0.03) for kind, v in zip(found.measures["gait"], speed, strict=True))
+    assert all((kind == "stalled") == (v < 0.03) for kind, v in zip(found.motion_metrics["gait"], speed, strict=True))
     assert evaluate(run, 149).measures == {}  # after the first two seconds there must be one to measure
 
 

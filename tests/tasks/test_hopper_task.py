@@ -35,7 +35,7 @@ def paid(task, flight, action=IDLE):
     for height, contact in flight:
         memory, reward, terminated = task.reward(memory, body_state(height, contact), action)
         assert terminated is False
-        value, occurred = task.readings(memory, None)["apex"]
+        value, occurred = task.metrics(memory, None)["apex"]
         rewards.append(float(reward))
         apexes.append(float(value) if occurred else None)
     return rewards, apexes

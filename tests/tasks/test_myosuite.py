@@ -50,7 +50,7 @@ def played(task, env_id, episodes, seed=0):
             state = unpack(now[0])
             memory, reward, ended = task.reward(memory, state, now[1])
             memory, seen = task.observe(memory, state, np.zeros(0))
-            return memory, (seen, reward, ended, task.readings(memory, state)["solved"][0])
+            return memory, (seen, reward, ended, task.metrics(memory, state)["solved"][0])
 
         return jax.lax.scan(step, memory, (packed, actions))[1]
 
@@ -187,9 +187,9 @@ def test_with_replay_and_hindsight_an_elbow_holds_its_poses():
     """With the filter of noise that lasts for 100 ms, it would swing about them, and half of the steps be off."""
     task = mg.tasks.myosuite(ELBOW, actions="graded", scaling="none")
     run = mg.train(task, mg.presets.sac(task, steps=12_000), steps=12_000, seeds=1, progress=False)
-    readings = mg.evaluate(run, 2_000, mode="mode").readings
-    assert readings["success"][0] == 1
-    assert readings["solved"][0] > 0.85
+    metrics = mg.evaluate(run, 2_000, mode="mode").metrics
+    assert metrics["success"][0] == 1
+    assert metrics["solved"][0] > 0.85
 
 
 @pytest.mark.parametrize(

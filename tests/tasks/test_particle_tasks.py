@@ -105,7 +105,7 @@ def test_the_orbit_pays_its_radius_or_minus_that():
     for wanted, sign in (("wide", 1), ("narrow", -1)):
         task = make("particle-orbit", wanted=wanted, physics={"field": {"centre": [0.4, 0.5]}})
         assert pays(task, at(0.7, 0.9)) == (pytest.approx(sign * 0.5), False)
-        assert float(task.readings((), at(0.7, 0.9))["radius"][0]) == pytest.approx(0.5)
+        assert float(task.metrics((), at(0.7, 0.9))["radius"][0]) == pytest.approx(0.5)
     assert not ParticleOrbit().has_episodes
     assert ParticleOrbit(time_limit=5).has_episodes
 
@@ -124,10 +124,10 @@ def test_the_goal_pays_once_and_ends_the_episode_and_obstacles_cost():
     assert pays(task, at(0.8, 0.56))[1] is False
     assert pays(task, at(0.4, 0.5)) == (pytest.approx(-2.0), False)
     memory, _, _ = task.reward(jnp.int32(11), at(0.8, 0.5), jnp.zeros(64))
-    readings = task.readings(memory, at(0.8, 0.5))
-    assert (float(readings["arrival"][0]), bool(readings["arrival"][1])) == (12.0, True)
-    assert float(task.readings(memory, at(0.4, 0.5))["cost"][0]) == pytest.approx(2.0)
-    assert not bool(task.readings(memory, at(0.4, 0.5))["arrival"][1])
+    metrics = task.metrics(memory, at(0.8, 0.5))
+    assert (float(metrics["arrival"][0]), bool(metrics["arrival"][1])) == (12.0, True)
+    assert float(task.metrics(memory, at(0.4, 0.5))["cost"][0]) == pytest.approx(2.0)
+    assert not bool(task.metrics(memory, at(0.4, 0.5))["arrival"][1])
 
 
 @pytest.mark.ci

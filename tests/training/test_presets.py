@@ -1,6 +1,8 @@
 """Presets: learners for any task that scale with the budget and can be changed part by part."""
 
+import inspect
 import json
+import pickle
 from typing import Any
 
 import jax
@@ -8,12 +10,11 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._presets import PRESETS
 from motorgrad._tree import numbers_of
 from motorgrad.cli import main
 from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
 from motorgrad.tasks import from_gymnasium
-from motorgrad.training import agent_from_table, agent_table, check_training
+from motorgrad.training import PRESETS, agent_from_table, agent_table, check_training
 from motorgrad.worlds import oracle
 
 
@@ -206,6 +207,16 @@ def test_every_preset_fits_its_kinds_of_action_and_is_saved(preset, make, policy
     assert checked.agent is agent
 
 
+def test_every_preset_is_a_public_function_that_explains_itself():
+    assert list(PRESETS) == sorted(PRESETS)
+    assert {name.replace("-", "_") for name in PRESETS} == set(mg.presets.__all__) - {"PRESETS"}
+    for name in PRESETS:
+        function = getattr(mg.presets, name.replace("-", "_"))
+        assert list(inspect.signature(function).parameters) == ["task", "steps", "changes", "more"]
+        assert "as `natural`" in function.__doc__ or name == "natural"
+        assert pickle.loads(pickle.dumps(function)) is function
+
+
 def test_hidden_layers_stand_before_the_tasks_own_policy_or_another_that_takes_them():
     stride = mg.make("hexapod-stride")
     own = stride.learner_for(1_000)["policy"]
@@ -256,4 +267,4 @@ def test_batch_methods_learn_three_states(preset, steps):
 def test_the_preset_balances_the_pole():
     task = from_gymnasium("CartPole-v1")
     run = mg.train(task, steps=50_000, seeds=2, progress=False)
-    assert (mg.evaluate(run, 2_000, mode="mode").readings["return"] >= 475).all()
+    assert (mg.evaluate(run, 2_000, mode="mode").metrics["return"] >= 475).all()

@@ -101,7 +101,7 @@ def test_a_decision_has_its_observation_and_its_action_and_a_moment_its_reward(s
     assert table["truncated"][rewarded[9]]
     hand = table["sensor"][rewarded]
     aim = table["mark"][rewarded]
-    np.testing.assert_allclose(table["reading: distance"][rewarded], np.linalg.norm(hand - aim, axis=1), rtol=1e-4)
+    np.testing.assert_allclose(table["metric: distance"][rewarded], np.linalg.norm(hand - aim, axis=1), rtol=1e-4)
 
 
 def test_terms_make_up_the_reward(steps):
@@ -109,7 +109,7 @@ def test_terms_make_up_the_reward(steps):
     np.testing.assert_allclose(steps["reward"], terms, rtol=1e-6, atol=1e-7)
     assert steps.names("reward") == ["distance", "closeness", "effort"]
     known = np.isfinite(steps["reward"])
-    np.testing.assert_allclose(steps["reward: distance"][known], -steps["reading: distance"][known], rtol=1e-6)
+    np.testing.assert_allclose(steps["reward: distance"][known], -steps["metric: distance"][known], rtol=1e-6)
 
 
 def test_physics_steps_and_decisions_tell_the_same(arm, steps):

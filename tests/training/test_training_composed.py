@@ -64,7 +64,7 @@ def test_a_run_resumes_bit_for_bit_and_stands_alone(tmp_path):
     loaded = mg.load(tmp_path / "run")
     assert loaded.task == body
     found = mg.evaluate(loaded, 12)
-    assert found.readings["distance"].shape == (2,)
+    assert found.metrics["distance"].shape == (2,)
     assert found.position.shape == (2, 12, 2)
     assert found.control.shape == (2, 12, 6)
     assert found.activation.shape == (2, 12, 6)

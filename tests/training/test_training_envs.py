@@ -218,7 +218,7 @@ def test_a_run_is_saved_resumed_and_evaluated(drift, task, agent, tmp_path):
     same(whole.policies, parts.policies)
     np.testing.assert_array_equal(whole.curve("return")[1], parts.curve("return")[1])
     assert whole.memory.mean.mean.shape == (2, 2)
-    assert np.isfinite(mg.evaluate(whole, 60).readings["return"]).all()
+    assert np.isfinite(mg.evaluate(whole, 60).metrics["return"]).all()
     with pytest.raises(RunDirectoryError, match=r"run\.envs was 4 and is now 2"):
         mg.train(task, learner, 400, 2, tmp_path / "whole", envs=2, progress=False)
 

@@ -56,7 +56,7 @@ def test_every_episode_has_its_return_and_its_length(found):
     np.testing.assert_array_equal(found.returns, found.lengths * (found.lengths + 1) / 2)
     assert not found.cut.any()
     assert not found.diverged.any()
-    np.testing.assert_array_equal(found.readings["return"], found.returns)  # which the task reads, too
+    np.testing.assert_array_equal(found.metrics["return"], found.returns)  # which the task reads, too
 
 
 def test_short_episodes_count_as_often_as_they_begin(found):
@@ -137,8 +137,8 @@ def test_other_engines_count_what_their_records_do(task):
     longest = found.lengths == limit
     assert longest.any()
     if task == "particle-navigation":  # every decision costs, and the goal pays
-        arrived = np.isfinite(found.readings["arrival"])
-        np.testing.assert_allclose(found.returns, 10.0 * arrived - found.readings["cost"] * found.lengths, atol=1e-4)
+        arrived = np.isfinite(found.metrics["arrival"])
+        np.testing.assert_allclose(found.returns, 10.0 * arrived - found.metrics["cost"] * found.lengths, atol=1e-4)
 
 
 def test_a_task_without_episodes_and_impossible_numbers_are_refused(coin):

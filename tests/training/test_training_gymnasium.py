@@ -245,8 +245,8 @@ def test_a_run_is_loaded_with_its_task_and_evaluated_with_what_it_had_learned_of
     counts = run.memory.mean.count
     assert (counts >= 401).all()  # every decision's, and the first of every episode
     judged, again = mg.evaluate(run, 300), mg.evaluate(again, 300)
-    assert set(judged.readings) == {"return", "length"}
-    assert_same(judged.readings, again.readings)
+    assert set(judged.metrics) == {"return", "length"}
+    assert_same(judged.metrics, again.metrics)
     assert judged.reward.tolist() == [1, 1]
     stepper = learner(task, run.seeds, mode="sample")
     stepper.set_policies(run.policies, run.memory)
@@ -337,7 +337,7 @@ def test_every_kind_of_actions_is_learned_with(register, action, code, policy):
 def evaluated(task, agent, steps, seeds, decisions):
     """Frozen returns before and after learning, per seed."""
     run = mg.train(task, agent, steps=steps, seeds=seeds, progress=False)
-    return (mg.evaluate(run, decisions, untrained=untrained).readings["return"] for untrained in (True, False))
+    return (mg.evaluate(run, decisions, untrained=untrained).metrics["return"] for untrained in (True, False))
 
 
 @pytest.mark.ci

@@ -75,10 +75,10 @@ def test_the_metrics_have_a_row_for_every_window_and_seed(name, made):
     numbers = {"seed": pa.int32(), "decision": pa.int64(), "simulated_time": pa.float64(), "wall_time": pa.float64()}
     numbers["cpu_time"] = pa.float64()
     assert {name: table.schema.field(name).type for name in numbers} == numbers
-    readings = [column for report in task.reports for column in (report, f"{report}_count")]
+    metrics = [column for report in task.metric_names for column in (report, f"{report}_count")]
     counts = ["diverged"] if isinstance(task, mg.tasks.HostTask) else []
     counts += ["episodes"] if task.has_episodes else []
-    assert table.column_names == [*numbers, "reward", *sorted([*counts, *readings, "baseline"]), "parameters"]
+    assert table.column_names == [*numbers, "reward", *sorted([*counts, *metrics, "baseline"]), "parameters"]
     np.testing.assert_array_equal(table["decision"], np.repeat([20, 40, 60], 2))
     np.testing.assert_array_equal(table["seed"], np.tile([4, 1], 3))
     np.testing.assert_allclose(table["simulated_time"], np.repeat([20, 40, 60], 2) * task.period)

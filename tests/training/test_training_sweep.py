@@ -237,7 +237,7 @@ def test_a_sweep_is_loaded_split_judged_and_plotted(tmp_path):
         run.policy(1)
     judged = evaluate(run, 30)
     assert judged.reward.shape == (4,)
-    assert judged.metrics["setting"].to_pylist() == [0, 0, 1, 1]
+    assert judged.records["setting"].to_pylist() == [0, 0, 1, 1]
     # the same seed acts on the same random numbers
     np.testing.assert_allclose(judged.reward[:2], evaluate(run.split()[0], 30).reward, rtol=1e-6)
     figure = run.plot()

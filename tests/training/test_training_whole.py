@@ -67,7 +67,7 @@ def earned(name, act, seed=5):
 @functools.cache
 def evaluated(name):
     found = mg.evaluate(learned(name), STEPS.get(name, 12), mode="mode")
-    length = found.readings.get("length", np.full(2, np.nan))[1]
+    length = found.metrics.get("length", np.full(2, np.nan))[1]
     return float(found.reward[1]), float(np.nan_to_num(length))
 
 

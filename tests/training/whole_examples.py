@@ -15,7 +15,7 @@ REACH = {
     "observe": ["joint-positions", "joint-velocities", "target-error"],
     "reward": ["distance"],
     "reset": ["random-joints"],
-    "readings": ["distance"],
+    "metrics": ["distance"],
 }
 TASKS = {
     "Pendulum": lambda: from_gymnasium("Pendulum-v1"),

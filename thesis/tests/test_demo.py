@@ -123,4 +123,4 @@ def test_the_demonstration_makes_all_that_it_names(tmp_path, capsys):
     # a second look finds the run complete
     shown = demo.demonstrate("shown", 20.0, 2, film_seconds=0.2)
     assert shown.run.decision == 2000
-    np.testing.assert_array_equal(shown.after.readings["apex"], found["apex"]["after"]["per_seed"])
+    np.testing.assert_array_equal(shown.after.metrics["apex"], found["apex"]["after"]["per_seed"])

@@ -53,12 +53,13 @@ def test_what_is_not_learned_has_no_step_size():
     primitive, stride = EXPERIMENTS["sec-5.4.1-primitive"](), EXPERIMENTS["sec-5.4.1-stride"]()
     rates = {kind: primitive.learner(kind).optimizer.learning_rate for kind in ("both", "precondition", "movement")}
     assert rates["both"] == primitive.task.learner["learning_rate"]
-    assert (rates["precondition"]["level"], rates["precondition"]["weights"]) == (0.0, rates["both"]["weights"])
-    assert (rates["movement"]["weights"], rates["movement"]["bias"]) == (0.0, 0.0)
-    assert rates["movement"]["level"] == rates["both"]["level"] > 0
+    when, how = "precondition.weights", "movement.bias"
+    assert (rates["precondition"][how], rates["precondition"][when]) == (0.0, rates["both"][when])
+    assert (rates["movement"][when], rates["movement"]["precondition.bias"]) == (0.0, 0.0)
+    assert rates["movement"][how] == rates["both"][how] > 0
     constant, slope = (stride.learner(kind).optimizer.learning_rate for kind in ("constant", "slope"))
-    assert constant["slope"] == 0.0 < slope["slope"]
-    assert constant["level"] == slope["level"]
+    assert constant["weights"] == 0.0 < slope["weights"]
+    assert constant["bias"] == slope["bias"]
 
 
 def strides(best, learned, adaptive, periods):

@@ -25,7 +25,7 @@ def reach() -> Composed:
         observe=["joint-positions", "joint-velocities", "target", "target-error"],
         reward=[terms.Distance(), terms.Closeness(width=0.05), terms.Effort(weight=-0.05)],
         reset=[terms.RandomJoints(share=0.5)],
-        readings=["distance", terms.Within(tolerance=0.03, name="solved")],
+        metrics=["distance", terms.Within(tolerance=0.03, name="solved")],
         actions="binary",
         time_limit=2.0,
     )

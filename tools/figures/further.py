@@ -98,8 +98,8 @@ def action_values() -> Figure:
         noise: dict[str, list[float]] = {"by the score": [], "through the action": []}
         for deviation in deviations:
             units = GradedHyperplanes(
-                slope=jnp.zeros((1, 1)),
-                level=jnp.array([centre]),
+                weights=jnp.zeros((1, 1)),
+                bias=jnp.array([centre]),
                 log_deviation=jnp.log(jnp.array([deviation])),
                 floor=jnp.array(1e-6),
             )
@@ -109,11 +109,11 @@ def action_values() -> Figure:
 
             def scored(u: jax.Array, units: GradedHyperplanes = units, mean: float = centre**2 + deviation**2):
                 action = units.sample(observation, u)
-                return (mean - jnp.square(action[0])) * units.score(observation, action).level[0]
+                return (mean - jnp.square(action[0])) * units.score(observation, action).bias[0]
 
             def through(u: jax.Array, units=units, values=values, state=state):
                 transition = Transition(observation, None, jnp.zeros(()), observation, uniforms=u)
-                return values.gradient(state, units, transition).level[0]
+                return values.gradient(state, units, transition).bias[0]
 
             for found, function in zip(noise.values(), (scored, through), strict=True):
                 found.append(float(np.std(jax.vmap(function)(uniforms)) / (2 * centre)))

@@ -57,7 +57,7 @@ def primitive() -> Figure:
 def primitives_policy() -> Figure:
     """When a primitive begins over one input, and how long its part lasts, for a unit each."""
     y = np.linspace(-1, 1, 201)
-    movement = GradedHyperplanes(slope=[[0.4]], level=[-0.2], log_deviation=np.log([0.2]))
+    movement = GradedHyperplanes(weights=[[0.4]], bias=[-0.2], log_deviation=np.log([0.2]))
     policy = Primitives(Hyperplanes(weights=[[-5.0]], bias=[-1.0]), movement)
     figure, (begins, moves) = panels(2)
     for ready, colour, label in ((1.0, BLUE, "can begin"), (0.0, FAINT, "cannot, such as while under way")):

@@ -35,7 +35,7 @@ def watched(work: Work, run: mg.Run, untrained: bool = False) -> Evaluation:
 
 def middle(run: mg.Run, outcome: Evaluation) -> int:
     """The place of the seed in the middle, not the best: a figure should show what to expect."""
-    order = np.argsort(np.nan_to_num(outcome.readings["apex"]), kind="stable")
+    order = np.argsort(np.nan_to_num(outcome.metrics["apex"]), kind="stable")
     return int(order[len(order) // 2])
 
 

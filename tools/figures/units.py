@@ -343,7 +343,7 @@ def bounded() -> Figure:
     u = np.linspace(1e-3, 1 - 1e-3, 400, dtype=np.float32)
     for panel, kind in zip(axes, kinds, strict=True):
         for location, spread, colour in ((0.0, 0.3, GREEN), (0.0, 1.2, BLUE), (0.9, 0.3, ORANGE)):
-            numbers: dict[str, Any] = {"slope": [[0.0]], "level": [location], "log_deviation": [np.log(spread - 0.02)]}
+            numbers: dict[str, Any] = {"weights": [[0.0]], "bias": [location], "log_deviation": [np.log(spread - 0.02)]}
             bounds: dict[str, Any] = {"low": 0.0, "high": 1.0}
             unit = BoundedHyperplanes(**numbers, **bounds, density=kind)
             inside = u if kind != "clipped" else u[1:-1]

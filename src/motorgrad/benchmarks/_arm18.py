@@ -78,7 +78,7 @@ def reach18() -> Composed:
         observe=["joint-positions", "joint-velocities", "activations", "muscle-lengths", "target-error"],
         reward=["distance", terms.Effort(weight=-0.1)],
         reset=[terms.RandomJoints(share=0.5)],
-        readings=["distance"],
+        metrics=["distance"],
         time_limit=2.0,
     )
 

@@ -6,6 +6,8 @@ import numba
 import numpy as np
 
 single = np.float32
+Number = np.floating
+Flag = np.bool_
 CAP = single(1 - 1e-6)
 
 
@@ -93,10 +95,10 @@ def particle_loop(
     log_width: np.ndarray,
     forces: np.ndarray,
     regions: np.ndarray,
-    numbers: tuple[Any, ...],
-    decay: Any,
-    rates: tuple[Any, Any],
-    limits: tuple[Any, Any],
+    numbers: tuple[Number, ...],
+    decay: np.float32,
+    rates: tuple[np.float32, np.float32],
+    limits: tuple[np.float32, np.float32],
 ) -> tuple[np.ndarray, np.ndarray, Any]:
     """Learn the falling particle for `steps` decisions. Only what this task needs is implemented: forces along x, and a
     floor that ends the episode.
@@ -166,22 +168,22 @@ def particle_loop(
 
 
 @numba.njit
-def _fall(x: Any, y: Any, vx: Any, vy: Any, push: Any, numbers: Any) -> Any:
+def _fall(x: Number, y: Number, vx: Number, vy: Number, push: Number, numbers: tuple[Number, ...]) -> Any:
     """One Runge–Kutta step between two walls, for a particle of mass 1."""
     h, gravity, drag, restitution, friction = numbers
     left = x <= 0 and vx <= 0
     right = x >= 1 and vx >= 0
     half = h / 2
-    ax, ay = _acceleration(x, vx, vy, push, gravity, drag, friction, left, right)
+    ax, ay = _acceleration(vx, vy, push, gravity, drag, friction, left, right)
     ux = vx + half * ax
     uy = vy + half * ay
-    bx, by = _acceleration(x, ux, uy, push, gravity, drag, friction, left, right)
+    bx, by = _acceleration(ux, uy, push, gravity, drag, friction, left, right)
     wx = vx + half * bx
     wy = vy + half * by
-    cx, cy = _acceleration(x, wx, wy, push, gravity, drag, friction, left, right)
+    cx, cy = _acceleration(wx, wy, push, gravity, drag, friction, left, right)
     tx = vx + h * cx
     ty = vy + h * cy
-    dx, dy = _acceleration(x, tx, ty, push, gravity, drag, friction, left, right)
+    dx, dy = _acceleration(tx, ty, push, gravity, drag, friction, left, right)
     sixth = h / 6
     x += sixth * (vx + 2 * ux + 2 * wx + tx)
     y += sixth * (vy + 2 * uy + 2 * wy + ty)
@@ -195,7 +197,7 @@ def _fall(x: Any, y: Any, vx: Any, vy: Any, push: Any, numbers: Any) -> Any:
 
 @numba.njit
 def _acceleration(
-    x: Any, vx: Any, vy: Any, push: Any, gravity: Any, drag: Any, friction: Any, left: bool, right: bool
+    vx: Number, vy: Number, push: Number, gravity: Number, drag: Number, friction: Number, left: Flag, right: Flag
 ) -> Any:
     """The acceleration; `left` and `right`: whether the particle rests on that wall."""
     fx = push - drag * vx

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
@@ -51,7 +51,13 @@ def in_turn(
     return Row(name, float(median[0]), float(median[1]), unit, float(np.median(ratios)), spread, wanted)
 
 
-def rate(run: Any, amount: int, runs: int) -> float:
+class Advancing(Protocol):
+    """A run that works: `advance` does an amount of its work."""
+
+    def advance(self, amount: int, /) -> object: ...
+
+
+def rate(run: Advancing, amount: int, runs: int) -> float:
     """How much of its work per second `run.advance(amount)` does, the median of several runs."""
     found = []
     for _ in range(runs):

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad.benchmarks._measure import Row, in_turn, rate
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, NetworkCritic, OvershootingBound
@@ -36,7 +36,7 @@ class Noise(World):
     def reset(self, uniforms: Float[Array, " observed"]) -> Float[Array, " observed"]:
         return uniforms
 
-    def step(self, state: Any, action: Array, uniforms: Float[Array, " observed"]) -> Float[Array, " observed"]:
+    def step(self, state: Array, action: Array, uniforms: Float[Array, " observed"]) -> Float[Array, " observed"]:
         return uniforms
 
 
@@ -59,10 +59,10 @@ class Stream(Task):
     def action_size(self) -> int:
         return ACTED
 
-    def observe(self, memory: Any, state: Any, uniforms: Any) -> Any:
+    def observe(self, memory: PyTree, state: Array, uniforms: Array) -> tuple[PyTree, Array]:
         return memory, 2 * state - 1
 
-    def reward(self, memory: Any, state: Any, action: Array) -> Any:
+    def reward(self, memory: PyTree, state: Array, action: Array) -> Any:
         return memory, -jnp.mean(action * action), False
 
 
@@ -98,14 +98,14 @@ class TorchLearner:
                 made += [layer, torch.nn.LayerNorm(layer.out_features, elementwise_affine=False), torch.nn.LeakyReLU()]
             return made
 
-        def copy(layer: Any, weight: Any, bias: Any) -> None:
+        def copy(layer: Any, weight: Array, bias: Array) -> None:
             layer.weight.data = torch.tensor(np.array(weight))
             layer.bias.data = torch.tensor(np.array(bias))
 
-        width = policy.pool.slope.shape[1]
+        width = policy.pool.weights.shape[1]
         means = torch.nn.Linear(width, ACTED)
         value = torch.nn.Linear(width, 1)
-        copy(means, policy.pool.slope, policy.pool.level)
+        copy(means, policy.pool.weights, policy.pool.bias)
         copy(value, critic.weights[None], critic.bias[None])
         self.policy = torch.nn.Sequential(*layers(policy.module), means)
         self.critic = torch.nn.Sequential(*layers(critic.layers), value)

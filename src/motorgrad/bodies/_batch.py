@@ -9,9 +9,11 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad.bodies._body import START, Body, actuators_of, compile_model, group_places
 from motorgrad.bodies.muscles._callback import callback_getter, callbacks_of, check_muscle_callback
@@ -29,7 +31,7 @@ class Sensors(dict[str, Any]):
     JAX treats it as it does a `dict`.
     """
 
-    def __missing__(self, name: Any) -> Any:
+    def __missing__(self, name: object) -> Any:
         raise unknown("sensor", name, self)
 
 
@@ -158,7 +160,7 @@ class BodyBatch:
         self._flag = self.packed[:, -1]
         self._lengths = batch.bind("actuator_length") if len(fibers(self.model)) else None
 
-    def step(self, control: Any) -> None:
+    def step(self, control: npt.ArrayLike) -> None:
         """Advance every simulation by one decision, that is `substeps` physics steps.
 
         **Arguments:** `control` (seeds, groups), array-like: for muscles from 0 to 1 (MuJoCo clamps values
@@ -222,7 +224,13 @@ class BodyBatch:
         self.reset(rows)
         self._flag[rows] = 1.0
 
-    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None, activation: Any = None) -> None:
+    def reset(
+        self,
+        rows: Sequence[int] | np.ndarray | None = None,
+        position: npt.ArrayLike | None = None,
+        velocity: npt.ArrayLike | None = None,
+        activation: npt.ArrayLike | None = None,
+    ) -> None:
         """Put simulations into the start pose, or into another.
 
         **Arguments:**
@@ -264,7 +272,7 @@ class BodyBatch:
             target[rows] = source[rows]
         self._flag[rows] = 0.0
 
-    def push(self, body: int, force: Any) -> None:
+    def push(self, body: int, force: npt.ArrayLike) -> None:
         """Apply a force to one part of every body, at its centre of mass, until another force is set or the body is
         reset.
 
@@ -333,7 +341,7 @@ class _Layout:
             else:
                 self.sensors[sensor.name] = first if size == 1 else slice(first, first + size)
 
-    def unpack(self, packed: Any) -> BodyState:
+    def unpack(self, packed: AnyArray) -> BodyState:
         width = packed.shape[-1]
         check(width == self.width, "packed.shape[-1]", width, f"{self.width}")
         sensors = Sensors({name: packed[..., where] for name, where in self.sensors.items()})
@@ -363,7 +371,7 @@ def start_key(body: Body, model: mujoco.MjModel) -> int:
     return names.index(start)
 
 
-def start_pose(body: Body, model: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def start_pose(body: Body, model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The generalised positions and velocities, and the activations, with which a body starts."""
     key = start_key(body, model)
     if key < 0:
@@ -371,7 +379,7 @@ def start_pose(body: Body, model: Any) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return np.array(model.key_qpos[key]), np.array(model.key_qvel[key]), np.array(model.key_act[key])
 
 
-def _rows(rows: Any, seeds: int) -> tuple[np.ndarray, np.ndarray]:
+def _rows(rows: Sequence[int] | np.ndarray, seeds: int) -> tuple[np.ndarray, np.ndarray]:
     """Sorted unique row numbers, from row numbers or a mask, and where each stood."""
     rows = np.asarray(rows)
     if rows.dtype == bool:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import mujoco
 import numpy as np
 
+from motorgrad._arrays import Vector
 from motorgrad._errors import check, choice, unknown
 from motorgrad.bodies.models._read import compile_bare, compile_spec
 from motorgrad.bodies.muscles._hill import HillMuscle, set_hill
@@ -197,8 +198,8 @@ def add_muscles(spec: mujoco.MjSpec, muscles: Sequence[Muscle | HillMuscle], mus
 
 
 def add_geom(
-    body: mujoco.MjsBody, name: str, kind: Any, size: Any, position: Any, mass: float, colour: Sequence[float]
-) -> Any:
+    body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, size: Vector, position: Vector, mass: float, colour: Vector
+) -> mujoco.MjsGeom:
     """Add a geom without collisions to a body."""
     return body.add_geom(
         name=name, type=kind, size=size, pos=position, mass=mass, rgba=colour, contype=0, conaffinity=0

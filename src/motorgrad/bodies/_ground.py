@@ -6,10 +6,11 @@
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_not_negative, check_positive
@@ -166,7 +167,7 @@ def _waves(terrain: Terrain, x: Points, y: Points, noise: Noise) -> Points:
     return 0.5 + 0.5 * np.sin(number * (x * np.cos(way) + y * np.sin(way)) + phase).mean(0)
 
 
-_HEIGHT_FUNCTIONS: dict[str, Callable[..., Any]] = {
+_HEIGHT_FUNCTIONS: dict[Kind, Callable[[Terrain, Points, Points, Noise], Points]] = {
     "bumps": _bumps,
     "slopes": _slopes,
     "steps": _steps,
@@ -199,7 +200,7 @@ class SlopeBatch(BodyBatch):
         self._gravity = self._batch.expand("opt.gravity")
         self._level = np.array(self.model.opt.gravity)
 
-    def step(self, control: Any) -> None:
+    def step(self, control: npt.ArrayLike) -> None:
         """Advance every simulation by one decision.
 
         **Arguments:** `control` (seeds, groups + 2): as in `BodyBatch.step`; the last two columns are the angle in
@@ -216,7 +217,13 @@ class SlopeBatch(BodyBatch):
         self._gravity[:, 2] = -size * np.cos(slope)
         super().step(control[:, :-2])
 
-    def reset(self, rows: Any = None, position: Any = None, velocity: Any = None, activation: Any = None) -> None:
+    def reset(
+        self,
+        rows: Sequence[int] | np.ndarray | None = None,
+        position: npt.ArrayLike | None = None,
+        velocity: npt.ArrayLike | None = None,
+        activation: npt.ArrayLike | None = None,
+    ) -> None:
         """Put simulations into the start pose, or into another, on a level plane; as `BodyBatch.reset`."""
         self._gravity[slice(None) if rows is None else rows] = self._level
         super().reset(rows, position, velocity, activation)

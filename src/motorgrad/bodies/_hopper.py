@@ -15,7 +15,7 @@ import numpy as np
 from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad._settings import check_fields
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
-from motorgrad.bodies.muscles._hill import Hill, HillMuscle
+from motorgrad.bodies.muscles._hill import Curves, Hill, HillMuscle, Tendon
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
 from motorgrad.bodies.muscles._wrapping import away_angle, wrapped_length
 
@@ -98,8 +98,8 @@ class Hopper:
     lateral_damping: float = 1.0
     timestep: float = 0.001
     muscle_model: Literal["thesis", "native", "hill"] = "thesis"
-    tendon: Literal["compliant", "rigid"] = "compliant"
-    curves: Literal["de-groote", "millard"] = "de-groote"
+    tendon: Tendon = "compliant"
+    curves: Curves = "de-groote"
     extra_muscles: tuple[Muscle, ...] = ()
 
     def __post_init__(self) -> None:

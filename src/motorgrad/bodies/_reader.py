@@ -4,10 +4,11 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 from mujoco import batch as mujoco_batch
 
@@ -138,8 +139,9 @@ class _WithContacts(WrappedBody):
 
     def spec(self) -> mujoco.MjSpec:
         spec = self.body.spec()
+        paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
         for number, part in enumerate(spec.bodies):
-            can_touch = any(geom.contype or geom.conaffinity for geom in part.geoms) or _paired(spec, part)
+            can_touch = any(geom.contype or geom.conaffinity or geom.name in paired for geom in part.geoms)
             if number == 0 or not can_touch:
                 continue
             part.name = part.name or f"body {number}"
@@ -149,13 +151,7 @@ class _WithContacts(WrappedBody):
         return spec
 
 
-def _paired(spec: mujoco.MjSpec, part: Any) -> bool:
-    """Whether a pair of geoms that may touch names one of this part."""
-    named = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
-    return any(geom.name in named for geom in part.geoms)
-
-
-def _parts(model: Any, body: Body) -> Iterator[_Part]:
+def _parts(model: mujoco.MjModel, body: Body) -> Iterator[_Part]:
     """All quantities of a body, in the order of the columns."""
     yield from _joint_parts(model)
     actuators = range(model.nu)
@@ -186,13 +182,13 @@ def _parts(model: Any, body: Body) -> Iterator[_Part]:
     yield _part("sensordata", places, [column for i in sensed for column in _sensor_columns(model, i)])
 
 
-def joint_columns(model: Any) -> list[Column]:
+def joint_columns(model: mujoco.MjModel) -> list[Column]:
     """The columns of all generalised positions of a model, then of all velocities."""
     found = [part.columns for part in _joint_parts(model)]
     return [*found[0], *found[1]]
 
 
-def _joint_parts(model: Any) -> Iterator[_Part]:
+def _joint_parts(model: mujoco.MjModel) -> Iterator[_Part]:
     positions = list(_joint_numbers(model, 0))
     velocities = list(_joint_numbers(model, 1))
     angles = [("joint angle" if units is _TURNS else "joint position", name, units[0]) for name, units in positions]
@@ -203,12 +199,16 @@ def _joint_parts(model: Any) -> Iterator[_Part]:
         yield _part(field, range(model.nv), named)
 
 
-def _part(field: str, places: Sequence[int], named: Sequence[tuple[str, str, str]], factors: Any = 1.0) -> _Part:
+def _part(
+    field: str, places: Sequence[int], named: Sequence[tuple[str, str, str]], factors: npt.ArrayLike = 1.0
+) -> _Part:
     columns = tuple(Column(f"{family}: {name}", unit) for family, name, unit in named)
     return _Part(field, np.array(places, int), np.broadcast_to(np.asarray(factors, float), len(columns)), columns)
 
 
-def _activations(model: Any, muscles: Any, kinds: Sequence[str], names: Sequence[str]) -> Iterator[_Part]:
+def _activations(
+    model: mujoco.MjModel, muscles: np.ndarray, kinds: Sequence[str], names: Sequence[str]
+) -> Iterator[_Part]:
     """The activation of each muscle, which is its control where it has no dynamics; states of other actuators; lengths
     of fibers that are states."""
     last = model.actuator_actadr + model.actuator_actnum - 1
@@ -223,7 +223,7 @@ def _activations(model: Any, muscles: Any, kinds: Sequence[str], names: Sequence
     yield _part("act", [int(model.actuator_actadr[i]) for i in fibers], named, optimal or 1.0)
 
 
-def _muscles(model: Any, body: Body) -> np.ndarray:
+def _muscles(model: mujoco.MjModel, body: Body) -> np.ndarray:
     """Which actuators are muscles, of this library or MuJoCo's."""
     own = {muscle.name for muscle in body.muscles}
     named = np.array([model.actuator(i).name in own for i in range(model.nu)], bool)
@@ -232,7 +232,7 @@ def _muscles(model: Any, body: Body) -> np.ndarray:
     return named | native | hill_actuators(model)
 
 
-def _joint_numbers(model: Any, of: int) -> Iterator[tuple[str, tuple[str, str, str]]]:
+def _joint_numbers(model: mujoco.MjModel, of: int) -> Iterator[tuple[str, tuple[str, str, str]]]:
     """The name and the units of each generalised position (`of` = 0) or velocity (1)."""
     for i in range(model.njnt):
         name = model.joint(i).name or f"joint {i + 1}"
@@ -245,7 +245,7 @@ def _joint_numbers(model: Any, of: int) -> Iterator[tuple[str, tuple[str, str, s
             yield f"{name} {k + 1}", each
 
 
-def _actuator_units(model: Any, i: int) -> tuple[str, str, str]:
+def _actuator_units(model: mujoco.MjModel, i: int) -> tuple[str, str, str]:
     """The units of an actuator's length, velocity and force."""
     target = int(model.actuator_trnid[i, 0])
     match _TRANSMISSION(int(model.actuator_trntype[i])):
@@ -263,11 +263,11 @@ def _actuator_units(model: Any, i: int) -> tuple[str, str, str]:
     return "", "", ""
 
 
-def _of_joint(model: Any, joint: int) -> tuple[str, str, str]:
+def _of_joint(model: mujoco.MjModel, joint: int) -> tuple[str, str, str]:
     return _MOVES if int(model.jnt_type[joint]) == int(_JOINT.mjJNT_SLIDE) else _TURNS
 
 
-def _sensor_columns(model: Any, i: int) -> list[tuple[str, str, str]]:
+def _sensor_columns(model: mujoco.MjModel, i: int) -> list[tuple[str, str, str]]:
     """The columns of a sensor of the body's own."""
     kind = mujoco.mjtSensor(int(model.sensor_type[i]))
     size = int(model.sensor_dim[i])

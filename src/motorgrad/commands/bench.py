@@ -1,16 +1,14 @@
 """`motorgrad bench`: the speed table."""
 
 import dataclasses
-import math
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from motorgrad._applications import entries
 from motorgrad._extras import install
 from motorgrad.benchmarks import ROWS, Row, speed_table
-from motorgrad.options import parse, write_json
+from motorgrad.options import finite_table, parse, write_json
 from motorgrad.training import provenance
 
 
@@ -39,8 +37,7 @@ def run(arguments: list[str]) -> int:
     for row in speed_table(options.quick):
         rows.append(row)
         console.print(row_text(row), highlight=False, soft_wrap=True)
-    table = [{key: _finite(value) for key, value in dataclasses.asdict(row).items()} for row in rows]
-    write_json(options.json, {"machine": where, "rows": table})
+    write_json(options.json, {"machine": where, "rows": [finite_table(dataclasses.asdict(row)) for row in rows]})
     return 0
 
 
@@ -52,9 +49,3 @@ def row_text(row: Row) -> str:
     text += "" if row.ratio is None else f"  = {row.ratio:.2f}"
     text += "" if row.spread is None else f" [{row.spread[0]:.2f} … {row.spread[1]:.2f}]"
     return text + (f"   wanted {row.wanted}" if row.wanted else "")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, tuple | list):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -225,7 +225,7 @@ def _summaries(outcome: Evaluation | EpisodeEvaluation) -> dict[str, Any]:
     """An evaluation as a plain table: numbers as their summary, words as they are; of episodes, also every one."""
     if isinstance(outcome, EpisodeEvaluation):
         return {name: _of_episodes(outcome, name) for name in ("return", "length", *outcome.others)}
-    values = {"reward": outcome.reward, **outcome.readings, **outcome.measures}
+    values = {"reward": outcome.reward, **outcome.metrics, **outcome.motion_metrics}
     return {name: each.tolist() if each.dtype.kind == "U" else summary(each) for name, each in values.items()}
 
 
@@ -238,7 +238,7 @@ def _of_episodes(outcome: EpisodeEvaluation, name: str) -> dict[str, Any]:
     return {"told": outcome.in_words(name), **numbers, "per_seed": means, "episodes": values}
 
 
-def _text(name: str, value: Any) -> str:
+def _text(name: str, value: dict[str, Any] | list[str]) -> str:
     if isinstance(value, dict) and "told" in value:
         return f"{name}: {value['told']}"
     if isinstance(value, dict):

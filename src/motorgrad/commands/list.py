@@ -5,13 +5,12 @@ import inspect
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from motorgrad._applications import LISTS
 from motorgrad._applications import entries as offers
-from motorgrad._tree import PART_CLASSES, Part
+from motorgrad._tree import PART_CLASSES
 from motorgrad.learning import Estimator
-from motorgrad.options import parse, write_json
+from motorgrad.options import name_in_words, parse, write_json
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 
@@ -27,15 +26,19 @@ class List:
 
 def run(arguments: list[str]) -> int:
     options = parse(List, arguments, "list")
-    estimators = {
-        name: ", ".join(f"{part} {_kind(value)}" for part, value in parts.items())
+    presets = {
+        name: {part: value["kind"] if isinstance(value, Mapping) else value for part, value in parts.items()}
         for name, parts in Estimator.presets.items()
     }
     found = {
         "tasks": {name: _first_line(TASKS[name]) for name in sorted(TASKS)},
         "policies": {name: _first_line(make) for name, make in INITIAL.items()},
-        "estimators": estimators,
-        **{f"kinds of {_words(place)}": _kinds(place) for place in PART_CLASSES if len(PART_CLASSES[place]) > 1},
+        "estimators": {name: ", ".join(f"{part} {kind}" for part, kind in of.items()) for name, of in presets.items()},
+        **{
+            f"kinds of {name_in_words(place)}": {name: _first_line(kind) for name, kind in kinds.items()}
+            for place, kinds in PART_CLASSES.items()
+            if len(kinds) > 1
+        },
         **{name: offer.load()() for name, offer in offers(LISTS).items()},
     }
     if str(options.json) != "-":
@@ -48,21 +51,7 @@ def run(arguments: list[str]) -> int:
     return 0
 
 
-def _kind(value: Any) -> Any:
-    """A setting of a preset; of a part, its kind."""
-    return value["kind"] if isinstance(value, Mapping) else value
-
-
-def _words(place: type[Part]) -> str:
-    """The name of a class in words, such as "critic fit"."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", place.__name__).lower()
-
-
-def _kinds(place: type[Part]) -> dict[str, str]:
-    return {name: _first_line(kind) for name, kind in PART_CLASSES[place].items()}
-
-
-def _first_line(thing: Any) -> str:
+def _first_line(thing: object) -> str:
     """The first sentence of a docstring, without its formulas."""
     paragraph = " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
     return re.sub(r",? \$[^$]*\$", "", paragraph).partition(". ")[0].rstrip(".")

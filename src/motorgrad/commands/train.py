@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Literal
 
 from motorgrad._errors import check, counted, plain
 from motorgrad._files import check_writable
-from motorgrad._presets import PRESETS
 from motorgrad._settings import default_of, table
 from motorgrad._signals import unfinished
 from motorgrad.options import (
@@ -26,6 +25,7 @@ from motorgrad.options import (
 )
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
+    PRESETS,
     EvaluationCallback,
     Run,
     agent_table,
@@ -86,7 +86,7 @@ class Options:
     evaluate_mode: Literal["sample", "mode"] = "sample"
     """In these episodes, sample draws every action, mode takes the most probable one."""
     keep_best: str | None = None
-    """Keep the policy of each seed that did best in these episodes, by return, by length or by a reading of the
+    """Keep the policy of each seed that did best in these episodes, by return, by length or by a metric of the
     task."""
     keep_least: bool = False
     """The best is the one with the least, not the largest."""

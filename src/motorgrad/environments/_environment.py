@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
+import numpy.typing as npt
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
@@ -29,7 +30,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     own `time_limit` is reached, or the simulation diverged; in the latter case the body is back at its start, and the
     reward is 0.
 
-    **Info:** `simulated_time` (s, since the start of the episode), `diverged` (bool), and each of the task's readings
+    **Info:** `simulated_time` (s, since the start of the episode), `diverged` (bool), and each of the task's metrics
     at the decisions at which it occurs (the hopper's `apex`, in m).
 
     **Arguments:**
@@ -58,7 +59,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         render_mode: str | None = None,
         width: int = 640,
         height: int = 480,
-        **settings: Any,
+        **settings: object,
     ):
         if render_mode is not None:
             choice("render_mode", render_mode, TaskEnv.metadata["render_modes"])
@@ -85,7 +86,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
             self._picture.note()
         return observation, {"simulated_time": 0.0, "diverged": False}
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: npt.ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One decision."""
         rows = self._rows
         if not self._running:
@@ -98,7 +99,7 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
         truncated = bool(outcome.truncated[0])
         self._running = not (terminated or truncated)
         info = {"simulated_time": float(rows.decisions[0] * rows.period), "diverged": bool(outcome.diverged[0])}
-        info |= {name: float(value[0]) for name, (value, occurred) in outcome.readings.items() if occurred[0]}
+        info |= {name: float(value[0]) for name, (value, occurred) in outcome.metrics.items() if occurred[0]}
         return outcome.observation[0], float(outcome.reward[0]), terminated, truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
@@ -147,7 +148,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         height: int = 480,
         max_episode_steps: int | None = None,
         threads: int = 0,
-        **settings: Any,
+        **settings: object,
     ):
         self.closed = True  # until there is something to close
         if render_mode is not None:
@@ -206,7 +207,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
             self._picture.note()
         return self._seen.copy(), self._info(mask)
 
-    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: npt.ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One decision in every row, or the start of its next episode."""
         rows, over = self._rows, self._over
         if not self._begun.all():
@@ -230,7 +231,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         """A picture of every row, each `(height, width, 3)` uint8, for `"rgb_array"`; `None` otherwise."""
         return None if self._picture is None else tuple(self._picture.paint(row) for row in range(self.num_envs))
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close_extras(self, **kwargs: object) -> None:
         """Release threads and graphics."""
         if self._picture is not None:
             self._picture.close()
@@ -247,7 +248,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         diverged = np.zeros(self.num_envs, bool) if outcome is None else outcome.diverged
         info: dict[str, Any] = {}
         found = {"simulated_time": (self._rows.decisions * self._rows.period, mask), "diverged": (diverged, mask)}
-        for name, (value, there) in (found | ({} if outcome is None else outcome.readings)).items():
+        for name, (value, there) in (found | ({} if outcome is None else outcome.metrics)).items():
             if there.any():
                 info |= {name: np.where(there, value, np.zeros((), value.dtype)), f"_{name}": there.copy()}
         return info

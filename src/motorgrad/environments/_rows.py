@@ -7,13 +7,19 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.utils.seeding import np_random
+from jaxtyping import Array, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check_integer
 from motorgrad.bodies import BodyBatch
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.worlds import World
+
+Carry = tuple[PyTree, PyTree]
+"""The memory of a task, and the state of its world, `()` for a body."""
 
 
 class Functions(NamedTuple):
@@ -22,28 +28,28 @@ class Functions(NamedTuple):
     `begin(packed, numbers)` and `again(carry, packed, numbers)`, for the first and for further episodes, return the
     carry and the observation; `decide(carry, packed, action, numbers)` returns the carry and the outcome.
 
-    Rows lead everywhere. `carry` is the task's memory and a world's state; `packed` holds the rows of a `BodyBatch`,
-    with width 0 for a world. `begins` and `decides` say how many numbers from U[0, 1) a row consumes. An outcome is a
-    single vector, because every array that crosses the border of compiled code costs time: observation, reward,
-    `terminated`, `truncated` by the dynamics themselves, and for each reading the value and whether it occurred.
+    Rows lead everywhere. `packed` holds the rows of a `BodyBatch`, with width 0 for a world. `begins` and `decides` say
+    how many numbers from U[0, 1) a row consumes. An outcome is a single vector, because every array that crosses the
+    border of compiled code costs time: observation, reward, `terminated`, `truncated` by the dynamics themselves, and
+    for each metric the value and whether it occurred.
     """
 
-    begin: Callable[..., Any]
-    again: Callable[..., Any]
-    decide: Callable[..., Any]
+    begin: Callable[[AnyArray, AnyArray], tuple[Carry, Array]]
+    again: Callable[[Carry, AnyArray, AnyArray], tuple[Carry, Array]]
+    decide: Callable[[Carry, AnyArray, AnyArray, AnyArray], tuple[Carry, Array]]
     begins: int
     decides: int
 
 
 class Outcome(NamedTuple):
-    """The result of a decision, rows leading. `readings` has for each name the values and whether each occurred."""
+    """The result of a decision, rows leading. `metrics` has for each name the values and whether each occurred."""
 
     observation: np.ndarray
     reward: np.ndarray
     terminated: np.ndarray
     truncated: np.ndarray
     diverged: np.ndarray
-    readings: dict[str, tuple[np.ndarray, np.ndarray]]
+    metrics: dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 class Rows:
@@ -68,7 +74,7 @@ class Rows:
         self._every = np.ones(count, bool)
         self._nothing = np.zeros((count, 0), np.float32)
         self._functions = functions_of(task)
-        self._carry: Any = None
+        self._carry: Any = None  # a `Carry` once an episode has begun
         self._closed = False
 
     @property
@@ -104,7 +110,7 @@ class Rows:
     def step(self, action: np.ndarray, live: np.ndarray | None = None) -> Outcome:
         """One decision in the rows of `live`. The others are ignored and must be reset.
 
-        A diverged row is back at its start: it is truncated, its reward is 0, and none of its readings occurred.
+        A diverged row is back at its start: it is truncated, its reward is 0, and none of its metrics occurred.
         """
         body, size, limit = self.body, self._size, self._limit
         if body is None:
@@ -127,12 +133,12 @@ class Rows:
         if limit is not None:
             cut |= self.decisions >= limit
         truncated = diverged | (cut & good & ~terminated)
-        readings = {
+        metrics = {
             name: (outcome[:, first], (outcome[:, first + 1] > 0) & good)
-            for first, name in zip(range(size + 3, outcome.shape[1], 2), self.task.reports, strict=True)
+            for first, name in zip(range(size + 3, outcome.shape[1], 2), self.task.metric_names, strict=True)
         }
         observation = np.array(outcome[:, :size], np.float32)
-        return Outcome(observation, np.where(good, outcome[:, size], 0.0), terminated, truncated, diverged, readings)
+        return Outcome(observation, np.where(good, outcome[:, size], 0.0), terminated, truncated, diverged, metrics)
 
     def close(self) -> None:
         """Release the simulations and their threads."""
@@ -167,33 +173,34 @@ def _compile(task: Task) -> Functions:
     unpack = task.batch([0], threads=1).unpack if isinstance(task, BodyTask) else None
     reset, step = (world.reset_uniforms, world.uniforms) if world else (0, 0)
 
-    def start(memory: Callable[[Any], Any], packed: Any, numbers: Any) -> Any:
+    def start(memory: Callable[[Array], PyTree], packed: Array, numbers: Array) -> tuple[Carry, Array]:
         fresh, init, sensing = jnp.split(numbers, (reset, reset + task.init_uniforms))
         state = world.reset(fresh) if world else ()
         after, observation = task.sense(memory(init), unpack(packed) if unpack else state, sensing)
         return (after, state), observation
 
-    def begin(packed: Any, numbers: Any) -> Any:
+    def begin(packed: Array, numbers: Array) -> tuple[Carry, Array]:
         return start(task.init, packed, numbers)
 
-    def again(carry: Any, packed: Any, numbers: Any) -> Any:
+    def again(carry: Carry, packed: Array, numbers: Array) -> tuple[Carry, Array]:
         return start(lambda init: task.renew(carry[0], init), packed, numbers)
 
-    def decide(carry: Any, packed: Any, action: Any, numbers: Any) -> Any:
+    def decide(carry: Carry, packed: Array, action: Array, numbers: Array) -> tuple[Carry, Array]:
         memory, state = carry
         chance, sensing = jnp.split(numbers, (step,))
         state = world.step(state, action, chance) if world else ()
         seen = unpack(packed) if unpack else state
         memory, reward, terminated = task.reward(memory, seen, action)
         memory, observation = task.sense(memory, seen, sensing)
-        readings = task.readings(memory, seen)
-        numbers = [
+        metrics = task.metrics(memory, seen)
+        outcome = [
             reward,
             terminated,
             task.truncated(memory, seen),
-            *(part for name in task.reports for part in readings[name]),
+            *(part for name in task.metric_names for part in metrics[name]),
         ]
-        return (memory, state), jnp.concatenate([observation, jnp.stack([jnp.asarray(n, float) for n in numbers])])
+        numbers = jnp.stack([jnp.asarray(part, float) for part in outcome])
+        return (memory, state), jnp.concatenate([observation, numbers])
 
     return Functions(
         jax.jit(jax.vmap(begin)),
@@ -207,10 +214,10 @@ def _compile(task: Task) -> Functions:
 _once = functools.lru_cache(maxsize=32)(_compile)
 
 
-def select_rows(mask: np.ndarray, new: Any, old: Any) -> Any:
+def select_rows(mask: np.ndarray, new: PyTree[AnyArray], old: PyTree[AnyArray]) -> PyTree[AnyArray]:
     """`new` in the rows of `mask`, `old` elsewhere."""
 
-    def pick(a: Any, b: Any) -> np.ndarray:
+    def pick(a: npt.ArrayLike, b: npt.ArrayLike) -> np.ndarray:
         a = np.asarray(a)
         b = np.asarray(b)
         return np.where(mask.reshape((-1,) + (1,) * (a.ndim - 1)), a, b)

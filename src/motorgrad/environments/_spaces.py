@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from gymnasium import spaces
 
 from motorgrad._errors import check, choice, shown
@@ -59,7 +60,9 @@ def metadata_of(task: Task, common: dict[str, Any]) -> dict[str, Any]:
     return {**common, "render_modes": list(modes), "render_fps": 1 / task.period}
 
 
-def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = (), binary: Any = False) -> np.ndarray:
+def check_action(
+    space: ActionSpace, action: object, rows: tuple[int, ...] = (), binary: npt.ArrayLike = False
+) -> np.ndarray:
     """Check an action of `space`, or one for each of `rows`, and return a copy in the task's type. Where `binary` is
     true among graded numbers, those above 0.5 are 1.
 
@@ -77,19 +80,16 @@ def check_action(space: ActionSpace, action: Any, rows: tuple[int, ...] = (), bi
     if isinstance(space, spaces.Box):
         given = array.astype(np.float32)  # in which the bounds are
         if not ((given >= space.low) & (given <= space.high)).all():
-            check(False, "action", array.tolist(), f"numbers {_ranges(space)}")
+            bounds = zip(space.low.flat, space.high.flat, strict=True)
+            ranges = [f"from {low:g} to {high:g}" for low, high in sorted({(float(a), float(b)) for a, b in bounds})]
+            wanted = f"numbers {' or '.join(ranges[:3])}{', …' * (len(ranges) > 3)}"
+            check(False, "action", array.tolist(), wanted)
         return np.where(binary, given > 0.5, given).astype(np.float32)
     check(((array == 0) | (array == 1)).all(), "action", array.tolist(), "zeros and ones")
     return array.astype(np.float32)
 
 
-def _ranges(space: spaces.Box) -> str:
-    """The ranges of a space in words."""
-    ranges = sorted({(float(low), float(high)) for low, high in zip(space.low.flat, space.high.flat, strict=True)})
-    return " or ".join(f"from {low:g} to {high:g}" for low, high in ranges[:3]) + ", …" * (len(ranges) > 3)
-
-
-def as_array(name: str, value: Any) -> np.ndarray:
+def as_array(name: str, value: object) -> np.ndarray:
     """An argument as an array. **Raises** `ValueError` where it cannot become one."""
     try:
         return np.asarray(value)

@@ -1,13 +1,12 @@
 """A program as the statements of a C function."""
 
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.export._c_numbers import limit, literal, type_of
+from motorgrad.export._c_numbers import CFile, limit, literal, type_of
 from motorgrad.export._program import Operation, Program, Untranslatable
 
 INFIX = {
@@ -29,7 +28,7 @@ class CFunction:
     """One program as statements. Arrays that are used once, and known rearrangements of others, are not stored: their
     elements are written where they are needed."""
 
-    def __init__(self, file: Any, program: Program):
+    def __init__(self, file: CFile, program: Program):
         self.file, self.program, self.operations = file, program, program.operations
         self._names: dict[int, str] = {place: name for name, place in program.inputs.items()}
         self._lines: list[str] = []
@@ -240,10 +239,10 @@ class CFunction:
 
         self._loop((*shape[:axis], *shape[axis + 1 :]), body)
 
-    def _loop(self, shape: Sequence[int], body: Any) -> None:
+    def _loop(self, shape: Sequence[int], body: Callable[[tuple[str, ...]], list[str]]) -> None:
         self._lines += self._looped(shape, body, "i")
 
-    def _looped(self, shape: Sequence[int], body: Any, letter: str) -> list[str]:
+    def _looped(self, shape: Sequence[int], body: Callable[[tuple[str, ...]], list[str]], letter: str) -> list[str]:
         """Nested loops around statements that `body` makes of the coordinates."""
         if 0 in shape:
             return []

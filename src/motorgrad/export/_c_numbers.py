@@ -1,4 +1,4 @@
-"""Types and numbers in C."""
+"""Types and numbers in C, and what the functions of a file share."""
 
 from typing import Any
 
@@ -16,8 +16,15 @@ TYPES = {
     "b1": "bool",
 }
 
+HELPERS = {
+    "max": "static inline {type} max_{name}({type} a, {type} b) {{ return a > b{nan} ? a : b; }}",
+    "min": "static inline {type} min_{name}({type} a, {type} b) {{ return a < b{nan} ? a : b; }}",
+    "sign": "static inline {type} sign_{name}({type} a) {{ return a > 0 ? 1 : a < 0 ? -1 : a; }}",
+    "bitcast": "static inline {type} as_{name}({other} a) {{ {type} b; memcpy(&b, &a, sizeof b); return b; }}",
+}
 
-def literal(number: Any) -> str:
+
+def literal(number: np.number | np.bool_ | int) -> str:
     """A number in C, without loss."""
     dtype = np.dtype(type(number))
     if dtype.kind == "b":
@@ -58,3 +65,38 @@ def type_of(dtype: np.dtype) -> str:
     if found is None:
         raise Untranslatable(f"{dtype}: has no form in C; known are {', '.join(TYPES)}")
     return found
+
+
+class CFile:
+    """What the functions of a file share: constant arrays, each written once, and helpers."""
+
+    def __init__(self) -> None:
+        self._tables: dict[Any, tuple[str, str]] = {}
+        self._helpers: dict[str, str] = {}
+
+    def preamble(self) -> str:
+        """Includes, helpers and constants. Call it after the text of all functions."""
+        includes = ["math", "stdbool", "stdint", "string"]
+        lines = [f"#include <{each}.h>" for each in includes]
+        return "\n".join([*lines, "", *self._helpers.values(), *(text for _, text in self._tables.values()), ""])
+
+    def table(self, array: np.ndarray) -> str:
+        """The name of a constant array."""
+        kind = array.dtype if array.dtype.kind != "i" or array.dtype.itemsize > 4 else smallest(array)
+        key = (kind.str, array.tobytes(), array.dtype.str)
+        if key not in self._tables:
+            name = f"k{len(self._tables)}"
+            numbers = [literal(number) for number in array.ravel()]
+            rows = [", ".join(numbers[start : start + 8]) for start in range(0, len(numbers), 8)]
+            text = f"static const {type_of(kind)} {name}[{array.size}] = {{\n    " + ",\n    ".join(rows) + "};"
+            self._tables[key] = name, text
+        return self._tables[key][0]
+
+    def helper(self, kind: str, dtype: np.dtype, other: np.dtype | None = None) -> str:
+        """The name of a helper for numbers of this type."""
+        made = f"{'as' if kind == 'bitcast' else kind}_{type_of(dtype)}"
+        source = "" if other is None else type_of(other)
+        self._helpers[made] = HELPERS[kind].format(
+            type=type_of(dtype), name=type_of(dtype), other=source, nan=" || a != a" * (dtype.kind == "f")
+        )
+        return made

@@ -1,25 +1,25 @@
 """How elements at computed places are looked up and replaced."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import JaxprEqn
 from jax.lax import GatherScatterMode
 
-from motorgrad.export._rules import as_index, clipped, number, out_of, rule
+from motorgrad.export._builder import Builder, rule
+from motorgrad.export._rules import as_index, clipped, number, out_of
 
 
 def _strides(shape: tuple[int, ...]) -> list[int]:
     return [int(np.prod(shape[axis + 1 :])) for axis in range(len(shape))]
 
 
-def _weighted(b: Any, place: int, weight: int, total: int) -> int:
+def _weighted(b: Builder, place: int, weight: int, total: int) -> int:
     """`total` plus `weight` times an array of places."""
     return b.elementwise("add", b.elementwise("mul", place, number(b, weight)), total)
 
 
 @rule("gather")
-def _gather(b: Any, operands: list[int], equation: Any) -> int:
+def _gather(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     """Each element's place is a known offset, plus clipped starts that are looked up among the indices."""
     (source, indices) = operands
     out = out_of(equation)
@@ -62,7 +62,7 @@ def _gather(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("dynamic_slice")
-def _dynamic_slice(b: Any, operands: list[int], equation: Any) -> int:
+def _dynamic_slice(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     source, *starts = operands
     shape = b.operations[source].shape
     sizes = equation.params["slice_sizes"]
@@ -75,7 +75,7 @@ def _dynamic_slice(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("dynamic_update_slice")
-def _dynamic_update_slice(b: Any, operands: list[int], equation: Any) -> int:
+def _dynamic_update_slice(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     """The new elements within the window, the old ones elsewhere."""
     source, update, *starts = operands
     shape = b.operations[source].shape

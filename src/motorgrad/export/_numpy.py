@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,7 @@ def numpy_file(functions: Mapping[str, Program], interface: Mapping[str, Any] | 
     return file.getvalue()
 
 
-def _serialised(program: Program, array: Any) -> list[Any]:
+def _serialised(program: Program, array: Callable[[np.ndarray], str]) -> list[Any]:
     """A program as the reader has it: inputs, calls and outputs."""
     names = {}
     steps = []
@@ -68,7 +68,7 @@ def _serialised(program: Program, array: Any) -> list[Any]:
     return [inputs, steps, outputs]
 
 
-def _call(operation: Operation, given: list[Any], array: Any) -> tuple[str, list[Any]]:
+def _call(operation: Operation, given: list[Any], array: Callable[[np.ndarray], str]) -> tuple[str, list[Any]]:
     """The name of NumPy's function, and its arguments."""
     kind, attributes = operation.kind, operation.attributes
     group, _, which = kind.partition(" ")

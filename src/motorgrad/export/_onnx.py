@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from motorgrad._extras import missing
 from motorgrad.export._program import Operation, Program, Untranslatable
@@ -82,7 +83,7 @@ class _Graph:
     def _type(self, dtype: np.dtype) -> int:
         return self.onnx.helper.np_dtype_to_tensor_dtype(dtype)
 
-    def _constant(self, value: Any, dtype: Any = None) -> str:
+    def _constant(self, value: ArrayLike, dtype: DTypeLike | None = None) -> str:
         array = np.asarray(value, dtype)
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self._constants:
@@ -93,13 +94,13 @@ class _Graph:
             )
         return self._constants[key][0]
 
-    def _node(self, kind: str, *given: str, **attributes: Any) -> str:
+    def _node(self, kind: str, *given: str, **attributes: object) -> str:
         self._fresh += 1
         made = f"value_{self._fresh}"
         self._nodes.append(self.onnx.helper.make_node(kind, list(given), [made], made, **attributes))
         return made
 
-    def _cast(self, given: str, dtype: Any) -> str:
+    def _cast(self, given: str, dtype: DTypeLike) -> str:
         return self._node("Cast", given, to=self._type(np.dtype(dtype)))
 
     def _made(self, operation: Operation, given: list[str]) -> str:

@@ -1,17 +1,15 @@
 """Rules that express each operation of JAX by plain ones."""
 
 import string
-from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import JaxprEqn
 
+from motorgrad.export._builder import Builder, aval_of, rule
 from motorgrad.export._program import Untranslatable
 from motorgrad.export._special import special
-
-Rule = Callable[[Any, list[int], Any], int | list[int]]
-"""From the builder, the places of the operands and the equation to the places of what it makes."""
 
 UNARY = "neg abs sign floor ceil exp log sqrt sin cos tan asin acos atan sinh cosh tanh lgamma not is_finite"
 BINARY = "add sub mul div rem pow max min atan2 and or xor shift_left shift_right_logical shift_right_arithmetic"
@@ -19,47 +17,37 @@ COMPARISONS = "eq ne lt le gt ge"
 MOVES = "slice rev transpose tile"
 IDENTITIES = "stop_gradient copy optimization_barrier reduce_precision"
 MAX_UNROLLED_STEPS = 64
-RULES: dict[str, Rule] = {}
 
 
-def rule(*names: str) -> Callable[[Rule], Rule]:
-    """Declare the rule of operations."""
-
-    def declared(function: Rule) -> Rule:
-        RULES.update(dict.fromkeys(names, function))
-        return function
-
-    return declared
-
-
-def out_of(equation: Any) -> Any:
-    return equation.outvars[0].aval
+def out_of(equation: JaxprEqn) -> Any:
+    """The shape and the type of what an operation makes, of its first array where it makes several."""
+    return aval_of(equation.outvars[0])
 
 
 @rule(*UNARY.split(), *BINARY.split(), *COMPARISONS.split())
-def _elementwise(b: Any, operands: list[int], equation: Any) -> int:
+def _elementwise(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     return b.elementwise(equation.primitive.name, *operands, dtype=out_of(equation).dtype)
 
 
 @rule("lt_to", "le_to")
-def _ordered(b: Any, operands: list[int], equation: Any) -> int:
+def _ordered(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     """The orders by which JAX searches and sorts: the usual ones but for NaN, which they place last, and for zeros."""
     return b.elementwise(equation.primitive.name[:2], *operands, dtype=out_of(equation).dtype)
 
 
 @rule(*IDENTITIES.split())
-def _identity(b: Any, operands: list[int], equation: Any) -> list[int]:
+def _identity(b: Builder, operands: list[int], equation: JaxprEqn) -> list[int]:
     return operands
 
 
 @rule("square")
-def _square(b: Any, operands: list[int], equation: Any) -> int:
+def _square(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     return b.elementwise("mul", operands[0], operands[0])
 
 
 @rule("integer_pow")
-def _integer_pow(b: Any, operands: list[int], equation: Any) -> int:
-    """By repeated squaring, as XLA does."""
+def _integer_pow(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
+    """A whole power, by repeated squaring, as XLA has it."""
     exponent = abs(equation.params["y"])
     base = operands[0]
     made = None
@@ -74,19 +62,19 @@ def _integer_pow(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("rsqrt")
-def _rsqrt(b: Any, operands: list[int], equation: Any) -> int:
+def _rsqrt(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     return b.elementwise("div", b.constant(np.ones((), out_of(equation).dtype)), b.elementwise("sqrt", operands[0]))
 
 
 @rule("logistic")
-def _logistic(b: Any, operands: list[int], equation: Any) -> int:
+def _logistic(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     one = b.constant(np.ones((), out_of(equation).dtype))
     falling = b.elementwise("exp", b.elementwise("neg", operands[0]))
     return b.elementwise("div", one, b.elementwise("add", one, falling))
 
 
 @rule("round")
-def _round(b: Any, operands: list[int], equation: Any) -> int:
+def _round(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     if "EVEN" in str(equation.params["rounding_method"]):
         return b.elementwise("rint", operands[0])
     half = b.constant(np.asarray(0.5, out_of(equation).dtype))
@@ -95,24 +83,24 @@ def _round(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("clamp")
-def _clamp(b: Any, operands: list[int], equation: Any) -> int:
+def _clamp(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     low, x, high = operands
     return b.elementwise("min", b.elementwise("max", low, x), high)
 
 
 @rule("convert_element_type")
-def _convert(b: Any, operands: list[int], equation: Any) -> int:
+def _convert(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     dtype = np.dtype(equation.params["new_dtype"])
     return operands[0] if b.operations[operands[0]].dtype == dtype else b.elementwise("convert", *operands, dtype=dtype)
 
 
 @rule("bitcast_convert_type")
-def _bitcast(b: Any, operands: list[int], equation: Any) -> int:
+def _bitcast(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     return b.elementwise("bitcast", *operands, dtype=equation.params["new_dtype"])
 
 
 @rule("select_n")
-def _select(b: Any, operands: list[int], equation: Any) -> int:
+def _select(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     which, *cases = operands
     if b.operations[which].dtype == bool:
         return b.elementwise("select", which, cases[1], cases[0])
@@ -124,12 +112,12 @@ def _select(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("reshape", "squeeze", "expand_dims")
-def _reshape(b: Any, operands: list[int], equation: Any) -> int:
+def _reshape(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     return b.reshape(operands[0], out_of(equation).shape)
 
 
 @rule("broadcast_in_dim")
-def _broadcast(b: Any, operands: list[int], equation: Any) -> int:
+def _broadcast(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     shape = equation.params["shape"]
     axes = equation.params["broadcast_dimensions"]
     ones = [1] * len(shape)
@@ -139,32 +127,28 @@ def _broadcast(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("iota")
-def _iota(b: Any, operands: list[int], equation: Any) -> int:
+def _iota(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     shape = equation.params["shape"]
     axis = equation.params["dimension"]
     return b.constant(np.indices(shape)[axis].astype(out_of(equation).dtype))
 
 
-def _moved(b: Any, place: int, equation: Any) -> int:
-    """Apply an operation that only moves elements to their places, which tells where each comes from."""
-    shape = b.operations[place].shape
-    places = jnp.arange(int(np.prod(shape)), dtype=jnp.int32).reshape(shape)
-    return b.take(place, np.asarray(equation.primitive.bind(places, **equation.params)))
-
-
 @rule(*MOVES.split())
-def _move(b: Any, operands: list[int], equation: Any) -> int:
-    return _moved(b, operands[0], equation)
+def _move(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
+    """What only moves elements is applied to their places, which tells where each comes from."""
+    shape = b.operations[operands[0]].shape
+    places = jnp.arange(int(np.prod(shape)), dtype=jnp.int32).reshape(shape)
+    return b.take(operands[0], np.asarray(equation.primitive.bind(places, **equation.params)))
 
 
 @rule("concatenate")
-def _concatenate(b: Any, operands: list[int], equation: Any) -> int:
+def _concatenate(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     out = out_of(equation)
     return b.add("concatenate", tuple(operands), out.shape, out.dtype, axis=equation.params["dimension"])
 
 
 @rule("stack")
-def _stack(b: Any, operands: list[int], equation: Any) -> int:
+def _stack(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     out = out_of(equation)
     axis = equation.params["axis"]
     shape = (*out.shape[:axis], 1, *out.shape[axis + 1 :])
@@ -172,7 +156,7 @@ def _stack(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("pad")
-def _pad(b: Any, operands: list[int], equation: Any) -> int:
+def _pad(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     x, value = operands
     operation = b.operations[x]
     out = out_of(equation)
@@ -186,7 +170,7 @@ def _pad(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("split")
-def _split(b: Any, operands: list[int], equation: Any) -> list[int]:
+def _split(b: Builder, operands: list[int], equation: JaxprEqn) -> list[int]:
     shape = b.operations[operands[0]].shape
     places = np.arange(int(np.prod(shape))).reshape(shape)
     ends = np.cumsum(equation.params["sizes"])[:-1]
@@ -194,7 +178,7 @@ def _split(b: Any, operands: list[int], equation: Any) -> list[int]:
 
 
 @rule("scan")
-def _scan(b: Any, operands: list[int], equation: Any) -> list[int]:
+def _scan(b: Builder, operands: list[int], equation: JaxprEqn) -> list[int]:
     """A loop of few steps, written out."""
     params = equation.params
     length = params["length"]
@@ -215,11 +199,11 @@ def _scan(b: Any, operands: list[int], equation: Any) -> list[int]:
     for number, variable in enumerate(equation.outvars[carried:]):
         parts = [seen[step][number] for step in range(length)]
         flat = tuple(b.reshape(part, (1, *b.operations[part].shape)) for part in parts)
-        stacks.append(b.add("concatenate", flat, variable.aval.shape, variable.aval.dtype, axis=0))
+        stacks.append(b.add("concatenate", flat, aval_of(variable).shape, aval_of(variable).dtype, axis=0))
     return [*carry, *stacks]
 
 
-def _row(b: Any, place: int, step: int) -> int:
+def _row(b: Builder, place: int, step: int) -> int:
     value = b.known(place)
     operation = b.operations[place]
     if value is not None:
@@ -228,20 +212,20 @@ def _row(b: Any, place: int, step: int) -> int:
     return b.take(place, places[step])
 
 
-def number(b: Any, value: int) -> int:
+def number(b: Builder, value: int) -> int:
     return b.constant(np.asarray(value, np.int32))
 
 
-def clipped(b: Any, place: int, most: int) -> int:
+def clipped(b: Builder, place: int, most: int) -> int:
     return b.elementwise("min", b.elementwise("max", place, number(b, 0)), number(b, most))
 
 
-def as_index(b: Any, place: int) -> int:
+def as_index(b: Builder, place: int) -> int:
     return place if b.operations[place].dtype == np.int32 else b.elementwise("convert", place, dtype=np.int32)
 
 
 @rule("cond")
-def _cond(b: Any, operands: list[int], equation: Any) -> list[int]:
+def _cond(b: Builder, operands: list[int], equation: JaxprEqn) -> list[int]:
     """All branches, of which one is chosen."""
     which, *given = operands
     branches = [b.run(branch.jaxpr, branch.consts, given) for branch in equation.params["branches"]]
@@ -257,13 +241,13 @@ def _cond(b: Any, operands: list[int], equation: Any) -> list[int]:
 
 
 @rule("erf", "erfc", "expm1", "log1p")
-def _special(b: Any, operands: list[int], equation: Any) -> int:
+def _special(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     name = equation.primitive.name
     return special(b, name, operands[0]) if name in b.lacks else b.elementwise(name, operands[0])
 
 
 @rule("reduce_sum", "reduce_prod", "reduce_max", "reduce_min", "reduce_and", "reduce_or")
-def _reduce(b: Any, operands: list[int], equation: Any) -> int:
+def _reduce(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     out = out_of(equation)
     axes = tuple(int(axis) for axis in equation.params["axes"])
     if not axes:
@@ -273,14 +257,14 @@ def _reduce(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("argmax", "argmin")
-def _arg(b: Any, operands: list[int], equation: Any) -> int:
+def _arg(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     out = out_of(equation)
     (axis,) = equation.params["axes"]
     return b.add(equation.primitive.name, tuple(operands), out.shape, out.dtype, axis=int(axis))
 
 
 @rule("cumsum", "cumprod", "cummax", "cummin")
-def _cumulative(b: Any, operands: list[int], equation: Any) -> int:
+def _cumulative(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     out = out_of(equation)
     axis = int(equation.params["axis"])
     flip = np.flip(np.arange(int(np.prod(out.shape))).reshape(out.shape), axis)
@@ -291,7 +275,7 @@ def _cumulative(b: Any, operands: list[int], equation: Any) -> int:
 
 
 @rule("dot_general")
-def _dot(b: Any, operands: list[int], equation: Any) -> int:
+def _dot(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
     out = out_of(equation)
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     letters = iter(string.ascii_lowercase)

@@ -11,11 +11,12 @@ Policy Gradient, is known here by that description alone: the estimator and its 
 gradient theorem.
 """
 
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
@@ -23,7 +24,7 @@ from motorgrad._tree import number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
-from motorgrad.learning._critics import Features
+from motorgrad.learning._critics import Features, endless
 from motorgrad.policies import Policy
 
 MAX_ACTIONS = 64
@@ -35,7 +36,7 @@ class TransitionState(NamedTuple):
 
     weights: Float[Array, " actions*features"]
     reward: RunningMean
-    fit: Any
+    fit: PyTree
     previous: Int[Array, ""]
 
 
@@ -89,11 +90,9 @@ class ActionTransitions(Baseline):
 
     @property
     def needs_episodes(self) -> str | None:
-        if isinstance(self.discount, float) and self.discount == 1:
-            return "discount = 1"
-        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+        return endless(self.discount, self.decay)
 
-    def init(self, policy: Policy, dtype: Any) -> TransitionState:
+    def init(self, policy: Policy, dtype: DTypeLike) -> TransitionState:
         kind = policy.actions
         name = type(policy).__name__
         plain = kind in ("binary", "discrete") and not policy.hides and not policy.has_memory

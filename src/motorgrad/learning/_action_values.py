@@ -15,18 +15,20 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optax
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree, UInt32
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
 from motorgrad._tree import Part, number
 from motorgrad.learning._baselines import Baseline, Transition
-from motorgrad.learning._branching import where
+from motorgrad.learning._branching import Scalar, where
 from motorgrad.learning._chain import adam_scaling
-from motorgrad.learning._critics import ValueNetwork
+from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._estimator import Estimator, EstimatorState
-from motorgrad.learning._schedules import at
-from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, frozen, split, thawed, trainable
+from motorgrad.learning._schedules import Steps, at
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
 
 MIN_VARIANCE = 1e-4
 
@@ -45,7 +47,7 @@ class ActionValueState(NamedTuple):
     """The network, the state of Adam, the scale of errors, and the key that draws the next actions."""
 
     weights: ValueNetwork
-    rule: Any
+    rule: optax.OptState
     scale: ErrorScale
     key: UInt32[Array, " words"]
 
@@ -81,18 +83,15 @@ class ActionValues(Part):
     def _rule(self) -> Any:
         return adam_scaling(0.0, self.b2)
 
-    def init(self, policy: Policy, dtype: Any, key: jax.Array) -> ActionValueState:
+    def init(self, policy: Policy, dtype: DTypeLike, key: jax.Array) -> ActionValueState:
         """The state before any decision; `key` draws the network, and then the next actions."""
         drawn, later = jax.random.split(key)
         inputs = policy.inputs + policy.mode(jnp.zeros(policy.inputs, dtype)).size
-        layers = frozen(self.network.build(inputs, drawn))
-        layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
-        size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(inputs, dtype)).shape
-        weights = ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
+        weights = value_network(self.network, inputs, dtype, drawn)
         none = jnp.zeros((), dtype)
         pair = (running_mean(none), running_mean(none))
         scale = ErrorScale(pair, pair, running_mean(none), none)
-        learned: Any = split(weights)[0]
+        learned: PyTree = split(weights)[0]
         return ActionValueState(weights, self._rule.init(learned), scale, jax.random.key_data(later))
 
     def value(
@@ -102,13 +101,13 @@ class ActionValues(Part):
         return weights(_joined(weights, observation, action))
 
     def gradient(
-        self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Any = 0.0
+        self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Scalar = 0.0
     ) -> PyTree[Array]:
         r"""$\nabla_\theta\,[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))]$, with $\alpha$ as the
         `entropy_coefficient`, for the random numbers $u$ from which the action of the transition was drawn."""
         learned, settings = split(policy)
 
-        def gain(parameters: Any) -> Float[Array, ""]:
+        def gain(parameters: PyTree) -> Float[Array, ""]:
             present = eqx.combine(parameters, settings)
             action = present.sample(transition.observation, transition.uniforms)
             value = self.value(state.weights, transition.observation, action)
@@ -117,7 +116,7 @@ class ActionValues(Part):
         return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
 
     def update(
-        self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Any = 0.0
+        self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Scalar = 0.0
     ) -> ActionValueState:
         """The state after a transition."""
         observation, action = transition.observation, transition.action
@@ -131,7 +130,7 @@ class ActionValues(Part):
         later = later + entropy_coefficient * policy.entropy(following)
         learned, settings = split(weights)
 
-        def valued(learned: Any) -> Float[Array, ""]:
+        def valued(learned: PyTree) -> Float[Array, ""]:
             return self.value(eqx.combine(learned, settings), observation, action)
 
         value, slope = jax.value_and_grad(valued)(learned)
@@ -227,7 +226,7 @@ class ActionValueGradient(Estimator):
         return state
 
     def sample(
-        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Any = None
+        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None
     ) -> tuple[PyTree[Array], EstimatorState]:
         values = state.baseline
         scaled, state = self._advantage(state, policy, transition)  # the reward, as nothing is subtracted

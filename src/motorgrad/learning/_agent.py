@@ -8,12 +8,13 @@ third once in a while (section 3.2.2 of the thesis). Nothing here knows the task
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple, Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
@@ -25,7 +26,7 @@ from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation, as_transformation
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._natural import Metric
-from motorgrad.learning._schedules import changes
+from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.policies import Policy, split, trainable, with_frozen_functions, with_interface
 
@@ -57,15 +58,15 @@ class AgentState(NamedTuple):
     policy: Policy
     estimator: EstimatorState
     gradient: PyTree[Array] | RunningMean | None
-    chain: tuple[Any, ...]
+    chain: tuple[PyTree, ...]
     decision: Decision | None = None
-    steps: Int[Array, ""] | None = None
+    steps: Steps = None
     growth: GrowthState | None = None
-    index: Any = None
+    index: PyTree = None
     memory: Float[Array, " memory"] | None = None
 
 
-def _ready(policy: Any) -> Any:
+def _ready(policy: object) -> Any:
     """A policy whose leaves are arrays, also where it holds an `eqx.nn.MLP`; anything else as it is."""
     return with_frozen_functions(policy) if isinstance(policy, Policy) else policy
 
@@ -119,7 +120,7 @@ class Agent(Part):
     estimator: Estimator = Estimator()
     optimizer: Optimizer = eqx.field(default=SGD(1e-3), converter=as_transformation)
     metric: Metric | None = None
-    transformations: tuple[Any, ...] = eqx.field(
+    transformations: tuple[Transformation, ...] = eqx.field(
         default=(), converter=lambda stages: tuple(map(as_transformation, stages))
     )
     growth: Growth | None = None
@@ -147,7 +148,7 @@ class Agent(Part):
         """The tree without the policy, whose numbers are learned: its leaves are all numbers that may be changed."""
         return self.with_policy(None)
 
-    def with_policy(self, policy: Any) -> Self:
+    def with_policy(self, policy: Policy | Callable[[jax.Array], Policy] | None) -> Self:
         """The agent with another policy, built without its checks: the policy may be traced or absent."""
         made = object.__new__(type(self))
         for field in dataclasses.fields(self):
@@ -159,7 +160,7 @@ class Agent(Part):
         return numbers.tree(vector).with_policy(self.policy)
 
     @property
-    def precision(self) -> Any:
+    def precision(self) -> np.dtype:
         """The floating-point type of the parameters, to which the numbers are rounded."""
         parameters = jax.eval_shape(lambda: trainable(self._first_policy(jax.random.key(0))))
         return jax.tree.leaves(parameters)[0].dtype
@@ -215,13 +216,17 @@ class Agent(Part):
         chain = self.chain
         # Of hidden units and of a memory, the decision tells what was drawn and what was seen.
         kept = policy.hides or policy.has_memory
-        needs_decision = chain.needs_decision or self.estimator.needs_decision or kept
+        decision = None
+        if chain.needs_decision or self.estimator.needs_decision or kept:
+            observation = jnp.zeros(policy.inputs, leaves[0].dtype)
+            uniforms = jnp.zeros(policy.uniforms, leaves[0].dtype) if self.estimator.needs_uniforms else None
+            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)), uniforms)
         return AgentState(
             policy=policy,
             estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
             gradient=None if self.estimator.online else running_mean(zeros),
             chain=chain.init(policy),
-            decision=_no_decision(policy, leaves[0].dtype, self.estimator) if needs_decision else None,
+            decision=decision,
             steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
             growth=growth,
             memory=policy.initial_memory(),
@@ -280,7 +285,7 @@ class Agent(Part):
         after = state.policy.judged(seen)
         transition = Transition(observation, action, reward, after, terminated, diverged, uniforms=uniforms)
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
-        gradient: Any = sample
+        gradient: PyTree = sample
         if isinstance(state.gradient, RunningMean):
             gradient = where(diverged, state.gradient, add_sample(state.gradient, sample))
         else:
@@ -383,7 +388,7 @@ class Agent(Part):
         estimator, batch = self.estimator, state.estimator.batch
         numbers, structure = jax.tree.flatten(self.hyperparameters)
 
-        def steps(numbers: Any, state: AgentState, drawn: Any) -> AgentState:
+        def steps(numbers: PyTree, state: AgentState, drawn: PyTree) -> AgentState:
             agent = structure.unflatten(numbers)
             return agent.estimator.climb(state, drawn, agent._step)
 
@@ -412,9 +417,3 @@ class Agent(Part):
         steps = None if state.steps is None else counted_on(state.steps)
         chain = stages.map(lambda stage, inner: stage.after_step(inner, moved, steps), chain)
         return state._replace(policy=moved, chain=chain, steps=steps)
-
-
-def _no_decision(policy: Policy, dtype: Any, estimator: Estimator) -> Decision:
-    observation = jnp.zeros(policy.inputs, dtype)
-    uniforms = jnp.zeros(policy.uniforms, dtype) if estimator.needs_uniforms else None
-    return Decision(observation, jnp.zeros_like(policy.mode(observation)), uniforms)

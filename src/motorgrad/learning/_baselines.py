@@ -23,7 +23,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean, two_sum
@@ -59,7 +60,7 @@ class Advantage(NamedTuple):
     """
 
     value: Float[Array, ""]
-    trace: Any
+    trace: PyTree
     newest: Float[Array, ""] | None = None
 
 
@@ -78,35 +79,35 @@ class Baseline(Part):
     """Whether `start` draws random numbers."""
 
     @abc.abstractmethod
-    def init(self, policy: Policy, dtype: Any) -> Any:
+    def init(self, policy: Policy, dtype: DTypeLike) -> PyTree:
         """The state before any reward, for a policy's observations and actions."""
 
-    def start(self, policy: Policy, dtype: Any, key: jax.Array) -> Any:
+    def start(self, policy: Policy, dtype: DTypeLike, key: jax.Array) -> PyTree:
         """The state of one seed before any reward; `key` draws its random numbers. By default `init`."""
         return self.init(policy, dtype)
 
     @abc.abstractmethod
-    def level(self, state: Any) -> Float[Array, ""]:
+    def level(self, state: PyTree) -> Float[Array, ""]:
         """The present level of rewards, which depends on no observation: the metric `baseline` of a run."""
 
     @abc.abstractmethod
-    def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+    def update(self, state: PyTree, policy: Policy, transition: Transition) -> tuple[Advantage, PyTree]:
         """The advantage of a transition, and the state after it. A transition that diverged must not change what the
         baseline has learned."""
 
-    def observe(self, state: Any, observation: Float[Array, " inputs"]) -> Any:
+    def observe(self, state: PyTree, observation: Float[Array, " inputs"]) -> PyTree:
         """The state once an action is chosen on `observation`."""
         return state
 
-    def solve(self, state: Any) -> Any:
+    def solve(self, state: PyTree) -> PyTree:
         """Do the work that is due once in many decisions. `rest` returns when it is due."""
         return state
 
-    def rest(self, state: Any) -> Int[Array, ""]:
+    def rest(self, state: PyTree) -> Int[Array, ""]:
         """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
-    def restart(self, state: Any) -> Any:
+    def restart(self, state: PyTree) -> PyTree:
         """The state at the start of an episode."""
         return state
 
@@ -120,10 +121,10 @@ class ScalarBaseline(Baseline):
     """A baseline that depends on rewards alone. Subclasses define `init`, `level` and `learn`."""
 
     @abc.abstractmethod
-    def learn(self, state: Any, reward: Float[Array, ""]) -> Any:
+    def learn(self, state: PyTree, reward: Float[Array, ""]) -> PyTree:
         """The state after a reward."""
 
-    def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+    def update(self, state: PyTree, policy: Policy, transition: Transition) -> tuple[Advantage, PyTree]:
         error = transition.reward - self.level(state)
         return Advantage(error, error), where(transition.diverged, state, self.learn(state, transition.reward))
 
@@ -138,7 +139,7 @@ class Constant(ScalarBaseline):
 
     value: float = number()
 
-    def init(self, policy: Policy, dtype: Any) -> Float[Array, ""]:
+    def init(self, policy: Policy, dtype: DTypeLike) -> Float[Array, ""]:
         return jnp.zeros((), dtype)
 
     def level(self, state: Float[Array, ""]) -> Float[Array, ""]:
@@ -151,7 +152,7 @@ class Constant(ScalarBaseline):
 class MeanReward(ScalarBaseline):
     r"""The running mean of all rewards, $b \leftarrow b + \delta/n$ for the n-th reward (Kimura et al., 1995)."""
 
-    def init(self, policy: Policy, dtype: Any) -> RunningMean:
+    def init(self, policy: Policy, dtype: DTypeLike) -> RunningMean:
         return running_mean(jnp.zeros((), dtype))
 
     def level(self, state: RunningMean) -> Float[Array, ""]:
@@ -171,7 +172,7 @@ class FixedStep(ScalarBaseline):
 
     rate: float = number(0.01, 0, 1, open_low=True)
 
-    def init(self, policy: Policy, dtype: Any) -> Float[Array, ""]:
+    def init(self, policy: Policy, dtype: DTypeLike) -> Float[Array, ""]:
         return jnp.zeros((), dtype)
 
     def level(self, state: Float[Array, ""]) -> Float[Array, ""]:
@@ -188,14 +189,14 @@ class InputBaseline(Baseline):
     newest_apart: ClassVar[bool] = True
 
     @abc.abstractmethod
-    def value_at(self, state: Any, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
+    def value_at(self, state: PyTree, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """The baseline $b(y)$ of an observation."""
 
     @abc.abstractmethod
-    def learn(self, state: Any, observation: Float[Array, " inputs"], reward: Float[Array, ""]) -> Any:
+    def learn(self, state: PyTree, observation: Float[Array, " inputs"], reward: Float[Array, ""]) -> PyTree:
         """The state after the reward of an action that was taken on `observation`."""
 
-    def update(self, state: Any, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+    def update(self, state: PyTree, policy: Policy, transition: Transition) -> tuple[Advantage, PyTree]:
         observation = policy.judged(transition.observation)
         reward = transition.reward
         level = self.level(state)
@@ -224,7 +225,7 @@ class LinearBaseline(InputBaseline):
 
     rate: float = number(0.01, 0, 1, open_low=True)
 
-    def init(self, policy: Policy, dtype: Any) -> LinearState:
+    def init(self, policy: Policy, dtype: DTypeLike) -> LinearState:
         inputs = policy.judged(jnp.zeros(policy.inputs)).size
         return LinearState(jnp.zeros(inputs + 1, dtype), running_mean(jnp.zeros((), dtype)))
 
@@ -273,7 +274,7 @@ class BinnedBaseline(InputBaseline):
         known = not (is_tracer(self.low) or is_tracer(self.high))
         check(not known or self.low < self.high, "low, high", (self.low, self.high), "finite, low < high")
 
-    def init(self, policy: Policy, dtype: Any) -> RunningMean:
+    def init(self, policy: Policy, dtype: DTypeLike) -> RunningMean:
         inputs = policy.judged(jnp.zeros(policy.inputs)).size
         check(self.input < inputs, "input", self.input, f"one of {inputs} observed numbers, 0 … {inputs - 1}")
         return running_mean(jnp.zeros(self.bins + 1, dtype))._replace(count=jnp.zeros(self.bins + 1, jnp.uint32))

@@ -1,14 +1,15 @@
 """Conditions in compiled code: those known while tracing cost nothing, others select between two values."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 T = TypeVar("T")
 Flag = Bool[Array, ""] | bool
+Scalar = Float[Array, ""] | float
 NEVER = 2**31 - 1
 """A number of decisions after which nothing is ever due."""
 
@@ -31,7 +32,7 @@ def where(condition: Flag, yes: T, no: T) -> T:
     return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
 
 
-def where_any(due: Flag, function: Callable[[Any], Any], value: Any) -> Any:
+def where_any(due: Flag, function: Callable[[T], T], value: T) -> T:
     """`function(value)` where it is `due`, computed only if it is due for any seed.
 
     Mapped over seeds, `lax.cond` computes both branches at every decision. The body of a loop is skipped while no seed

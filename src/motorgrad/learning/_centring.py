@@ -6,13 +6,14 @@ learn (Naik, Wan, Tomar & Sutton, 2024).
 """
 
 import abc
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._running import RunningMean, add_sample, counted_on, two_sum
 from motorgrad._tree import Part, number
+from motorgrad.learning._branching import Scalar
 
 
 class Centring(Part):
@@ -23,7 +24,7 @@ class Centring(Part):
 
     @abc.abstractmethod
     def follow(
-        self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Any
+        self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Scalar
     ) -> RunningMean:
         r"""The level after a reward whose temporal difference was $\delta$, the `error`. A mean of rewards remembers
         1/`least_rate` of them."""
@@ -37,7 +38,7 @@ class SimpleCentring(Centring):
     """
 
     def follow(
-        self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Any
+        self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Scalar
     ) -> RunningMean:
         return add_sample(level, reward, least_rate)
 
@@ -60,7 +61,7 @@ class ValueBasedCentring(Centring):
     rate: float = number(1e-3, 0, 1)
 
     def follow(
-        self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Any
+        self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Scalar
     ) -> RunningMean:
         mean, carry = two_sum(level.mean, level.carry, jnp.asarray(self.rate * error, level.mean.dtype))
         return RunningMean(mean, carry, counted_on(level.count))

@@ -4,13 +4,14 @@ r"""The chain of gradient transformations: from a gradient estimate to a step of
 
 A transformation is `init` and `update`, as in optax: updates descend, so the chain starts from minus the gradient. What
 optax's transformations cannot do has a method of its own, which does nothing by default: `observe` sees every decision
-(a Fisher matrix), `constrain` limits the whole step (a trust region), `after_step` sees the parameters after the step
-(an average), and `restart` marks the end of an episode.
+(a Fisher matrix), `solve` does what is due once in many of them, `constrain` limits the whole step (a trust region),
+`after_step` sees the parameters after the step and `final_policy` tells which to keep (an average). `restart`, `reset`
+and `after_growth` mark the end of an episode, another policy and new units.
 """
 
 import functools
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import equinox as eqx
 import jax
@@ -22,11 +23,23 @@ from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Part, count, number
 from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import NEVER, Flag
-from motorgrad.learning._schedules import Annealed, at
+from motorgrad.learning._branching import NEVER, Flag, Scalar
+from motorgrad.learning._estimator import Estimator
+from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Policy, split, trainable
 
 Updates = PyTree[Array]
+
+
+class Learner(Protocol):
+    """What of an `Agent` the parts of its chain may ask for."""
+
+    @property
+    def estimator(self) -> Estimator: ...
+    @property
+    def metric(self) -> Part | None: ...
+    @property
+    def growth(self) -> Part | None: ...
 
 
 class Transformation(Part):
@@ -54,26 +67,28 @@ class Transformation(Part):
     """Whether it needs successive decisions of one environment: where the end of an episode changes what it knows of
     earlier ones, which several environments would not share."""
 
-    def validate_in(self, agent: Any) -> None:
+    def validate_in(self, agent: Learner) -> None:
         """Refuse, by name, an `Agent` whose other parts are incompatible with this one."""
 
-    def init(self, policy: Policy) -> Any:
+    def init(self, policy: Policy) -> PyTree:
         """The state before the first decision."""
         return None
 
-    def observe(self, state: Any, policy: Policy, transition: Transition) -> Any:
+    def observe(self, state: PyTree, policy: Policy, transition: Transition) -> PyTree:
         """The state after a decision. A transition that diverged must not change it."""
         return state
 
-    def solve(self, state: Any, policy: Policy, due: Flag) -> Any:
+    def solve(self, state: PyTree, policy: Policy, due: Flag) -> PyTree:
         """The state after work that is due once in many decisions, or, at the latest, where a step is `due`."""
         return state
 
-    def rest(self, state: Any) -> Int[Array, ""]:
-        """For how many decisions at least `solve` changes nothing."""
+    def rest(self, state: PyTree) -> Int[Array, ""]:
+        """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
-    def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
+    def update(
+        self, updates: Updates, state: PyTree, policy: Policy, steps: Steps, due: Flag
+    ) -> tuple[Updates, PyTree]:
         """The updates that take the place of `updates`, and the state afterwards.
 
         **Arguments:** `updates`, in the structure of the trainable parameters; the `policy` before the step; the number
@@ -82,27 +97,27 @@ class Transformation(Part):
         """
         return updates, state
 
-    def constrain(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> Updates:
+    def constrain(self, updates: Updates, state: PyTree, policy: Policy, steps: Steps, due: Flag) -> Updates:
         """The step, limited as a whole. It receives the result of all transformations."""
         return updates
 
-    def after_step(self, state: Any, policy: Policy, steps: Any) -> Any:
+    def after_step(self, state: PyTree, policy: Policy, steps: Steps) -> PyTree:
         """The state after the parameters have moved to those of `policy`; `steps` counts all steps so far."""
         return state
 
-    def final_policy(self, state: Any, policy: Policy) -> Policy:
+    def final_policy(self, state: PyTree, policy: Policy) -> Policy:
         """The policy to keep, for a run and its evaluation. States and policies of many seeds are allowed."""
         return policy
 
-    def reset(self, state: Any, policy: Policy) -> Any:
+    def reset(self, state: PyTree, policy: Policy) -> PyTree:
         """The state after another policy was put in place, for one seed or for many."""
         return state
 
-    def after_growth(self, state: Any, new: Bool[Array, " units"]) -> Any:
+    def after_growth(self, state: PyTree, new: Bool[Array, " units"]) -> PyTree:
         """The state after units were added to a pool that grows."""
         return state
 
-    def restart(self, state: Any, ended: Flag) -> Any:
+    def restart(self, state: PyTree, ended: Flag) -> PyTree:
         """The state where an episode has `ended`, after its last decision was observed."""
         return state
 
@@ -112,7 +127,7 @@ class Transformation(Part):
         return None
 
 
-def inner(one: Any, other: Any) -> Float[Array, ""]:
+def inner(one: PyTree, other: PyTree) -> Float[Array, ""]:
     """The inner product of two trees of the same structure."""
     products = jax.tree.map(lambda a, b: jnp.sum(a * b), one, other)
     return sum(jax.tree.leaves(products), start=jnp.zeros(()))
@@ -129,7 +144,8 @@ class SGD(Optimizer):
 
     - `learning_rate`: $\alpha \ge 0$, one number for all parameters; or a mapping from names of the policy's fields to
       numbers or arrays that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of
-      several pools a name stands for that field in every pool. `Annealed` changes with the steps of the parameters.
+      several pools a name stands for that field in every pool, `movement.weights` for that of one; the longest name
+      counts. `Annealed` changes with the steps of the parameters.
     - `weight_decay`: none, or the share $\lambda \in [0, 1]$ of itself that a parameter loses at every step; a number,
       or a mapping, in which fields left out do not decay. It is decoupled (Loshchilov & Hutter, 2019): neither learning
       rate nor metric changes it. Decaying gains keep units stochastic, and so exploring (section 4.4.1 of the thesis).
@@ -142,7 +158,7 @@ class SGD(Optimizer):
     learning_rate: float | dict[str, Any] | Annealed = number(1e-3, 0, groups=True)
     weight_decay: float | dict[str, Any] | None = number(None, 0, 1, groups=True)
 
-    def init(self, policy: Policy) -> Any:
+    def init(self, policy: Policy) -> PyTree:
         self.learning_rates(trainable(policy))
         self._decays(trainable(policy))
         return self._scaling.init(trainable(policy))
@@ -152,7 +168,9 @@ class SGD(Optimizer):
         """What becomes of minus the gradient before the learning rate scales it."""
         return optax.identity()
 
-    def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
+    def update(
+        self, updates: Updates, state: PyTree, policy: Policy, steps: Steps, due: Flag
+    ) -> tuple[Updates, PyTree]:
         parameters = trainable(policy)
         direction, state = self._scaling.update(updates, state, parameters)
         moves = jax.tree.map(lambda g, rate: -rate * g, direction, self.learning_rates(parameters, steps))
@@ -160,18 +178,18 @@ class SGD(Optimizer):
             moves = jax.tree.map(lambda move, decay, p: move - decay * p, moves, self._decays(parameters), parameters)
         return moves, state
 
-    def learning_rates(self, parameters: Any, steps: Int[Array, ""] | None = None) -> Any:
+    def learning_rates(self, parameters: PyTree, steps: Steps = None) -> PyTree:
         """The learning rate of every parameter after so many steps, in their structure, with leaves that broadcast to
         them."""
         rate = self.learning_rate
         return by_group("learning rate", "of all", at(rate, steps) if isinstance(rate, Annealed) else rate, parameters)
 
-    def _decays(self, parameters: Any) -> Any:
+    def _decays(self, parameters: PyTree) -> PyTree:
         decay = 0.0 if self.weight_decay is None else self.weight_decay
         return by_group("weight decay", "of all", decay, parameters, default=0.0)
 
 
-def adam_scaling(b1: Any, b2: Any) -> Any:
+def adam_scaling(b1: Scalar, b2: Scalar) -> Any:
     """Adam's step without its learning rate. Optax declares the decays as Python numbers; they may be arrays."""
     return optax.scale_by_adam(b1=b1, b2=b2)
 
@@ -220,10 +238,12 @@ class Optax(Optimizer):
         self.transformation = transformation
         self.hyperparameters = hyperparameters
 
-    def init(self, policy: Policy) -> Any:
+    def init(self, policy: Policy) -> PyTree:
         return self.transformation.init(trainable(policy))
 
-    def update(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Any]:
+    def update(
+        self, updates: Updates, state: PyTree, policy: Policy, steps: Steps, due: Flag
+    ) -> tuple[Updates, PyTree]:
         if self.hyperparameters is not None:
             given = {
                 name: jnp.asarray(value, state.hyperparams[name].dtype) for name, value in self.hyperparameters.items()
@@ -255,7 +275,8 @@ class PolyakAveraging(Transformation):
     def init(self, policy: Policy) -> RunningMean:
         return running_mean(trainable(policy))._replace(mean=trainable(policy))
 
-    def after_step(self, state: RunningMean, policy: Policy, steps: Int[Array, ""]) -> RunningMean:
+    def after_step(self, state: RunningMean, policy: Policy, steps: Steps) -> RunningMean:
+        assert steps is not None  # as `needs_steps` says
         parameters = trainable(policy)
         late = steps > self.start
         averaged = add_sample(state, parameters, self.rate)
@@ -285,21 +306,21 @@ class Chain(NamedTuple):
         """Whether any stage needs the number of steps."""
         return any(stage.needs_steps for stage in self.stages)
 
-    def init(self, policy: Policy) -> tuple[Any, ...]:
+    def init(self, policy: Policy) -> tuple[PyTree, ...]:
         return tuple(stage.init(policy) for stage in self.stages)
 
-    def map(self, method: Callable[[Transformation, Any], Any], states: tuple[Any, ...]) -> tuple[Any, ...]:
+    def map(self, method: Callable[[Transformation, PyTree], PyTree], states: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
         """The states after `method(stage, state)` of every stage."""
         return tuple(method(stage, state) for stage, state in zip(self.stages, states, strict=True))
 
-    def rest(self, states: tuple[Any, ...]) -> Int[Array, ""]:
-        """For how many decisions at least `solve` changes no stage."""
+    def rest(self, states: tuple[PyTree, ...]) -> Int[Array, ""]:
+        """The least number of coming decisions in which `solve` changes no stage."""
         rests = [stage.rest(state) for stage, state in zip(self.stages, states, strict=True)]
         return functools.reduce(jnp.minimum, rests, jnp.asarray(NEVER, jnp.int32))
 
     def update(
-        self, gradient: Updates, states: tuple[Any, ...], policy: Policy, steps: Any, due: Flag = True
-    ) -> tuple[Updates, tuple[Any, ...]]:
+        self, gradient: Updates, states: tuple[PyTree, ...], policy: Policy, steps: Steps, due: Flag = True
+    ) -> tuple[Updates, tuple[PyTree, ...]]:
         """The step of the parameters for a gradient to be climbed, and the states afterwards."""
         updates = jax.tree.map(jnp.negative, gradient)
         after = []
@@ -309,14 +330,14 @@ class Chain(NamedTuple):
         return policy.allowed(updates), tuple(after)
 
     def constrain(
-        self, updates: Updates, states: tuple[Any, ...], policy: Policy, steps: Any, due: Flag = True
+        self, updates: Updates, states: tuple[PyTree, ...], policy: Policy, steps: Steps, due: Flag = True
     ) -> Updates:
         """The step within the limits of every stage, the innermost first."""
         for stage, state in reversed(list(zip(self.stages, states, strict=True))):
             updates = stage.constrain(updates, state, policy, steps, due)
         return updates
 
-    def final_policy(self, states: tuple[Any, ...], policy: Policy) -> Policy:
+    def final_policy(self, states: tuple[PyTree, ...], policy: Policy) -> Policy:
         """The policy to keep."""
         for stage, state in zip(self.stages, states, strict=True):
             policy = stage.final_policy(state, policy)

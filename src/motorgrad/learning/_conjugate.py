@@ -6,12 +6,12 @@ decisions in question (Martens, 2010; Schulman et al., 2015).
 """
 
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._running import counted_round
 from motorgrad._tree import count, number
@@ -19,7 +19,7 @@ from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._natural import LimitedMetric
-from motorgrad.learning._schedules import Annealed
+from motorgrad.learning._schedules import Annealed, Steps
 from motorgrad.policies import Policy, split, trainable
 
 
@@ -73,35 +73,37 @@ class ConjugateGradient(LimitedMetric):
         following = counted_round(state.seen + 1, self.memory)
         return Recent(observations, actions, where(transition.diverged, state.seen, following))
 
-    def update(self, updates: Updates, state: Recent, policy: Policy, steps: Any, due: Flag) -> tuple[Updates, Recent]:
+    def update(
+        self, updates: Updates, state: Recent, policy: Policy, steps: Steps, due: Flag
+    ) -> tuple[Updates, Recent]:
         def direction(g: Updates) -> Updates:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             return self.precondition(*jax.lax.optimization_barrier((state, policy, g)))
 
         return where_any(due, direction, updates), state
 
-    def precondition(self, state: Recent, policy: Policy, gradient: Any) -> Any:
+    def precondition(self, state: Recent, policy: Policy, gradient: PyTree) -> PyTree:
         r"""$(F + dI)^{-1} g$, in the structure of the gradient."""
         product = self._product(state, policy)
 
-        def damped(vector: Any) -> Any:
+        def damped(vector: PyTree) -> PyTree:
             return jax.tree.map(lambda along, v: along + self.damping * v, product(vector), vector)
 
         found, _ = jax.scipy.sparse.linalg.cg(damped, gradient, maxiter=self.iterations)
         return jax.tree.map(lambda x, g: x.astype(g.dtype), found, gradient)
 
-    def divergence(self, state: Recent, policy: Policy, step: Any) -> Float[Array, ""]:
+    def divergence(self, state: Recent, policy: Policy, step: PyTree) -> Float[Array, ""]:
         product = self._product(state, policy)(step)
         return 0.5 * inner(product, step)
 
-    def _product(self, state: Recent, policy: Policy) -> Callable[[Any], Any]:
+    def _product(self, state: Recent, policy: Policy) -> Callable[[PyTree], PyTree]:
         r"""The function $v \mapsto Fv$."""
         learned, settings = split(policy)
         known = jnp.minimum(state.seen, self.memory)
         root = jax.lax.rsqrt(jnp.maximum(known, 1).astype(state.observations.dtype))
         share = jnp.where(jnp.arange(self.memory) < known, root, 0)
 
-        def coordinates(parameters: Any) -> Float[Array, "memory coordinates"]:
+        def coordinates(parameters: PyTree) -> Float[Array, "memory coordinates"]:
             present = eqx.combine(parameters, settings)
             found = jax.vmap(present.fisher_coordinates)(state.observations, state.actions)
             return share[:, None].astype(found.dtype) * found

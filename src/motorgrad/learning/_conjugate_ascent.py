@@ -5,7 +5,7 @@ $g(\theta) \cdot h$ along a direction $h$ differs most there. So the maximum is 
 and the parameters go where the line between both inner products is 0.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,8 @@ from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import count, number
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._chain import Optimizer, Updates, inner
+from motorgrad.learning._chain import Learner, Optimizer, Updates, inner
+from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
 
 DIRECTION, FIRST, OUTWARD, INWARD = range(4)
@@ -88,7 +89,7 @@ class ConjugateAscent(Optimizer):
     most: int = count(10, 1)
     trials: int = count(12, 2)
 
-    def validate_in(self, agent: Any) -> None:
+    def validate_in(self, agent: Learner) -> None:
         improve = agent.estimator.improve
         batch = "a batch of more than 1 with ConjugateAscent; SGD and Adam step online"
         check(improve != 1, "estimator.improve", improve, batch)
@@ -109,7 +110,7 @@ class ConjugateAscent(Optimizer):
         return AscentState(zeros, zeros, zeros, none_yet, zero, trial, trial, none_yet, running_mean(zeros), signs)
 
     def update(
-        self, updates: Updates, state: AscentState, policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: AscentState, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, AscentState]:
         sample = jax.tree.map(jnp.negative, updates)
         parameters = trainable(policy)
@@ -149,7 +150,7 @@ class ConjugateAscent(Optimizer):
         full = state.estimate.count.astype(jnp.int32) >= self.most
         return clear | full | (jnp.asarray(self.certainty) <= 0)
 
-    def _started(self, state: AscentState, gradient: Any, parameters: Any) -> AscentState:
+    def _started(self, state: AscentState, gradient: PyTree, parameters: PyTree) -> AscentState:
         """The first trial along a new direction."""
         before = inner(state.gradient, state.gradient)
         change = inner(gradient, gradient) - inner(state.gradient, gradient)

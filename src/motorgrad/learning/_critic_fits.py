@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import Part, count, number
-from motorgrad.learning._branching import NEVER, Flag, where, where_any
+from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 
 Weights = Float[Array, " features"]
 
@@ -25,14 +25,14 @@ class CriticStep(NamedTuple):
     """
 
     slope: PyTree[Array]
-    next_features: Any
+    next_features: PyTree
     reward: Float[Array, ""]
     level: Float[Array, ""]
     error: Float[Array, ""]
-    discount: Any
-    decay: Any
-    seen: Any = None
-    following: Any = None
+    discount: Scalar
+    decay: Scalar
+    seen: Weights | None = None
+    following: Weights | None = None
     terminated: Flag = False
 
 
@@ -48,31 +48,31 @@ class CriticFit(Part):
     solves for the weights have the mean 0 at any level."""
 
     @abc.abstractmethod
-    def init(self, weights: Any, features: int) -> Any:
+    def init(self, weights: PyTree, features: int) -> PyTree:
         """The state before any decision, for a critic with `features` features and weights of this structure, all 0."""
 
     @abc.abstractmethod
-    def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
+    def update(self, weights: PyTree, state: PyTree, step: CriticStep, dropped: Flag = False) -> tuple[PyTree, PyTree]:
         """The weights and the state after one decision. A decision that is `dropped` changes nothing learned."""
 
     @abc.abstractmethod
-    def restart(self, state: Any) -> Any:
+    def restart(self, state: PyTree) -> PyTree:
         """The state at the start of an episode."""
 
     @property
     @abc.abstractmethod
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         """One over the memory of the mean of rewards: the n-th moves it by at least this share of the distance."""
 
-    def solve(self, weights: Any, state: Any, level: Float[Array, ""], critic: Any) -> tuple[Any, Any]:
+    def solve(self, weights: PyTree, state: PyTree, level: Float[Array, ""], critic: Any) -> tuple[PyTree, PyTree]:
         """Do the work that is due once in many decisions, with rewards compared with the `level`.
 
         The `critic` whose weights they are has a function `value(weights, features)`, a `horizon` and a `decay`.
         """
         return weights, state
 
-    def rest(self, state: Any) -> Int[Array, ""]:
-        """For how many decisions at least `solve` changes nothing."""
+    def rest(self, state: PyTree) -> Int[Array, ""]:
+        """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
 
@@ -96,23 +96,23 @@ class TemporalDifference(CriticFit):
     level_rate: float = number(1e-3, 0, 1)
 
     @property
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         return self.level_rate
 
-    def init(self, weights: Any, features: int) -> Any:
+    def init(self, weights: PyTree, features: int) -> PyTree:
         return weights
 
-    def update(self, weights: Any, state: Any, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
+    def update(self, weights: PyTree, state: PyTree, step: CriticStep, dropped: Flag = False) -> tuple[PyTree, PyTree]:
         trace = jax.tree.map(lambda e, slope: step.discount * step.decay * e + slope, state, step.slope)
         rate = self.rate_of(step.error, trace)
         moved = eqx.apply_updates(weights, jax.tree.map(lambda e: rate * step.error * e, trace))
         return where(dropped, weights, moved), trace
 
-    def rate_of(self, error: Float[Array, ""], trace: Any) -> Any:
+    def rate_of(self, error: Float[Array, ""], trace: PyTree) -> Scalar:
         r"""The step size $\alpha$ of a decision."""
         return self.learning_rate
 
-    def restart(self, state: Any) -> Any:
+    def restart(self, state: PyTree) -> PyTree:
         return jax.tree.map(jnp.zeros_like, state)
 
 
@@ -163,7 +163,7 @@ class LeastSquares(CriticFit):
     interval: int = count(100, 1)
 
     @property
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         return self.rate  # the mean of rewards has the memory of the other means
 
     def init(self, weights: Weights, features: int) -> LeastSquaresState:
@@ -194,7 +194,7 @@ class LeastSquares(CriticFit):
     def solve(
         self, weights: Weights, state: LeastSquaresState, level: Float[Array, ""], critic: Any
     ) -> tuple[Weights, LeastSquaresState]:
-        def solve(old: Any) -> Any:
+        def solve(old: tuple[Weights, LeastSquaresState]) -> tuple[Weights, LeastSquaresState]:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             weights, state = old
             mean, state = jax.lax.optimization_barrier((level, state))

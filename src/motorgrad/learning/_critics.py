@@ -13,7 +13,8 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, running_mean
@@ -54,15 +55,23 @@ class Features(FeatureMap):
         return jnp.concatenate(parts)
 
 
+def endless(discount: float | None, decay: float) -> str | None:
+    """The setting by which a value, or the trace that learns it, has no end but that of an episode; `None` where there
+    is none."""
+    if isinstance(discount, float) and discount == 1:
+        return "discount = 1"
+    return "decay = 1" if discount is None and isinstance(decay, float) and decay == 1 else None
+
+
 class CriticState(NamedTuple):
     r"""The `weights`; the present decision's `features`, and the action `previous` to it; the level of rewards $\rho$,
     `reward`: their mean, or what `ValueBasedCentring` has found; `fit`, the state of the fitting rule."""
 
-    weights: Any
+    weights: PyTree
     features: Weights
     previous: Float[Array, " action"]
     reward: RunningMean
-    fit: Any
+    fit: PyTree
 
 
 class Critic(Baseline):
@@ -77,15 +86,17 @@ class Critic(Baseline):
     centring: eqx.AbstractVar[Centring | None]
 
     @abc.abstractmethod
-    def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Any:
+    def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> PyTree:
         """The weights before any reward, for this number of features."""
 
     @abc.abstractmethod
-    def value(self, weights: Any, features: Weights) -> Float[Array, ""]:
+    def value(self, weights: PyTree, features: Weights) -> Float[Array, ""]:
         """The value of the features."""
 
     @abc.abstractmethod
-    def fall(self, weights: Any, features: Weights, following: Weights, terminated: Flag) -> tuple[Any, Any, Any]:
+    def fall(
+        self, weights: PyTree, features: Weights, following: Weights, terminated: Flag
+    ) -> tuple[Float[Array, ""], PyTree, PyTree]:
         r"""$v(y_t) - \gamma v(y_{t+1})$, the slope $\nabla_w v(y_t)$, and what `CriticStep` calls `next_features`."""
 
     def validate(self) -> None:
@@ -97,20 +108,18 @@ class Critic(Baseline):
             check(not self.centring.reads_errors, "centring", type(self.centring).__name__, errors)
 
     @property
-    def horizon(self) -> Any:
+    def horizon(self) -> float:
         r"""$\gamma$, the weight of the next state's value; 1 for the average reward."""
         return 1.0 if self.discount is None else self.discount
 
     @property
     def needs_episodes(self) -> str | None:
-        if isinstance(self.discount, float) and self.discount == 1:
-            return "discount = 1"
-        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+        return endless(self.discount, self.decay)
 
-    def init(self, policy: Policy, dtype: Any) -> CriticState:
+    def init(self, policy: Policy, dtype: DTypeLike) -> CriticState:
         return self.start(policy, dtype, jax.random.key(0))
 
-    def start(self, policy: Policy, dtype: Any, key: jax.Array) -> CriticState:
+    def start(self, policy: Policy, dtype: DTypeLike, key: jax.Array) -> CriticState:
         seen = jnp.zeros(policy.inputs, dtype)
         observation = policy.judged(seen)
         previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
@@ -206,7 +215,7 @@ class LinearCritic(Critic):
     fit: CriticFit = LeastSquares()
     centring: Centring | None = None
 
-    def first_weights(self, features: int, dtype: Any, key: jax.Array) -> Weights:
+    def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> Weights:
         return jnp.zeros(features, dtype)
 
     def value(self, weights: Weights, features: Weights) -> Float[Array, ""]:
@@ -228,6 +237,15 @@ class ValueNetwork(eqx.Module):
 
     def __call__(self, features: Weights) -> Float[Array, ""]:
         return jnp.sum(self.weights * thawed(self.layers)(features)) + self.bias
+
+
+def value_network(network: Architecture, inputs: int, dtype: DTypeLike, key: jax.Array) -> ValueNetwork:
+    """A network that sees so many `inputs`; the `key` draws its hidden layers, and its value is 0."""
+    layers = frozen(network.build(inputs, key))
+    layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
+    size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(inputs, dtype)).shape
+    check(len(size) == 1 and size[0] > 0, "network", f"of output {size}", "one that returns a vector")
+    return ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
 
 
 class NetworkCritic(Critic):
@@ -278,12 +296,8 @@ class NetworkCritic(Critic):
             state = state._replace(weights=where(transition.diverged, weights, seen))
         return super().update(state, policy, transition)
 
-    def first_weights(self, features: int, dtype: Any, key: jax.Array) -> ValueNetwork:
-        layers = frozen(self.network.build(features, key))
-        layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
-        size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(features, dtype)).shape
-        check(len(size) == 1 and size[0] > 0, "network", f"of output {size}", "one that returns a vector")
-        return ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
+    def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> ValueNetwork:
+        return value_network(self.network, features, dtype, key)
 
     def value(self, weights: ValueNetwork, features: Weights) -> Float[Array, ""]:
         return weights(features)
@@ -298,6 +312,6 @@ class NetworkCritic(Critic):
         return value - self.horizon * later, slope, None
 
 
-def _as_vector(policy: Policy, action: Array, dtype: Any) -> Float[Array, " action"]:
+def _as_vector(policy: Policy, action: Array, dtype: DTypeLike) -> Float[Array, " action"]:
     """An action as a vector: a discrete one as a number for each alternative."""
     return action.astype(dtype) if action.ndim else jax.nn.one_hot(action, policy.outputs, dtype=dtype)

@@ -15,7 +15,7 @@ from motorgrad.learning._baselines import Advantage, Baseline, MeanReward, Trans
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._overshooting import StepBound
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
-from motorgrad.learning._schedules import Annealed, at
+from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._traces import Episodic, Exponential, Trace, credited
 from motorgrad.policies import Policy, split, trainable
@@ -31,13 +31,13 @@ class EstimatorState(NamedTuple):
     """
 
     trace: PyTree[Array]
-    baseline: Any
+    baseline: PyTree
     normalization: NormalizationState | None
     weight: Float[Array, ""] | None
     scaling: ScalingState | None = None
-    batch: Any = None
-    bound: Any = None
-    entropy: Any = None
+    batch: PyTree = None
+    bound: PyTree = None
+    entropy: PyTree = None
 
 
 class Estimator(Part):
@@ -190,7 +190,7 @@ class Estimator(Part):
         return state if state.batch is not None else state._replace(trace=self.trace.update(state.trace, score))
 
     def sample(
-        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Any = None
+        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None
     ) -> tuple[PyTree[Array], EstimatorState]:
         r"""The gradient sample of a transition, $g = \delta z$, and the state after it; of a learner that uses batches
         again, the advantage alone, as the batch keeps the rest.
@@ -255,18 +255,18 @@ class Estimator(Part):
         """Whether `climb` takes the seeds one after the other, where they learn side by side."""
         return False
 
-    def ready(self, batch: Any) -> Flag:
+    def ready(self, batch: PyTree) -> Flag:
         """Whether enough decisions are kept for `climb`."""
         del batch
         return True
 
-    def drawn(self, batch: Any, goal: Goal | None) -> Any:
+    def drawn(self, batch: PyTree, goal: Goal | None) -> PyTree:
         """What `climb` uses of the decisions that were kept; by default all. The `goal` is that of the task, where it
         has one."""
         del goal
         return batch
 
-    def climb(self, state: Any, drawn: Any, step: Callable[[Any, PyTree[Array]], Any]) -> Any:
+    def climb(self, state: PyTree, drawn: PyTree, step: Callable[[PyTree, PyTree[Array]], PyTree]) -> PyTree:
         """The state of a learner after all steps from decisions that were kept.
 
         **Arguments:** the `state` of the learner, whose estimator does not hold the batch; what `drawn` found; `step`,
@@ -275,13 +275,13 @@ class Estimator(Part):
         reuse = self.reuse
         assert reuse is not None
 
-        def bonus(state: Any) -> Any:
+        def bonus(state: PyTree) -> Float[Array, ""] | None:
             return None if self.entropy is None else at(self.entropy, state.steps)
 
         decay = self.trace.decay if isinstance(self.trace, Exponential) else 1.0
         return reuse.climb(drawn, state.policy, decay, bonus, state, step)
 
-    def used(self, batch: Any) -> Any:
+    def used(self, batch: PyTree) -> PyTree:
         """What is kept of a batch after `climb`."""
         assert self.reuse is not None
         return self.reuse.emptied(batch)
@@ -312,7 +312,9 @@ class Estimator(Part):
         found = state._replace(baseline=baseline, normalization=normalization, weight=weight, scaling=scaling)
         return advantage, found
 
-    def _above_baseline(self, state: EstimatorState, policy: Policy, transition: Transition) -> tuple[Advantage, Any]:
+    def _above_baseline(
+        self, state: EstimatorState, policy: Policy, transition: Transition
+    ) -> tuple[Advantage, PyTree]:
         """The advantage as the baseline tells it, and the state of the baseline after it."""
         if self.baseline is None:
             return Advantage(transition.reward, transition.reward), None
@@ -331,7 +333,7 @@ class Estimator(Part):
         entry = (transition.observation, transition.action, advantage.trace, newest)
         return state._replace(batch=self.reuse.add(state.batch, *entry, transition.diverged))
 
-    def _alone(self, policy: Policy, score: PyTree[Array]) -> Any:
+    def _alone(self, policy: Policy, score: PyTree[Array]) -> PyTree:
         """The trace of one score. A trace is linear, so it can be added to that of the scores before."""
         return self.trace.update(self.trace.init(trainable(policy)), score)
 

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._tree import count, number
 from motorgrad.learning._branching import Flag, where, where_any
@@ -27,7 +27,7 @@ class FittedState(NamedTuple):
     live: Float[Array, " interval"]
     end: Bool[Array, " interval"]
     waiting: Int[Array, ""]
-    rule: Any
+    rule: optax.OptState
 
 
 class FittedReturns(CriticFit):
@@ -60,10 +60,10 @@ class FittedReturns(CriticFit):
     passes: int = count(20, 1, 100_000)
 
     @property
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         return self.rate
 
-    def init(self, weights: Any, features: int) -> FittedState:
+    def init(self, weights: PyTree, features: int) -> FittedState:
         dtype = jax.tree.leaves(weights)[0].dtype
         numbers = jnp.zeros(self.interval, dtype)
         rows = jnp.zeros((self.interval, features), dtype)
@@ -71,8 +71,10 @@ class FittedReturns(CriticFit):
         ends = jnp.zeros(self.interval, bool)
         return FittedState(rows, rows, numbers, numbers, ends, jnp.zeros((), jnp.int32), rule)
 
-    def update(self, weights: Any, state: FittedState, step: CriticStep, dropped: Flag = False) -> tuple[Any, Any]:
-        def put(rows: Array, row: Any) -> Array:
+    def update(
+        self, weights: PyTree, state: FittedState, step: CriticStep, dropped: Flag = False
+    ) -> tuple[PyTree, PyTree]:
+        def put(rows: Array, row: Array | bool | None) -> Array:
             # There is room: `solve` has emptied what was full. What is dropped is overwritten by the next decision.
             return rows.at[state.waiting].set(jnp.asarray(row, rows.dtype))
 
@@ -92,20 +94,22 @@ class FittedReturns(CriticFit):
     def rest(self, state: FittedState) -> Int[Array, ""]:
         return self.interval - 1 - state.waiting
 
-    def solve(self, weights: Any, state: FittedState, level: Any, critic: Any) -> tuple[Any, FittedState]:
-        def fit(old: Any) -> Any:
+    def solve(
+        self, weights: PyTree, state: FittedState, level: Float[Array, ""], critic: Any
+    ) -> tuple[PyTree, FittedState]:
+        def fit(old: tuple[PyTree, PyTree]) -> tuple[PyTree, PyTree]:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             weights, rule = old
             batch, mean = jax.lax.optimization_barrier((state, level))
             learned, settings = split(weights) if isinstance(weights, eqx.Module) else (weights, None)
 
-            def values(parameters: Any, seen: Any) -> Float[Array, " interval"]:
+            def values(parameters: PyTree, seen: Float[Array, "interval features"]) -> Float[Array, " interval"]:
                 whole = parameters if settings is None else eqx.combine(parameters, settings)
                 return jax.vmap(lambda x: critic.value(whole, x))(seen)
 
             later = batch.live * values(learned, batch.following)
 
-            def back(following: Any, decision: Any) -> Any:
+            def back(following: Array, decision: tuple[Array, Array, Array]) -> tuple[Array, Array]:
                 reward, later, end = decision
                 expected = jnp.where(end, later, (1 - critic.decay) * later + critic.decay * following)
                 found = (reward - mean + critic.horizon * expected).astype(reward.dtype)
@@ -114,10 +118,10 @@ class FittedReturns(CriticFit):
             last = batch.end.at[-1].set(True)
             returns = jax.lax.scan(back, later[-1], (batch.reward, later, last), reverse=True)[1]
 
-            def loss(parameters: Any) -> Float[Array, ""]:
+            def loss(parameters: PyTree) -> Float[Array, ""]:
                 return 0.5 * jnp.mean(jnp.square(values(parameters, batch.seen) - returns))
 
-            def descend(carry: Any, _: None) -> Any:
+            def descend(carry: tuple[PyTree, PyTree], _: None) -> tuple[tuple[PyTree, PyTree], None]:
                 parameters, rule = carry
                 moves, rule = optax.scale_by_adam().update(jax.grad(loss)(parameters), rule)
                 moves = jax.tree.map(lambda move: -self.learning_rate * move, moves)

@@ -4,7 +4,7 @@ Both algorithms take a gradient sample $g$: $\delta\psi$ with the score $\psi$ i
 here. At every decision they compute a few products, where `FisherMetric` solves a system.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +14,9 @@ from motorgrad._errors import check
 from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._chain import Updates, inner
-from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, identities
+from motorgrad.learning._chain import Learner, Updates, inner
+from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, first_blocks, identities
+from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
 
 
@@ -42,7 +43,7 @@ class CompatibleWeights(Metric):
 
     rate: float = number(0.02, 0)
 
-    def validate_in(self, agent: Any) -> None:
+    def validate_in(self, agent: Learner) -> None:
         wanted = "1, at every decision, with CompatibleWeights; FisherMetric takes batches"
         check(agent.estimator.online, "estimator.improve", agent.estimator.improve, wanted)
 
@@ -56,7 +57,7 @@ class CompatibleWeights(Metric):
         return where(transition.diverged, state, moved)
 
     def update(
-        self, updates: Updates, state: PyTree[Array], policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: PyTree[Array], policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, PyTree[Array]]:
         # Updates descend: they are minus the gradient.
         weights = jax.tree.map(lambda w, u: (w - self.rate * u).astype(w.dtype), state, updates)
@@ -104,15 +105,7 @@ class ShermanMorrison(Metric):
 
     def init(self, policy: Policy) -> InverseState:
         rows = policy.blocks(jax.tree.map(jnp.zeros_like, trainable(policy)))
-        widest = max(row.shape[1] for row in rows)
-        smaller = f"one whose blocks have at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
-        check(
-            widest <= MAX_BLOCK_PARAMETERS,
-            "policy",
-            f"{type(policy).__name__} with a block of {widest:,} parameters",
-            smaller,
-        )
-        blocks = tuple(identities(row, 1 / self.initial) for row in rows)
+        blocks = first_blocks(policy, rows, 1 / self.initial, "CompatibleWeights")
         return InverseState(blocks, jnp.zeros((), jnp.int32))
 
     def observe(self, state: InverseState, policy: Policy, transition: Transition) -> InverseState:
@@ -130,7 +123,7 @@ class ShermanMorrison(Metric):
         return where(transition.diverged, state, InverseState(blocks, turn))
 
     def update(
-        self, updates: Updates, state: InverseState, policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: InverseState, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, InverseState]:
         pairs = zip(state.blocks, policy.blocks(updates), strict=True)
         return policy.from_blocks(tuple((inverse * row[:, None, :]).sum(-1) for inverse, row in pairs)), state

@@ -16,7 +16,7 @@ with equality for $z = g$: a step never changes the output by more than is inten
 Hinton, 2012), $P = \operatorname{diag}(\overline{g^2})^{-1/2}$.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -24,13 +24,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._tree import number
-from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.learning._chain import inner
 from motorgrad.learning._critic_fits import CriticFit, CriticStep
 from motorgrad.learning._overshooting import StepBound
 
 
-def towards(old: Any, new: Any, rate: Any) -> Any:
+def towards(old: PyTree, new: PyTree, rate: Scalar) -> PyTree:
     """A running mean that forgets, after one more sample; a tree."""
     return jax.tree.map(lambda mean, x: (mean + rate * (x - mean)).astype(mean.dtype), old, new)
 
@@ -90,16 +90,16 @@ class IntentionalTemporalDifference(CriticFit):
     level_rate: float = number(1e-3, 0, 1)
 
     @property
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         return self.level_rate
 
-    def init(self, weights: Any, features: int) -> IntentionalFit:
+    def init(self, weights: PyTree, features: int) -> IntentionalFit:
         zero = jnp.zeros((), jax.tree.leaves(weights)[0].dtype)
         return IntentionalFit(weights, weights, zero, zero)
 
     def update(
-        self, weights: Any, state: IntentionalFit, step: CriticStep, dropped: Flag = False
-    ) -> tuple[Any, IntentionalFit]:
+        self, weights: PyTree, state: IntentionalFit, step: CriticStep, dropped: Flag = False
+    ) -> tuple[PyTree, IntentionalFit]:
         trace = jax.tree.map(lambda e, g: step.discount * step.decay * e + g, state.trace, step.slope)
         most = jnp.where(state.weight > 0, self.clip * state.size / jnp.where(state.weight > 0, state.weight, 1), 0)
         error = jnp.where(most > 0, jnp.clip(step.error, -most, most), step.error)

@@ -10,7 +10,7 @@ as $\mathbb E\lVert\hat m_k\rVert^2 = \lVert m_k\rVert^2 + V_k$: shrinkage as by
 proposes to learn the parameters of the filter (section 3.2.1). This rule is derived here, not taken from it.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -84,7 +84,7 @@ class LearnedTrace(Trace):
         kept = 1 - variance / jnp.where(some, (1 - state.share) * lengths, 1)
         return jnp.where(some, jnp.maximum(kept, 0), 0)
 
-    def learn(self, state: LearnedState, advantage: Any) -> LearnedState:
+    def learn(self, state: LearnedState, advantage: PyTree[Array]) -> LearnedState:
         products = credited(state.scores, advantage)
         means = add_sample(state.means, (products, _squares(products)), self.rate)
         step = jnp.maximum(1 / means.count.astype(state.share.dtype), self.rate)

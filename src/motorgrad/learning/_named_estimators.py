@@ -1,4 +1,4 @@
-"""Estimators by the names of the literature."""
+"""Estimators by the names of the literature: those of `Estimator.presets`, as functions of their numbers and parts."""
 
 import dataclasses
 from typing import Literal
@@ -11,19 +11,24 @@ from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._traces import Exponential
 
 
+def _named(name: str, decay: float) -> Estimator:
+    """The estimator that settings call by this name, with a trace of this decay."""
+    return as_hinted(Estimator, name, "estimator", Estimator(Exponential(decay)))
+
+
 def olgarb(decay: float = 0.9, baseline: Baseline | None = MeanReward()) -> Estimator:  # noqa: B008
     """OLGARB: online, exponential trace, average reward as the baseline (Weaver & Tao, 2001)."""
-    return Estimator(Exponential(decay), baseline)
+    return dataclasses.replace(_named("olgarb", decay), baseline=baseline)
 
 
 def olpomdp(decay: float = 0.9) -> Estimator:
     """OLPOMDP: online, exponential trace, no baseline (Baxter & Bartlett, 1999)."""
-    return Estimator(Exponential(decay), None)
+    return _named("olpomdp", decay)
 
 
 def gpomdp(decay: float = 0.9, baseline: Baseline | None = None) -> Estimator:
     r"""GPOMDP: the mean of $\delta z$ at fixed parameters, by default without a baseline (Baxter & Bartlett, 2001)."""
-    return Estimator(Exponential(decay), baseline, improve="never")
+    return dataclasses.replace(_named("gpomdp", decay), baseline=baseline)
 
 
 def actor_critic(
@@ -50,9 +55,9 @@ def actor_critic(
     **Raises:** `ValueError` for a value out of range, and for `from_start` without a discount.
     """
     if critic is None:
-        given = as_hinted(Baseline, Estimator.presets["actor-critic"]["baseline"], "critic")
-        assert isinstance(given, Critic)
-        critic = given
+        found = _named("actor-critic", decay).baseline
+        assert isinstance(found, Critic)
+        critic = found
     if discount is not None:
         critic = dataclasses.replace(critic, discount=discount)
     if not from_start:

@@ -11,21 +11,23 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group
 from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import NEVER, Flag, where, where_any
+from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
-from motorgrad.learning._schedules import Annealed, at
+from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Policy, trainable
 
 MAX_BLOCK_PARAMETERS = 4096
 """The matrix of a block has their square."""
 
 Blocks = tuple[Float[Array, "units parameters parameters"], ...]
+ShapedRows = Float[Array, "units parameters"] | jax.ShapeDtypeStruct
 
 
 class Gathering(NamedTuple):
@@ -51,10 +53,10 @@ class LimitedMetric(Metric):
     kl: eqx.AbstractVar[float | Annealed | None]
 
     @abc.abstractmethod
-    def divergence(self, state: Any, policy: Policy, step: Any) -> Float[Array, ""]:
+    def divergence(self, state: PyTree, policy: Policy, step: PyTree) -> Float[Array, ""]:
         r"""$\frac12 \Delta' F \Delta$ of a step of the parameters, in nats."""
 
-    def constrain(self, updates: Updates, state: Any, policy: Policy, steps: Any, due: Flag) -> Updates:
+    def constrain(self, updates: Updates, state: PyTree, policy: Policy, steps: Steps, due: Flag) -> Updates:
         if self.kl is None:
             return updates
         limit = at(self.kl, steps)
@@ -65,7 +67,7 @@ class LimitedMetric(Metric):
 
         return where_any(due, bounded, updates)
 
-    def bounded(self, state: Any, policy: Policy, step: Any, limit: Float[Array, ""]) -> Any:
+    def bounded(self, state: PyTree, policy: Policy, step: PyTree, limit: Float[Array, ""]) -> PyTree:
         """A step of the parameters, shortened where its divergence exceeds the `limit`, in nats."""
         longest = jnp.max(jnp.stack([jnp.max(jnp.abs(leaf), initial=0) for leaf in jax.tree.leaves(step)]))
         longest = jnp.where(longest > 0, longest, 1)  # in units of which no square overflows
@@ -116,15 +118,7 @@ class FisherMetric(LimitedMetric):
     kl: float | Annealed | None = number(None, 0)
 
     def init(self, policy: Policy) -> Blocks | Gathering:
-        widest = max(block.shape[1] for block in jax.eval_shape(self._dampings, policy))
-        smaller = f"one whose blocks have at most {MAX_BLOCK_PARAMETERS:,} parameters; ConjugateGradient takes any"
-        check(
-            widest <= MAX_BLOCK_PARAMETERS,
-            "policy",
-            f"{type(policy).__name__} with a block of {widest:,} parameters",
-            smaller,
-        )
-        blocks = tuple(identities(block, self.initial) for block in self._dampings(policy))
+        blocks = first_blocks(policy, jax.eval_shape(self._dampings, policy), self.initial, "ConjugateGradient")
         if self.interval == 1:
             return blocks
         observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
@@ -155,7 +149,7 @@ class FisherMetric(LimitedMetric):
         # Without the blocks, which would be copied at every decision if they were in the loop twice.
         given = (state.observations, state.actions, policy)
 
-        def take_in(old: Any) -> Any:
+        def take_in(old: tuple[Blocks, Array]) -> tuple[Blocks, Array]:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
             (blocks, waiting) = old
             (observations, actions, policy) = jax.lax.optimization_barrier(given)
@@ -175,7 +169,7 @@ class FisherMetric(LimitedMetric):
         return self.interval - 1 - state.waiting if isinstance(state, Gathering) else never
 
     def update(
-        self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, Blocks | Gathering]:
         blocks = _blocks(state)
 
@@ -185,7 +179,9 @@ class FisherMetric(LimitedMetric):
 
         return where_any(due, direction, updates), state
 
-    def constrain(self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Any, due: Flag) -> Updates:
+    def constrain(
+        self, updates: Updates, state: Blocks | Gathering, policy: Policy, steps: Steps, due: Flag
+    ) -> Updates:
         return super().constrain(updates, _blocks(state), policy, steps, due)
 
     def after_growth(self, state: Blocks | Gathering, new: Bool[Array, " units"]) -> Blocks | Gathering:
@@ -194,12 +190,12 @@ class FisherMetric(LimitedMetric):
         )
         return state._replace(blocks=blocks) if isinstance(state, Gathering) else blocks
 
-    def precondition(self, state: Blocks, policy: Policy, gradient: Any) -> Any:
+    def precondition(self, state: Blocks, policy: Policy, gradient: PyTree) -> PyTree:
         r"""$(F + \operatorname{diag}\,d)^{-1} g$, in the structure of the gradient."""
         parts = zip(state, self._dampings(policy), policy.blocks(gradient), strict=True)
         return policy.from_blocks(tuple(_solve(f, d, g, 16 + 1 / self.rate) for f, d, g in parts))
 
-    def divergence(self, state: Blocks, policy: Policy, step: Any) -> Float[Array, ""]:
+    def divergence(self, state: Blocks, policy: Policy, step: PyTree) -> Float[Array, ""]:
         parts = zip(state, policy.blocks(step), strict=True)
         return 0.5 * sum((jnp.sum((f * s[:, None, :]).sum(-1) * s) for f, s in parts), start=jnp.zeros(()))
 
@@ -209,7 +205,25 @@ class FisherMetric(LimitedMetric):
         return policy.blocks(jax.tree.map(lambda d, p: jnp.broadcast_to(d, p.shape), given, parameters))
 
 
-def identities(block: Float[Array, "units parameters"], scale: Any) -> Float[Array, "units parameters parameters"]:
+def zeros_of(policy: Policy) -> Float[Array, " parameters"]:
+    """A zero for each parameter of a policy, as one vector. **Raises** `ValueError` for more than 4,096."""
+    zeros = jnp.zeros_like(ravel_pytree(trainable(policy))[0])
+    few = f"one of at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
+    check(zeros.size <= MAX_BLOCK_PARAMETERS, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few)
+    return zeros
+
+
+def first_blocks(policy: Policy, rows: tuple[ShapedRows, ...], scale: Scalar, other: str) -> Blocks:
+    """`scale` times the identity matrix for each unit of a policy, whose blocks have these `rows`. **Raises**
+    `ValueError` for more than 4,096 parameters in one, and names the `other` metric that takes them."""
+    widest = max(row.shape[1] for row in rows)
+    given = f"{type(policy).__name__} with a block of {widest:,} parameters"
+    smaller = f"one whose blocks have at most {MAX_BLOCK_PARAMETERS:,} parameters; {other} takes any"
+    check(widest <= MAX_BLOCK_PARAMETERS, "policy", given, smaller)
+    return tuple(identities(row, scale) for row in rows)
+
+
+def identities(block: ShapedRows, scale: Scalar) -> Float[Array, "units parameters parameters"]:
     """`scale` times the identity matrix, for each unit."""
     units, size = block.shape
     return jnp.broadcast_to(scale * jnp.eye(size, dtype=block.dtype), (units, size, size))

@@ -6,22 +6,23 @@ find them together with the values that advantages are relative to, and step alo
 gradient, which they do not read.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
-from motorgrad.learning._chain import Updates
+from motorgrad.learning._chain import Learner, Updates
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
-from motorgrad.learning._critics import Features
-from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Metric
+from motorgrad.learning._critics import Features, endless
+from motorgrad.learning._natural import Metric, zeros_of
+from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
 
 
@@ -30,21 +31,12 @@ class RegressionMetric(Metric):
 
     needs_decision: ClassVar[bool] = True
 
-    def validate_in(self, agent: Any) -> None:
+    def validate_in(self, agent: Learner) -> None:
         reuse = agent.estimator.reuse
         wanted = f"None with {type(self).__name__}, which reads no gradient; FisherMetric takes one"
         check(reuse is None, "estimator.reuse", reuse, wanted)
         wanted = f"one that follows scores with {type(self).__name__}, which reads no gradient"
         check(not agent.estimator.climbs, "estimator", type(agent.estimator).__name__, wanted)
-
-    def zeros(self, policy: Policy) -> Float[Array, " parameters"]:
-        """A zero for each parameter. **Raises** `ValueError` for more than 4,096."""
-        zeros = jnp.zeros_like(ravel_pytree(trainable(policy))[0])
-        few = f"one of at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
-        check(
-            zeros.size <= MAX_BLOCK_PARAMETERS, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few
-        )
-        return zeros
 
     def score(self, policy: Policy, transition: Transition) -> Float[Array, " parameters"]:
         """The score of a decision, as one vector."""
@@ -60,7 +52,7 @@ class CompatibleState(NamedTuple):
 
     weights: Float[Array, " features"]
     reward: RunningMean
-    fit: Any
+    fit: PyTree
 
 
 class LeastSquaresNatural(RegressionMetric):
@@ -96,12 +88,10 @@ class LeastSquaresNatural(RegressionMetric):
 
     @property
     def needs_episodes(self) -> str | None:
-        if isinstance(self.discount, float) and self.discount == 1:
-            return "discount = 1"
-        return "decay = 1" if self.discount is None and isinstance(self.decay, float) and self.decay == 1 else None
+        return endless(self.discount, self.decay)
 
     def init(self, policy: Policy) -> CompatibleState:
-        zeros = self.zeros(policy)
+        zeros = zeros_of(policy)
         seen = self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
         weights = jnp.zeros(seen.size + zeros.size, zeros.dtype)
         return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights, weights.size))
@@ -127,11 +117,11 @@ class LeastSquaresNatural(RegressionMetric):
         weights, fit = self.fit.solve(state.weights, state.fit, self._level(state), self)
         return state._replace(weights=weights, fit=fit)
 
-    def rest(self, state: CompatibleState) -> Any:
+    def rest(self, state: CompatibleState) -> Int[Array, ""]:
         return self.fit.rest(state.fit)
 
     def update(
-        self, updates: Updates, state: CompatibleState, policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: CompatibleState, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, CompatibleState]:
         size = ravel_pytree(trainable(policy))[0].size
         return self.along(policy, state.weights[-size:]), state
@@ -147,8 +137,9 @@ class LeastSquaresNatural(RegressionMetric):
 
 
 class EpisodicState(NamedTuple):
-    r"""Of the present episode the sum of scores, with a last entry of 1, the `earned` return, the `weight` $\gamma^t$
-    and whether it `broke`; of all episodes the means of $xx'$ and $xR$, with the `direction` that solves them."""
+    r"""The sum of `scores` $x$ of the present episode, with a last entry of 1, its `earned` return $R$, the `weight`
+    $\gamma^t$ and whether it `broke`; the `means` of $xx'$ and $xR$ over all episodes, and the `direction` that solves
+    them."""
 
     scores: Float[Array, " parameters+1"]
     earned: Float[Array, ""]
@@ -188,7 +179,7 @@ class EpisodicNatural(RegressionMetric):
         return "kind = 'episodic-nac'"
 
     def init(self, policy: Policy) -> EpisodicState:
-        zeros = self.zeros(policy)
+        zeros = zeros_of(policy)
         scores = jnp.zeros(zeros.size + 1, zeros.dtype)
         means = running_mean((jnp.zeros((scores.size, scores.size), zeros.dtype), scores))
         zero = jnp.zeros((), zeros.dtype)
@@ -225,7 +216,7 @@ class EpisodicNatural(RegressionMetric):
         return where(ended, fresh, state._replace(means=means))
 
     def update(
-        self, updates: Updates, state: EpisodicState, policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: EpisodicState, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, EpisodicState]:
         def solve(old: Array) -> Array:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.

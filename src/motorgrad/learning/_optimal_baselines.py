@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
@@ -46,7 +47,7 @@ class EligibilityBaseline(Baseline):
     def weight(self, squares: Float[Array, "*own"]) -> Float[Array, "*own"]:
         """The weight of a reward, from the squared length of the part of the trace that has a baseline of its own."""
 
-    def init(self, policy: Policy, dtype: Any) -> RunningMean:
+    def init(self, policy: Policy, dtype: DTypeLike) -> RunningMean:
         like = self._lengths(policy, jax.tree.map(jnp.zeros_like, trainable(policy)))
         return running_mean(tuple((part.astype(dtype),) * 2 for part in like))
 

@@ -10,17 +10,17 @@ size; the sum of magnitudes of the step is then $1/\kappa$ at most.
 """
 
 import abc
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._tree import Part, number
+from motorgrad.learning._branching import Scalar
 from motorgrad.learning._critic_fits import TemporalDifference
 
 
-def overshooting(error: Float[Array, ""], trace: PyTree[Array], scaling: Any) -> Float[Array, ""]:
+def overshooting(error: Float[Array, ""], trace: PyTree[Array], scaling: Scalar) -> Float[Array, ""]:
     r"""$M$, what a step $\delta z$ is divided by, for $\alpha\kappa$ as the `scaling`."""
     length = sum(map(_length, jax.tree.leaves(trace)), start=jnp.zeros((), error.dtype))
     return jnp.maximum(1, scaling * jnp.maximum(jnp.abs(error), 1) * length)
@@ -47,24 +47,24 @@ class BoundedTemporalDifference(TemporalDifference):
     learning_rate: float = number(1.0, 0)
     scaling: float = number(2.0, 0)
 
-    def rate_of(self, error: Float[Array, ""], trace: Any) -> Any:
+    def rate_of(self, error: Float[Array, ""], trace: PyTree) -> Scalar:
         return self.learning_rate / overshooting(error, trace, self.learning_rate * self.scaling)
 
 
 class StepBound(Part):
     """How long the step of a gradient sample is, judged by the sample alone and by those before it."""
 
-    def init(self, parameters: PyTree[Array]) -> Any:
+    def init(self, parameters: PyTree[Array]) -> PyTree:
         """The state before any decision, for parameters of this structure."""
         return None
 
-    def observe(self, state: Any, score: PyTree[Array]) -> Any:
+    def observe(self, state: PyTree, score: PyTree[Array]) -> PyTree:
         """The state after a decision with this score."""
         return state
 
     @abc.abstractmethod
     def bounded(
-        self, state: Any, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
+        self, state: PyTree, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
     ) -> PyTree[Array]:
         r"""What takes the place of a `sample`, which is the `advantage` $\delta$ times the `eligibility` $z$, and more
         where there is an entropy bonus."""
@@ -85,7 +85,7 @@ class OvershootingBound(StepBound):
     scaling: float = number(3.0, 0)
 
     def bounded(
-        self, state: Any, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
+        self, state: PyTree, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
     ) -> PyTree[Array]:
         factor = 1 / overshooting(advantage, eligibility, self.scaling)
         return jax.tree.map(lambda g: (factor * g).astype(g.dtype), sample)

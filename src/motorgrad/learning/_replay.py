@@ -8,7 +8,7 @@ one of them been the target, the decisions would have been good ones. *Hindsight
 2017): the movement stays, and errors and rewards are those for the place that was reached.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -83,7 +83,7 @@ class Hindsight(Part):
     others: float = number(0.5, 0, 1)
 
     def relabelled(
-        self, experience: Experience, rows: Int[Array, " batch"], drawn: Drawn, goal: Goal, key: Any
+        self, experience: Experience, rows: Int[Array, " batch"], drawn: Drawn, goal: Goal, key: jax.Array
     ) -> Drawn:
         """The decisions of these `rows`, some of them for another target."""
         which, one, other = jax.random.uniform(key, (3, len(rows)), drawn.reward.dtype)
@@ -161,13 +161,20 @@ class Replay(Part):
         )
 
     def add(
-        self, kept: Experience, seen: Any, action: Any, reward: Any, following: Any, terminated: Flag, dropped: Flag
+        self,
+        kept: Experience,
+        seen: Array,
+        action: Array,
+        reward: Array,
+        following: Array,
+        terminated: Flag,
+        dropped: Flag,
     ) -> Experience:
         """The experience after one more decision; one that is `dropped` leaves only what was seen before it."""
         here = kept.place
         after = (kept.place + 1) % self.capacity
 
-        def put(rows: Array, place: Any, value: Any) -> Array:
+        def put(rows: Array, place: Array, value: Array | Flag | float) -> Array:
             return rows.at[place].set(jnp.asarray(value, rows.dtype))
 
         following = where(dropped, jnp.zeros_like(following), following)  # it may not be finite

@@ -1,8 +1,9 @@
 r"""Scales: rewards in units of the variation of their discounted sum, advantages in units of their usual size."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from motorgrad._running import RunningMean, add_observation, running_mean
@@ -32,7 +33,7 @@ class RewardScaling(Part):
 
     discount: float = number(0.99, 0, 1, open_high=True)
 
-    def init(self, dtype: Any) -> ScalingState:
+    def init(self, dtype: DTypeLike) -> ScalingState:
         """The state before any reward."""
         zero = jnp.zeros((), dtype)
         return ScalingState(zero, running_mean(zero), running_mean(zero))
@@ -75,7 +76,7 @@ class RootMeanSquare(Part):
 
     rate: float = number(1e-3, 0, 1, open_low=True, open_high=True)
 
-    def init(self, dtype: Any) -> NormalizationState:
+    def init(self, dtype: DTypeLike) -> NormalizationState:
         """The state before any advantage."""
         return NormalizationState(jnp.zeros((), dtype), jnp.zeros((), dtype))
 

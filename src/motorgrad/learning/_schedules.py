@@ -1,7 +1,5 @@
 """Numbers that change while a policy is learned."""
 
-from typing import Any
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -23,7 +21,11 @@ class Annealed(Part):
     steps: int = count(1000, 1)
 
 
-def at(value: float | Annealed, steps: Int[Array, ""] | None) -> Float[Array, ""]:
+Steps = Int[Array, ""] | None
+"""How many steps the parameters have made; `None` where nothing counts them."""
+
+
+def at(value: float | Annealed, steps: Steps) -> Float[Array, ""]:
     """The value of a number after this many steps of the parameters; `None` for one that does not change."""
     if not isinstance(value, Annealed):
         return jnp.asarray(value, jnp.result_type(float))
@@ -33,7 +35,7 @@ def at(value: float | Annealed, steps: Int[Array, ""] | None) -> Float[Array, ""
     return (value.start - value.end) * left + value.end
 
 
-def changes(tree: Any) -> bool:
+def changes(tree: object) -> bool:
     """Whether any number in a tree of parts is `Annealed`."""
     if isinstance(tree, Annealed):
         return True

@@ -5,32 +5,34 @@ batches of them, many times. $Q(y, a)$ may be learned from whatever a policy did
 for several decisions (`Autoregressive`), and targets may be relabelled (`Hindsight`).
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._tree import Part, count, number
 from motorgrad.learning._baselines import Baseline, Transition
-from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._critics import ValueNetwork
+from motorgrad.learning._branching import Flag, Scalar, where
+from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._replay import Drawn, Experience, Replay
-from motorgrad.learning._schedules import Annealed, at
-from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, frozen, split, thawed, trainable
+from motorgrad.learning._schedules import Annealed, Steps, at
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
 
 
 class EnsembleState(NamedTuple):
     """The networks; their slow copies, of what is learned alone; the state of Adam."""
 
     weights: tuple[ValueNetwork, ...]
-    slow: Any
-    rule: Any
+    slow: PyTree
+    rule: optax.OptState
 
 
 class ActionValueEnsemble(Part):
@@ -58,16 +60,9 @@ class ActionValueEnsemble(Part):
     members: int = count(2, 1, 1_000)
     network: Architecture = MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True)
 
-    def init(self, inputs: int, dtype: Any, key: jax.Array) -> EnsembleState:
+    def init(self, inputs: int, dtype: DTypeLike, key: jax.Array) -> EnsembleState:
         """The state before any decision, for this many `inputs`: observation and action."""
-
-        def one(key: jax.Array) -> ValueNetwork:
-            layers = frozen(self.network.build(inputs, key))
-            layers = jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, layers)
-            size = jax.eval_shape(lambda layers, x: thawed(layers)(x), layers, jnp.zeros(inputs, dtype)).shape
-            return ValueNetwork(layers, jnp.zeros(size, dtype), jnp.zeros((), dtype))
-
-        weights = tuple(one(key) for key in jax.random.split(key, self.members))
+        weights = tuple(value_network(self.network, inputs, dtype, own) for own in jax.random.split(key, self.members))
         learned = split(cast(Any, weights))[0]
         return EnsembleState(weights, learned, optax.scale_by_adam().init(learned))
 
@@ -94,9 +89,9 @@ class ActionValueEnsemble(Part):
         state: EnsembleState,
         policy: Policy,
         drawn: Drawn,
-        entropy_coefficient: Any,
+        entropy_coefficient: Scalar | None,
         key: jax.Array,
-        steps: Any = None,
+        steps: Steps = None,
     ) -> EnsembleState:
         """The state after a step down the squared errors of a batch of decisions; the parameters have made `steps`."""
         learned, settings = split(cast(Any, state.weights))
@@ -108,7 +103,7 @@ class ActionValueEnsemble(Part):
             later = later + entropy_coefficient * jax.vmap(policy.entropy_estimate)(following, numbers)
         wanted = (drawn.reward + self.discount * (1 - drawn.terminated) * later).astype(later.dtype)
 
-        def loss(learned: Any) -> Float[Array, ""]:
+        def loss(learned: PyTree) -> Float[Array, ""]:
             found = self.values(eqx.combine(learned, settings), drawn.observation, drawn.action)
             return 0.5 * drawn.mean(jnp.sum(jnp.square(found - wanted), axis=0))
 
@@ -123,7 +118,7 @@ class EntropyState(NamedTuple):
     """The logarithm of the entropy coefficient, and the state of Adam."""
 
     log_worth: Float[Array, ""]
-    rule: Any
+    rule: optax.OptState
 
 
 class EntropyTarget(Part):
@@ -145,7 +140,7 @@ class EntropyTarget(Part):
     start: float = number(0.1, 0, open_low=True)
     learning_rate: float = number(5e-4, 0)
 
-    def init(self, dtype: Any) -> EntropyState:
+    def init(self, dtype: DTypeLike) -> EntropyState:
         """The state at the start."""
         log_worth = jnp.log(jnp.asarray(self.start, dtype))
         return EntropyState(log_worth, optax.scale_by_adam().init(log_worth))
@@ -254,7 +249,7 @@ class SoftActorCritic(Estimator):
         return state
 
     def sample(
-        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Any = None
+        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None
     ) -> tuple[PyTree[Array], EstimatorState]:
         scaling, dropped = state.scaling, transition.diverged
         shown = policy.observation_size  # behind it stands what a policy with lasting noise remembers
@@ -280,16 +275,18 @@ class SoftActorCritic(Estimator):
     def ready(self, batch: Experience) -> Flag:
         return self.replay.ready(batch)
 
-    def drawn(self, batch: Experience, goal: Goal | None) -> tuple[Drawn, Any]:
+    def drawn(self, batch: Experience, goal: Goal | None) -> tuple[Drawn, Array]:
         keys = jax.random.split(jax.random.wrap_key_data(batch.key), (self.replay.updates, 2))
         return jax.vmap(lambda key: self.replay.draw(batch, key, goal))(keys[:, 0]), jax.random.key_data(keys[:, 1])
 
-    def climb(self, state: Any, drawn: tuple[Drawn, Any], step: Any) -> Any:
+    def climb(
+        self, state: PyTree, drawn: tuple[Drawn, Array], step: Callable[[PyTree, PyTree[Array]], PyTree]
+    ) -> PyTree:
         factor = 1.0
         if self.reward_scaling is not None:
             factor = self.reward_scaling.factor(state.estimator.scaling)
 
-        def once(state: Any, each: tuple[Drawn, Any]) -> tuple[Any, None]:
+        def once(state: PyTree, each: tuple[Drawn, Array]) -> tuple[PyTree, None]:
             drawn, words = each
             of_next, of_this = jax.random.split(jax.random.wrap_key_data(words))
             drawn = drawn._replace(reward=(factor * drawn.reward).astype(drawn.reward.dtype))
@@ -311,14 +308,14 @@ class SoftActorCritic(Estimator):
         return self.replay.renewed(batch)
 
     def _gradient(
-        self, values: EnsembleState, policy: Policy, drawn: Drawn, entropy_coefficient: Any, key: jax.Array
+        self, values: EnsembleState, policy: Policy, drawn: Drawn, entropy_coefficient: Scalar | None, key: jax.Array
     ) -> PyTree[Array]:
         """The mean gradient of the least value over a batch, for actions drawn anew."""
         learned, settings = split(policy)
         observation = drawn.observation
         numbers = jax.random.uniform(key, (len(observation), policy.marginal.uniforms), observation.dtype)
 
-        def gain(parameters: Any) -> Float[Array, ""]:
+        def gain(parameters: PyTree) -> Float[Array, ""]:
             present = eqx.combine(parameters, settings).marginal
             action = jax.vmap(present.sample)(observation, numbers)
             gains = jnp.min(self.values.values(values.weights, observation, action), axis=0)

@@ -14,7 +14,7 @@ with the score $\psi_t = \nabla\log\pi(a_t \mid y_t)$. Least squares solve it fr
 values: LSLSD(λ) (Morimura, Uchibe, Yoshimoto, Peters & Doya, 2010).
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -26,9 +26,10 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
-from motorgrad.learning._chain import Updates
+from motorgrad.learning._chain import Learner, Updates
 from motorgrad.learning._critics import Features
-from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, identities
+from motorgrad.learning._natural import Blocks, Metric, identities, zeros_of
+from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
 
 
@@ -105,16 +106,12 @@ class StationaryMetric(Metric):
     def validate(self) -> None:
         check(not self.features.actions, "features.actions", True, "False")
 
-    def validate_in(self, agent: Any) -> None:
+    def validate_in(self, agent: Learner) -> None:
         wanted = "None with StationaryMetric; FisherMetric takes policies that grow"
         check(agent.growth is None, "growth", type(agent.growth).__name__, wanted)
 
     def init(self, policy: Policy) -> StationaryState:
-        zeros = jnp.zeros_like(ravel_pytree(trainable(policy))[0])
-        few = f"one of at most {MAX_BLOCK_PARAMETERS:,} parameters; CompatibleWeights takes any"
-        check(
-            zeros.size <= MAX_BLOCK_PARAMETERS, "policy", f"{type(policy).__name__} of {zeros.size:,} parameters", few
-        )
+        zeros = zeros_of(policy)
         blocks = tuple(identities(block, self.initial) for block in policy.blocks(trainable(policy)))
         started = running_mean(blocks)._replace(mean=blocks)
         phi = jnp.zeros_like(self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype))))
@@ -166,7 +163,7 @@ class StationaryMetric(Metric):
         )
 
     def update(
-        self, updates: Updates, state: StationaryState, policy: Policy, steps: Any, due: Flag
+        self, updates: Updates, state: StationaryState, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, StationaryState]:
         def direction(given: Updates) -> Updates:
             # The barrier keeps the compiler from solving ahead of the loop in `where_any`.

@@ -10,7 +10,8 @@ measures the gain over the old policy. Decisions whose probability has changed b
 of their advantage add nothing more.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from motorgrad._tree import Part, count, number, static
-from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.policies import Policy, split, trainable
 
 
@@ -74,10 +75,12 @@ class ClippedSurrogate(Part):
         words = jax.random.key_data(key)
         return Batch(seen, done, numbers, numbers, jnp.zeros(size, bool), jnp.zeros((), jnp.int32), words)
 
-    def add(self, batch: Batch, seen: Any, action: Any, worth: Any, newest: Any, dropped: Flag = False) -> Batch:
+    def add(
+        self, batch: Batch, seen: Array, action: Array, worth: Array, newest: Array | int, dropped: Flag = False
+    ) -> Batch:
         """The batch with one more decision; what is to be `dropped` is written, too, and overwritten by the next."""
 
-        def put(rows: Array, row: Any) -> Array:
+        def put(rows: Array, row: Array | bool | int) -> Array:
             # There is room: a step has emptied what was full.
             return rows.at[batch.waiting].set(jnp.asarray(row, rows.dtype))
 
@@ -100,10 +103,10 @@ class ClippedSurrogate(Part):
         key = jax.random.key_data(jax.random.fold_in(jax.random.wrap_key_data(batch.key), 1))
         return batch._replace(waiting=jnp.zeros_like(batch.waiting), key=key)
 
-    def advantages(self, batch: Batch, decay: Any) -> Float[Array, " batch"]:
+    def advantages(self, batch: Batch, decay: Scalar) -> Float[Array, " batch"]:
         """The advantage of every decision, for a trace of this decay."""
 
-        def back(later: Any, decision: Any) -> Any:
+        def back(later: Array, decision: tuple[Array, Array]) -> tuple[Array, Array]:
             worth, end = decision
             total = (worth + jnp.where(end, 0, decay * later)).astype(worth.dtype)
             return total, total
@@ -117,13 +120,13 @@ class ClippedSurrogate(Part):
         flat = (jnp.max(found) == jnp.min(found)) | (spread == 0)
         return jnp.where(flat, 0, (found - jnp.mean(found)) / jnp.where(flat, 1, spread))
 
-    def gradient(self, policy: Policy, rows: Any, bonus: Any = None) -> PyTree[Array]:
+    def gradient(self, policy: Policy, rows: PyTree, bonus: Float[Array, ""] | None = None) -> PyTree[Array]:
         r"""$\nabla_\theta L$ at the parameters of `policy`, for the decisions in `rows`: observations, actions, their
         log-probabilities under the old policy and advantages; `bonus`, what a nat of entropy is worth, if anything."""
         learned, settings = split(policy)
         observations, actions, old, advantages = rows
 
-        def gain(parameters: Any) -> Float[Array, ""]:
+        def gain(parameters: PyTree) -> Float[Array, ""]:
             present = eqx.combine(parameters, settings)
             ratio = jnp.exp(jax.vmap(present.log_prob)(observations, actions) - old)
             limited = jnp.clip(ratio, 1 - self.clip, 1 + self.clip)
@@ -132,13 +135,21 @@ class ClippedSurrogate(Part):
 
         return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
 
-    def climb(self, batch: Batch, policy: Policy, decay: Any, bonus: Any, state: Any, step: Any) -> Any:
+    def climb(
+        self,
+        batch: Batch,
+        policy: Policy,
+        decay: Scalar,
+        bonus: Callable[[PyTree], Float[Array, ""] | None],
+        state: PyTree,
+        step: Callable[[PyTree, PyTree[Array]], PyTree],
+    ) -> PyTree:
         """The state after all steps of a batch. `step(state, gradient)` makes one; `state.policy` is what it moves."""
         advantages = self.advantages(batch, decay)
         old = jax.vmap(policy.log_prob)(batch.observations, batch.actions)
         rows = (batch.observations, batch.actions, old, advantages)
 
-        def minibatch(state: Any, places: Int[Array, " size"]) -> tuple[Any, None]:
+        def minibatch(state: PyTree, places: Int[Array, " size"]) -> tuple[PyTree, None]:
             chosen = jax.tree.map(lambda each: each[places], rows)
             return step(state, self.gradient(state.policy, chosen, bonus(state))), None
 

@@ -1,6 +1,6 @@
 """SwiftTD: true-online TD(λ) that learns a step size for every feature."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -74,7 +74,7 @@ class SwiftTemporalDifference(CriticFit):
             check(self.initial <= self.bound, "initial", self.initial, f"at most the bound, {self.bound}")
 
     @property
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         return self.level_rate
 
     def init(self, weights: Weights, features: int) -> SwiftState:

@@ -7,7 +7,7 @@ A trace filters scores. It is three functions over a state of the parameters' st
 
 import abc
 import math
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +38,7 @@ class Trace(Part):
     def value(self, state: PyTree[Array]) -> PyTree[Array]:
         """The eligibility $z_t$, in the structure of the parameters."""
 
-    def learn(self, state: PyTree[Array], advantage: Any) -> PyTree[Array]:
+    def learn(self, state: PyTree[Array], advantage: PyTree[Array]) -> PyTree[Array]:
         """The state after it was multiplied by an advantage, one number or one for every parameter."""
         return state
 
@@ -52,7 +52,7 @@ class Trace(Part):
         return None
 
 
-def credited(eligibility: PyTree[Array], advantage: Any) -> PyTree[Array]:
+def credited(eligibility: PyTree[Array], advantage: PyTree[Array]) -> PyTree[Array]:
     """An eligibility times an advantage, which is one number, or one for every parameter."""
     if isinstance(advantage, Policy):
         return jax.tree.map(jnp.multiply, advantage, eligibility)
@@ -115,7 +115,7 @@ class _Kernel(Trace):
     """A finite filter: it keeps the last scores, the newest first, and weights them."""
 
     @abc.abstractmethod
-    def weights(self) -> Float[Any, " length"]:
+    def weights(self) -> Float[Array, " length"]:
         """The weight of the score from 0, 1, 2 … decisions ago."""
 
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
@@ -147,7 +147,7 @@ class Window(_Kernel):
 
     length: int = count(10, 1, MAX_FILTER_DECISIONS)
 
-    def weights(self) -> Float[Any, " length"]:
+    def weights(self) -> Float[Array, " length"]:
         return jnp.ones(self.length)
 
 
@@ -176,6 +176,6 @@ class LaggedGaussian(_Kernel):
             f"a positive number of decisions, at most {MAX_FILTER_DECISIONS}",
         )
 
-    def weights(self) -> Float[Any, " length"]:
+    def weights(self) -> Float[Array, " length"]:
         age = jnp.arange(math.ceil(self.lag + 4 * self.width) + 1)
         return jnp.exp(-0.5 * ((age - self.lag) / self.width) ** 2)

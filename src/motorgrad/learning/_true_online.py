@@ -1,6 +1,6 @@
 """True-online TD(λ): a critic whose weights equal those of the online forward view after every decision."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -45,7 +45,7 @@ class TrueOnlineTemporalDifference(CriticFit):
     level_rate: float = number(1e-3, 0, 1)
 
     @property
-    def mean_rate(self) -> Any:
+    def mean_rate(self) -> float:
         return self.level_rate
 
     def init(self, weights: Weights, features: int) -> TrueOnlineState:

@@ -4,7 +4,7 @@ A command is a frozen dataclass of its options and a function of the words of th
 
     options = parse(Options, arguments, "name")
 
-`places` has the options that say where the jobs of a study run; it is not imported here, as few commands have jobs.
+`executors` has the options that say where the jobs of a study run; it is not imported here, as few commands have jobs.
 """
 
 from motorgrad.options._configuration import (
@@ -12,6 +12,8 @@ from motorgrad.options._configuration import (
     HELP,
     HELP_ALL,
     Arguments,
+    name_in_words,
+    naming,
     parse,
     parse_values,
     pop_option,
@@ -52,6 +54,8 @@ __all__ = [
     "finite_table",
     "is_task_word",
     "listed_failures",
+    "name_in_words",
+    "naming",
     "parse",
     "parse_values",
     "pop_option",

@@ -5,13 +5,14 @@ table. `validate()` checks the options before any work. `effective()` returns wh
 the plain table of the fields.
 """
 
+import contextlib
 import dataclasses
 import inspect
 import re
 import typing
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 import tomli_w
@@ -27,7 +28,10 @@ from motorgrad.options._words import REGISTRY, reader, shown_as
 from motorgrad.policies import INITIAL
 from motorgrad.training import policy_settings
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 COMMON: list[Any] = [
     (
         "config",
@@ -126,6 +130,16 @@ def resolve(cls: type[T], given: Arguments, prog: str) -> T:
     return options
 
 
+@contextlib.contextmanager
+def naming(file: Path | None) -> Iterator[None]:
+    """Let a `ValueError` begin with the file that the options come from, unless it names it."""
+    try:
+        yield
+    except ValueError as error:
+        message = str(error)
+        raise ValueError(message if file is None or str(file) in message else f"{file}: {message}") from None
+
+
 def parse_values(cls: type, given: Arguments, prog: str) -> dict[str, Any]:
     """The values of the given options, each converted to its type. Nothing else is checked yet."""
     for name in ASKED:
@@ -200,9 +214,8 @@ def part_form(part: Part, optional: bool = False) -> Any:
     families = [(base, kinds) for base, kinds in PART_CLASSES.items() if cls in kinds.values() and len(kinds) > 1]
     if families:
         family, kinds = families[0]
-        name = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", family.__name__).lower()
         keeps = "keeps the settings that both have" if hasattr(family, "aliases") else "starts from its own defaults"
-        about = f"The kind of {name}. Another kind {keeps}."
+        about = f"The kind of {name_in_words(family)}. Another kind {keeps}."
         kind: Any = typing.Literal[(*(["none"] if optional else []), *kinds)]
         entries.append(("kind", *_entry(kind, kind_of(part), about)))
     for name in fields_of(cls):
@@ -211,7 +224,7 @@ def part_form(part: Part, optional: bool = False) -> Any:
         if name == "transformations" and not value:
             continue
         if hasattr(value, "as_setting"):
-            hint = policy_form(value)
+            hint = policy_form(value.kind, value.settings)
             value = hint()
         else:
             if isinstance(value, Part) or parts_in(hint):
@@ -223,7 +236,12 @@ def part_form(part: Part, optional: bool = False) -> Any:
     return dataclasses.make_dataclass(cls.__name__, entries, bases=(_PartForm,), namespace=space)
 
 
-def _part_option(hint: Any, value: Any) -> tuple[Any, Any]:
+def name_in_words(cls: type) -> str:
+    """The name of a class in words, such as "critic fit"."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
+
+
+def _part_option(hint: object, value: object) -> tuple[Any, Any]:
     """The type and the default of the option for a field that holds a part: a table of the part's own options; where it
     is absent, a choice among the kinds."""
     if isinstance(value, Part):
@@ -235,23 +253,23 @@ def _part_option(hint: Any, value: Any) -> tuple[Any, Any]:
     return typing.Literal[("none", *names)], "none"
 
 
-def policy_form(policy: Any) -> Any:
-    """The options of an initial policy."""
-    function = INITIAL[policy.kind]
+def policy_form(kind: str, settings: Mapping[str, Any]) -> Any:
+    """The options of an initial policy of a kind, with these settings as defaults."""
+    function = INITIAL[kind]
     known = inspect.signature(function).parameters
     entries = [
         (
             "kind",
             *_entry(
                 typing.Literal[tuple(INITIAL)],
-                policy.kind,
+                kind,
                 "The initial policy. Another kind starts from its own defaults.",
             ),
         )
     ]
     helps = descriptions(function)
-    for name, hint in policy_settings(policy.kind).items():
-        value = policy.settings.get(name, known[name].default)
+    for name, hint in policy_settings(kind).items():
+        value = settings.get(name, known[name].default)
         if parts_in(hint):
             hint, value = _part_option(hint, value)
         entries.append((name, *_entry(hint, value, helps.get(name))))
@@ -259,7 +277,7 @@ def policy_form(policy: Any) -> Any:
     return dataclasses.make_dataclass("Policy", entries, bases=(_PartForm,), namespace={"__doc__": doc})
 
 
-def _entry(hint: Any, default: Any, about: str | None) -> tuple[Any, ...]:
+def _entry(hint: object, default: object, about: str | None) -> tuple[Any, ...]:
     """The type of an option and its default, as `dataclasses.make_dataclass` takes them after the name."""
     shown = "(required)" if default is dataclasses.MISSING else None  # tyro would show an empty default
     if (default is None and "None" not in (about or "")) or default in ("", ()):

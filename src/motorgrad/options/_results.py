@@ -4,17 +4,21 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from motorgrad import __version__
 from motorgrad._errors import plain
 from motorgrad._files import write_atomically
 from motorgrad.options._outputs import MARK
 
+if TYPE_CHECKING:
+    from motorgrad.studies import ComparisonResults, Results, SearchResults
 
-def summary(values: Any) -> dict[str, Any]:
+
+def summary(values: npt.ArrayLike) -> dict[str, Any]:
     """The median and quartiles of one number per seed, and the numbers themselves. NaN means never occurred."""
     values = np.asarray(values, float)
     seen = values[np.isfinite(values)]
@@ -51,19 +55,23 @@ def write_json(path: Path | None, result: dict[str, Any]) -> None:
 
 
 def finite_table(table: dict[str, Any]) -> dict[str, Any]:
-    """A table as JSON has it: `None` for numbers that are not finite."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in table.items()
-    }
+    """A table as JSON has it: `None` for numbers that are not finite, also of lists."""
+
+    def finite(value: object) -> object:
+        if isinstance(value, list | tuple):
+            return [finite(item) for item in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return {key: finite(value) for key, value in table.items()}
 
 
-def print_outcome(results: Any) -> None:
+def print_outcome(results: "Results | SearchResults | ComparisonResults") -> None:
     """Say whether a study or a comparison is done."""
     failures = results.failures
     print("done" if results.complete else f"{len(failures):,} jobs set aside" if failures else "stopped")
 
 
-def print_place(results: Any, files: str, kind: str) -> None:
+def print_place(results: "Results | SearchResults | ComparisonResults", files: str, kind: str) -> None:
     """Print which jobs were set aside, where the results and their further `files` are, and how to continue."""
     for failure in results.failures[:10]:
         print(plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}"))
@@ -72,6 +80,6 @@ def print_place(results: Any, files: str, kind: str) -> None:
         print(f"the same command continues this {kind}")
 
 
-def listed_failures(results: Any) -> list[dict[str, Any]]:
+def listed_failures(results: "Results | SearchResults | ComparisonResults") -> list[dict[str, Any]]:
     """The jobs that were set aside, as JSON has them."""
     return [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]

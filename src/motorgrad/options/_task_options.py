@@ -10,7 +10,7 @@ from motorgrad._errors import check, choice
 from motorgrad._settings import as_hinted, default_of, full_path
 from motorgrad._tree import Part, fields_of, hints_of, options_of, parts_in
 from motorgrad.learning import Agent
-from motorgrad.options._configuration import HELP, HELP_ALL, Arguments, parse_values, pop_option
+from motorgrad.options._configuration import HELP, HELP_ALL, Arguments, naming, parse_values, pop_option
 from motorgrad.policies import IMPLIED, INITIAL
 from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, settings_in
 from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, policy_settings
@@ -32,18 +32,13 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
     about = {"preset": _peek("preset", given, str), "steps": _peek("steps", given, float)}
     task = blank
     settings = {key: value for key, value in given.table.items() if key == "task"}
-    try:
+    with naming(given.file):
         if of_task := _options_of_task(rest):
             whole = _with_fields(base, name, does, blank, agent_for(blank, **about))
             draft = given._replace(table=settings, rest=of_task)
             settings = parse_values(whole, draft, f"{name.lower()} {task_name}")
         task = as_hinted(TASKS[task_name], settings.get("task", {}), "task")
         agent = agent_for(task, given.table.get("agent"), **about)
-    except ValueError as error:
-        message = str(error)
-        raise ValueError(
-            message if given.file is None or str(given.file) in message else f"{given.file}: {message}"
-        ) from None
     agent, rest = _apply_kinds(agent, rest)
     table = {key: value for key, value in given.table.items() if key != "agent"}
     return _with_fields(base, name, does, task, agent), given._replace(table=table, rest=rest)
@@ -156,18 +151,14 @@ def _with_fields(base: type, name: str, does: str, task: Task, agent: Agent) -> 
         ("agent", Agent, dataclasses.field(default_factory=lambda: agent)),
     ]
     goal = (type(task).__doc__ or "").partition("\n")[0]
-    doc = f"{does}: {goal}\n\n{_about_all(type(task), name.lower())}\n\n{_short_names()}"
-    return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
-
-
-def _about_all(task: type[Task], command: str) -> str:
-    """A sentence of the help on the options that it leaves out."""
-    plain = (name for name, field in fields_of(task).items() if not dataclasses.is_dataclass(default_of(field)))
-    first = next((f"--task.{_dashed(name)}, " for name in plain), "")
-    return (
+    plain = (name for name, field in fields_of(type(task)).items() if not dataclasses.is_dataclass(default_of(field)))
+    first = next((f"--task.{_dashed(setting)}, " for setting in plain), "")
+    more = (
         "Every setting of the task, its body and the learner is an option, too, such as "
-        f"{first}--agent.decay or --agent.learning-rate: motorgrad {command} {task.name} --help-all lists them."
+        f"{first}--agent.decay or --agent.learning-rate: motorgrad {name.lower()} {task.name} --help-all lists them."
     )
+    doc = f"{does}: {goal}\n\n{more}\n\n{_short_names()}"
+    return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
 
 
 def _short_names() -> str:
@@ -178,7 +169,7 @@ def _short_names() -> str:
     return f"Short names: --agent.{_dashed(first)} is --agent.{path}; likewise {listed}."
 
 
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def _leaves(value: object, path: str = "") -> Iterator[tuple[str, Any]]:
     """The entries of nested tables, by path."""
     if isinstance(value, dict):
         for name, item in value.items():
@@ -247,7 +238,9 @@ def _apply_kinds(agent: Agent, rest: list[str]) -> tuple[Agent, list[str]]:
 def _required_values(path: str, kind: str, rest: list[str]) -> dict[str, Any]:
     """The values on the command line of those settings of a kind that have no default."""
     found: dict[str, Any] = {}
-    for cls in (cls for part in _parts_at(path) for name, cls in part.kinds().items() if name == kind):
+    hint = _hint_at(path)
+    parts = () if hint is None else _bases_of(hint)
+    for cls in (cls for part in parts for name, cls in part.kinds().items() if name == kind):
         for name, field in fields_of(cls).items():
             if default_of(field) is dataclasses.MISSING:
                 flag = f"--agent.{_dashed(path)}.{_dashed(name)}"
@@ -285,14 +278,9 @@ def _hint_at(path: str) -> Any:
     return hint
 
 
-def _bases_of(hint: Any) -> tuple[type[Part], ...]:
+def _bases_of(hint: object) -> tuple[type[Part], ...]:
     """The bases of the parts that may stand in a field of this type."""
     return (hint,) if isinstance(hint, type) and issubclass(hint, Part) else parts_in(hint)
-
-
-def _parts_at(path: str) -> tuple[type[Part], ...]:
-    hint = _hint_at(path)
-    return () if hint is None else _bases_of(hint)
 
 
 def _is_group(agent: Agent, path: str) -> bool:
@@ -300,5 +288,5 @@ def _is_group(agent: Agent, path: str) -> bool:
     *outer, last = path.split(".")
     node: Any = agent
     for name in outer:
-        node = getattr(node, name, None)
+        node = node if isinstance(node, dict) else getattr(node, name, None)  # a group's name may have dots
     return isinstance(node, dict) and bool(last)

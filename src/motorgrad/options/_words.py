@@ -11,7 +11,7 @@ from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, Pri
 
 from motorgrad._settings import as_hinted
 
-PLAIN = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
+PLAIN: dict[object, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 REGISTRY = ConstructorRegistry()
 """Reads `1e5` as the integer that it is."""
 
@@ -29,7 +29,7 @@ def _integers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[int] | None:
     )
 
 
-def shown_as(hint: Any, default: Any) -> str | None:
+def shown_as(hint: object, default: object) -> str | None:
     """What the help shows for a value; `None` to use tyro's own text.
 
     A default of `None` is not among the values shown, as it is what leaving out the option gives.
@@ -48,14 +48,14 @@ def shown_as(hint: Any, default: Any) -> str | None:
     return "|".join(given) if all(given) else None  # type: ignore[arg-type]
 
 
-def _word(option: Any) -> str | None:
+def _word(option: object) -> str | None:
     """What the help shows for a value of one word."""
     if typing.get_origin(option) is typing.Literal:
         return "{" + ",".join(map(str, typing.get_args(option))) + "}"
     return PLAIN.get(option)
 
 
-def reader(hint: Any) -> tuple[Any, ...]:
+def reader(hint: object) -> tuple[Any, ...]:
     """How names and values in turn are read as a table; nothing for any other kind of value."""
     options = _options(hint)
     tables = [option for option in options if _is_table(option)]
@@ -72,13 +72,13 @@ def reader(hint: Any) -> tuple[Any, ...]:
     return (spec,)
 
 
-def _options(hint: Any) -> tuple[Any, ...]:
+def _options(hint: object) -> tuple[Any, ...]:
     """The types that a value may have."""
     hint = typing.get_args(hint)[0] if typing.get_origin(hint) is typing.Annotated else hint
     return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
 
 
-def _is_table(option: Any) -> bool:
+def _is_table(option: object) -> bool:
     origin = typing.get_origin(option)
     return isinstance(origin, type) and issubclass(origin, Mapping)
 
@@ -105,7 +105,7 @@ def _words(table: Mapping[str, Any] | float | None) -> list[str]:
     return [str(word) for pair in table.items() for word in pair]
 
 
-def _table(hint: Any, optional: bool, single: bool, words: list[str]) -> Any:
+def _table(hint: object, optional: bool, single: bool, words: list[str]) -> Any:
     if optional and words in (["None"], ["none"]):
         return None
     if single and len(words) == 1:

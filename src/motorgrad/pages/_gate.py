@@ -34,7 +34,7 @@ HEADERS = {
 
 
 Ends = tuple[tuple[str, int], tuple[str, int]]
-"""Of a connection: address and port of the client, and those of the page."""
+"""The two ends of a connection: address and port of the client, and those of the page."""
 
 
 class Passed(NamedTuple):
@@ -213,7 +213,7 @@ class Lobby:
         lobby = self
 
         class Connection(kind):
-            def connection_made(self, transport: Any) -> None:
+            def connection_made(self, transport: asyncio.Transport) -> None:
                 lobby.enter(transport)
                 super().connection_made(transport)
 
@@ -243,7 +243,7 @@ class Lobby:
             self._waiting.pop(ends)[1].cancel()
 
     def left(self, transport: asyncio.Transport) -> None:
-        """As `leave`, for a transport; also to forget one that has ended, and no later one between the same ends."""
+        """Let the connection of a transport stay, or forget it once it has ended, but no later one between its ends."""
         ends = _ends(transport)
         if ends in self._waiting and self._waiting[ends][0] is transport:
             self.leave(ends)

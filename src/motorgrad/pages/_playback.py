@@ -13,6 +13,7 @@ from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import check
 
@@ -127,7 +128,7 @@ class History:
         self.most, self.most_bytes = most, most_bytes
         self._kept: list[Kept] = []
 
-    def keep(self, tick: int, state: Any, changes: int = 0) -> bool:
+    def keep(self, tick: int, state: PyTree, changes: int = 0) -> bool:
         """Keep a state, in place of any other of this tick. **Returns** whether others were dropped to make room."""
         place = bisect.bisect_left(self._kept, tick, key=lambda kept: kept.tick)
         same = place < len(self._kept) and self._kept[place].tick == tick
@@ -142,14 +143,12 @@ class History:
     def _thin(self) -> bool:
         """Drop states until the others fit. **Returns** whether any were dropped."""
         thinned = False
-        while len(self._kept) > 2 and self._full:
+        while len(self._kept) > 2 and (
+            len(self._kept) > self.most or sum(kept.size for kept in self._kept) > self.most_bytes
+        ):
             del self._kept[1:-1:2]
             thinned = True
         return thinned
-
-    @property
-    def _full(self) -> bool:
-        return len(self._kept) > self.most or sum(kept.size for kept in self._kept) > self.most_bytes
 
     def drop_after(self, tick: int) -> None:
         """Drop the states of later ticks."""
@@ -200,7 +199,7 @@ class Playable(Protocol):
         """Make this number of ticks."""
         ...
 
-    def restore(self, state: Any, /) -> None:
+    def restore(self, state: PyTree, /) -> None:
         """Restore a state."""
         ...
 
@@ -378,6 +377,6 @@ class Playback(Generic[R]):
             self._made += 1
 
 
-def size_of(state: Any) -> int:
+def size_of(state: PyTree) -> int:
     """The bytes of a state's arrays."""
     return sum(leaf.nbytes for leaf in jax.tree.leaves(state) if isinstance(leaf, np.ndarray | jax.Array))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+import numpy.typing as npt
+from jaxtyping import Array, Bool, Float
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
@@ -15,6 +16,7 @@ from motorgrad._errors import check
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
+    from matplotlib.typing import ColorType
 
     from motorgrad.policies import Policy
     from motorgrad.tasks import ParticleTask, Region
@@ -65,11 +67,12 @@ def shapes_of(policy: Policy) -> Shapes:
     return Shapes(centre, half, regions.box, regions.active, np.nan_to_num(np.clip(certainty, 0, 1)))
 
 
-def has_local_units(task: Any, policy: Any) -> bool:
+def has_local_units(task: object, policy: object) -> bool:
     """Whether this is a task on a particle with a policy of units that have a place in its plane."""
+    from motorgrad.policies import Policy
     from motorgrad.tasks import ParticleTask
 
-    if not isinstance(task, ParticleTask) or policy is None:
+    if not isinstance(task, ParticleTask) or not isinstance(policy, Policy):
         return False
     try:
         shapes_of(policy)
@@ -112,7 +115,7 @@ def draw_regions(axes: Axes, regions: Sequence[Region], walls: Walls | None = No
     if not len(regions):
         return
 
-    def reward_at(place: Any) -> Any:
+    def reward_at(place: Float[Array, " 2"]) -> Any:
         from motorgrad.tasks import region_reward
 
         return region_reward(regions, place)
@@ -142,7 +145,10 @@ def draw_reward(axes: Axes, task: ParticleTask) -> None:
 
 
 def draw_units(
-    axes: Axes, policy: Policy, forces: Float[np.ndarray, "units 2"] | Sequence[Any], active: Any = None
+    axes: Axes,
+    policy: Policy,
+    forces: Float[np.ndarray, "units 2"] | Sequence[Any],
+    active: npt.ArrayLike | None = None,
 ) -> DrawnUnits:
     """Draw each local unit as an ellipse of one standard deviation about its centre, with an arrow in the direction of
     its force.
@@ -163,7 +169,7 @@ def draw_units(
     return DrawnUnits(axes, policy, forces, active)
 
 
-def draw_paths(axes: Axes, paths: Sequence[Float[Any, "decisions 2"]], colour: Any = INK) -> DrawnPaths:
+def draw_paths(axes: Axes, paths: Sequence[Float[Any, "decisions 2"]], colour: ColorType = INK) -> DrawnPaths:
     """Draw trajectories with a dash for each decision and a dot at the start; the longer a dash, the faster the
     particle.
 
@@ -200,7 +206,7 @@ def draw_occupancy(
 class DrawnUnits:
     """Units on axes, made by `draw_units`."""
 
-    def __init__(self, axes: Axes, policy: Policy, forces: Any, active: Any = None) -> None:
+    def __init__(self, axes: Axes, policy: Policy, forces: npt.ArrayLike, active: npt.ArrayLike | None = None) -> None:
         check_arguments(DrawnUnits, locals())
         from matplotlib.collections import PolyCollection
 
@@ -218,7 +224,7 @@ class DrawnUnits:
         """The matplotlib artists."""
         self.update(policy, active)
 
-    def update(self, policy: Policy, active: Any = None) -> None:
+    def update(self, policy: Policy, active: npt.ArrayLike | None = None) -> None:
         """Show another policy with the same number of units."""
         shapes = shapes_of(policy)
         count = len(self._forces)
@@ -237,7 +243,7 @@ class DrawnUnits:
 class DrawnPaths:
     """Trajectories on axes, made by `draw_paths`."""
 
-    def __init__(self, axes: Axes, paths: Sequence[Any], colour: Any = INK) -> None:
+    def __init__(self, axes: Axes, paths: Sequence[Any], colour: ColorType = INK) -> None:
         check_arguments(DrawnPaths, locals())
         from matplotlib.collections import LineCollection
 
@@ -283,14 +289,17 @@ def _box(axes: Axes, walls: Walls | None) -> Walls:
     return walls
 
 
-def _field(axes: Axes, reward_at: Any, walls: Walls, most: float | None) -> None:
+def _field(
+    axes: Axes, reward_at: Callable[[Float[Array, " 2"]], Float[Array, ""]], walls: Walls, most: float | None
+) -> None:
     """Draw a function of the position as filled contours, with one scale for reward and penalty."""
     import jax
+    import jax.numpy as jnp
     from matplotlib.colors import LinearSegmentedColormap
 
     x, y = np.meshgrid(*(np.linspace(low, high, GRID) for low, high in walls.spans))
     places = np.stack([x, y], axis=-1, dtype=np.float32).reshape(-1, 2)
-    values = np.asarray(jax.vmap(reward_at)(places)).reshape(x.shape)
+    values = np.asarray(jax.vmap(reward_at)(jnp.asarray(places))).reshape(x.shape)
     # overlapping regions may add up to more than the greatest amplitude
     most = max(float(np.abs(values).max()), most or 0.0) or 1.0
     shades = LinearSegmentedColormap.from_list("reward", [BAD, "#eda396", "white", "#8fd0bb", GOOD])
@@ -306,7 +315,7 @@ def _reward_at_rest(task: ParticleTask) -> Any:
 
     from motorgrad.worlds import ParticleState
 
-    def reward_at(place: Any) -> Any:
+    def reward_at(place: Float[Array, " 2"]) -> Any:
         state = ParticleState(place, jnp.zeros(2), jnp.zeros(4, bool))
         memory = task.init(jnp.zeros(task.init_uniforms))
         return task.reward(memory, state, jnp.zeros(task.action_size))[1]

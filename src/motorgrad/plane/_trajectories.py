@@ -6,7 +6,7 @@ import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
@@ -14,6 +14,7 @@ from motorgrad._errors import check
 if TYPE_CHECKING:
     from motorgrad.policies import Policy
     from motorgrad.tasks import ParticleTask
+    from motorgrad.worlds import ParticleState
 
 
 def trajectories(
@@ -94,7 +95,7 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
 
     world = task.dynamics
 
-    def walk(policy: Policy, seed: Any) -> tuple[Any, Any]:
+    def walk(policy: Policy, seed: Int[Array, ""]) -> tuple[Any, Any]:
         starts, moves = jax.random.split(jax.random.key(seed))
         numbers = functools.partial(_uniforms, episodes=episodes)
         first = numbers(starts, (world.reset_uniforms, task.init_uniforms, task.uniforms))
@@ -103,7 +104,9 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
         track = jnp.full((longest + 1, episodes, 2), jnp.nan).at[0].set(state.position)
         sizes = (policy.uniforms, world.uniforms, task.uniforms)
 
-        def decide(memory: Any, state: Any, seen: Any, kept: Any, choose: Any, move: Any, uniforms: Any) -> Any:
+        def decide(
+            memory: PyTree, state: ParticleState, seen: Array, kept: PyTree, choose: Array, move: Array, uniforms: Array
+        ) -> Any:
             units = policy.perceive(kept, seen)
             drawn = policy.sample(units, choose)
             kept = policy.remember(units, drawn)
@@ -113,7 +116,7 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
             ended = jnp.logical_or(terminated, task.truncated(memory, state))
             return *task.observe(memory, state, uniforms), kept, state, ended
 
-        def step(carry: Any) -> Any:
+        def step(carry: tuple[Any, ...]) -> Any:
             t, memory, state, seen, kept, alive, lengths, track = carry
             drawn = numbers(jax.random.fold_in(moves, t), sizes)
             memory, seen, kept, state, ended = jax.vmap(decide)(memory, state, seen, kept, *drawn)
@@ -130,7 +133,7 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
     return jax.jit(walk)
 
 
-def _uniforms(key: Any, sizes: tuple[int, ...], episodes: int) -> list[Any]:
+def _uniforms(key: Array, sizes: tuple[int, ...], episodes: int) -> list[Any]:
     """Numbers from U[0, 1) for every episode, `(episodes, size)` for each size."""
     import jax
 

@@ -21,7 +21,7 @@ from motorgrad.policies._graded import (
 )
 from motorgrad.policies._grow_and_prune import Masked, activity, grow, growing, prune, reach
 from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, primitives
-from motorgrad.policies._initial import IMPLIED, INITIAL, Initial, initial
+from motorgrad.policies._initial import IMPLIED
 from motorgrad.policies._layered import Layered, Sequential, layered
 from motorgrad.policies._local import (
     FreeGaussians,
@@ -34,9 +34,11 @@ from motorgrad.policies._local import (
 )
 from motorgrad.policies._mirrored import Mirrored, mirrored
 from motorgrad.policies._mixed import Mixed, mixed
-from motorgrad.policies._policy import Policy, Regions, fixed, split, trainable, with_interface
+from motorgrad.policies._parameters import fixed, split, trainable
+from motorgrad.policies._policy import Policy, Regions, with_interface
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
+from motorgrad.policies._registry import INITIAL, Initial, initial
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
 from motorgrad.policies._standardisation import Standardisation, adapted

@@ -1,16 +1,37 @@
 """A policy that acts in the environment itself, on raw observations."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
 from motorgrad._interface import Interface
-from motorgrad.policies._policy import Policy
+
+
+class Decider(Protocol):
+    """What of a `Policy` makes decisions in an environment."""
+
+    @property
+    def interface(self) -> Interface | None: ...
+    @property
+    def has_memory(self) -> bool: ...
+    @property
+    def uniforms(self) -> int: ...
+    def initial_memory(self) -> Array | None: ...
+    def perceive(self, memory: Array | None, observation: Array) -> Array: ...
+    def mode(self, observation: Array) -> Array: ...
+    def sample(self, observation: Array, uniforms: Array) -> Array: ...
+    def emit(self, action: Array) -> Array: ...
+    def remember(self, seen: Array, action: Array) -> Array | None: ...
+
+
+P = TypeVar("P", bound=Decider)
 
 
 class Decision(NamedTuple):
@@ -20,7 +41,7 @@ class Decision(NamedTuple):
     memory: Array | None
 
 
-def decide(policy: Policy, memory: Any, raw: Any, uniforms: Any = None) -> Decision:
+def decide(policy: Decider, memory: Array | None, raw: Array, uniforms: Array | None = None) -> Decision:
     """The decision of a policy on a raw observation. A pure function, which JAX can trace.
 
     **Arguments:** `policy`: with its `interface`, or without one, for observations as it sees them; `memory`: the
@@ -34,15 +55,15 @@ def decide(policy: Policy, memory: Any, raw: Any, uniforms: Any = None) -> Decis
     return Decision(policy.emit(action), policy.remember(seen, action))
 
 
-_decided = eqx.filter_jit(decide)
+_decided: Callable[..., Decision] = eqx.filter_jit(decide)
 
 
 @eqx.filter_jit
-def _decided_all(policy: Policy, raw: Any, uniforms: Any) -> Array:
+def _decided_all(policy: Decider, raw: Array | np.ndarray, uniforms: Array | None) -> Array:
     return jax.vmap(lambda *of: decide(policy, None, *of).action)(raw, uniforms)
 
 
-class Actor:
+class Actor(Generic[P]):
     """A policy of a run that acts in an environment: raw observations in, raw actions out. It keeps the memory of the
     policy from decision to decision, where that has one.
 
@@ -59,7 +80,7 @@ class Actor:
     ```
     """
 
-    def __init__(self, policy: Policy):
+    def __init__(self, policy: P):
         self.policy = policy
         self.interface = known_interface(policy)
         self.reset()
@@ -68,7 +89,7 @@ class Actor:
         """Begin an episode: the memory is as at the start of one. A policy without a memory needs no call."""
         self.memory = self.policy.initial_memory()
 
-    def act(self, observation: Any, uniforms: Any = None) -> np.ndarray:
+    def act(self, observation: ArrayLike, uniforms: ArrayLike | None = None) -> np.ndarray:
         """The raw action for a raw observation; see `Policy.act`. Without a memory there may be leading axes."""
         code = self.interface.observations
         shape = np.shape(observation)
@@ -78,16 +99,17 @@ class Actor:
         check(right, "observation.shape", shape, f"{code.shape}{'' if self.policy.has_memory else ', after any axes'}")
         raw = np.asarray(observation, np.float32).reshape(*several, code.size)
         check(np.isfinite(raw).all(), "observation", np.asarray(observation).tolist(), "finite numbers")
+        drawn = None if uniforms is None else jnp.asarray(uniforms, jnp.result_type(float))
         if not several:
-            action, self.memory = _decided(self.policy, self.memory, raw, _drawn(uniforms))
+            action, self.memory = _decided(self.policy, self.memory, raw, drawn)
             return self.interface.actions.native(action)
         rows = raw.reshape(-1, code.size)
-        chance = None if uniforms is None else _drawn(uniforms).reshape(len(rows), self.policy.uniforms)
+        chance = None if drawn is None else drawn.reshape(len(rows), self.policy.uniforms)
         action = np.asarray(_decided_all(self.policy, rows, chance))
         return self.interface.actions.native(action.reshape(*several, *action.shape[1:]))
 
 
-def known_interface(policy: Policy) -> Interface:
+def known_interface(policy: Decider) -> Interface:
     """The interface of a policy. **Raises** `ValueError` where it has none, or is without its statistics."""
     kind = type(policy).__name__
     wanted = "one of a run, run.policy(seed), which knows the scale of observations and the code of actions"
@@ -97,7 +119,3 @@ def known_interface(policy: Policy) -> Interface:
     fine = interface.statistics is not None or not interface.running
     check(fine, "policy", f"{kind} without the running statistics of its observations", wanted)
     return interface
-
-
-def _drawn(uniforms: Any) -> Any:
-    return None if uniforms is None else jnp.asarray(uniforms, jnp.result_type(float))

@@ -2,14 +2,26 @@
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from motorgrad._errors import check, counted, shown
+
+
+class SizedTask(Protocol):
+    """A task, of which a policy needs to know how many numbers it shows, and how many actions it takes."""
+
+    @property
+    def observation_size(self) -> int: ...
+    @property
+    def action_size(self) -> int: ...
+
 
 SEE = ("prob", "sample", "mode", "log_prob", "score", "entropy", "hidden_activations")
 """The methods of a policy whose first argument is what its units see."""
@@ -27,21 +39,20 @@ def check_arguments(kind: type) -> None:
 
 def _seeing(method: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(method)
-    def checked(self: Any, observation: Any, *others: Any, **named: Any) -> Any:
+    def checked(self: Any, observation: ArrayLike, *others: ArrayLike, **named: ArrayLike) -> Any:
         observation = _vector("observation", observation, self.inputs, functools.partial(_seen, self))
         if method.__name__ == "sample":
             for uniforms in (*others, *named.values()):
                 _vector("uniforms", uniforms, self.uniforms, lambda: "drawn from U[0, 1)")
-        others = tuple(map(_array, others))
-        named = {name: _array(value) for name, value in named.items()}
-        return method(self, observation, *others, **named)
+        given = {name: _array(value) for name, value in named.items()}
+        return method(self, observation, *map(_array, others), **given)
 
     return checked
 
 
 def _perceiving(method: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(method)
-    def checked(self: Any, memory: Any, observation: Any) -> Any:
+    def checked(self: Any, memory: Array | None, observation: ArrayLike) -> Any:
         return method(self, memory, _vector("observation", observation, self.observation_size, lambda: _OBSERVED))
 
     return checked
@@ -58,11 +69,11 @@ def _seen(policy: Any) -> str:
     return f"{policy.observation_size} observed and {remembered} remembered, from policy.perceive(memory, observation)"
 
 
-def _array(value: Any) -> Array:
-    return value if eqx.is_array(value) else jnp.asarray(value)
+def _array(value: ArrayLike) -> Array:
+    return value if isinstance(value, jax.Array) else jnp.asarray(value)
 
 
-def _vector(name: str, value: Any, size: int, meaning: Callable[[], str]) -> Array:
+def _vector(name: str, value: ArrayLike, size: int, meaning: Callable[[], str]) -> Array:
     """A value as an array of `size` real numbers; an error that shows the value, or the shape of a long array, if it is
     something else."""
     try:
@@ -78,7 +89,7 @@ def _vector(name: str, value: Any, size: int, meaning: Callable[[], str]) -> Arr
     return array if eqx.is_inexact_array(array) else array.astype(jnp.result_type(float))
 
 
-def sizes(task: Any, outputs: int | None) -> tuple[int, int]:
+def sizes(task: SizedTask | int, outputs: int | None) -> tuple[int, int]:
     """The numbers of inputs and outputs of a policy for a task, for functions that return an initial policy.
 
     **Arguments:**

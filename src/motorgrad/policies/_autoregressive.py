@@ -8,16 +8,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad.policies._featured import Seeing
-from motorgrad.policies._policy import Composed, Policy, fixed, in_structure, split, trainable, with_fields
+from motorgrad.policies._delegating import Delegating, units_of
+from motorgrad.policies._parameters import fixed, in_structure, split, trainable, with_fields
+from motorgrad.policies._policy import Composed, Policy
 
 P = TypeVar("P", bound=Policy)
 
 
-class Autoregressive(Composed):
+class Autoregressive(Delegating, Composed):
     r"""Graded units whose noise is correlated from decision to decision. An activation $x_i$ is drawn around a mix of
     the unit's location $m_i(y)$ and its last activation, a first-order autoregressive process (Korenkevych et al.,
     2019):
@@ -49,7 +50,7 @@ class Autoregressive(Composed):
     **Example:**
 
     ```python
-    units = BoundedHyperplanes(slope=[[0.5, -1.0]], level=[0.2], log_deviation=[-1.0])
+    units = BoundedHyperplanes(weights=[[0.5, -1.0]], bias=[0.2], log_deviation=[-1.0])
     policy = Autoregressive(units, 0.8)
     seen = policy.perceive(policy.initial_memory(), jnp.array([0.3, 0.1]))
     action = policy.sample(seen, jax.random.uniform(key, (policy.uniforms,)))
@@ -57,12 +58,12 @@ class Autoregressive(Composed):
     ```
     """
 
-    policy: Any
+    policy: Policy
     autocorrelation: Float[Array, ""] = fixed(converter=jnp.asarray, default=0.8)
     filtered: bool = eqx.field(static=True, default=True)
 
     def __check_init__(self) -> None:
-        pool = _pool(self.policy)
+        pool = units_of(self.policy)
         units = "graded hyperplanes, which are normal, squashed or clipped"
         check(getattr(pool, "normal", False), "policy", type(pool).__name__, units)
         check(self.autocorrelation.shape == (), "autocorrelation", self.autocorrelation.shape, "one number")
@@ -78,16 +79,15 @@ class Autoregressive(Composed):
         return self.policy.inputs + self.policy.outputs
 
     @property
-    def outputs(self) -> int:
-        return self.policy.outputs
+    def inner(self) -> Policy:
+        return self.policy
 
-    @property
-    def actions(self) -> str | tuple[str, ...]:
-        return self.policy.actions
+    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " observation"]:
+        return observation[: self.observation_size]
 
-    @property
-    def uniforms(self) -> int:
-        return self.policy.uniforms
+    def acting(self, observation: Float[Array, " inputs"]) -> Policy:
+        """The policy without a memory that acts alike after the last activation."""
+        return self._given(observation, self.policy)
 
     @property
     def marginal(self) -> Any:
@@ -102,7 +102,7 @@ class Autoregressive(Composed):
         return self.filtered
 
     def initial_memory(self) -> Float[Array, " units"]:
-        return jnp.zeros_like(_pool(self.policy).level)
+        return jnp.zeros_like(units_of(self.policy).bias)
 
     def perceive(
         self, memory: Float[Array, " units"] | None, observation: Float[Array, " observation"]
@@ -111,83 +111,53 @@ class Autoregressive(Composed):
         return jnp.concatenate([observation, memory.astype(observation.dtype)])
 
     def remember(self, seen: Float[Array, " inputs"], action: Array) -> Float[Array, " units"]:
-        pool = _pool(self.policy)
+        pool = units_of(self.policy)
         number = pool.number_before(action)
         if not self.filtered:
-            number = number - pool.number_before(self.policy.mode(self._shown(seen)))
-        return number.astype(pool.level.dtype)
+            number = number - pool.number_before(self.policy.mode(self.seen(seen)))
+        return number.astype(pool.bias.dtype)
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
-        policy = self.policy.adapted(self._shown(seen))
+        policy = self.policy.adapted(self.seen(seen))
         return self if policy is self.policy else with_fields(self, policy=policy)
 
-    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
-        return self._given(observation).prob(self._shown(observation))
-
-    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
-        return self._given(observation).sample(self._shown(observation), uniforms)
-
-    def mode(self, observation: Float[Array, " inputs"]) -> Array:
-        return self._given(observation).mode(self._shown(observation))
-
-    def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
-        return self._given(observation).log_prob(self._shown(observation), action)
-
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
-        score = self._given(observation).score(self._shown(observation), action)
+        score = self.acting(observation).score(self.seen(observation), action)
         return in_structure(self, policy=self._by_own_parameters(observation, score))
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        matrices = self._given(observation).fisher(self._shown(observation), action)
+        matrices = self.acting(observation).fisher(self.seen(observation), action)
         ones = jax.tree.map(jnp.ones_like, trainable(self.policy))
         factors = self.policy.blocks(self._by_own_parameters(observation, ones))
         return tuple(row[:, :, None] * row[:, None, :] * F for row, F in zip(factors, matrices, strict=True))
 
-    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
-        return self._given(observation).fisher_coordinates(self._shown(observation), action)
-
-    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        return self._given(observation).entropy(self._shown(observation))
-
-    def enumerate(self) -> Array:
-        return self.policy.enumerate()
-
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        return self.policy.hidden_activations(self._shown(observation))
+        return self.policy.hidden_activations(self.seen(observation))
 
-    def _shown(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation"]:
-        return seen[: self.observation_size]
-
-    def _given(self, seen: Float[Array, " inputs"], policy: Any = None) -> Any:
-        """The policy without a memory that acts alike after the last activation."""
-        own = self.policy if policy is None else policy
+    def _given(self, seen: Float[Array, " inputs"], own: Policy) -> Any:
+        """What acts alike after the last activation, for units whose `own` policy this is."""
         last = seen[self.observation_size :]
         rho = self.autocorrelation
-        pool = _pool(own)
+        pool = units_of(own)
         rest = jnp.sqrt(1 - rho * rho)
         passed = 1 - rho if self.filtered else jnp.ones_like(rho)
         fields = {
-            "slope": passed * pool.slope,
-            "level": passed * pool.level + rho * last,
+            "weights": passed * pool.weights,
+            "bias": passed * pool.bias + rho * last,
             "log_deviation": pool.log_deviation + jnp.log(rest),
             "floor": rest * pool.floor,
         }
-        dtype = pool.level.dtype
-        return eqx.tree_at(_pool, own, with_fields(pool, **{name: x.astype(dtype) for name, x in fields.items()}))
+        dtype = pool.bias.dtype
+        return eqx.tree_at(units_of, own, with_fields(pool, **{name: x.astype(dtype) for name, x in fields.items()}))
 
-    def _by_own_parameters(self, seen: Float[Array, " inputs"], gradient: Any) -> Any:
+    def _by_own_parameters(self, seen: Float[Array, " inputs"], gradient: PyTree) -> PyTree:
         """A gradient by the parameters of `_given` as one by the policy's own, which they are linear functions of, each
         of its own."""
         learned, settings = split(self.policy)
         _, pull = jax.vjp(lambda own: trainable(self._given(seen, eqx.combine(own, settings))), learned)
         return pull(gradient)[0]
-
-
-def _pool(policy: Any) -> Any:
-    """The units behind features and layers."""
-    return _pool(policy.pool) if isinstance(policy, Seeing) else policy
 
 
 def check_autocorrelation(value: float) -> None:

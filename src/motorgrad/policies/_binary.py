@@ -9,23 +9,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import xlog1py, xlogy
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import (
-    Policy,
-    has_rows,
-    in_structure,
-    outer,
-    outer_sum,
-    per_unit,
-    unit_rows,
-    with_fields,
-)
+from motorgrad.policies._parameters import in_structure, outer, outer_sum, per_unit, with_fields
+from motorgrad.policies._policy import Policy, has_rows, unit_rows
 
 
 class BinaryUnits(Policy):
@@ -64,7 +56,7 @@ class BinaryUnits(Policy):
     def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
         return jnp.sum(self.log_probs(observation, action))
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row per unit if every trainable array leads with the units, else a single row."""
         return (unit_rows(self, gradient),)
 
@@ -91,7 +83,7 @@ class BinaryUnits(Policy):
     def fisher_coordinates(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> Float[Array, " coordinates"]:
-        r"""Of independent units $p/\sqrt{p(1 - p)}$, whose denominators are held constant."""
+        r"""Probabilities of independent units, $p/\sqrt{p(1 - p)}$, whose denominators are held constant."""
         if not self.independent:
             return super().fisher_coordinates(observation, action)
         p = self.prob(observation)
@@ -225,7 +217,7 @@ class Motoneurons(SigmoidUnits):
 
 
 def hyperplanes(
-    task: Any, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
+    task: SizedTask | int, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
 ) -> Any:
     """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
 
@@ -247,7 +239,7 @@ def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
 
 
 def motoneurons(
-    task: Any, units: int | None = None, low: float = 0.0, high: float = 1.0
+    task: SizedTask | int, units: int | None = None, low: float = 0.0, high: float = 1.0
 ) -> Callable[[jax.Array], Motoneurons]:
     """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis).
 
@@ -266,7 +258,7 @@ def motoneurons(
     return initial
 
 
-def single_input_units(name: str, task: Any, units: int | None, low: float, high: float) -> int:
+def single_input_units(name: str, task: SizedTask | int, units: int | None, low: float, high: float) -> int:
     """The number of units of an initial policy with thresholds in [`low`, `high`].
 
     **Raises:** `ValueError` unless there is exactly one input, naming the policy.

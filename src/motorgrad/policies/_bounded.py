@@ -11,13 +11,13 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import autoregressive
 from motorgrad.policies._densities import DENSITIES, Clipped, Density, Squashed
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
-from motorgrad.policies._policy import fixed
+from motorgrad.policies._parameters import fixed
 
 Shape = Literal["squashed", "clipped", "truncated", "beta"]
 
@@ -45,7 +45,7 @@ class BoundedUnits(GradedUnits):
         return DENSITIES[self.density]
 
     def _spread_out(self, u: Float[Array, " units"]) -> Float[Array, " units"]:
-        """From [−1, 1] to [low, high], whose ends are reached exactly."""
+        """Numbers in [−1, 1] moved to [low, high], whose ends are reached exactly."""
         inside = (self.low + self.high) / 2 + (self.high - self.low) / 2 * u
         inside = jnp.clip(inside, self.low, self.high)
         return jnp.where(u <= -1, self.low, jnp.where(u >= 1, self.high, inside))
@@ -112,14 +112,14 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
     | `"truncated"` | normal, given that it is within (Burkardt, 2014) | $m$, clipped |
     | `"beta"` | beta distribution with $\alpha, \beta \ge 1$ (Chou et al., 2017) | $\tanh m$ |
 
-    **Arguments:** `slope` $w$ of shape `(units, inputs)`; `level` $b$ and `log_deviation` $\lambda$, both `(units,)`;
+    **Arguments:** `weights` $w$ of shape `(units, inputs)`; `bias` $b$ and `log_deviation` $\lambda$, both `(units,)`;
     not trainable: `floor` $s_{\min}$, the lower bound of the spread, positive; `low` and `high`, the bounds, `(units,)`
     or one number for all; `density`, by name.
 
     **Example:**
 
     ```python
-    units = BoundedHyperplanes(slope=[[0.5, -1.0]], level=[0.2], log_deviation=[-1.0], low=0.0, high=1.0)
+    units = BoundedHyperplanes(weights=[[0.5, -1.0]], bias=[0.2], log_deviation=[-1.0], low=0.0, high=1.0)
     ```
     """
 
@@ -137,9 +137,10 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
     def __check_init__(self) -> None:
         GradedHyperplanes.__check_init__(self)
         choice("density", self.density, DENSITIES)
+        each = self.weights.shape[:1]
         for name in ("low", "high"):
             shape = getattr(self, name).shape
-            check(shape in ((), self.slope.shape[:1]), name, shape, f"one number, or of shape {self.slope.shape[:1]}")
+            check(shape in ((), each), name, shape, f"one number, or of shape {each}")
         if not isinstance(self.low, Tracer) and not isinstance(self.high, Tracer):
             low = np.asarray(self.low)
             high = np.asarray(self.high)
@@ -148,7 +149,7 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
 
 
 def bounded_hyperplanes(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     density: Shape = "squashed",
     level: float = 0.0,
@@ -162,7 +163,7 @@ def bounded_hyperplanes(
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
 
-    All units have zero slopes: their most probable activation is the same for every observation.
+    All units have zero weights: their most probable activation is the same for every observation.
 
     **Arguments:**
 
@@ -189,7 +190,7 @@ def bounded_hyperplanes(
     return autoregressive(made, autocorrelation, filtered)
 
 
-def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:
+def bounds_of(task: SizedTask | int, outputs: int) -> Sequence[tuple[float, float]]:
     """The range of each action of a task; from −1 to 1 without a task."""
     ranges = getattr(task, "action_range", ((-1.0, 1.0),) * outputs)
     check(len(ranges) == outputs, "units", outputs, f"{len(ranges)}, one for each action of the task")
@@ -199,7 +200,7 @@ def bounds_of(task: Any, outputs: int) -> Sequence[tuple[float, float]]:
 def start_bounded(
     inputs: int, ranges: Sequence[tuple[float, float]], density: str, level: float, deviation: float, floor: float
 ) -> BoundedHyperplanes:
-    """Bounded hyperplanes with zero slopes, one for each of the `ranges`."""
+    """Bounded hyperplanes with zero weights, one for each of the `ranges`."""
     choice("density", density, DENSITIES)
     check(-1 < level < 1, "level", level, "above -1 and below 1")
     noise = log_deviations(len(ranges), deviation, floor)

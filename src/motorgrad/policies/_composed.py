@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -12,11 +12,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
 from motorgrad.policies._features import lattice
 from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
-from motorgrad.policies._policy import Composed, Policy, Regions, check_plain, in_structure
+from motorgrad.policies._parameters import in_structure
+from motorgrad.policies._policy import Composed, Policy, Regions, check_plain
 
 
 class Pools(Composed):
@@ -280,7 +281,7 @@ def _joined_regions(pools: Sequence[BinaryUnits]) -> Regions | None:
 
 
 def mixture(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     hyperplanes: int = 2,
     copies: int = 1,
@@ -311,7 +312,7 @@ def mixture(
 
 
 def gated(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     gates: int = 1,
     levels: int = 1,

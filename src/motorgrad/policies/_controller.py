@@ -1,16 +1,17 @@
 """Finite-state controllers: a memory of a few internal states, whose transitions are drawn and learned."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_finite, check_integer
-from motorgrad.policies._arguments import sizes
-from motorgrad.policies._layered import Draws, Sequential, output_units
+from motorgrad.policies._arguments import SizedTask, sizes
+from motorgrad.policies._layered import Draws, Sequential
 from motorgrad.policies._policy import Policy, check_plain
+from motorgrad.policies._registry import output_units
 from motorgrad.policies._softmax import Softmax
 
 
@@ -104,12 +105,12 @@ class FiniteStateController(Sequential):
 
         return jax.vmap(jax.vmap(row, (None, 0)), (0, None))(jnp.asarray(observations), states)
 
-    def _one_hot(self, state: Array, dtype: Any) -> Float[Array, " states"]:
+    def _one_hot(self, state: Array, dtype: DTypeLike) -> Float[Array, " states"]:
         return jax.nn.one_hot(state, self.states, dtype=dtype)
 
 
 def finite_state_controller(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     states: int = 4,
     links: int = 1,

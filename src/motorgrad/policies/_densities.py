@@ -76,7 +76,7 @@ class Clipped(Density):
     bound = 1.0
 
     def _push(self, x: Units) -> Units:
-        """From the clipped normal number to [−1, 1]."""
+        """The number in [−1, 1] that a clipped normal number becomes."""
         return x
 
     def number_before(self, u: Units) -> Units:
@@ -289,7 +289,7 @@ class Beta(Density):
         log_p = jnp.log(p)
         log_beta = _log_beta(alpha, beta)
 
-        def improved(_: Any, x: Array) -> Array:
+        def improved(_: int, x: Array) -> Array:
             # log F is concave in x, so that Newton's method finds its root from everywhere.
             below = jnp.maximum(betainc(alpha, beta, jax.nn.sigmoid(2 * x)), jnp.finfo(x.dtype).tiny)
             log_density = alpha * jax.nn.log_sigmoid(2 * x) + beta * jax.nn.log_sigmoid(-2 * x) - log_beta

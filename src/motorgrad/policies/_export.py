@@ -3,28 +3,39 @@
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from motorgrad._errors import check, choice, plain
 from motorgrad._files import check_writable, write_atomically
 from motorgrad._interface import Interface
 from motorgrad.export import NUMPY_LACKS, ONNX_LACKS, Program, Untranslatable, c_source, numpy_file, onnx_model, traced
-from motorgrad.policies._actor import decide, known_interface
+from motorgrad.policies._actor import Decider, decide, known_interface
+from motorgrad.policies._parameters import Parametric, parts_of
 
-if TYPE_CHECKING:
-    from motorgrad.policies._policy import Policy
-
-Functions = Mapping[str, tuple[Callable[..., dict[str, Any]], dict[str, Any]]]
+Example = Array | jax.ShapeDtypeStruct
+Function = tuple[Callable[..., dict[str, Array]], Mapping[str, Example]]
+Functions = Mapping[str, Function]
 """Functions by name, each with an example of its inputs by name."""
 FORMATS = (".c", ".onnx", ".npz")
 MAX_COMMENT_NAMES = 200
 """Of the numbers of an observation or an action, in a C file."""
 
 
-def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None) -> Path:
+class Exported(Decider, Protocol):
+    """What of a `Policy` is exported."""
+
+    @property
+    def observation_size(self) -> int: ...
+    @property
+    def actions(self) -> str | tuple[str, ...]: ...
+    def prob(self, observation: Array) -> Array: ...
+
+
+def export(policy: Exported, path: Path | str, only: Sequence[str] | None = None) -> Path:
     """Write a policy to a file that needs no motorgrad; see `Policy.export`."""
     path = Path(path)
     exported = functions(policy)
@@ -49,7 +60,7 @@ def export(policy: "Policy", path: Path | str, only: Sequence[str] | None = None
     return path
 
 
-def _content(policy: "Policy", exported: Functions, path: Path) -> bytes:
+def _content(policy: Exported, exported: Functions, path: Path) -> bytes:
     meaning = None if policy.interface is None else policy.interface.table()
     if path.suffix == ".onnx":
         return onnx_model(whole(exported), "policy", about(policy), meaning).SerializeToString()
@@ -77,7 +88,7 @@ def _lines(interface: Interface) -> list[str]:
     return [plain(line).replace("*/", "* /").replace("\\", "/").replace("??/", "") for line in found]
 
 
-def _fits(policy: "Policy", exported: Functions, path: Path) -> bool:
+def _fits(policy: Exported, exported: Functions, path: Path) -> bool:
     try:
         _content(policy, exported, path)
     except Untranslatable:
@@ -93,7 +104,7 @@ HOW = (
 )
 
 
-def about(policy: "Policy") -> str:
+def about(policy: Exported) -> str:
     """A policy in one line."""
     kind = policy.actions if isinstance(policy.actions, str) else " and ".join(dict.fromkeys(policy.actions))
     return (
@@ -101,29 +112,29 @@ def about(policy: "Policy") -> str:
     )
 
 
-def functions(policy: "Policy") -> Functions:
+def functions(policy: Exported) -> Functions:
     """What is exported of a policy."""
     real = jnp.result_type(float)
     interface = policy.interface
     size = policy.observation_size if interface is None else known_interface(policy).observations.size
-    given: dict[str, Any] = {"observation": jax.ShapeDtypeStruct((size,), real)}
+    given: dict[str, Example] = {"observation": jax.ShapeDtypeStruct((size,), real)}
     start = policy.initial_memory()
     if start is not None:
         given["memory"] = start
 
-    def prob(observation: Any, memory: Any = None) -> dict[str, Any]:
+    def prob(observation: Array, memory: Array | None = None) -> dict[str, Array]:
         seen = observation if interface is None else interface.encode(observation)
         return {"prob": policy.prob(policy.perceive(memory, seen))}
 
-    def sample(observation: Any, uniforms: Any = None, memory: Any = None) -> dict[str, Any]:
+    def sample(observation: Array, uniforms: Array | None = None, memory: Array | None = None) -> dict[str, Array]:
         action, after = decide(policy, memory, observation, uniforms)
         raw = action if interface is None else interface.decode(action)
         return {"action": raw, **({} if after is None else {"memory": after})}
 
-    def mode(observation: Any, memory: Any = None) -> dict[str, Any]:
+    def mode(observation: Array, memory: Array | None = None) -> dict[str, Array]:
         return sample(observation, None, memory)
 
-    found: dict[str, Any] = {"prob": (prob, given), "mode": (mode, given)}
+    found: dict[str, Function] = {"prob": (prob, given), "mode": (mode, given)}
     if policy.uniforms:
         found["sample"] = (sample, given | {"uniforms": jax.ShapeDtypeStruct((policy.uniforms,), real)})
     deviation = deviation_of(policy)
@@ -134,13 +145,11 @@ def functions(policy: "Policy") -> Functions:
     return found
 
 
-def deviation_of(policy: Any) -> Any:
+def deviation_of(policy: Any) -> Array | None:
     """The standard deviations of graded units, also behind features and layers; `None` for others."""
-    from motorgrad.policies._policy import parts_of
-
     if hasattr(policy, "deviation"):
         return policy.deviation
-    parts = parts_of(policy)
+    parts = parts_of(policy) if isinstance(policy, Parametric) else ()
     return deviation_of(parts[0]) if len(parts) == 1 else None
 
 
@@ -154,7 +163,7 @@ def whole(exported: Functions) -> Program:
     `mode_memory` and `sample_memory` where there is a memory."""
     inputs = {name: example for _, given in exported.values() for name, example in given.items()}
 
-    def joined(**values: Any) -> dict[str, Any]:
+    def joined(**values: Array) -> dict[str, Array]:
         made = {}
         for name, (function, given) in exported.items():
             outputs = function(**{each: values[each] for each in given})

@@ -1,91 +1,23 @@
 """Policies that see functions of the observation: fixed features, or the output of hidden layers."""
 
-import abc
 from collections.abc import Callable
 from typing import Any, Self, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
+from motorgrad.policies._delegating import Seeing
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._frozen import frozen, thawed
-from motorgrad.policies._policy import (
-    Composed,
-    Policy,
-    from_rows,
-    in_structure,
-    outer,
-    rows,
-    split,
-    trainable,
-    with_fields,
-)
+from motorgrad.policies._parameters import from_rows, in_structure, outer, rows, split, trainable, with_fields
+from motorgrad.policies._policy import Composed, Policy
 from motorgrad.policies._standardisation import adapted
 
 P = TypeVar("P", bound=Policy)
-
-
-class Seeing(Policy):
-    r"""A policy that sees a function of an observation: $\pi(a \mid y) = \pi'(a \mid \varphi(y))$."""
-
-    pool: eqx.AbstractVar[Policy]
-
-    @abc.abstractmethod
-    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " features"]:
-        r"""$\varphi(y)$, what the pool sees."""
-
-    def _check_pool(self) -> None:
-        check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
-        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
-
-    @property
-    def outputs(self) -> int:
-        return self.pool.outputs
-
-    @property
-    def actions(self) -> str | tuple[str, ...]:
-        return self.pool.actions
-
-    @property
-    def uniforms(self) -> int:
-        return self.pool.uniforms
-
-    @property
-    def hides(self) -> bool:
-        return self.pool.hides
-
-    def emit(self, action: Array) -> Array:
-        return self.pool.emit(action)
-
-    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
-        return self.pool.prob(self.seen(observation))
-
-    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
-        return self.pool.sample(self.seen(observation), uniforms)
-
-    def mode(self, observation: Float[Array, " inputs"]) -> Array:
-        return self.pool.mode(self.seen(observation))
-
-    def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
-        return self.pool.log_prob(self.seen(observation), action)
-
-    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
-        return self.pool.fisher_coordinates(self.seen(observation), action)
-
-    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        return self.pool.entropy(self.seen(observation))
-
-    def entropy_estimate(
-        self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
-    ) -> Float[Array, ""]:
-        return self.pool.entropy_estimate(self.seen(observation), uniforms)
-
-    def enumerate(self) -> Array:
-        return self.pool.enumerate()
 
 
 class Featured(Seeing, Composed):
@@ -197,7 +129,7 @@ class Network(Seeing):
         return self if module is self.module else with_fields(self, module=module)
 
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        """Of a module that is no sequence of layers, the output alone; then the pool's own hidden layers."""
+        """The output of each layer of a sequence, or that of another module, and then the pool's own hidden layers."""
         module = thawed(self.module)
         found = []
         layers = module.layers if isinstance(module, eqx.nn.Sequential) else (module,)
@@ -212,14 +144,14 @@ class Network(Seeing):
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         learned, settings = split(self)
 
-        def seen(module: Any) -> Float[Array, " features"]:
+        def seen(module: PyTree) -> Float[Array, " features"]:
             return thawed(eqx.combine(module, settings.module))(observation)
 
         features, pull = jax.vjp(seen, learned.module)
         (own,) = pull(jax.grad(self.pool.log_prob)(features, action))
         return in_structure(self, module=own, pool=self.pool.score(features, action))
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """The blocks of the pool, then a row of all parameters of the layers."""
         return (*self.pool.blocks(gradient.pool), rows(gradient.module, 1))
 

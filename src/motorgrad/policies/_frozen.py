@@ -32,7 +32,7 @@ class Frozen:
         except TypeError:  # a set, or an object that defines equality alone
             return hash(type(self.value))
 
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
+    def __call__(self, *arguments: object, **named: object) -> Any:
         return self.value(*arguments, **named)
 
     def __repr__(self) -> str:
@@ -45,7 +45,7 @@ def frozen(module: T) -> T:
     **Arguments:** the `module`.
     """
 
-    def wrapped(leaf: Any) -> Any:
+    def wrapped(leaf: object) -> object:
         if isinstance(leaf, np.ndarray | np.generic):
             return jnp.asarray(leaf)
         return leaf if eqx.is_array(leaf) or isinstance(leaf, jax.ShapeDtypeStruct) else Frozen(leaf)
@@ -68,7 +68,7 @@ def thawed(module: T) -> T:
     **Arguments:** the `module`.
     """
 
-    def unwrapped(leaf: Any) -> Any:
+    def unwrapped(leaf: object) -> object:
         return leaf.value if isinstance(leaf, Frozen) else leaf
 
     return jax.tree.map(unwrapped, module, is_leaf=lambda leaf: isinstance(leaf, Frozen))

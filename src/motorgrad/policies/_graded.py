@@ -10,28 +10,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._random import MIN_UNIFORM
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import autoregressive
 from motorgrad.policies._binary import single_input_units
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import (
-    Policy,
-    fixed,
-    has_rows,
-    in_structure,
-    outer,
-    outer_sum,
-    per_unit,
-    trainable,
-    unit_rows,
-    with_fields,
-)
+from motorgrad.policies._parameters import fixed, in_structure, outer, outer_sum, per_unit, trainable, with_fields
+from motorgrad.policies._policy import Policy, has_rows, unit_rows
 
 
 class GradedUnits(Policy):
@@ -105,7 +95,7 @@ class GradedUnits(Policy):
         z = (action - self.mean(observation)) / self.deviation
         return z / self.deviation, z * z - 1
 
-    def _information(self, observation: Float[Array, " inputs"]) -> tuple[Any, Any, Any]:
+    def _information(self, observation: Float[Array, " inputs"]) -> tuple[Array, Array, Array]:
         r"""The Fisher information of each unit's $m$ and $\log s$, as the factor of its Cholesky decomposition: its
         entries $mm$, $sm$ and $ss$."""
         none = jnp.zeros_like(self.log_deviation)
@@ -115,7 +105,7 @@ class GradedUnits(Policy):
         r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
         return jnp.exp(self.log_deviation) / self.deviation
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row per unit if every trainable array leads with the units, else a single row."""
         return (unit_rows(self, gradient),)
 
@@ -153,7 +143,7 @@ class GradedUnits(Policy):
         return jnp.concatenate([location * self.mean(observation) + cross * noise, spread * noise])
 
     def _mean_row(
-        self, observation: Float[Array, " inputs"], location: Any, cross: Any
+        self, observation: Float[Array, " inputs"], location: Array, cross: Array
     ) -> Float[Array, "units parameters"]:
         r"""The first of the two rows of each unit whose outer products add up to its Fisher matrix: of $m$, and of
         $\log s$ as far as they go together."""
@@ -162,7 +152,7 @@ class GradedUnits(Policy):
         (row,) = self.blocks(in_structure(self, **parts, log_deviation=cross * self._log_deviation_slope()))
         return row
 
-    def _noise_row(self, spread: Any) -> Float[Array, "units parameters"]:
+    def _noise_row(self, spread: Array) -> Float[Array, "units parameters"]:
         r"""The second: what remains of $\log s$."""
         parameters = trainable(self)
         zeros = jax.tree.map(jnp.zeros_like, parameters)
@@ -226,25 +216,25 @@ class GradedHyperplanes(GradedUnits):
     Gradient of the mean: $\partial_{w_i} m_i = y$ and $\partial_{b_i} m_i = 1$. For the score and the noise, see
     `GradedUnits`.
 
-    **Arguments:** `slope` $w$ of shape `(units, inputs)`; `level` $b$ and `log_deviation` $\lambda$, both `(units,)`;
+    **Arguments:** `weights` $w$ of shape `(units, inputs)`; `bias` $b$ and `log_deviation` $\lambda$, both `(units,)`;
     `floor` $s_{\min}$, the lower bound of the standard deviation, positive and not trainable.
     """
 
-    slope: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
-    level: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
+    weights: Float[Array, "units inputs"] = eqx.field(converter=jnp.asarray)
+    bias: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
     log_deviation: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
     floor: Float[Array, ""] = fixed(converter=jnp.asarray, default=0.02)
 
     def __check_init__(self) -> None:
-        check(self.slope.ndim == 2, "slope", self.slope.shape, "of shape (units, inputs)")
-        for name in ("level", "log_deviation"):
+        check(self.weights.ndim == 2, "weights", self.weights.shape, "of shape (units, inputs)")
+        for name in ("bias", "log_deviation"):
             shape = getattr(self, name).shape
-            check(shape == self.slope.shape[:1], name, shape, f"of shape {self.slope.shape[:1]}")
+            check(shape == self.weights.shape[:1], name, shape, f"of shape {self.weights.shape[:1]}")
         check_floor(self.floor)
 
     @property
     def inputs(self) -> int:
-        return self.slope.shape[1]
+        return self.weights.shape[1]
 
     @property
     def normal(self) -> bool:
@@ -257,14 +247,14 @@ class GradedHyperplanes(GradedUnits):
 
     def mean(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         # A sum of products instead of a matrix product: XLA then rounds alike for one seed and for many.
-        return jnp.sum(self.slope * observation, axis=-1) + self.level
+        return jnp.sum(self.weights * observation, axis=-1) + self.bias
 
     def mean_gradient(self, observation: Float[Array, " inputs"]) -> dict[str, Array]:
-        return {"slope": jnp.broadcast_to(observation, self.slope.shape), "level": jnp.ones_like(self.level)}
+        return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}
 
 
 def graded_motoneurons(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     low: float = 0.0,
     high: float = 1.0,
@@ -295,7 +285,7 @@ def graded_motoneurons(
 
 
 def graded_hyperplanes(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     level: float = 0.0,
     deviation: float = 0.3,
@@ -305,7 +295,7 @@ def graded_hyperplanes(
     autocorrelation: float = 0.0,
     filtered: bool = True,
 ) -> Any:
-    """Graded hyperplanes with zero slopes: their mean is `level` for every observation.
+    """Graded hyperplanes with zero weights: their mean is `level` for every observation.
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
 
@@ -329,7 +319,7 @@ def graded_hyperplanes(
 
 
 def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:
-    """Graded hyperplanes with zero slopes."""
+    """Graded hyperplanes with zero weights."""
     check(math.isfinite(level), "level", level, "a finite number")
     noise = log_deviations(outputs, deviation, floor)
     least = jnp.asarray(floor, noise.dtype)

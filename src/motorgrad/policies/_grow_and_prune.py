@@ -2,32 +2,23 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, Literal, Self, TypeVar
+from typing import Literal, Self, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
+from numpy.typing import ArrayLike
 
 from motorgrad._errors import check, choice
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
 from motorgrad.policies._local import LocalUnits, Pair, local_gaussians
-from motorgrad.policies._policy import (
-    Composed,
-    Policy,
-    Regions,
-    fixed,
-    has_rows,
-    in_structure,
-    is_plain,
-    per_unit,
-    with_fields,
-    with_interface,
-)
+from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_unit, with_fields
+from motorgrad.policies._policy import Composed, Policy, Regions, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
 
 T = TypeVar("T")
@@ -59,7 +50,7 @@ class Masked(Composed, BinaryUnits):
     pool: BinaryUnits
     active: Bool[Array, " units"] = fixed(default=None)
 
-    def __init__(self, pool: BinaryUnits, active: Any = None):
+    def __init__(self, pool: BinaryUnits, active: ArrayLike | None = None):
         check(isinstance(pool, BinaryUnits), "pool", type(pool).__name__, "a pool of binary units")
         own = pool.independent and has_rows(pool)
         check(own, "pool", type(pool).__name__, "a pool of independent units with parameters of their own")
@@ -96,7 +87,7 @@ class Masked(Composed, BinaryUnits):
         """The pool's matrices, zero for switched-off units."""
         return self._masked(self.pool.fisher(observation, action))
 
-    def allowed(self, step: Any) -> Any:
+    def allowed(self, step: PyTree) -> PyTree:
         return with_fields(step, pool=self._masked(self.pool.allowed(step.pool)))
 
     def regions(self) -> Regions | None:
@@ -105,7 +96,7 @@ class Masked(Composed, BinaryUnits):
 
 
 def growing(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = "gaussians",
     p_max: float = 0.5,

@@ -1,29 +1,22 @@
 """Policies that combine binary decisions with real numbers: units of learned strength, and motor primitives."""
 
 import math
-from typing import Any, Self
+from typing import Self, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
 from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
 from motorgrad.policies._local import tiles
-from motorgrad.policies._policy import (
-    Composed,
-    Policy,
-    fixed,
-    has_rows,
-    in_structure,
-    is_plain,
-    outer,
-    per_unit,
-    trainable,
-)
+from motorgrad.policies._parameters import fixed, in_structure, is_plain, outer, per_unit, trainable
+from motorgrad.policies._policy import Composed, Policy, has_rows
+
+P = TypeVar("P", bound=Policy)
 
 
 class GradedPool(Policy):
@@ -126,7 +119,7 @@ class GradedPool(Policy):
         r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
         return jnp.exp(self.log_deviation) / self.deviation
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row per unit: the pool's parameters, the strength, the log-deviation."""
         (rows,) = self.pool.blocks(gradient.pool)
         return (jnp.concatenate([rows, gradient.strength[:, None], gradient.log_deviation[:, None]], axis=1),)
@@ -185,7 +178,7 @@ class Primitives(Composed):
     ```python
     steps = Primitives(
         precondition=Hyperplanes(weights=[[-5.0]], bias=[-1.0]),
-        movement=GradedHyperplanes(slope=[[0.4]], level=[-0.2], log_deviation=[-1.6]),
+        movement=GradedHyperplanes(weights=[[0.4]], bias=[-0.2], log_deviation=[-1.6]),
     )
     steps.prob(jnp.array([1.0, -0.5]))  # [0.82, -0.4]: probability of starting, mean of its parameter
     steps.prob(jnp.array([0.0, -0.5]))  # [0.0, -0.4]: it cannot start now
@@ -294,13 +287,13 @@ class Primitives(Composed):
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
 
 
-def _masked_rows(mask: Float[Array, " units"], score: Any) -> Any:
+def _masked_rows(mask: Float[Array, " units"], score: P) -> P:
     """The rows of a score where the mask is above 0, and zeros elsewhere."""
     return jax.tree.map(lambda x: jnp.where(per_unit(mask, x) > 0, x, 0), score)
 
 
 def graded_tiles(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     copies: int = 1,
     width: float = 0.16,
@@ -332,7 +325,7 @@ def graded_tiles(
 
 
 def primitives(
-    task: Any, units: int | None = None, count: int = 2, deviation: float = 0.3, floor: float = 0.02
+    task: SizedTask | int, units: int | None = None, count: int = 2, deviation: float = 0.3, floor: float = 0.02
 ) -> Primitives:
     """`count` motor primitives, each of which starts with probability one half whenever it can.
 

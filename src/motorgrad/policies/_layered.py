@@ -13,11 +13,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import Hyperplanes, product
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Composed, Policy, check_plain, trainable, with_parts
+from motorgrad.policies._parameters import trainable, with_parts
+from motorgrad.policies._policy import Composed, Policy, check_plain
+from motorgrad.policies._registry import output_units
 
 MAX_EXACT_PATTERNS = 256  # of hidden units, over which a mean is an exact sum
 Draws = Sequence[Array]
@@ -256,46 +258,8 @@ class Layered(Sequential):
         return jnp.pad(shown, (0, self.pools[len(drawn)].inputs - shown.size), constant_values=1)
 
 
-OUTPUTS = {"discrete": "softmax", "binary": "hyperplanes", "graded": "bounded-hyperplanes"}
-"""Output units by the kind of a task's actions."""
-
-
-class Resized:
-    """A task as the output units see it: with other inputs, of which nothing is known but their number."""
-
-    observation_range = mirror = None
-
-    def __init__(self, task: Any, inputs: int, outputs: int):
-        self.observation_size, self.action_size, self._task = inputs, outputs, task
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._task, name)
-
-
-def output_units(task: Any, units: int | None, output: str) -> tuple[Callable[[int, jax.Array], Policy], bool]:
-    """The output units of a task over other inputs.
-
-    **Arguments:** `task` and `units`, as in `sizes`; `output`, a name in `INITIAL`, or an empty string for the units
-    that suit the task's actions.
-
-    **Returns** a function from the number of inputs and a key to the initial units; and whether they need a constant
-    input.
-    """
-    from motorgrad.policies._initial import initial  # which knows the functions of this room's files
-
-    _, outputs = sizes(task, units)
-    name = output or OUTPUTS.get(getattr(task, "actions", "binary"), "mixed")
-
-    def make(inputs: int, key: jax.Array) -> Policy:
-        resized = inputs if isinstance(task, int) else Resized(task, inputs, outputs)
-        made = initial(name, resized, units=outputs)
-        return made if isinstance(made, Policy) else made(key)
-
-    return make, name == "softmax"
-
-
 def layered(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     hidden: tuple[int, ...] = (8,),
     output: str = "",

@@ -3,7 +3,7 @@
 import abc
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self
 
 import equinox as eqx
 import jax
@@ -13,10 +13,11 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
-from motorgrad.policies._policy import Regions, fixed, in_structure
+from motorgrad.policies._parameters import fixed, in_structure
+from motorgrad.policies._policy import Regions
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
 Limits = tuple[float, float] | None
@@ -233,7 +234,12 @@ def _check_shapes(units: GaussianUnits) -> None:
 
 
 def gaussians(
-    task: Any, units: int | None = None, width: float = 0.5, p_max: float = 1.0, low: float = -1.0, high: float = 1.0
+    task: SizedTask | int,
+    units: int | None = None,
+    width: float = 0.5,
+    p_max: float = 1.0,
+    low: float = -1.0,
+    high: float = 1.0,
 ) -> Callable[[jax.Array], LocalGaussians]:
     """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input.
 
@@ -258,7 +264,7 @@ def gaussians(
 
 
 def tiles(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     copies: int = 1,
     width: float = 0.16,
@@ -310,7 +316,7 @@ def tiles(
     return local_gaussians(pair)(centre, widths, p_max=jnp.asarray(p_max), log_width_limits=limits)
 
 
-def input_ranges(task: Any, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:
+def input_ranges(task: SizedTask | int, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:
     """The range of each input, `(inputs, 2)`: as given, else the task's, else [0, 1]."""
     spans = getattr(task, "observation_range", None) or [(0.0, 1.0)] * inputs
     ranges = np.array([(a if low is None else low, b if high is None else high) for a, b in spans])

@@ -7,18 +7,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
+from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
-from motorgrad.policies._featured import Seeing, featured
+from motorgrad.policies._delegating import Seeing, units_of
+from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Composed, Policy, in_structure, with_fields
+from motorgrad.policies._parameters import in_structure, with_fields
+from motorgrad.policies._policy import Composed, Policy
 
 
-def _python_numbers(values: Any) -> Any:
+def _python_numbers(values: ArrayLike) -> Any:
     """Whole numbers as Python integers, so that `describe` can store them; others stay, to be refused."""
     found = np.ravel(np.asarray(values)).tolist()
     return tuple(int(n) if isinstance(n, int | float) and float(n).is_integer() else n for n in found)
@@ -58,7 +61,7 @@ class Mirrored(Composed, BinaryUnits):
     right: tuple[int, ...] = eqx.field(converter=_python_numbers, static=True)
 
     def __check_init__(self) -> None:
-        units = _units(self.pool)
+        units = units_of(self.pool)
         order = self.order
         signs = self.signs
         kind = type(units).__name__
@@ -96,10 +99,10 @@ class Mirrored(Composed, BinaryUnits):
         y = jnp.asarray(observation)
         return y[np.array(self.order)] * jnp.asarray(self.signs, y.dtype)
 
-    def _both_views(self, observation: Any) -> tuple[Float[Array, " inputs"], Float[Array, " inputs"]]:
+    def _both_views(self, observation: Array) -> tuple[Float[Array, " inputs"], Float[Array, " inputs"]]:
         return jnp.asarray(observation), self.mirrored(observation)
 
-    def _both_sides(self, action: Any) -> tuple[Float[Array, " units"], Float[Array, " units"]]:
+    def _both_sides(self, action: Array) -> tuple[Float[Array, " units"], Float[Array, " units"]]:
         a = jnp.asarray(action)
         return a[np.array(self.left)], a[np.array(self.right)]
 
@@ -150,12 +153,7 @@ class Mirrored(Composed, BinaryUnits):
         return one + other
 
 
-def _units(pool: Any) -> Any:
-    """The units behind features and hidden layers."""
-    return _units(pool.pool) if isinstance(pool, Seeing) else pool
-
-
-def _log_probs(pool: Any, observation: Any, action: Any) -> Any:
+def _log_probs(pool: Any, observation: Array, action: Array) -> Float[Array, " units"]:
     seeing = isinstance(pool, Seeing)
     return _log_probs(pool.pool, pool.seen(observation), action) if seeing else pool.log_probs(observation, action)
 
@@ -165,12 +163,12 @@ def _is_permutation(numbers: tuple[int, ...], count: int) -> bool:
     return len(numbers) == count and set(numbers) == set(range(count))
 
 
-def _sum(one: Any, other: Any) -> Any:
+def _sum(one: PyTree, other: PyTree) -> PyTree:
     return jax.tree.map(jnp.add, one, other)
 
 
 def mirrored(
-    task: Any, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
+    task: SizedTask | int, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
 ) -> Mirrored | Callable[[jax.Array], Mirrored]:
     """Hyperplanes with zero weights that act for both sides of a symmetric body (see `Mirrored`).
 

@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import zero_hyperplanes
 from motorgrad.policies._bounded import Shape, bounds_of, start_bounded
 from motorgrad.policies._composed import Pools
@@ -29,7 +29,7 @@ class Mixed(Pools):
 
     ```python
     grasp = Hyperplanes(weights=[[1.0, 0.0]], bias=[0.0])
-    muscles = BoundedHyperplanes(slope=[[0.5, 1.0]], level=[0.2], log_deviation=[-1.0], low=0.0)
+    muscles = BoundedHyperplanes(weights=[[0.5, 1.0]], bias=[0.2], log_deviation=[-1.0], low=0.0)
     Mixed([grasp, muscles]).actions  # ("binary", "graded")
     ```
     """
@@ -55,7 +55,7 @@ class Mixed(Pools):
 
 
 def mixed(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     binary: int = 1,
     density: Shape = "squashed",
@@ -65,7 +65,7 @@ def mixed(
     features: FeatureMap = INPUTS,
     network: Architecture | None = None,
 ) -> Any:
-    """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero slopes.
+    """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero weights.
 
     **Arguments:**
 

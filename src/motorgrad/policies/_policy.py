@@ -1,8 +1,7 @@
-"""The contract of every policy, its trainable part, and its structure as plain text."""
+"""The contract of every policy."""
 
 import abc
 import copy
-import dataclasses
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,27 +11,23 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
+from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
 from motorgrad._interface import Interface
+from motorgrad.policies._actor import Actor
 from motorgrad.policies._arguments import check_arguments
-
-
-def fixed(**keywords: Any) -> Any:
-    """Declare a field of a policy whose arrays are *not* trainable, such as a mask or a maximal probability.
-
-    **Arguments:** `keywords`: those of `equinox.field`.
-
-    **Example:**
-
-    ```python
-    class Units(SigmoidUnits):
-        threshold: Array  # trainable
-        steepness: Array = fixed(converter=jnp.asarray, default=5.0)  # not trainable
-    ```
-    """
-    return eqx.field(metadata={"fixed": True}, **keywords)
+from motorgrad.policies._export import export
+from motorgrad.policies._parameters import (
+    Parametric,
+    from_rows,
+    outer,
+    parts_of,
+    rows,
+    trainable,
+    with_parts,
+)
 
 
 class Regions(NamedTuple):
@@ -48,7 +43,7 @@ class Regions(NamedTuple):
     active: Bool[np.ndarray, " units"]
 
 
-class Policy(eqx.Module):
+class Policy(Parametric):
     r"""A distribution $\pi(a \mid y, \theta)$ over actions $a$ given an observation $y$.
 
     A policy is a pytree. Its trainable parameters $\theta$ are the floating-point arrays of all fields that are not
@@ -81,7 +76,7 @@ class Policy(eqx.Module):
     """What observations and actions mean in the environment, for a policy of a run; `None` for one that no task has
     had. `act` and `export` use it; all other methods see scaled observations, and return the policy's own actions."""
 
-    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
+    def __new__(cls, *arguments: object, **keywords: object) -> Self:
         del arguments, keywords
         made = super().__new__(cls)
         object.__setattr__(made, "interface", None)  # also where a class has an `__init__` of its own
@@ -207,7 +202,7 @@ class Policy(eqx.Module):
         """The part of what the units see by which baselines and critics judge a situation; by default all of it."""
         return seen
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """Flatten a gradient to matrices that have one row for each unit with parameters of its own.
 
         The default is a single row. A pool of binary units whose trainable arrays all have a leading axis of units
@@ -240,7 +235,7 @@ class Policy(eqx.Module):
         Units with parameters of their own take several decisions at a time, which is quicker.
         """
 
-        def add(total: Any, decision: Any) -> tuple[Any, None]:
+        def add(total: tuple[Array, ...], decision: tuple[Array, ...]) -> tuple[tuple[Array, ...], None]:
             observation, action, weight = decision
             matrices = self.fisher(observation, action)
             return tuple(sum_ + weight * matrix for sum_, matrix in zip(total, matrices, strict=True)), None
@@ -263,7 +258,7 @@ class Policy(eqx.Module):
         """The policy with its parameters clipped to their limits, if they have any. Applied after every step."""
         return with_parts(self, [part.limited() for part in parts_of(self)])
 
-    def allowed(self, step: Any) -> Any:
+    def allowed(self, step: PyTree) -> PyTree:
         """Zero the entries of a parameter step that must not move; by default none."""
         parts = parts_of(self)
         if not parts:
@@ -308,11 +303,9 @@ class Policy(eqx.Module):
         **Raises:** `ValueError` for another ending, and for a policy that uses an operation which the format lacks: the
         message names it, and the functions that can be exported; `RuntimeError` where the package onnx is missing.
         """
-        from motorgrad.policies._export import export
-
         return export(self, path, only)
 
-    def act(self, observation: Any, uniforms: Any = None) -> np.ndarray:
+    def act(self, observation: ArrayLike, uniforms: ArrayLike | None = None) -> np.ndarray:
         """The raw action for a raw observation, both as the environment has them: their shapes, types and units.
 
         For the policy of a run, `run.policy(seed)`, which knows the scale of observations and the code of actions.
@@ -327,8 +320,6 @@ class Policy(eqx.Module):
         print(policy.act([1.0, 0.0, 0.0]))
         ```
         """
-        from motorgrad.policies._actor import Actor
-
         wanted = "without a memory; motorgrad.policies.Actor keeps one"
         check(not self.has_memory, "policy", type(self).__name__, wanted)
         return Actor(self).act(observation, uniforms)
@@ -358,7 +349,7 @@ class Policy(eqx.Module):
 class Composed(Policy):
     """A policy whose trainable parameters all belong to the policies that it is made of."""
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """The blocks of the parts, in the order of the fields."""
         parts = zip(parts_of(self), parts_of(gradient), strict=True)
         return tuple(block for part, own in parts for block in part.blocks(own))
@@ -392,94 +383,13 @@ def with_interface(policy: P, interface: Interface | None) -> P:
     return made
 
 
-M = TypeVar("M", bound=eqx.Module)
-
-
-def parts_of(policy: Policy) -> tuple[Any, ...]:
-    """The policies that a policy is made of, in the order of its fields."""
-    fields = [getattr(policy, field.name) for field in dataclasses.fields(policy)]
-    leaves = jax.tree.leaves(fields, is_leaf=lambda node: isinstance(node, Policy))
-    return tuple(leaf for leaf in leaves if isinstance(leaf, Policy))
-
-
-def with_parts(policy: P, parts: Sequence[Any]) -> P:
-    """Replace the policies that a policy is made of, unchecked, so that arrays may have leading axes of seeds."""
-    return eqx.tree_at(parts_of, policy, tuple(parts)) if parts else policy
-
-
-def with_fields(policy: P, /, **values: Any) -> P:
-    """Replace fields of a policy, unchecked, so that arrays may have leading axes of seeds."""
-    names = tuple(values)
-    return eqx.tree_at(lambda node: tuple(getattr(node, name) for name in names), policy, tuple(values.values()))
-
-
 def check_plain(name: str, *policies: Policy) -> None:
     """Refuse a part of a policy that has hidden units or a memory, which the policy would have to handle."""
     kinds = [type(policy).__name__ for policy in policies if policy.hides or policy.has_memory]
     check(not kinds, name, kinds, "units without hidden units or a memory")
 
 
-def is_plain(policy: Policy) -> bool:
-    """Whether a policy is a pool of one kind of units, not made of other policies."""
-    return not parts_of(policy)
-
-
-def trainable(policy: P) -> P:
-    """The trainable part of a policy.
-
-    **Arguments:** `policy`: any policy.
-
-    **Returns:** the policy with every fixed array replaced by `None`, as in `equinox.partition`.
-    """
-    return split(policy)[0]
-
-
-def split(policy: M) -> tuple[M, M]:
-    """Partition a policy into its trainable and its fixed arrays.
-
-    **Arguments:** `policy`: any policy, or another module.
-
-    **Returns:** the two parts, which `equinox.combine` joins again.
-    """
-
-    def is_trainable(path: tuple[Any, ...], leaf: Any) -> bool:
-        node: Any = policy
-        for key in path:
-            if isinstance(key, jax.tree_util.GetAttrKey) and hasattr(node, "__dataclass_fields__"):
-                if node.__dataclass_fields__[key.name].metadata.get("fixed", False):
-                    return False
-                node = getattr(node, key.name)
-            elif isinstance(key, jax.tree_util.SequenceKey | jax.tree_util.DictKey):
-                node = node[key.idx if isinstance(key, jax.tree_util.SequenceKey) else key.key]
-            else:  # within a node of the user's own kind, where nothing is declared
-                break
-        return eqx.is_inexact_array(leaf)
-
-    return eqx.partition(policy, jax.tree_util.tree_map_with_path(is_trainable, policy))
-
-
-def in_structure(policy: P, /, **values: Any) -> P:
-    """A gradient of `policy`: its trainable structure with the given values of the fields."""
-    return with_fields(trainable(policy), **values)
-
-
-def rows(gradient: Any, units: int) -> Float[Array, "units parameters"]:
-    """Arrays with a leading axis of `units`, flattened and side by side; for one unit, arrays of any shape."""
-    parts = [leaf.reshape(units, leaf.size // units) for leaf in jax.tree.leaves(gradient)]
-    return jnp.concatenate(parts, axis=1) if parts else jnp.zeros((units, 0))
-
-
-def from_rows(like: P, matrix: Float[Array, "units parameters"]) -> P:
-    """The inverse of `rows`, with the structure, shapes and types of `like`."""
-    leaves, structure = jax.tree.flatten(like)
-    widths = [leaf.size // matrix.shape[0] for leaf in leaves]
-    ends = itertools.accumulate(widths, initial=0)
-    parts = [matrix[:, start:end] for start, end in itertools.pairwise(ends)]
-    shaped = [part.reshape(leaf.shape).astype(leaf.dtype) for part, leaf in zip(parts, leaves, strict=True)]
-    return jax.tree.unflatten(structure, shaped)
-
-
-def unit_rows(policy: Policy, gradient: Any) -> Float[Array, "units parameters"]:
+def unit_rows(policy: Policy, gradient: PyTree) -> Float[Array, "units parameters"]:
     """One row per unit if every trainable array leads with the units, else a single row."""
     return rows(gradient, policy.outputs if has_rows(policy) else 1)
 
@@ -487,26 +397,3 @@ def unit_rows(policy: Policy, gradient: Any) -> Float[Array, "units parameters"]
 def has_rows(policy: Policy) -> bool:
     """Whether every trainable array has a leading axis of units."""
     return all(leaf.shape[:1] == (policy.outputs,) for leaf in jax.tree.leaves(trainable(policy)))
-
-
-def outer(block: Float[Array, "units parameters"]) -> Float[Array, "units parameters parameters"]:
-    """The outer product of each row with itself."""
-    return block[:, :, None] * block[:, None, :]
-
-
-def outer_sum(rows: Float[Array, "rows units parameters"]) -> Float[Array, "units parameters parameters"]:
-    """The sum of the outer products of each unit's rows with themselves."""
-    count, units, size = rows.shape
-    # Four at a time: the matrices pass through the cache a quarter as often as one by one. Within a large loop, XLA's
-    # matrix products take ten times as long.
-    fours = jnp.pad(rows, ((0, -count % 4), (0, 0), (0, 0))).reshape(-1, 4, units, size)
-
-    def add(total: Array, four: Array) -> tuple[Array, None]:
-        return total + sum(outer(each) for each in four), None
-
-    return jax.lax.scan(add, jnp.zeros((units, size, size), rows.dtype), fours)[0]
-
-
-def per_unit(values: Float[Array, " units"], array: Array) -> Array:
-    """`values` with trailing axes of length 1, to broadcast against an array that leads with the units."""
-    return values.reshape(values.shape + (1,) * (array.ndim - 1))

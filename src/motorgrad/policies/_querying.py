@@ -1,7 +1,7 @@
 """Active learning: policies that also request the next input."""
 
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -11,8 +11,10 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies._arguments import SizedTask
 from motorgrad.policies._binary import BinaryUnits, motoneurons, single_input_units
-from motorgrad.policies._policy import Composed, fixed, in_structure
+from motorgrad.policies._parameters import fixed, in_structure
+from motorgrad.policies._policy import Composed
 
 
 class Querying(Composed):
@@ -122,7 +124,12 @@ class Querying(Composed):
 
 
 def querying_motoneurons(
-    task: Any, units: int | None = None, low: float = 0.0, high: float = 1.0, explore: float = 0.1, cells: int = 32
+    task: SizedTask | int,
+    units: int | None = None,
+    low: float = 0.0,
+    high: float = 1.0,
+    explore: float = 0.1,
+    cells: int = 32,
 ) -> Callable[[jax.Array], Querying]:
     """The units of `motoneurons` for all actions but the last, which requests the next input.
 

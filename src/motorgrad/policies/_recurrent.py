@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check, check_integer, check_positive
-from motorgrad.policies._arguments import sizes
-from motorgrad.policies._layered import output_units
-from motorgrad.policies._policy import Composed, Policy, outer, trainable, with_fields
+from motorgrad.policies._arguments import SizedTask, sizes
+from motorgrad.policies._delegating import Delegating
+from motorgrad.policies._parameters import outer, trainable, with_fields
+from motorgrad.policies._policy import Composed, Policy
+from motorgrad.policies._registry import output_units
 
 
 class Recurrence(NamedTuple):
@@ -25,7 +27,7 @@ class Recurrence(NamedTuple):
     bias: Float[Array, " units"]
 
 
-class Recurrent(Composed):
+class Recurrent(Delegating, Composed):
     r"""Output units on the observation and on recurrent units, each of which forgets at a rate of its own:
 
     $$h_t = a\,h_{t-1} + \sqrt{1 - a^2}\,(W y_t + b), \qquad a = \exp(-e^\nu) \in (0, 1),$$
@@ -86,25 +88,6 @@ class Recurrent(Composed):
         units, observed = self.weights.shape
         return observed + units * (3 + observed)
 
-    @property
-    def outputs(self) -> int:
-        return self.output.outputs
-
-    @property
-    def actions(self) -> str | tuple[str, ...]:
-        return self.output.actions
-
-    @property
-    def uniforms(self) -> int:
-        return self.output.uniforms
-
-    @property
-    def hides(self) -> bool:
-        return self.output.hides
-
-    def emit(self, action: Array) -> Array:
-        return self.output.emit(action)
-
     def initial_memory(self) -> Float[Array, " memory"]:
         return jnp.zeros(self.inputs - self.observation_size, self.weights.dtype)
 
@@ -136,32 +119,34 @@ class Recurrent(Composed):
     def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
         return seen[: sum(self.weights.shape)]
 
-    def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
-        return self.output.prob(self._view(observation))
+    @property
+    def inner(self) -> Policy:
+        return self.output
 
-    def sample(self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]) -> Array:
-        return self.output.sample(self._view(observation), uniforms)
-
-    def mode(self, observation: Float[Array, " inputs"]) -> Array:
-        return self.output.mode(self._view(observation))
+    def seen(self, observation: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
+        """What the output units see: as a number it does not depend on the recurrent units' present parameters, but its
+        derivative by them is that of the past."""
+        shown = observation[: self.observation_size]
+        past = self._unpacked(observation[self.observation_size :])
+        still = jax.lax.stop_gradient(self)
+        moved = past.log_rate * (self.log_rate - still.log_rate) + past.bias * (self.bias - still.bias)
+        moved = moved + jnp.sum(past.weights * (self.weights - still.weights), axis=-1)
+        return jnp.concatenate([shown, past.activation + moved])
 
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
         """The activations $h$ of the recurrent units, then the output units' own hidden layers."""
-        view = self._view(observation)
+        view = self.seen(observation)
         return (view[self.observation_size :], *self.output.hidden_activations(view))
 
-    def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
-        return self.output.log_prob(self._view(observation), action)
-
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
-        view = self._view(observation)
+        view = self.seen(observation)
         slope = jax.grad(self.output.log_prob)(view, action)[self.observation_size :]
         carried = self._unpacked(observation[self.observation_size :])
         own = {name: slope * getattr(carried, name) for name in ("log_rate", "bias")}
         weights = slope[:, None] * carried.weights
         return with_fields(trainable(self), **own, weights=weights, output=self.output.score(view, action))
 
-    def blocks(self, gradient: Any) -> tuple[Float[Array, "units parameters"], ...]:
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row for each recurrent unit, then the blocks of the output units."""
         own = jnp.concatenate([gradient.log_rate[:, None], gradient.weights, gradient.bias[:, None]], axis=1)
         return (own, *self.output.blocks(gradient.output))
@@ -176,19 +161,10 @@ class Recurrent(Composed):
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         own, *_ = self.blocks(self.score(observation, action))
-        return (outer(own), *self.output.fisher(self._view(observation), action))
-
-    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
-        return self.output.fisher_coordinates(self._view(observation), action)
-
-    def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
-        return self.output.entropy(self._view(observation))
-
-    def enumerate(self) -> Array:
-        return self.output.enumerate()
+        return (outer(own), *self.output.fisher(self.seen(observation), action))
 
     def limited(self) -> Self:
-        """With time constants from 0.1 to a million decisions, so that no derivative overflows."""
+        """The policy with time constants from 0.1 to a million decisions, so that no derivative overflows."""
         inside = jnp.clip(self.log_rate, -math.log(1e6), math.log(10))
         return with_fields(super().limited(), log_rate=inside)
 
@@ -199,19 +175,9 @@ class Recurrent(Composed):
         rest = memory[2 * units :]
         return Recurrence(h, rate, rest[:-units].reshape(units, observed), rest[-units:])
 
-    def _view(self, observation: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
-        """What the output units see: as a number it does not depend on the recurrent units' present parameters, but its
-        derivative by them is that of the past."""
-        shown = observation[: self.observation_size]
-        past = self._unpacked(observation[self.observation_size :])
-        still = jax.lax.stop_gradient(self)
-        moved = past.log_rate * (self.log_rate - still.log_rate) + past.bias * (self.bias - still.bias)
-        moved = moved + jnp.sum(past.weights * (self.weights - still.weights), axis=-1)
-        return jnp.concatenate([shown, past.activation + moved])
-
 
 def recurrent(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     hidden: int = 8,
     shortest: float = 1.0,

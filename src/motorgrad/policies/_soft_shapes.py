@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import equinox as eqx
 import jax
@@ -10,10 +10,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import SigmoidUnits
 from motorgrad.policies._local import CappedUnits, LocalUnits, check_random_layout
-from motorgrad.policies._policy import in_structure, with_fields
+from motorgrad.policies._parameters import in_structure, with_fields
 
 
 class SoftSpheres(LocalUnits, SigmoidUnits):
@@ -114,7 +114,7 @@ class SoftBoxes(CappedUnits):
 
 
 def soft_spheres(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     radius: float = 0.5,
     hardness: float = 10.0,
@@ -144,7 +144,7 @@ def soft_spheres(
 
 
 def soft_boxes(
-    task: Any,
+    task: SizedTask | int,
     units: int | None = None,
     width: float = 0.5,
     hardness: float = 10.0,

@@ -9,10 +9,11 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
-from motorgrad.policies._arguments import sizes
+from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._policy import Policy, in_structure, with_fields
+from motorgrad.policies._parameters import in_structure, with_fields
+from motorgrad.policies._policy import Policy
 
 
 class Softmax(Policy):
@@ -92,7 +93,7 @@ class Softmax(Policy):
 
 
 def softmax(
-    task: Any, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
+    task: SizedTask | int, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
 ) -> Any:
     """A softmax policy with zero weights: all actions are equally probable.
 

@@ -1,13 +1,13 @@
 """The first layer of a network: inputs relative to what has been seen so far."""
 
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, UInt32
+from jaxtyping import Array, Float, PyTree, UInt32
 
 from motorgrad._running import RunningMean, add_observation, standardised
-from motorgrad.policies._policy import fixed
+from motorgrad.policies._parameters import fixed
 
 
 class Standardisation(eqx.Module):
@@ -36,7 +36,7 @@ class Standardisation(eqx.Module):
         mean = RunningMean(self.mean, self.mean_carry, self.count)
         return mean, RunningMean(self.variance, self.variance_carry, self.count)
 
-    def __call__(self, x: Float[Array, " inputs"], *, key: Any = None) -> Float[Array, " inputs"]:
+    def __call__(self, x: Float[Array, " inputs"], *, key: Array | None = None) -> Float[Array, " inputs"]:
         del key  # equinox hands one to every layer
         return standardised(*self._statistics, x)
 
@@ -46,7 +46,7 @@ class Standardisation(eqx.Module):
         return type(self)(mean.mean, mean.carry, variance.mean, variance.carry, mean.count)
 
 
-def adapted(module: Any, x: Float[Array, " inputs"]) -> Any:
+def adapted(module: PyTree, x: Float[Array, " inputs"]) -> PyTree:
     """A network, as a policy or a critic holds it, after one more observation: its first layer may keep statistics.
 
     **Arguments:** the `module`, frozen; what it sees, `x`.

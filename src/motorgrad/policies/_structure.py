@@ -55,7 +55,7 @@ def describe(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | float | str) else repr(value)
 
 
-def rebuild(description: Any) -> Any:
+def rebuild(description: object) -> Any:
     """The inverse of `describe`: a policy whose arrays are placeholders (`jax.ShapeDtypeStruct`).
 
     **Arguments:** `description`: what `describe` returned.

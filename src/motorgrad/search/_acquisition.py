@@ -1,11 +1,13 @@
 """The value of the next candidate under a posterior, and where it is greatest."""
 
-from typing import Any
+# pyright: reportMissingImports=false
+# (tinygp is of the extra `search`; `_bayesian.py` imports this file when it is needed)
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import tinygp
 from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
@@ -19,7 +21,7 @@ LOCAL = 64
 REFINED = 4
 
 
-def log_expected_improvement(mean: Array, deviation: Array, best: Any) -> Array:
+def log_expected_improvement(mean: Array, deviation: Array, best: Array | float) -> Array:
     r"""The logarithm of $E[\max(f - f^*, 0)]$ for a normal $f$ (Jones et al., 1998).
 
     $\log\sigma + \log(\varphi(z) + z\Phi(z))$ with $z = (\mu - f^*)/\sigma$. Far below the best, the sum would be 0 in
@@ -38,7 +40,7 @@ def log_expected_improvement(mean: Array, deviation: Array, best: Any) -> Array:
     return jnp.log(deviation) + height
 
 
-def worth(mean: Array, deviation: Array, best: Any, exploration: float | None) -> Array:
+def worth(mean: Array, deviation: Array, best: Array | float, exploration: float | None) -> Array:
     r"""The logarithm of the expected improvement, or with an `exploration` $\kappa$ the bound $\mu + \kappa\sigma$."""
     if exploration is None:
         return log_expected_improvement(mean, deviation, best)
@@ -50,7 +52,7 @@ _worth = eqx.filter_jit(worth)
 
 @eqx.filter_jit
 def _climb(
-    prior: Any, values: Array, places: Array, best: Array, exploration: float | None
+    prior: tinygp.GaussianProcess, values: Array, places: Array, best: Array, exploration: float | None
 ) -> tuple[tuple[Array, Array], Array]:
     """The worth of several places: its sum, each, and the gradients."""
 

@@ -1,9 +1,10 @@
 """Bayesian optimisation: a Gaussian process over the scores so far chooses what to try next."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 from scipy.stats import qmc
 
@@ -109,7 +110,7 @@ class BayesianOptimisation(Method):
             found[name] = np.concatenate([state[name][: -len(candidates)], values])
         return found
 
-    def posterior(self, state: State, places: Any) -> tuple[np.ndarray, np.ndarray]:
+    def posterior(self, state: State, places: npt.ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the score function, without noise, at places (…, size), given a state.
 
         **Raises:** `ValueError` if the state has fewer than two scores.

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Float
+from jaxtyping import Float, PyTree
 from scipy.stats import rankdata
 
 from motorgrad._errors import check, check_integer
@@ -158,7 +158,7 @@ class EvolutionStrategy(_Evosax):
 
 @functools.lru_cache
 def _cma_es(population: int, size: int) -> tuple[Any, Any]:
-    """One strategy per shape, because evosax compiles every instance anew."""
+    """The strategy of a shape and its settings, kept as evosax compiles every instance anew."""
     from evosax.algorithms import CMA_ES
 
     strategy = CMA_ES(population_size=population, solution=jnp.zeros(size))
@@ -179,5 +179,5 @@ def _evolution_strategy(population: int, size: int, width: float, rate: float) -
     return strategy, strategy.default_params
 
 
-def _arrays(state: Any) -> State:
+def _arrays(state: PyTree) -> State:
     return {path_of(path): np.asarray(leaf) for path, leaf in jax.tree_util.tree_leaves_with_path(state)}

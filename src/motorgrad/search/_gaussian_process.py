@@ -44,7 +44,9 @@ class Data(NamedTuple):
     variances: Float[Any, " rows"]
 
     @classmethod
-    def of(cls, places: Any, scores: Any, gradients: Any, variances: Any, capacity: int) -> Self:
+    def of(
+        cls, places: np.ndarray, scores: np.ndarray, gradients: np.ndarray, variances: np.ndarray, capacity: int
+    ) -> Self:
         """The data of some candidates: one row for each score, then one for each derivative if there are any.
 
         **Arguments:**
@@ -145,9 +147,7 @@ def process_of(profile: str, settings: Float[Array, " settings"], data: Data) ->
     return tinygp.GaussianProcess(kernel, seen, diag=variances)
 
 
-@eqx.filter_jit
-def _prior(profile: str, settings: Array, data: Data) -> tinygp.GaussianProcess:
-    return process_of(profile, settings, data)
+_prior = eqx.filter_jit(process_of)
 
 
 @eqx.filter_jit

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_finite
@@ -37,19 +38,19 @@ class Range:
         if self.start is not None:
             check(self.low <= self.start <= self.high, "Range.start", self.start, f"from {self.low!r} to {self.high!r}")
 
-    def number(self, place: Any) -> Any:
+    def number(self, place: float | np.ndarray) -> Any:
         """The numbers at places from 0, the lower bound, to 1, the upper one; of any shape."""
         if not self.log:
             return self.low + place * (self.high - self.low)
         return np.exp(math.log(self.low) + place * (math.log(self.high) - math.log(self.low)))
 
-    def slope(self, place: Any) -> Any:
+    def slope(self, place: float | np.ndarray) -> Any:
         """The derivative of `number` at places."""
         if not self.log:
             return np.full(np.shape(place), self.high - self.low)
         return self.number(place) * (math.log(self.high) - math.log(self.low))
 
-    def place(self, number: Any) -> Any:
+    def place(self, number: float | np.ndarray) -> Any:
         """The inverse of `number`."""
         if not self.log:
             return (number - self.low) / (self.high - self.low)
@@ -92,32 +93,32 @@ class Space:
         starts = ((each, each.start) for each in self.ranges.values())
         return np.array([0.5 if start is None else each.place(start) for each, start in starts], float)
 
-    def numbers(self, places: Any) -> Float[np.ndarray, "*batch size"]:
+    def numbers(self, places: npt.ArrayLike) -> Float[np.ndarray, "*batch size"]:
         """Convert places (…, size) to numbers in their own units."""
         places = self._of_its_size("places", places)
         return np.stack([each.number(places[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
 
-    def places(self, numbers: Any) -> Float[np.ndarray, "*batch size"]:
+    def places(self, numbers: npt.ArrayLike) -> Float[np.ndarray, "*batch size"]:
         """The inverse of `numbers`."""
         numbers = self._of_its_size("numbers", numbers)
         return np.stack([each.place(numbers[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
 
-    def slopes(self, places: Any) -> Float[np.ndarray, "*batch size"]:
+    def slopes(self, places: npt.ArrayLike) -> Float[np.ndarray, "*batch size"]:
         """The derivative of each number by its place, at places (…, size)."""
         places = self._of_its_size("places", places)
         return np.stack([each.slope(places[..., i]) for i, each in enumerate(self.ranges.values())], axis=-1)
 
-    def named(self, places: Any) -> dict[str, float]:
+    def named(self, places: npt.ArrayLike) -> dict[str, float]:
         """The numbers at one candidate's places (size,), by name."""
         return dict(zip(self.names, self.numbers(places).tolist(), strict=True))
 
-    def _of_its_size(self, name: str, values: Any) -> np.ndarray:
+    def _of_its_size(self, name: str, values: npt.ArrayLike) -> np.ndarray:
         values = np.asarray(values, float)
         shape = values.shape
         check(values.ndim > 0 and shape[-1] == self.size, f"{name}.shape", shape, f"(…, {self.size})")
         return values
 
 
-def reflected(places: Any) -> Float[np.ndarray, "*batch size"]:
+def reflected(places: npt.ArrayLike) -> Float[np.ndarray, "*batch size"]:
     """Reflect arbitrary places at the bounds into 0 … 1."""
     return 1.0 - np.abs(1.0 - np.mod(places, 2.0))

@@ -1,9 +1,9 @@
 """Methods compared across tasks, as Agarwal et al. (2021) recommend: scores are `(tasks, runs)`."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_integer
@@ -64,7 +64,7 @@ def probability_of_improvement(
 
 def stratified_bootstrap(
     statistic: Statistic,
-    *samples: Any,
+    *samples: npt.ArrayLike,
     paired: bool = False,
     level: float = LEVEL,
     resamples: int = RESAMPLES,
@@ -112,7 +112,7 @@ def stratified_bootstrap(
     return np.asarray(statistic(*given)), ends[0], ends[1]
 
 
-def interquartile_mean_of(scores: Any, level: float = LEVEL, seed: int = 0) -> Measured:
+def interquartile_mean_of(scores: npt.ArrayLike, level: float = LEVEL, seed: int = 0) -> Measured:
     """`interquartile_mean` with its interval by `stratified_bootstrap`.
 
     **Arguments:** `scores`: `(tasks, runs)`, or the runs of a single task.
@@ -120,19 +120,19 @@ def interquartile_mean_of(scores: Any, level: float = LEVEL, seed: int = 0) -> M
     return _measured("interquartile mean", interquartile_mean, _scores(scores), level=level, seed=seed)
 
 
-def improvement_of(one: Any, other: Any, level: float = LEVEL, seed: int = 0) -> Measured:
+def improvement_of(one: npt.ArrayLike, other: npt.ArrayLike, level: float = LEVEL, seed: int = 0) -> Measured:
     """`probability_of_improvement` of one method over the other with its interval by `stratified_bootstrap`."""
     found = (_scores(one), _scores(other))
     return _measured("probability of improvement", probability_of_improvement, *found, level=level, seed=seed)
 
 
-def _measured(kind: str, statistic: Statistic, *samples: np.ndarray, level: float = LEVEL, **how: Any) -> Measured:
+def _measured(kind: str, statistic: Statistic, *samples: np.ndarray, level: float, seed: int) -> Measured:
     """A single number with its bootstrapped interval."""
-    value, low, high = (float(each) for each in stratified_bootstrap(statistic, *samples, level=level, **how))
+    value, low, high = (float(each) for each in stratified_bootstrap(statistic, *samples, level=level, seed=seed))
     return Measured(value, low, high, sum(sample.size for sample in samples), kind, level)
 
 
-def _scores(values: Any) -> Scores:
+def _scores(values: npt.ArrayLike) -> Scores:
     """Finite scores as `(tasks, runs)`."""
     found = np.asarray(values, float)
     found = found[None] if found.ndim == 1 else found

@@ -2,9 +2,10 @@
 
 import dataclasses
 import math
-from typing import Any
+from typing import SupportsFloat
 
 import numpy as np
+import numpy.typing as npt
 
 from motorgrad._errors import check, shown
 
@@ -43,12 +44,12 @@ class Measured:
         return self.words()
 
 
-def exact(value: Any) -> Measured:
+def exact(value: SupportsFloat) -> Measured:
     """A number that is not random."""
     return Measured(float(value), float(value), float(value), 0, "exact", 1.0)
 
 
-def mean_of(values: Any, level: float = LEVEL) -> Measured:
+def mean_of(values: npt.ArrayLike, level: float = LEVEL) -> Measured:
     """Mean of independent numbers, with Student's interval; unbounded for a single number.
 
     **Arguments:**
@@ -67,7 +68,7 @@ def mean_of(values: Any, level: float = LEVEL) -> Measured:
     return Measured(centre, centre - half, centre + half, count, "mean", level)
 
 
-def ratio_of(above: Any, below: Any, level: float = LEVEL) -> Measured:
+def ratio_of(above: npt.ArrayLike, below: npt.ArrayLike, level: float = LEVEL) -> Measured:
     """Pairwise ratio of two sets of positive numbers: geometric mean, with Student's interval of the logarithms.
 
     **Raises** `ValueError` for numbers that are not above 0, or are not as many in each set.
@@ -82,7 +83,7 @@ def ratio_of(above: Any, below: Any, level: float = LEVEL) -> Measured:
     return Measured(value, low, high, logs.count, "geometric mean", level)
 
 
-def difference_of(one: Any, other: Any, level: float = LEVEL) -> Measured:
+def difference_of(one: npt.ArrayLike, other: npt.ArrayLike, level: float = LEVEL) -> Measured:
     """Difference of the means of two independent samples, at least two numbers each, with Welch's interval."""
     from scipy import stats
 
@@ -94,7 +95,7 @@ def difference_of(one: Any, other: Any, level: float = LEVEL) -> Measured:
     return Measured(difference, float(found.low), float(found.high), len(one), "difference", level)
 
 
-def median_of(values: Any, level: float = LEVEL) -> Measured:
+def median_of(values: npt.ArrayLike, level: float = LEVEL) -> Measured:
     """Median of independent numbers, with the interval of order statistics, which assumes nothing about their
     distribution.
 
@@ -119,7 +120,7 @@ def median_of(values: Any, level: float = LEVEL) -> Measured:
     return Measured(float(np.median(values)), low, high, count, "median", reached)
 
 
-def share_of(happened: Any, level: float = LEVEL) -> Measured:
+def share_of(happened: npt.ArrayLike, level: float = LEVEL) -> Measured:
     """Share of independent cases in which something happened, with Wilson's interval.
 
     The share of no cases is unknown: NaN, from 0 to 1.
@@ -139,7 +140,7 @@ def share_of(happened: Any, level: float = LEVEL) -> Measured:
     return Measured(float(happened.mean()), float(found.low), float(found.high), happened.size, "share", level)
 
 
-def tally_of(happened: Any) -> Measured:
+def tally_of(happened: npt.ArrayLike) -> Measured:
     """Share of the cases at hand in which something happened: a fact about these, without an interval for others."""
     happened = np.asarray(happened, bool)
     check(happened.size > 0, "happened", happened, "at least one case")
@@ -147,7 +148,7 @@ def tally_of(happened: Any) -> Measured:
     return Measured(share, share, share, happened.size, "share", 1.0)
 
 
-def per_case(total: Any, cases: Any) -> np.ndarray:
+def per_case(total: npt.ArrayLike, cases: npt.ArrayLike) -> np.ndarray:
     """Totals over the numbers of their cases, in shapes that fit; NaN where there are none."""
     total, cases = np.broadcast_arrays(np.asarray(total, float), cases)
     return np.divide(total, cases, out=np.full(total.shape, math.nan), where=cases > 0)
@@ -170,7 +171,7 @@ def moving_mean(values: np.ndarray, records: int) -> np.ndarray:
     return np.lib.stride_tricks.sliding_window_view(values, records, axis=-1).mean(-1)
 
 
-def finite(values: Any, level: float, name: str = "values") -> np.ndarray:
+def finite(values: npt.ArrayLike, level: float, name: str = "values") -> np.ndarray:
     """All values as a vector. A time that was never reached (NaN) has no mean: the caller must replace it first."""
     check_level(level)
     try:

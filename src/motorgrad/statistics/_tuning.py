@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float, Int
 
 from motorgrad._errors import check
@@ -17,7 +18,7 @@ MAX_DIMENSIONS = 12
 """Settings whose effective dimension is found: all their subsets are tried."""
 
 
-def percentile_range(pool: Any, low: float = 5.0, high: float = 95.0) -> tuple[float, float]:
+def percentile_range(pool: npt.ArrayLike, low: float = 5.0, high: float = 95.0) -> tuple[float, float]:
     r"""Two percentiles of the finite values of a pool, by default the 5th and the 95th. They are the 0 and the 1 of
     normalized scores, $(p - p_5) / (p_{95} - p_5)$ (Adkins, Bowling & White, 2024).
 
@@ -30,7 +31,7 @@ def percentile_range(pool: Any, low: float = 5.0, high: float = 95.0) -> tuple[f
     return bottom, top if top > bottom else bottom + 1.0
 
 
-def distribution_scores(values: Float[np.ndarray, "*any"], pool: Any) -> Float[np.ndarray, "*any"]:
+def distribution_scores(values: Float[np.ndarray, "*any"], pool: npt.ArrayLike) -> Float[np.ndarray, "*any"]:
     """The share of a pool that is at most as high as each value: its empirical distribution function (Patterson et al.,
     2024). A value that is not finite scores 0."""
     ordered = np.sort(np.asarray(pool, float)[np.isfinite(pool)])
@@ -39,7 +40,7 @@ def distribution_scores(values: Float[np.ndarray, "*any"], pool: Any) -> Float[n
     return np.where(np.isfinite(values), found, 0.0)
 
 
-def sensitivity_of(tuned: Any, shared: Any, level: float = LEVEL, seed: int = 0) -> Measured:
+def sensitivity_of(tuned: npt.ArrayLike, shared: npt.ArrayLike, level: float = LEVEL, seed: int = 0) -> Measured:
     r"""How much of a method's score comes from tuning it for every task (Adkins, Bowling & White, 2024):
 
     $$\Phi = \frac 1M \sum_m \Gamma_m(h_m) - \frac 1M \sum_m \Gamma_m(h)$$
@@ -147,7 +148,7 @@ def expected_best(
     usable = np.isfinite(chosen_by[order])
     rank = np.arange(1, total + 1)
 
-    def ways(of: Any, take: Any) -> np.ndarray:
+    def ways(of: Int[np.ndarray, " settings"] | int, take: Int[np.ndarray, " settings"] | int) -> np.ndarray:
         """The logarithm of the binomial coefficient, −∞ where there is no way."""
         with np.errstate(invalid="ignore"):
             found = gammaln(of + 1.0) - gammaln(take + 1.0) - gammaln(np.maximum(of - take, 0) + 1.0)

@@ -4,13 +4,14 @@ from motorgrad.studies._driver import EXECUTORS, On, drive, run_study
 from motorgrad.studies._jobs import AnyJob, JobFolder, Outcome, Work
 from motorgrad.studies._page import broken_text, settings_text
 from motorgrad.studies._partition import Job
+from motorgrad.studies._plan import Design
 from motorgrad.studies._results import Best, Results
 from motorgrad.studies._scores import ScoreEach
 from motorgrad.studies._search import Search, SearchResults
-from motorgrad.studies._study import Design, Study
-from motorgrad.studies.comparison._comparison import Comparison, JudgedTask, Seeds
+from motorgrad.studies._study import Study
+from motorgrad.studies.comparison._comparison import Comparison, compare
+from motorgrad.studies.comparison._plan import JudgedTask, Seeds
 from motorgrad.studies.comparison._results import ComparisonResults
-from motorgrad.studies.comparison._run import compare
 
 __all__ = [
     "EXECUTORS",

@@ -8,21 +8,21 @@ import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Generic, Literal, Protocol, TypeVar
 
 from motorgrad._consent import allowed
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad._files import check_writable
 from motorgrad._progress import Progress
-from motorgrad._signals import stop_when_asked
-from motorgrad.studies._executors import Executor, Here, Processes
+from motorgrad._signals import interrupt, stop_when_asked
+from motorgrad.studies._executors import Executor, Here, Pending, Processes
 from motorgrad.studies._folder import StudyFolder
-from motorgrad.studies._jobs import AnyJob, JobFolder, Work
+from motorgrad.studies._jobs import JobFolder, JobKind, Work
 from motorgrad.studies._page import write_page
+from motorgrad.studies._plan import StudyPlan
 from motorgrad.studies._ray import Ray
 from motorgrad.studies._results import Results
 from motorgrad.studies._slurm import Slurm
-from motorgrad.studies._study import Study
 
 EXECUTORS: dict[str, type[Executor]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
 """Where jobs can run, by name."""
@@ -35,8 +35,22 @@ SHARE = 0.02  # of the time, for the index and the page
 PAUSE = 2.0  # seconds between two writes of them, at least
 
 
+class _InFolder(Protocol):
+    """Results that a folder holds, of a study, a search or a comparison."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def complete(self) -> bool: ...
+    @property
+    def failures(self) -> list[dict[str, Any]]: ...
+
+
+AnyResults = TypeVar("AnyResults", bound=_InFolder)
+
+
 def run_study(
-    study: Study,
+    study: StudyPlan,
     out: Path | str,
     *,
     on: On = "here",
@@ -91,8 +105,17 @@ def run_study(
     return Results(folder)
 
 
+def whole(results: AnyResults) -> AnyResults:
+    """Results, if they are all that there can be. **Raises** `KeyboardInterrupt` where their computation was asked to
+    stop: a script is not to go on with a part of them, unless it catches this."""
+    if results.complete or results.failures:
+        return results
+    message = f"stopped; what was done is saved in {results.path}, and the same call continues"
+    raise interrupt(message, results=results)
+
+
 def drive(
-    folder: JobFolder,
+    folder: JobFolder[JobKind, Any],
     job_settings: Work,
     report: Callable[[float | None], None],
     *,
@@ -119,14 +142,14 @@ def drive(
     return not driver.stopping
 
 
-class _Driver:
+class _Driver(Generic[JobKind]):
     """One session of a study."""
 
-    def __init__(self, folder: JobFolder, executor: Executor, attempts: int):
+    def __init__(self, folder: JobFolder[JobKind, Any], executor: Executor, attempts: int):
         self.folder, self.executor, self.attempts = folder, executor, attempts
         self.jobs = folder.jobs
         self.waiting = deque(job for job in self.jobs if not folder.is_done(job))
-        self.flying: dict[Any, AnyJob] = {}
+        self.flying: dict[Pending, JobKind] = {}
         self.failed = Counter[str]()
         self.killed = Counter[str]()
         self.saved: dict[str, int] = {}
@@ -167,7 +190,7 @@ class _Driver:
             if future.done():  # this process works itself: take the result before the next job
                 return
 
-    def _take(self, job: AnyJob, future: Any) -> None:
+    def _take(self, job: JobKind, future: Pending) -> None:
         """Take note of how a job ended."""
         try:
             outcome = future.result()
@@ -189,13 +212,13 @@ class _Driver:
                 why = "another process has its folder" if outcome.busy else "it was stopped from outside"
                 self._interrupted(job, RuntimeError(why))
 
-    def _interrupted(self, job: AnyJob, error: BaseException) -> None:
+    def _interrupted(self, job: JobKind, error: BaseException) -> None:
         """A job has ended early, for which it is not to blame."""
         moved = self.folder.saved(job) > self.saved[job.name]
         self.killed[job.name] = 1 if moved else self.killed[job.name] + 1
         self._again(job, error, self.killed[job.name], KILLS)
 
-    def _again(self, job: AnyJob, error: BaseException, count: int, most: int) -> None:
+    def _again(self, job: JobKind, error: BaseException, count: int, most: int) -> None:
         """Try a job again after the others, or set it aside."""
         if self.stopping or count < most:
             self.waiting.append(job)
@@ -208,7 +231,7 @@ class _Driver:
 class _Reporter(threading.Thread):
     """Writes the index and the page beside the driver, rarely enough to take little of the time."""
 
-    def __init__(self, driver: _Driver, report: Callable[[float | None], None]):
+    def __init__(self, driver: _Driver[Any], report: Callable[[float | None], None]):
         super().__init__(daemon=True)
         self._driver = driver
         self._report = report

@@ -15,12 +15,19 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait as wait_for
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 from motorgrad._errors import check_integer
 from motorgrad._processes import SAFE, environment
 from motorgrad._signals import STOPS
 from motorgrad.studies._jobs import AnyJob, Outcome, Work, work
+
+
+class Pending(Protocol):
+    """The future of a job."""
+
+    def done(self) -> bool: ...
+    def result(self) -> Outcome: ...
 
 
 class Executor(abc.ABC):
@@ -35,7 +42,7 @@ class Executor(abc.ABC):
     needs: ClassVar[tuple[str, ...]] = ()
 
     @abc.abstractmethod
-    def __init__(self, folder: Path, workers: int, job_settings: Work, **options: Any): ...
+    def __init__(self, folder: Path, workers: int, job_settings: Work, **options: object): ...
 
     @property
     def workers(self) -> int:
@@ -43,7 +50,7 @@ class Executor(abc.ABC):
         return 1
 
     @abc.abstractmethod
-    def submit(self, job: AnyJob, path: Path) -> Any:
+    def submit(self, job: AnyJob, path: Path) -> Pending:
         """Begin a job in its run directory. Returns a future."""
 
     def has_died(self, error: BaseException) -> bool:

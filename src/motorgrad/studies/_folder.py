@@ -13,7 +13,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import filelock
 import numpy as np
@@ -27,7 +27,7 @@ from motorgrad._parquet import parquet_in
 from motorgrad._reading import content_of, json_in
 from motorgrad.studies._jobs import JobFolder
 from motorgrad.studies._partition import Job
-from motorgrad.studies._study import Study
+from motorgrad.studies._plan import StudyPlan
 from motorgrad.training import RunDirectoryError, differences, load
 
 
@@ -81,17 +81,20 @@ def refuse_links_of(path: Path) -> None:
         raise RunDirectoryError(str(error)) from None
 
 
-class StudyFolder(JobFolder):
+class StudyFolder(JobFolder[Job, pa.Table]):
     """The folder of a study. As a context manager, it is locked against other drivers.
 
     **Raises** `RunDirectoryError` for a folder that holds something else, or another study.
     """
 
-    def __init__(self, path: Path | str, study: Study | None = None, trust: bool = False):
+    kind: ClassVar[type[StudyPlan]] = StudyPlan
+    """What reads `study.toml`: `Study`, which says so itself, as it stands above the folders in which it runs."""
+
+    def __init__(self, path: Path | str, study: StudyPlan | None = None, trust: bool = False):
         super().__init__(path)
         refuse_links_of(self.path)
         file = self.path / "study.toml"
-        stored = Study.read(file, trust=trust) if file.is_file() else None
+        stored = self.kind.read(file, trust=trust) if file.is_file() else None
         if study is not None:
             check_folder(self.path, file.name, "study", study.as_table(), stored and stored.as_table())
         found = stored or study
@@ -208,8 +211,9 @@ class StudyFolder(JobFolder):
             columns[path] = values.take(np.repeat(np.arange(len(order)), len(seeds)))
         columns["status"] = pa.array(np.repeat(status, lanes)).dictionary_encode()
         found = pa.table(columns)
-        for name, column in _concatenated(metrics):
-            found = found.append_column(name, column)
+        results = pa.concat_tables(metrics, promote_options="default")
+        for name in results.column_names:
+            found = found.append_column(name, results[name])
         return found
 
     def write_index(self) -> pa.Table:
@@ -272,8 +276,3 @@ def _column(values: Sequence[Any]) -> pa.Array:
     if len(kinds - {type(None)}) == 1 and not kinds & {list, dict}:
         return pa.array(values)
     return pa.array([None if v is None else v if isinstance(v, str) else json.dumps(v) for v in values])
-
-
-def _concatenated(tables: Sequence[pa.Table]) -> Iterator[tuple[str, pa.ChunkedArray]]:
-    table = pa.concat_tables(tables, promote_options="default")
-    return ((name, table[name]) for name in table.column_names)

@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def at_ends(points: Sequence[Point]) -> list[Point]:
     ]
 
 
-def leaves(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(table: object, path: str = "") -> Iterator[tuple[str, Any]]:
     """The settings in nested tables, by path."""
     if isinstance(table, Mapping):
         for name, item in table.items():
@@ -104,19 +104,19 @@ def distinctions(tables: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{path: each[path] for path in paths if path in each} for each in flat]
 
 
-def as_given(value: Any) -> Any:
+def as_given(value: object) -> Any:
     """Settings in the form of a study, in which a list is a grid."""
     if isinstance(value, Mapping):
         return {name: as_given(item) for name, item in value.items()}
     return [value] if isinstance(value, list) else value
 
 
-def frozen(value: Any) -> str:
+def frozen(value: object) -> str:
     """A value as text, which is equal only for equal values."""
     return json.dumps(value, sort_keys=True)
 
 
-def _expand(value: Any, path: str, ranges: bool) -> list[Any]:
+def _expand(value: object, path: str, ranges: bool) -> list[Any]:
     if isinstance(value, Mapping):
         if ranges and is_range(value):
             return [range_in(value, path)]
@@ -151,12 +151,12 @@ def in_file_order(table: Mapping[str, Any]) -> dict[str, Any]:
     return dict(sorted(table.items(), key=place))
 
 
-def is_range(value: Any) -> bool:
+def is_range(value: object) -> TypeGuard[Mapping[str, Any]]:
     """Whether a table describes a range."""
     return isinstance(value, Mapping) and {"low", "high"} <= set(value)
 
 
-def has_range(value: Any) -> bool:
+def has_range(value: object) -> bool:
     """Whether there is a range among settings."""
     if isinstance(value, list | tuple):
         return any(map(has_range, value))
@@ -180,7 +180,7 @@ def range_in(table: Mapping[str, Any], path: str) -> RangeOfNumbers:
     return RangeOfNumbers(path, float(low), float(high), scale)
 
 
-def _drawn(value: Any, row: Mapping[str, float]) -> Any:
+def _drawn(value: object, row: Mapping[str, float]) -> Any:
     if isinstance(value, RangeOfNumbers):
         return value.at(row[value.path])
     return {name: _drawn(item, row) for name, item in value.items()} if isinstance(value, dict) else value

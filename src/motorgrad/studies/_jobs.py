@@ -7,8 +7,9 @@ import json
 import os
 import pickle
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import filelock
 
@@ -59,6 +60,10 @@ class AnyJob(Protocol):
         ...
 
 
+JobKind = TypeVar("JobKind", bound=AnyJob)
+ResultKind = TypeVar("ResultKind")
+
+
 def parcel(job: AnyJob, path: Path, job_settings: Work) -> tuple[bytes, str, tuple[str, ...]]:
     """What `work_parcel` is given in a process that knows nothing of this one: a job, the working folder, and the
     modules that are imported first, which may be there, and be needed to read the job."""
@@ -94,7 +99,7 @@ def work(job: AnyJob, path: Path | str, job_settings: Work) -> Outcome:
         return job.do(path, job_settings)
 
 
-class JobFolder(contextlib.AbstractContextManager[Any]):
+class JobFolder(contextlib.AbstractContextManager[Any], Generic[JobKind, ResultKind]):
     """A folder in which every job has a folder, as the driver sees it. Jobs that were set aside are in `failures`. The
     driver enters it as a context manager.
 
@@ -109,29 +114,29 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
 
     @property
     @abc.abstractmethod
-    def jobs(self) -> list[Any]:
+    def jobs(self) -> Sequence[JobKind]:
         """All jobs."""
 
     @abc.abstractmethod
-    def place(self, job: Any) -> Path:
+    def place(self, job: JobKind) -> Path:
         """The folder of a job."""
 
     @abc.abstractmethod
-    def saved(self, job: Any) -> int:
+    def saved(self, job: JobKind) -> int:
         """The progress of a job, in some unit, from which the next worker continues if this one is killed."""
 
     @abc.abstractmethod
-    def add(self, job: Any, result: Any) -> None:
+    def add(self, job: JobKind, result: ResultKind) -> None:
         """Record a job that is done."""
 
     @abc.abstractmethod
-    def is_done(self, job: Any) -> bool:
+    def is_done(self, job: JobKind) -> bool:
         """Whether a job is done."""
 
     def __exit__(self, *_: object) -> None:
         """Leave the folder to others."""
 
-    def about(self, job: Any) -> dict[str, Any]:
+    def about(self, job: JobKind) -> dict[str, Any]:
         """The record of a failed job."""
         return {}
 
@@ -139,14 +144,14 @@ class JobFolder(contextlib.AbstractContextManager[Any]):
         """The jobs that were set aside: `job`, `attempts`, `message`, `traceback`, and what there is about them."""
         return [_failure(file) for file in sorted((self.path / "failures").glob("[!.]*.json"))]
 
-    def set_aside(self, job: Any, attempts: int, error: BaseException, traceback: str) -> None:
+    def set_aside(self, job: JobKind, attempts: int, error: BaseException, traceback: str) -> None:
         """Record why a job failed."""
         message = " ".join(f"{type(error).__name__}: {error}".splitlines())
         said = {"job": job.name, "attempts": attempts, "message": message, "traceback": traceback, **self.about(job)}
         (self.path / "failures").mkdir(exist_ok=True)
         write_atomically(self.path / "failures" / f"{job.name}.json", json.dumps(said, indent=2).encode())
 
-    def forgive(self, job: Any) -> None:
+    def forgive(self, job: JobKind) -> None:
         """Forget that a job failed, before it is tried again."""
         (self.path / "failures" / f"{job.name}.json").unlink(missing_ok=True)
 

@@ -184,7 +184,7 @@ def failures_text(failures: list[dict[str, Any]]) -> str:
     return f"<h2>Set aside</h2>{items}{more}<p>The same command tries them again.</p>"
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
 
 

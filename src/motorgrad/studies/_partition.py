@@ -84,7 +84,7 @@ class Job:
         found = {}
         for end, mode in self._modes.items():
             seen = evaluate(run, self.evaluate, mode=mode, threads=threads)
-            found |= {f"{name}_{end}": values for name, values in {"reward": seen.reward, **seen.readings}.items()}
+            found |= {f"{name}_{end}": values for name, values in {"reward": seen.reward, **seen.metrics}.items()}
         return found
 
 
@@ -109,7 +109,7 @@ def partition(
     calls = []
     for group in _groups(points):
         base = points[group[0]]
-        numbers = _numbers(points, group)
+        numbers = _differing(points, group)
         sweep = [{name: _at(points[index]["agent"])[name] for name in numbers} for index in group] if numbers else None
         task = _task(base["task"])
         made = base.get("steps", steps)
@@ -142,8 +142,7 @@ def _groups(points: Sequence[Point]) -> list[list[int]]:
     for group in alike.values():
         first = points[group[0]]
         agent = agent_for(_task(first["task"]), first["agent"])
-        names = varied([_at(points[index]["agent"]) for index in group])
-        fixed = [name for name in names if not sweepable(name, agent)]
+        fixed = [name for name in _differing(points, group) if not sweepable(name, agent)]
         parts: dict[str, list[int]] = {}
         for index in group:
             parts.setdefault(frozen([_at(points[index]["agent"])[name] for name in fixed]), []).append(index)
@@ -151,8 +150,8 @@ def _groups(points: Sequence[Point]) -> list[list[int]]:
     return sorted(found)
 
 
-def _numbers(points: Sequence[Point], group: Sequence[int]) -> list[str]:
-    """The numbers in which the points of a group differ."""
+def _differing(points: Sequence[Point], group: Sequence[int]) -> list[str]:
+    """The settings of the learner in which the points of a group differ."""
     return varied([_at(points[index]["agent"]) for index in group])
 
 
@@ -176,5 +175,5 @@ def _at(agent: dict[str, Any]) -> dict[str, Any]:
     return dict(leaves(agent))
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -4,6 +4,7 @@ import contextlib
 import logging
 import tempfile
 import time
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +88,7 @@ class Ray(Executor):
         self._references[future] = reference
         return future
 
-    def wait(self, flying: Any, seconds: float) -> set[Any]:
+    def wait(self, flying: Collection[Any], seconds: float) -> set[Any]:
         done = super().wait(flying, seconds)
         for future in done:
             del self._references[future]

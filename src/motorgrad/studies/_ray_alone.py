@@ -5,6 +5,7 @@ import ipaddress
 import secrets
 import warnings
 from collections.abc import Iterator
+from types import ModuleType
 from typing import Any
 
 from motorgrad._processes import SAFE, environment
@@ -18,7 +19,7 @@ WANTED = "start it yourself with `ray start --head`, and give the address auto"
 
 
 @contextlib.contextmanager
-def ray_alone(ray: Any, processors: int, **options: Any) -> Iterator[None]:
+def ray_alone(ray: ModuleType, processors: int, **options: Any) -> Iterator[None]:
     """Ray, from here to the end of the context. It listens to this machine alone, and to nobody without a token that is
     drawn here; it has no dashboard, and reports nothing to its makers.
 
@@ -38,7 +39,7 @@ def ray_alone(ray: Any, processors: int, **options: Any) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _settings(ray: Any) -> Iterator[None]:
+def _settings(ray: ModuleType) -> Iterator[None]:
     """Let Ray have these settings, which it is made to read again: it has done so when it was imported."""
     try:
         from ray._private import ray_constants as constants  # type: ignore[import-not-found]

@@ -13,7 +13,7 @@ from motorgrad._errors import check, check_integer, unknown
 from motorgrad.statistics import Measured, mean_of, median_of
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._grid import frozen
-from motorgrad.studies._study import Study
+from motorgrad.studies._plan import StudyPlan
 from motorgrad.training import Run, load
 
 
@@ -64,7 +64,7 @@ class Results:
         return self._folder.path
 
     @property
-    def study(self) -> Study:
+    def study(self) -> StudyPlan:
         """The study."""
         return self._folder.study
 

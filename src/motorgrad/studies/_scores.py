@@ -96,7 +96,7 @@ def _score_in(file: Path) -> float:
     return math.nan if known is None else float(known)
 
 
-class _Round(JobFolder):
+class _Round(JobFolder[_Candidate, float]):
     """The folder of a batch of candidates, named after what they are: the same batch finds its scores again."""
 
     noun = "scores"

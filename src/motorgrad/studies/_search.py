@@ -15,7 +15,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import tomli_w
@@ -24,12 +24,15 @@ from motorgrad._errors import check, check_integer, choice
 from motorgrad._extras import require
 from motorgrad._files import read_json, read_toml, write_atomically
 from motorgrad._settings import build, table
-from motorgrad.studies._driver import run_study
+from motorgrad.studies._driver import run_study, whole
 from motorgrad.studies._folder import check_folder, locked
 from motorgrad.studies._grid import as_given, at_ends, expand, frozen, in_file_order, is_range, leaves, range_in
 from motorgrad.studies._partition import partition
 from motorgrad.studies._results import Best, Results
-from motorgrad.studies._study import Study, whole
+from motorgrad.studies._study import Study
+
+if TYPE_CHECKING:
+    import optuna  # type: ignore[import-not-found]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -219,7 +222,7 @@ class _Searching:
                 break
         return rounds, True
 
-    def _ask(self, folder: Path, start: int) -> list[tuple[Any, dict[str, Any]]]:
+    def _ask(self, folder: Path, start: int) -> list[tuple["optuna.Trial", dict[str, Any]]]:
         """The trials of a round, with their agents."""
         search, samplers = self.search, self.optuna.samplers
         count = min(search.batch, search.trials - start)
@@ -238,7 +241,7 @@ class _Searching:
         write_atomically(file, json.dumps([trial.params for trial, _ in found], indent=1).encode())
         return found
 
-    def _tell(self, trial: Any, value: float, steps: int, last: bool) -> bool:
+    def _tell(self, trial: "optuna.Trial", value: float, steps: int, last: bool) -> bool:
         """Tell Optuna the value of a trial. Returns whether the trial goes on to the next rung."""
         states = self.optuna.trial.TrialState
         if not np.isfinite(value):
@@ -268,7 +271,7 @@ def _trials(file: Path, count: int) -> list[dict[str, Any]]:
     return found
 
 
-def _suggest(trial: Any, value: Any, path: str) -> Any:
+def _suggest(trial: "optuna.Trial", value: object, path: str) -> Any:
     """The settings of a trial: ranges and lists replaced by what Optuna suggests, which the order of asking affects."""
     if is_range(value):
         found = range_in(value, path)

@@ -21,7 +21,7 @@ from motorgrad.tasks._particle import (
 from motorgrad.tasks._recruitment import Drift, LinearRecruitment, Recruitment, spacing_error
 from motorgrad.tasks._registry import ENVIRONMENT, TASKS, is_environment, load, make, settings_in
 from motorgrad.tasks._suggestions import suggestions
-from motorgrad.tasks._task import Mirror, Outcome, Reading, Task, observe, outcome
+from motorgrad.tasks._task import Metric, Mirror, Outcome, Task, observe, outcome
 from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState
 from motorgrad.tasks.gymnasium._gymnasium import EnvironmentMemory, Gymnasium, from_gymnasium
 from motorgrad.tasks.gymnasium._making import make_environment
@@ -62,13 +62,13 @@ __all__ = [
     "HostTask",
     "LinearRecruitment",
     "LoadUnload",
+    "Metric",
     "Mirror",
     "Outcome",
     "Parity",
     "ParticleNavigation",
     "ParticleOrbit",
     "ParticleTask",
-    "Reading",
     "Recruitment",
     "Region",
     "Synergies",

@@ -8,12 +8,13 @@ from typing import Any, ClassVar, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Array
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, LiftTable, lift, lift_table
 from motorgrad.tasks._recruitment import Recruitment, RecruitmentMemory
-from motorgrad.tasks._task import Flag, Reading, Scalar
+from motorgrad.tasks._task import Flag, Metric, Scalar
 from motorgrad.worlds import SweepingLoads
 
 COMPLETE = 0.999  # of the full lift, the accuracy to which simulation and table agree
@@ -50,7 +51,7 @@ class ArmRecruitment(Recruitment):
         "batch": "sum",
         "learning_rate": {"gain": 2e-4, "threshold": 4e-4},
     }
-    reports: ClassVar[tuple[str, ...]] = ("height", "active")
+    metric_names: ClassVar[tuple[str, ...]] = ("height", "active")
     episodic: ClassVar[bool] = True
 
     body: Arm = dataclasses.field(default_factory=Arm)
@@ -96,7 +97,7 @@ class ArmRecruitment(Recruitment):
     def pay(self, load: Scalar, ratio: Scalar, effect: Scalar) -> Scalar:
         return effect - self.cost * ratio
 
-    def readings(self, memory: RecruitmentMemory, state: Scalar) -> dict[str, Reading]:
+    def metrics(self, memory: RecruitmentMemory, state: Scalar) -> dict[str, Metric]:
         """`height`: of the lift, if there was a load. `active`: the fraction of the pool that fired."""
         return {"height": (memory.effect, memory.at > 0), "active": (memory.ratio, True)}
 
@@ -104,7 +105,7 @@ class ArmRecruitment(Recruitment):
 def _simulated(body: Arm, load: Array, force: Array) -> Array:
     """`motorgrad.bodies.lift` called from compiled code, for all seeds at once."""
 
-    def host(load: Any, force: Any) -> np.ndarray:
+    def host(load: npt.ArrayLike, force: npt.ArrayLike) -> np.ndarray:
         return lift(body, np.maximum(load, 0.0), force).astype(np.float32)
 
     load, force = jnp.broadcast_arrays(jnp.asarray(load, jnp.float32), jnp.asarray(force, jnp.float32))

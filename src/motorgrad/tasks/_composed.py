@@ -3,24 +3,26 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._interface import ObservationCode
-from motorgrad._presets import STEPS, natural
+from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean, counted_on
 from motorgrad._settings import build, check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
 from motorgrad.tasks._composed_goal import goal_of
 from motorgrad.tasks._composing import (
+    BodyLike,
     Drive,
     body_of,
     body_table,
@@ -30,7 +32,7 @@ from motorgrad.tasks._composing import (
 )
 from motorgrad.tasks._holding import tell_if_few_can_be_held
 from motorgrad.tasks._host_task import BodyTask
-from motorgrad.tasks._task import Flag, Reading, Scalar
+from motorgrad.tasks._task import Flag, Metric, Scalar
 from motorgrad.tasks.terms import (
     Bound,
     BoundReset,
@@ -77,7 +79,7 @@ class _Bindings(NamedTuple):
     observe: tuple[tuple[float, Bound], ...]
     reward: tuple[tuple[float, Bound], ...]
     terminate: tuple[tuple[Quantity, Bound], ...]
-    readings: tuple[tuple[str, bool, Bound], ...]
+    metrics: tuple[tuple[str, bool, Bound], ...]
     reset: tuple[BoundReset, ...]
     remembering: tuple[Bound, ...]
     """Those that remember something, whose memories are in this order."""
@@ -100,7 +102,7 @@ class Composed(BodyTask):
     - `targets`: what other terms refer to (`Target`).
     - `resets`: the state in which episodes start (`Reset`), by default the body's keyframe. Short name: `reset`.
     - `terminations`: what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`.
-    - `recorded`: what is recorded (`Quantity`). Short name: `readings`.
+    - `metric_terms`: what is recorded (`Quantity`). Short name: `metrics`.
     - `actions`: `"graded"` for controls in the actuators' ranges; `"binary"` for units that are on or off, one for each
       muscle, and two that oppose each other for an actuator that works in both directions.
     - `groups`: the actuators that each unit drives, a name or a pattern such as `"flexor*"`, or a list of them.
@@ -125,7 +127,7 @@ class Composed(BodyTask):
         observe=["joint-positions", "joint-velocities", "target-error"],
         reward=[terms.Distance(), terms.Effort(weight=-0.1)],
         reset=["random-joints"],
-        readings=["distance", terms.Within(tolerance=0.03, name="solved")],
+        metrics=["distance", terms.Within(tolerance=0.03, name="solved")],
     )
     print(task.observation_names[-3:])  # → ('target error x', 'target error y', 'target error z')
     ```
@@ -139,7 +141,7 @@ class Composed(BodyTask):
         "reward": "rewards",
         "reset": "resets",
         "terminate": "terminations",
-        "readings": "recorded",
+        "metrics": "metric_terms",
     }
 
     body: Any = dataclasses.field(default=None, metadata={**FIXED, "plain": body_table})
@@ -148,7 +150,7 @@ class Composed(BodyTask):
     targets: tuple[Target, ...] = dataclasses.field(default=(), metadata=FIXED)
     resets: tuple[Reset, ...] = dataclasses.field(default=(), metadata=FIXED)
     terminations: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
-    recorded: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
+    metric_terms: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
     actions: Literal["graded", "binary"] = "graded"  # pyright: ignore[reportIncompatibleVariableOverride]
     groups: tuple[str | tuple[str, ...], ...] | None = dataclasses.field(default=None, metadata=FIXED)
     scaling: Literal["running", "none"] = "running"
@@ -168,10 +170,10 @@ class Composed(BodyTask):
         self.check_times()
         whole = self.commands == "controls" or self.groups is None
         check(whole, "groups", self.groups, "left out with the commands 'sigmoid'")
-        names = self.reports
+        names = self.metric_names
         for name in names:
-            check(names.count(name) == 1, "name of a reading", name, "given once")
-        for term in (*self.rewards, *self.recorded, *self.terminations):
+            check(names.count(name) == 1, "name of a metric", name, "given once")
+        for term in (*self.rewards, *self.metric_terms, *self.terminations):
             limited = term.above is not None or term.below is not None
             ends = term in self.terminations
             check(limited or not ends, f"terminate: {kind_of(term)}", "no limit", "above or below a limit")
@@ -198,14 +200,14 @@ class Composed(BodyTask):
         return self.learner_for(STEPS)
 
     def learner_for(self, steps: int) -> Mapping[str, Any]:
-        return natural(self, steps)
+        return natural_learner(self, steps)
 
     @functools.cached_property
     def _bound(self) -> _Bindings:
         scene = Scene(self.body, self.action_period, self.targets)
         remembering: list[Bound] = []
 
-        def bind(what: str, term: Any) -> Bound:
+        def bind(what: str, term: Observation | Quantity) -> Bound:
             found = bound(what, term, scene)
             if found.init is not None:
                 remembering.append(found)
@@ -220,9 +222,9 @@ class Composed(BodyTask):
                 remembering[-1] = observe[-1][1]
         reward = tuple((term.weight, bind("reward", term)) for term in self.rewards)
         terminate = tuple((term, bind("terminate", term)) for term in self.terminations)
-        readings = tuple((_label(term), term.at_end, bind("readings", term)) for term in self.recorded)
+        metrics = tuple((_label(term), term.at_end, bind("metrics", term)) for term in self.metric_terms)
         reset = tuple(bound("reset", term, scene) for term in self.resets)
-        return _Bindings(scene, scene.sensed, tuple(observe), reward, terminate, readings, reset, tuple(remembering))
+        return _Bindings(scene, scene.sensed, tuple(observe), reward, terminate, metrics, reset, tuple(remembering))
 
     @property
     def dynamics(self) -> Body:
@@ -251,12 +253,16 @@ class Composed(BodyTask):
             return ((-1.0 if self.actions == "graded" else 0.0, 1.0),) * self.action_size
         return tuple((float(low), float(high)) for low, high in self._drive.range)
 
-    def control(self, action: Any, memory: Any = None) -> Any:
+    def control(self, action: Float[AnyArray, "... units"], memory: PyTree = None) -> Float[AnyArray, "... groups"]:
         """The control of each group of actuators, within its range."""
         del memory
-        if self.commands == "sigmoid":
-            return self._commanded(action)
         drive = self._drive
+        if self.commands == "sigmoid":
+            command = jnp.clip(action, -1, 1) if self.actions == "graded" else 2 * action - 1
+            if not self._muscles.any():
+                low, high = drive.limits.T
+                return (low + high) / 2 + command * (high - low) / 2
+            return jnp.where(self._muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
         if self.actions == "graded":
             action = jnp.clip(action, *jnp.asarray(drive.range, jnp.float32).T)
         if drive.plain:
@@ -266,14 +272,6 @@ class Composed(BodyTask):
     @functools.cached_property
     def _muscles(self) -> Bool[np.ndarray, " groups"]:
         return self._bound.scene.muscles
-
-    def _commanded(self, action: Any) -> Any:
-        """The controls for numbers in [−1, 1], or for units that are on or off."""
-        command = jnp.clip(action, -1, 1) if self.actions == "graded" else 2 * action - 1
-        if not self._muscles.any():
-            low, high = self._drive.limits.T
-            return (low + high) / 2 + command * (high - low) / 2
-        return jnp.where(self._muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
 
     # -- observations
 
@@ -389,16 +387,16 @@ class Composed(BodyTask):
         terms = [jnp.asarray(weight * read(each)) for weight, each in self._bound.reward]
         return dict(zip(self.reward_names, terms, strict=True))
 
-    # -- readings
+    # -- metrics
 
     @property
-    def reports(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        return tuple(_label(term) for term in self.recorded)
+    def metric_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return tuple(_label(term) for term in self.metric_terms)
 
-    def readings(self, memory: ComposedMemory, state: BodyState) -> dict[str, Reading]:
+    def metrics(self, memory: ComposedMemory, state: BodyState) -> dict[str, Metric]:
         """Those that were asked for."""
         read = self._reader(memory, state)
-        return {name: (read(each), memory.ended if late else True) for name, late, each in self._bound.readings}
+        return {name: (read(each), memory.ended if late else True) for name, late, each in self._bound.metrics}
 
     def marks(self, memory: ComposedMemory, state: BodyState) -> Float[Array, "marks 4"]:
         """Where parts of the body should be: balls with the radius of the smallest tolerance of a term."""
@@ -407,7 +405,7 @@ class Composed(BodyTask):
         for name, target in self._bound.scene.targets.items():
             if target.marked:
                 at = target.at(now, name).reshape(-1, 3)
-                terms = [term for term in (*self.rewards, *self.recorded) if getattr(term, "target", None) == name]
+                terms = [term for term in (*self.rewards, *self.metric_terms) if getattr(term, "target", None) == name]
                 radius = min((getattr(term, "tolerance", math.inf) for term in terms), default=math.inf)
                 found.append(jnp.column_stack([at, jnp.full(len(at), radius if radius < math.inf else MARK)]))
         return jnp.concatenate(found)
@@ -416,7 +414,7 @@ class Composed(BodyTask):
         n, period = memory.decisions, self.action_period
         return Now(state, memory.control, n * period, memory.drawn, decisions=n, period=period)
 
-    def _reader(self, memory: ComposedMemory, state: BodyState) -> Any:
+    def _reader(self, memory: ComposedMemory, state: BodyState) -> Callable[[Bound], Array]:
         """A function that reads a term, with what the term remembers."""
         now = self._now(memory, state)
         remembering = self._bound.remembering
@@ -431,14 +429,14 @@ class Composed(BodyTask):
 
 
 def compose(
-    body: Any,
+    body: BodyLike,
     *,
     observe: Sequence[Any],
     reward: Sequence[Any],
     targets: Sequence[Any] = (),
     reset: Sequence[Any] = (),
     terminate: Sequence[Any] = (),
-    readings: Sequence[Any] = (),
+    metrics: Sequence[Any] = (),
     actions: Literal["graded", "binary"] = "graded",
     groups: Sequence[Any] | None = None,
     scaling: Literal["running", "none"] = "running",
@@ -468,7 +466,7 @@ def compose(
         tuple(targets),
         tuple(reset),
         tuple(terminate),
-        tuple(readings),
+        tuple(metrics),
         actions,
         None if groups is None else tuple(groups),
         scaling,
@@ -478,6 +476,6 @@ def compose(
     )
 
 
-def _label(term: Any) -> str:
-    """The name of a quantity as a reading."""
-    return term.name or kind_of(term)
+def _label(term: Observation | Quantity) -> str:
+    """The name of a quantity as a metric, or of the one number that an observation reads."""
+    return getattr(term, "name", None) or kind_of(term)

@@ -1,4 +1,4 @@
-"""What a composed task aims at, read from its terms."""
+"""The goal of a composed task, found in its terms."""
 
 import itertools
 from collections.abc import Sequence

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
 from motorgrad._settings import build, table
-from motorgrad.bodies import BODIES, BUNDLED, Mjcf
+from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf
 from motorgrad.tasks.terms import (
     Closeness,
     Distance,
@@ -28,6 +28,9 @@ from motorgrad.tasks.terms import (
     TargetPosition,
     Within,
 )
+
+BodyLike = Body | str | Path | mujoco.MjSpec | Mapping[str, Any]
+"""A body, or what `body_of` makes one of."""
 
 
 class Drive(NamedTuple):
@@ -87,7 +90,7 @@ def drive_of(scene: Scene, groups: Sequence[str | tuple[str, ...]] | None, binar
     return Drive(tuple(names), np.array(ranges, np.float32), matrix, base, limits, plain)
 
 
-def body_of(value: Any) -> Any:
+def body_of(value: BodyLike) -> Body:
     """A body: itself; the path or text of an `Mjcf`, or a `mujoco.MjSpec`; the name of a body; or a table of one."""
     if isinstance(value, str) and value in BODIES:
         return BODIES[value]()
@@ -118,17 +121,18 @@ def body_table(body: Any) -> dict[str, Any]:
 def with_absolute_paths(settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Settings whose paths are meant from a folder. They are those of a model, and files of terms."""
 
-    def walk(value: Any, key: str = "") -> Any:
+    def walk(value: object, key: str = "") -> object:
         if isinstance(value, Mapping):
             return {name: walk(item, name) for name, item in value.items()}
         if isinstance(value, list | tuple):
             return [walk(item) for item in value]
-        named = isinstance(value, str) and key in ("body", "source", "file")
-        if not named or "<" in value or not Path(value).suffix:  # a document, or the name of a body
+        if not isinstance(value, str) or key not in ("body", "source", "file"):
+            return value
+        if "<" in value or not Path(value).suffix:  # a document, or the name of a body
             return value
         return str(folder / value)
 
-    return walk(settings)
+    return {name: walk(item, name) for name, item in settings.items()}
 
 
 def reach() -> dict[str, Any]:
@@ -139,6 +143,6 @@ def reach() -> dict[str, Any]:
         "rewards": (Distance(), Closeness(width=0.05), Effort(weight=-0.05)),
         "targets": (Reach("hand", low=(0.0, 0.25, 0.0), high=(0.3, 0.45, 0.0)),),
         "resets": (RandomJoints(share=0.5),),
-        "recorded": (Distance(), Within(tolerance=0.03, name="solved")),
+        "metric_terms": (Distance(), Within(tolerance=0.03, name="solved")),
         "time_limit": 2.0,
     }

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._settings import check_fields
@@ -55,15 +55,15 @@ class FiniteTask(Task):
     def episode_limit(self) -> int | None:
         return self.time_limit
 
-    def observe(self, memory: Any, state: Array, uniforms: Float[Array, " 0"]) -> tuple[Any, Array]:
+    def observe(self, memory: PyTree, state: Array, uniforms: Float[Array, " 0"]) -> tuple[PyTree, Array]:
         # If the reward depends on the state in which the action was taken, that state is the memory.
         memory = state if self.dynamics.rewards.ndim == 2 else memory
         return memory, jnp.asarray(self.dynamics.observations, jnp.result_type(float))[state]
 
-    def reward(self, memory: Any, state: Array, action: Array) -> tuple[Any, Array, bool]:
+    def reward(self, memory: PyTree, state: Array, action: Array) -> tuple[PyTree, Array, bool]:
         return memory, self.dynamics.reward(memory, action, state), False
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+    def init(self, uniforms: Float[Array, " 0"]) -> PyTree:
         return jnp.asarray(self.dynamics.start, jnp.int32) if self.dynamics.rewards.ndim == 2 else ()
 
 

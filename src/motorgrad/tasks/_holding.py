@@ -4,7 +4,7 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -49,7 +49,7 @@ class Held(NamedTuple):
     stable: Bool[np.ndarray, " poses"] | None
 
 
-def tell_if_few_can_be_held(body: Body, model: Any) -> None:
+def tell_if_few_can_be_held(body: Body, model: mujoco.MjModel) -> None:
     """Warn, once for each body, if its muscles can hold few poses. **Arguments:** the body and its compiled model."""
     try:
         mark = hash(body)
@@ -80,7 +80,7 @@ def tell_if_few_can_be_held(body: Body, model: Any) -> None:
     )
 
 
-def held_poses(model: Any, poses: Float[np.ndarray, "poses nq"] | None = None) -> Held | None:
+def held_poses(model: mujoco.MjModel, poses: Float[np.ndarray, "poses nq"] | None = None) -> Held | None:
     """Which poses muscles can hold at rest.
 
     The forces of the muscles at rest, from the least to the greatest activation, are a box, whose torques are compared
@@ -121,7 +121,7 @@ def _can_balance(able: np.ndarray, needed: np.ndarray, slack: np.ndarray) -> boo
     return bool((np.abs(able @ shares - needed) <= slack).all())
 
 
-def _can_be_stable(model: Any, data: Any, pose: np.ndarray) -> bool:
+def _can_be_stable(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> bool:
     """Whether some shares that balance a pose also push it back from every direction."""
     from scipy.optimize import linprog
 
@@ -139,7 +139,7 @@ def _can_be_stable(model: Any, data: Any, pose: np.ndarray) -> bool:
     return bool(linprog(none, of_shares, of_needs, able, needed, bounds=(0.0, 1.0)).status == 0)
 
 
-def spread_poses(model: Any, count: int = POSES) -> Float[np.ndarray, "poses nq"]:
+def spread_poses(model: mujoco.MjModel, count: int = POSES) -> Float[np.ndarray, "poses nq"]:
     """Poses spread evenly over the ranges of all joints at once, always the same: a sequence of the kind R of
     M. Roberts, which adds powers of the root of x^(n+1) = x + 1 to every coordinate, modulo 1."""
     root = 2.0
@@ -153,7 +153,7 @@ def spread_poses(model: Any, count: int = POSES) -> Float[np.ndarray, "poses nq"
     return low + shares * (high - low)
 
 
-def _torques(model: Any, data: Any, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _torques(model: mujoco.MjModel, data: mujoco.MjData, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """In a pose at rest: the torques that each actuator adds from its least to its greatest activation, `(nv, nu)`, and
     those that are needed beside the least, `(nv,)`."""
     torques = []

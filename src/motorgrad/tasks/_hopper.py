@@ -18,7 +18,7 @@ from motorgrad._settings import check_fields
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.tasks._host_task import BodyTask
-from motorgrad.tasks._task import Flag, Reading, Scalar
+from motorgrad.tasks._task import Flag, Metric, Scalar
 
 MAX_UNITS = 10_000
 MAX_KNEE_VELOCITY = 50.0  # rad/s, for the observation range
@@ -61,7 +61,7 @@ class Hopper(BodyTask):
     """
 
     name: ClassVar[str] = "hopper"
-    reports: ClassVar[tuple[str, ...]] = ("apex",)
+    metric_names: ClassVar[tuple[str, ...]] = ("apex",)
     # With the thesis's decay of 0.98, two thirds of a push are forgotten within half a second, about the duration of a
     # flight rewarded at landing. With 0.995 learning is almost three times as fast (measured in docs/tasks/hopper.md).
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "learning_rate": 5e-4}
@@ -145,6 +145,6 @@ class Hopper(BodyTask):
         cost = self.penalty * jnp.sum(self.control(action, memory) * self._muscles_per_group)
         return HopperMemory(jnp.where(down, 0.0, height), first, landed), self.reward_scale * reward - cost, False
 
-    def readings(self, memory: HopperMemory, state: BodyState) -> dict[str, Reading]:
+    def metrics(self, memory: HopperMemory, state: BodyState) -> dict[str, Metric]:
         """`apex`: the greatest foot height (m) of a flight that has just ended."""
         return {"apex": (memory.landed, memory.landed > 0)}

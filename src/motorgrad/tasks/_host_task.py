@@ -8,8 +8,9 @@ from typing import Any, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad.bodies import Body, BodyBatch
 from motorgrad.tasks._task import Task
@@ -41,7 +42,7 @@ class HostBatch(Protocol):
         ...
 
     @property
-    def unpack(self) -> Callable[[Any], Any]:
+    def unpack(self) -> Callable[[Float[AnyArray, "*rows width"]], PyTree]:
         """The function from one packed row, or any array of rows, to the state that the task's functions see.
 
         Compiled programs keep this function. A bound method would keep the batch, and what it holds, alive with them.
@@ -63,7 +64,7 @@ class HostTask(Task):
     def batch(self, seeds: Sequence[int], threads: int = 0) -> HostBatch:
         """The dynamics at the start of an episode, one row per seed; `threads` if they can use them."""
 
-    def control(self, action: Any, memory: Any = None) -> Any:
+    def control(self, action: Float[AnyArray, "... action_size"], memory: PyTree = None) -> Float[AnyArray, "... size"]:
         """The input of the dynamics for an action, `(…, action_size)`; by default the action itself. `memory` is the
         task's memory when the action was chosen, with the same leading axes."""
         del memory
@@ -143,7 +144,7 @@ class BodyTask(HostTask):
         groups = tuple(self.dynamics.groups)
         return groups if self.drives is None and len(groups) == self.action_size else ()
 
-    def control(self, action: Any, memory: Any = None) -> Any:
+    def control(self, action: Float[AnyArray, "... action_size"], memory: PyTree = None) -> Float[AnyArray, "... size"]:
         """The activation of each group of muscles, from `(…, action_size)` to `(…, groups)`."""
         del memory
         drives = self.drives

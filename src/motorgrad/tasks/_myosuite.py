@@ -1,5 +1,6 @@
 """The posing and reaching tasks of MyoSuite, rebuilt as composed tasks."""
 
+from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
@@ -43,7 +44,7 @@ def myosuite(
     ends of episodes, stepped by `BodyBatch` for all seeds together.
 
     It needs the extra `myosuite`. What MyoSuite draws by its own generator, targets and starting poses, is drawn from
-    the same distributions. Readings are `solved`, whether the body is within the tolerance; and `success`, whether it
+    the same distributions. Metrics are `solved`, whether the body is within the tolerance; and `success`, whether it
     was at more than five decisions of an episode, as MyoSuite's evaluator counts.
 
     **Arguments:**
@@ -116,7 +117,7 @@ def _posing(given: Any) -> dict[str, Any]:
         "observe": _observed(given, {"pose_err": TargetError()}),
         "reward": [term for terms in reward.values() for term in terms],
         "terminate": [Beyond(limit=FAR, above=0.5)],
-        "readings": _recorded(tolerance),
+        "metrics": _metrics(tolerance),
     }
 
 
@@ -141,7 +142,7 @@ def _reaching(given: Any, period: float) -> dict[str, Any]:
             Beyond(limit=lost, after=after, weight=-penalty),
         ],
         "terminate": [Beyond(limit=lost, after=after, above=0.5)],
-        "readings": _recorded(near),
+        "metrics": _metrics(near),
     }
 
 
@@ -166,9 +167,9 @@ def _observed(given: Any, own: dict[str, Any]) -> list[Any]:
     return [terms[key] for key in given.obs_keys]
 
 
-def _recorded(tolerance: float) -> list[Any]:
+def _metrics(tolerance: float) -> list[Any]:
     return [Within(tolerance=tolerance, name="solved"), Success(tolerance=tolerance, name="success")]
 
 
-def _numbers(array: Any) -> tuple[float, ...]:
+def _numbers(array: Iterable[float]) -> tuple[float, ...]:
     return tuple(map(float, array))

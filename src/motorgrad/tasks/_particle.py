@@ -8,13 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check, check_integer
 from motorgrad._random import normals
 from motorgrad._running import counted_on
 from motorgrad._settings import check_fields
-from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
+from motorgrad.tasks._task import Flag, Metric, Scalar, Task, check_time_limit
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
 
 MAX_UNITS = 10_000
@@ -119,13 +119,15 @@ class ParticleTask(Task):
         return self.observation_size if self.observation_noise else 0
 
     def observe(
-        self, memory: Any, state: ParticleState, uniforms: Float[Array, " uniforms"]
-    ) -> tuple[Any, Float[Array, " observation_size"]]:
+        self, memory: PyTree, state: ParticleState, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[PyTree, Float[Array, " observation_size"]]:
         seen = jnp.concatenate([state.position, state.velocity]) if self.observe_velocity else state.position
         return memory, seen + self.observation_noise * normals(uniforms) if self.observation_noise else seen
 
     @abc.abstractmethod
-    def reward(self, memory: Any, state: ParticleState, action: Float[Array, " units"]) -> tuple[Any, Scalar, Flag]: ...
+    def reward(
+        self, memory: PyTree, state: ParticleState, action: Float[Array, " units"]
+    ) -> tuple[PyTree, Scalar, Flag]: ...
 
 
 def around(strength: float, directions: int) -> tuple[tuple[float, float], ...]:
@@ -175,7 +177,9 @@ class FallingParticle(ParticleTask):
         """The given regions, or the layout's."""
         return LAYOUTS[self.layout] if self.regions is None else self.regions
 
-    def reward(self, memory: Any, state: ParticleState, action: Float[Array, " units"]) -> tuple[Any, Scalar, Flag]:
+    def reward(
+        self, memory: PyTree, state: ParticleState, action: Float[Array, " units"]
+    ) -> tuple[PyTree, Scalar, Flag]:
         return memory, region_reward(self.places, state.position), state.reached[FLOOR]
 
 
@@ -197,7 +201,7 @@ class ParticleNavigation(ParticleTask):
 
     name: ClassVar[str] = "particle-navigation"
     episodic: ClassVar[bool] = True
-    reports: ClassVar[tuple[str, ...]] = ("arrival", "cost")
+    metric_names: ClassVar[tuple[str, ...]] = ("arrival", "cost")
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": {"kind": "tiles", "copies": 4, "p_max": 0.5},
         "decay": 0.95,
@@ -236,7 +240,7 @@ class ParticleNavigation(ParticleTask):
         reward = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal[0], 0.0)
         return counted_on(memory), reward, arrived
 
-    def readings(self, memory: Int[Array, ""], state: ParticleState) -> dict[str, Reading]:
+    def metrics(self, memory: Int[Array, ""], state: ParticleState) -> dict[str, Metric]:
         """`arrival`: decisions until the goal was reached, if it was. `cost`: the penalty of the obstacles."""
         return {
             "arrival": (memory.astype(state.position.dtype), self.arrived(state.position)),
@@ -259,7 +263,7 @@ class ParticleOrbit(ParticleTask):
     """
 
     name: ClassVar[str] = "particle-orbit"
-    reports: ClassVar[tuple[str, ...]] = ("radius",)
+    metric_names: ClassVar[tuple[str, ...]] = ("radius",)
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": "tiles",
         "decay": 0.98,
@@ -274,11 +278,13 @@ class ParticleOrbit(ParticleTask):
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(y=(0.0, 1.0)))
     wanted: Literal["wide", "narrow"] = "wide"
 
-    def reward(self, memory: Any, state: ParticleState, action: Float[Array, " units"]) -> tuple[Any, Scalar, bool]:
+    def reward(
+        self, memory: PyTree, state: ParticleState, action: Float[Array, " units"]
+    ) -> tuple[PyTree, Scalar, bool]:
         radius = self.physics.field.distance(*state.position)
         return memory, radius if self.wanted == "wide" else -radius, False
 
-    def readings(self, memory: Any, state: ParticleState) -> dict[str, Reading]:
+    def metrics(self, memory: PyTree, state: ParticleState) -> dict[str, Metric]:
         """`radius`: the distance from the field's centre."""
         return {"radius": (self.physics.field.distance(*state.position), True)}
 

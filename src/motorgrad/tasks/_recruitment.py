@@ -4,7 +4,7 @@ import abc
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,10 +13,11 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
 from motorgrad._settings import check_fields
-from motorgrad.tasks._task import Flag, Reading, Scalar, Task, check_time_limit
+from motorgrad.tasks._task import Flag, Metric, Scalar, Task, check_time_limit
 from motorgrad.worlds import QueriedLoads, UniformLoads
 
 MAX_UNITS = 10_000
+N = TypeVar("N", float, np.ndarray, Array)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,7 +182,7 @@ class Recruitment(Task):
         del state
         return False
 
-    def immediate(self, observation: Float[Array, " 1"], action: Any) -> Scalar:
+    def immediate(self, observation: Float[Array, " 1"], action: Float[Array, " action_size"]) -> Scalar:
         """The reward of an action at an observed load, as `motorgrad.worlds.mean_field` expects it (without drift)."""
         ratio = self.ratio(action)
         return self.pay(observation[0], ratio, self.effect(observation[0], ratio))
@@ -207,7 +208,7 @@ class LinearRecruitment(Recruitment):
     """
 
     name: ClassVar[str] = "linear-recruitment"
-    reports: ClassVar[tuple[str, ...]] = ("error",)
+    metric_names: ClassVar[tuple[str, ...]] = ("error",)
 
     output: Literal["count", "ratio"] = "count"
     slope: float = 1.2
@@ -240,7 +241,7 @@ class LinearRecruitment(Recruitment):
     def dynamics(self) -> UniformLoads | QueriedLoads:
         return (UniformLoads if self.loads == "uniform" else QueriedLoads)(self.low, self.high)
 
-    def target(self, load: Any) -> Any:
+    def target(self, load: N) -> N:
         """The target force at a load, as a ratio; arrays of any shape."""
         return self.slope * load + self.intercept
 
@@ -252,7 +253,7 @@ class LinearRecruitment(Recruitment):
         scale = self.units if self.output == "count" else 1
         return -jnp.square(scale * (effect - self.target(load)))
 
-    def readings(self, memory: RecruitmentMemory, state: Scalar) -> dict[str, Reading]:
+    def metrics(self, memory: RecruitmentMemory, state: Scalar) -> dict[str, Metric]:
         """`error`: the absolute difference between force and target, as a ratio."""
         return {"error": (jnp.abs(memory.effect - self.target(memory.at)), True)}
 

@@ -28,7 +28,7 @@ TASKS: dict[str, type[Task]] = {name: _load(entry) for name, entry in TASK_TABLE
 """The class of every task, by name. You may add your own."""
 
 
-def make(name: str, **settings: Any) -> Task:
+def make(name: str, **settings: object) -> Task:
     """Make the task called `name`, with settings that override its defaults.
 
     Pass a body's settings as a table: `make("hopper", penalty=0.2, body={"load_mass": 3.0})`. The id of a Gymnasium
@@ -43,7 +43,7 @@ def make(name: str, **settings: Any) -> Task:
     return build(TASKS[name], settings, name)
 
 
-def is_environment(word: Any) -> bool:
+def is_environment(word: object) -> bool:
     """Whether a word is the id of a Gymnasium environment: `Name-v0` or `module:Name-v0`."""
     return isinstance(word, str) and re.fullmatch(r"(\S+:)?\S+-v\d+", word) is not None
 

@@ -75,7 +75,7 @@ def _reaching(about: _Found) -> dict[str, dict[str, Any]]:
             "observe": [*senses[:2], "target", *senses[2:]],
             "reward": ["distance", {"kind": "closeness", "width": 2 * near}, {"kind": "effort", "weight": -0.05}],
             "reset": start,
-            "readings": ["distance", {"kind": "within", "tolerance": near, "name": "solved"}],
+            "metrics": ["distance", {"kind": "within", "tolerance": near, "name": "solved"}],
             "time_limit": 2.0,
         }
     found["hold a pose"] = {
@@ -83,7 +83,7 @@ def _reaching(about: _Found) -> dict[str, dict[str, Any]]:
         "observe": senses,
         "reward": ["distance", {"kind": "closeness", "width": 0.3}, {"kind": "effort", "weight": -0.05}],
         "reset": start,
-        "readings": ["distance", {"kind": "within", "tolerance": 0.2, "name": "solved"}],
+        "metrics": ["distance", {"kind": "within", "tolerance": 0.2, "name": "solved"}],
         "time_limit": 2.0,
     }
     return found
@@ -105,17 +105,17 @@ def _standing(about: _Found) -> dict[str, dict[str, Any]]:
         "keep upright": {
             **common,
             "reward": ["alive", upright, {"kind": "speed", **part, "weight": -0.2}, effort],
-            "readings": [{"kind": "height", **part}, {**upright, "name": "upright"}],
+            "metrics": [{"kind": "height", **part}, {**upright, "name": "upright"}],
         },
         "move along x": {
             **common,
             "reward": [{"kind": "along", **part}, {**upright, "weight": 0.3}, {"kind": "alive", "weight": 0.3}, effort],
-            "readings": [{"kind": "along", **part, "name": "speed"}],
+            "metrics": [{"kind": "along", **part, "name": "speed"}],
         },
     }
 
 
-def _examine(body: Body, model: Any) -> _Found:
+def _examine(body: Body, model: mujoco.MjModel) -> _Found:
     data: Any = mujoco.MjData(model)
     position, velocity, activation = start_pose(body, model)
     data.qpos[:], data.qvel[:], data.act[:] = position, velocity, activation
@@ -142,7 +142,7 @@ def _examine(body: Body, model: Any) -> _Found:
     )
 
 
-def _size(model: Any, data: Any, moving: list[int]) -> float:
+def _size(model: mujoco.MjModel, data: mujoco.MjData, moving: list[int]) -> float:
     """The longest side of the box around the parts that move, in m."""
     at = np.concatenate(
         [
@@ -154,7 +154,7 @@ def _size(model: Any, data: Any, moving: list[int]) -> float:
     return max(float(np.ptp(at, axis=0).max()), 0.05) if len(at) else 1.0
 
 
-def _tip(model: Any, data: Any, moving: list[int], trunk: int) -> str:
+def _tip(model: mujoco.MjModel, data: mujoco.MjData, moving: list[int], trunk: int) -> str:
     """The name of what is at the end of the longest chain of joints: a site that no muscle is attached to, a geom, or
     the body, whichever has a name, the one farthest from the trunk."""
     depth = {0: 0}
@@ -176,7 +176,7 @@ def _tip(model: Any, data: Any, moving: list[int], trunk: int) -> str:
     return ""
 
 
-def _ranged(model: Any) -> tuple[str, ...]:
+def _ranged(model: mujoco.MjModel) -> tuple[str, ...]:
     """The joints with a range that nothing else determines, or "*" where these are all."""
     kinds = np.isin(model.jnt_type, (HINGE, SLIDE))
     tied = model.eq_obj1id[(model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_active0 > 0)]

@@ -1,23 +1,25 @@
 """The task interface: observations, rewards and ends of episodes, as pure functions over dynamics."""
 
 import abc
+import dataclasses
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check, check_integer
 from motorgrad._goal import Goal
 from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
-from motorgrad.bodies import Body
+from motorgrad.bodies import Body, BodyState
 from motorgrad.worlds import World
 
 Actions = Literal["binary", "discrete", "graded"] | tuple[Literal["binary", "graded"], ...]
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""] | bool
-Reading = tuple[Scalar, Flag]
+Metric = tuple[Scalar, Flag]
 """A reported quantity, and whether it occurred at this decision."""
 
 
@@ -44,6 +46,7 @@ class Task(abc.ABC):
     explicitly. The functions below are pure, act on one seed, and run inside compiled code.
     """
 
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]  # of every subclass
     name: ClassVar[str]
     """The name in the registry."""
     learner: ClassVar[Mapping[str, Any]] = {}
@@ -57,8 +60,8 @@ class Task(abc.ABC):
     vector of `action_size` real numbers. A tuple with `"binary"` or `"graded"` for each action: a vector of both."""
     clips_actions: ClassVar[bool] = False
     """Whether graded actions beyond `action_range` act like its ends."""
-    reports: ClassVar[tuple[str, ...]] = ()
-    """The names of the quantities in `readings`."""
+    metric_names: ClassVar[tuple[str, ...]] = ()
+    """The names of the quantities in `metrics`."""
     reward_names: ClassVar[tuple[str, ...]] = ()
     """The names of the terms in `reward_terms`, of a reward that is a sum."""
     episodic: ClassVar[bool] = False
@@ -66,8 +69,8 @@ class Task(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def dynamics(self) -> World | Body | Any:
-        """The world or body."""
+    def dynamics(self) -> World | Body | str:
+        """The world or body; the name of dynamics that are neither."""
 
     @property
     @abc.abstractmethod
@@ -92,7 +95,7 @@ class Task(abc.ABC):
         return []
 
     @classmethod
-    def in_folder(cls, settings: Mapping[str, Any], folder: Any) -> dict[str, Any]:
+    def in_folder(cls, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         """Settings as a file in a folder has them, whose paths are meant from there: with absolute ones. By default a
         task has no paths."""
         del folder
@@ -182,12 +185,12 @@ class Task(abc.ABC):
         target, and by default."""
         return None
 
-    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> PyTree:
         """The memory at the start of the first episode."""
         del uniforms
         return ()
 
-    def renew(self, memory: Any, uniforms: Float[Array, " init_uniforms"]) -> Any:
+    def renew(self, memory: PyTree, uniforms: Float[Array, " init_uniforms"]) -> PyTree:
         """The memory at the start of a further episode, given the `memory` at the end of the last one; by default a new
         one.
 
@@ -196,70 +199,74 @@ class Task(abc.ABC):
         del memory
         return self.init(uniforms)
 
-    def freeze(self, memory: Any) -> Any:
+    def freeze(self, memory: PyTree) -> PyTree:
         """The memory for an evaluation, during which the task itself must not learn."""
         return memory
 
     @abc.abstractmethod
     def observe(
-        self, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
-    ) -> tuple[Any, Float[Array, " observation_size"]]:
+        self, memory: PyTree, state: PyTree, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[PyTree, Float[Array, " observation_size"]]:
         """The policy's observation of `state`, and the new memory."""
 
-    def sense(self, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]) -> tuple[Any, Float[Array, " size"]]:
+    def sense(
+        self, memory: PyTree, state: PyTree, uniforms: Float[Array, " uniforms"]
+    ) -> tuple[PyTree, Float[Array, " size"]]:
         """The raw observation of `state`, in the task's own units, and the new memory; by default what `observe` gives.
 
         Override it, and `observation_code`, where `observe` scales: what is observed is then the code of this.
         """
         return self.observe(memory, state, uniforms)
 
-    def statistics(self, memory: Any) -> Statistics | None:
+    def statistics(self, memory: PyTree) -> Statistics | None:
         """The running statistics of raw observations in a memory, with any leading axes; `None` without any."""
         return Statistics(memory.mean, memory.variance) if self.observation_code.running.any() else None
 
-    def with_statistics(self, memory: Any, statistics: Statistics | None) -> Any:
+    def with_statistics(self, memory: PyTree, statistics: Statistics | None) -> PyTree:
         """The memory with running statistics of raw observations, from which they continue."""
         return memory if statistics is None else memory._replace(**statistics._asdict())
 
     @abc.abstractmethod
-    def reward(self, memory: Any, state: Any, action: Array) -> tuple[Any, Scalar, Flag]:
+    def reward(self, memory: PyTree, state: PyTree, action: Array) -> tuple[PyTree, Scalar, Flag]:
         """The new memory, the reward for the step that led to `state` by `action`, and `terminated`."""
 
-    def truncated(self, memory: Any, state: Any) -> Flag:
+    def truncated(self, memory: PyTree, state: PyTree) -> Flag:
         """Whether the dynamics themselves cut the episode at `state`, by their own time limit. Called after
         `reward`."""
         del memory, state
         return False
 
-    def reward_terms(self, memory: Any, state: Any) -> dict[str, Scalar]:
+    def reward_terms(self, memory: PyTree, state: PyTree) -> dict[str, Scalar]:
         """The terms of the last reward named in `reward_names`, each as it enters the sum. Called after `reward`."""
         del memory, state
         return {}
 
-    def readings(self, memory: Any, state: Any) -> dict[str, Reading]:
-        """The quantities named in `reports`, each with whether it occurred at this decision. Called after `reward`."""
+    def metrics(self, memory: PyTree, state: PyTree) -> dict[str, Metric]:
+        """The quantities named in `metric_names`, each with whether it occurred at this decision.
+
+        Called after `reward`."""
         del memory, state
         return {}
 
-    def marks(self, memory: Any, state: Any) -> Float[Array, "marks 4"]:
+    def marks(self, memory: PyTree, state: PyTree) -> Float[Array, "marks 4"]:
         """Places that pictures mark with translucent balls, such as targets: x, y, z and radius of each, in m. Their
         number is fixed; by default there are none."""
         del memory, state
         return jnp.zeros((0, 4))
 
-    def measures(self, recorded: Any) -> dict[str, np.ndarray]:
-        """Measures of a recorded motion for each seed, in addition to the readings: numbers or words by name,
+    def motion_metrics(self, motion: BodyState) -> dict[str, np.ndarray]:
+        """Metrics of a whole motion for each seed, in addition to those of decisions: numbers or words by name,
         `(seeds,)`.
 
-        `recorded` is a `BodyState` of NumPy arrays (seeds, decisions, …). Recordings that are too short return nothing.
+        `motion` is a `BodyState` of NumPy arrays (seeds, decisions, …). Of one that is too short there are none.
         """
-        del recorded
+        del motion
         return {}
 
 
 def observe(
-    task: Task, memory: Any, state: Any, uniforms: Float[Array, " uniforms"]
-) -> tuple[Any, Float[Array, " observation_size"]]:
+    task: Task, memory: PyTree, state: PyTree, uniforms: Float[Array, " uniforms"]
+) -> tuple[PyTree, Float[Array, " observation_size"]]:
     """Call `task.observe`, and check that it returns a memory and an observation of the declared size."""
     found = task.observe(memory, state, uniforms)
     if not (isinstance(found, tuple) and len(found) == 2):
@@ -276,7 +283,7 @@ class Outcome(NamedTuple):
     whether the episode `terminated` or was `truncated` (the Python value `False` if it never is); and the number of
     decisions `elapsed` in it, `None` without a limit."""
 
-    memory: Any
+    memory: PyTree
     observation: Float[Array, " inputs"]
     reward: Scalar
     terminated: Flag
@@ -285,7 +292,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(
-    task: Task, memory: Any, state: Any, action: Array, uniforms: Float[Array, " uniforms"], elapsed: Array | None
+    task: Task, memory: PyTree, state: PyTree, action: Array, uniforms: Float[Array, " uniforms"], elapsed: Array | None
 ) -> Outcome:
     """Evaluate a task after a step of the dynamics. This function defines the order in which a task's functions are
     called.

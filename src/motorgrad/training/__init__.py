@@ -35,6 +35,7 @@ from motorgrad.training.engines import (
     training_stepper_for,
 )
 from motorgrad.training.plots import Curve, check_tensorboard, folders_of, learning_curves, write_tensorboard
+from motorgrad.training.presets import PRESETS
 from motorgrad.training.rollouts import Rollout, check_table, rollout
 from motorgrad.training.store import (
     RunDirectoryError,
@@ -47,6 +48,7 @@ from motorgrad.training.store import (
 
 __all__ = [
     "MAX_EPISODES",
+    "PRESETS",
     "STEPS",
     "BodyStepper",
     "Curve",

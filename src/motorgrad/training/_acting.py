@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
 from motorgrad._errors import check
 from motorgrad.policies import Actor, Policy, with_interface
@@ -35,7 +36,9 @@ class Acting:
             return policies
         return with_interface(policies, interface.with_statistics(statistics))
 
-    def act(self: Any, observation: Any, seed: int | None = None, uniforms: Any = None) -> np.ndarray:
+    def act(
+        self: Any, observation: ArrayLike, seed: int | None = None, uniforms: ArrayLike | None = None
+    ) -> np.ndarray:
         """The raw action of a seed's policy for a raw observation, both as the environment has them; see `Policy.act`.
 
         **Arguments:** `observation`, in the environment's units; `seed`, whose policy acts, by default the first;

@@ -4,15 +4,15 @@ import dataclasses
 import inspect
 import math
 import numbers
-from collections.abc import Mapping
-from typing import Any, get_type_hints
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, get_type_hints
 
 import jax
 import jax.numpy as jnp
 
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
-from motorgrad._presets import PRESETS, STEPS
+from motorgrad._natural import STEPS, Learnable, PolicyTable
 from motorgrad._settings import as_hinted, build, full_path, table
 from motorgrad._tree import PART_CLASSES, Part, check_rounded, parts_by_path
 from motorgrad.learning import Agent, Estimator, Optax
@@ -20,6 +20,10 @@ from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
 
 MAX_POLICY_WEIGHTS = 100_000_000
+Table = Callable[[Learnable, int, PolicyTable | None], dict[str, Any]]
+"""A learner as a table of settings: for a task, the decisions of a training, and the task's own policy or `None`."""
+PRESETS: dict[str, Table] = {}
+"""The presets by name, as `preset` registers them."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +101,7 @@ class NamedPolicy:
         return {"kind": self.kind, **plain}
 
 
-def _merged(part: Any, value: Any) -> Any:
+def _merged(part: object, value: object) -> Any:
     """A setting of a policy that is a part of its own, with the changes of a table."""
     if not isinstance(part, Part) or not isinstance(value, Mapping):
         return value
@@ -119,7 +123,7 @@ def agent_for(
     *,
     preset: str | None = None,
     steps: int | None = None,
-    **more: Any,
+    **more: object,
 ) -> Agent:
     """The learner that goes with a task, with some settings changed.
 
@@ -157,8 +161,36 @@ def agent_for(
     preset = given.pop("preset", preset)
     if preset is not None:
         choice("preset", preset, PRESETS)
-        own = PRESETS[preset](task, steps, own.get("policy"))
+        # a protocol cannot say "of the class or of the instance", which the kind of actions may be
+        own = PRESETS[preset](task, steps, own.get("policy"))  # pyright: ignore[reportArgumentType]
     return _built(task, own, given)
+
+
+class PresetAgent(Protocol):
+    """A preset as a function that makes the agent."""
+
+    def __call__(
+        self, task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
+    ) -> Agent: ...
+
+
+def preset(name: str) -> Callable[[Table], PresetAgent]:
+    """A decorator that registers a table as the preset of this name, and makes of it the function that returns the
+    agent: the table, with changes, as an `Agent`."""
+
+    def registered(table: Table) -> PresetAgent:
+        def agent(
+            task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
+        ) -> Agent:
+            return agent_for(task, changes, preset=name, steps=steps, **more)
+
+        PRESETS[name] = table
+        # what `functools.wraps` sets beside these would show the arguments of the table
+        for about in ("__module__", "__name__", "__qualname__", "__doc__"):
+            setattr(agent, about, getattr(table, about))
+        return agent
+
+    return registered
 
 
 def changes_named(name: str, where: str = "agent") -> dict[str, Any]:
@@ -236,7 +268,7 @@ def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agen
     return build(kind, given, where, kind(policy))
 
 
-def _unregistered(settings: Any, where: str) -> list[str]:
+def _unregistered(settings: object, where: str) -> list[str]:
     """The parts of a saved table that are not registered, by path."""
     known = {name for kinds in PART_CLASSES.values() for name in kinds} | set(policies.INITIAL)
     if isinstance(settings, Mapping):

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, TypeGuard
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import KeyPath
 
 from motorgrad._errors import check
 from motorgrad._tree import check_rounded
@@ -13,7 +14,7 @@ from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy, trainable, with_interface
 from motorgrad.tasks import Gymnasium, HostTask, Task
 from motorgrad.training._agents import agent_for
-from motorgrad.training._sweep import Setting, sweep_settings
+from motorgrad.training._sweep import Setting, Sweep, sweep_settings
 from motorgrad.training._trust import task_named
 from motorgrad.training.engines import MAX_TALLY_DECISIONS, check_carries, validate, validate_needs, validate_score
 from motorgrad.training.store import name_of
@@ -52,7 +53,7 @@ def check_training(
     checkpoint_every: float = 30.0,
     threads: int = 0,
     initial: Policy | None = None,
-    sweep: Any = None,
+    sweep: Sweep | None = None,
     give_up_after: float = 3600.0,
     envs: int = 1,
     workers: int = 0,
@@ -102,7 +103,7 @@ def check_training(
     return TrainingArguments(task, learner, int(steps), every, own, settings, chosen_window, int(envs), int(workers))
 
 
-def _check_envs(envs: Any, workers: Any, task: Task, agent: Agent, decisions: Mapping[str, int]) -> None:
+def _check_envs(envs: int, workers: int, task: Task, agent: Agent, decisions: Mapping[str, int]) -> None:
     """Refuse several environments where they cannot feed one learner, and numbers of decisions that do not divide."""
     check(_whole(envs) and 1 <= envs <= MAX_ENVS, "envs", envs, f"from 1 to {MAX_ENVS} environments of each learner")
     valid = _whole(workers) and 0 <= workers <= MAX_THREADS
@@ -119,7 +120,7 @@ def _check_envs(envs: Any, workers: Any, task: Task, agent: Agent, decisions: Ma
         check(more == number, name, number, f"a multiple of envs = {envs}, all of which it counts, such as {more}")
 
 
-def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
+def check_initial(initial: Policy, like: Policy, seeds: int) -> Policy:
     """The policies from which the seeds start, along a leading axis, in the dtypes of the agent's policy.
 
     **Arguments:** `initial`, as in `train`; `like`, the shapes of one policy of the agent; the number of `seeds`.
@@ -136,7 +137,7 @@ def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
     parts = [sorted(map(name_of, place)) for place in places]
     check(parts[0] == parts[1], "initial", parts[0], f"of the parts of the agent's policy, {parts[1]}")
 
-    def fitting(place: Any, leaf: Any) -> jax.Array:
+    def fitting(place: KeyPath, leaf: jax.ShapeDtypeStruct) -> jax.Array:
         name = f"initial.{name_of(place)}"
         given = places[0][place]
         check(np.shape(given) == (seeds, *leaf.shape), f"{name}.shape", np.shape(given), f"{(seeds, *leaf.shape)}")
@@ -157,5 +158,5 @@ def check_initial(initial: Any, like: Policy, seeds: int) -> Policy:
     return with_interface(found, interface.with_statistics(numbers))
 
 
-def _whole(value: Any) -> TypeGuard[int]:
+def _whole(value: object) -> TypeGuard[int]:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)

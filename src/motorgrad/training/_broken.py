@@ -1,12 +1,12 @@
 """Policies that are not finite: which they are, in words."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Bool
 
+from motorgrad._arrays import AnyArray
 from motorgrad.policies import Policy, trainable
 from motorgrad.training._sweep import setting_text
 
@@ -16,7 +16,7 @@ def not_finite(policies: Policy) -> Bool[np.ndarray, " lanes"]:
     return np.any([not_all_finite(leaf) for leaf in jax.tree.leaves(trainable(policies))], axis=0)
 
 
-def not_all_finite(numbers: Any) -> Bool[np.ndarray, " lanes"]:
+def not_all_finite(numbers: AnyArray) -> Bool[np.ndarray, " lanes"]:
     """Along the leading axis of an array, where not all numbers are finite."""
     return np.any(~np.isfinite(np.reshape(numbers, (len(numbers), -1))), axis=1)
 

@@ -21,8 +21,8 @@ class Report:
 
     - `task`: the name of the task; `seeds`: the seeds, in the order of every array.
     - `decision`: the last decision of the window; `steps`: the number of decisions of the whole training, per seed.
-    - `metrics`: the record's columns by name, such as `reward`, `wall_time` and the task's readings, each `(seeds,)`;
-      in a sweep `(settings × seeds,)`. A reading that did not occur in the window is NaN. `docs/training.md` lists the
+    - `metrics`: the record's columns by name, such as `reward`, `wall_time` and the task's metrics, each `(seeds,)`;
+      in a sweep `(settings × seeds,)`. A metric that did not occur in the window is NaN. `docs/training.md` lists the
       columns; `parameters` is left out.
     - `path`: the run directory, `None` for a run in memory.
     - `whole`: whether the window is complete. The last one of a run may not be: more steps then make its record again.

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 import pyarrow as pa
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, PyTree
 
 from motorgrad._errors import check, check_integer, choice, counted
 from motorgrad.learning import Agent
@@ -44,7 +44,7 @@ class EpisodeEvaluation:
     - `returns`: the sum of the rewards of each episode, not discounted, `(policies, episodes)`; NaN of a policy that is
       not finite.
     - `lengths`: its decisions, `(policies, episodes)`.
-    - `readings`: the mean of each of the task's readings in each episode, `(policies, episodes)`; NaN where it did not
+    - `metrics`: the mean of each of the task's metrics in each episode, `(policies, episodes)`; NaN where it did not
       occur.
     - `diverged`: which ended because the simulation diverged, `(policies, episodes)`: the last reward is unknown, and
       not in the return.
@@ -54,7 +54,7 @@ class EpisodeEvaluation:
 
     returns: Float[np.ndarray, "policies episodes"]
     lengths: Int[np.ndarray, "policies episodes"]
-    readings: dict[str, Float[np.ndarray, "policies episodes"]]
+    metrics: dict[str, Float[np.ndarray, "policies episodes"]]
     diverged: Bool[np.ndarray, "policies episodes"]
     cut: Bool[np.ndarray, "policies episodes"]
     seeds: list[int]
@@ -68,12 +68,12 @@ class EpisodeEvaluation:
 
     @property
     def others(self) -> list[str]:
-        """The names of the readings beside return and length, which some tasks read themselves, too."""
-        return [name for name in self.readings if name not in ("return", "length")]
+        """The names of the metrics beside return and length, which some tasks read themselves, too."""
+        return [name for name in self.metrics if name not in ("return", "length")]
 
     def values(self, quantity: str = "return") -> Float[np.ndarray, "policies episodes"]:
-        """The values of every episode: `"return"`, `"length"` or a reading of the task. **Raises** `ValueError`."""
-        known = {**self.readings, "return": self.returns, "length": self.lengths}
+        """The values of every episode: `"return"`, `"length"` or a metric of the task. **Raises** `ValueError`."""
+        known = {**self.metrics, "return": self.returns, "length": self.lengths}
         choice("quantity", quantity, known)
         return np.asarray(known[quantity], float)
 
@@ -110,7 +110,7 @@ class EpisodeEvaluation:
     @property
     def table(self) -> pa.Table:
         """One row for each episode: `seed`, in a sweep `setting`, `episode`, `return`, `length`, whether it `diverged`
-        or was `cut`, and the readings."""
+        or was `cut`, and the metrics."""
         policies, episodes = self.returns.shape
         columns: dict[str, Any] = {"seed": np.repeat(self.seeds, episodes)}
         if self.settings:
@@ -122,7 +122,7 @@ class EpisodeEvaluation:
             "diverged": self.diverged.ravel(),
             "cut": self.cut.ravel(),
         }
-        return pa.table(columns | {name: each.ravel() for name, each in self.readings.items() if name not in columns})
+        return pa.table(columns | {name: each.ravel() for name, each in self.metrics.items() if name not in columns})
 
 
 def _mean(known: np.ndarray, level: float) -> Measured:
@@ -145,7 +145,7 @@ def decision_seeds(seeds: list[int], seed: int) -> list[int]:
 def evaluate_episodes(
     task: Task,
     policies: Policy,
-    memory: Any,
+    memory: PyTree,
     seeds: list[int],
     episodes: int,
     *,
@@ -197,7 +197,7 @@ def evaluate_episodes(
     return EpisodeEvaluation(
         np.where(unknown, np.nan, table["reward"].astype(float)),
         table["decisions"].astype(np.int64),
-        {name: np.where(unknown, np.nan, table[name].astype(float)) for name in task.reports},
+        {name: np.where(unknown, np.nan, table[name].astype(float)) for name in task.metric_names},
         table["diverged"] > 0 if "diverged" in table else np.zeros(cut.shape, bool),
         cut,
         every,
@@ -206,11 +206,18 @@ def evaluate_episodes(
 
 
 def _first_episodes(
-    task: Task, policies: Policy, memory: Any, lanes: np.ndarray, seeds: list[int], mode: Mode, threads: int, most: int
+    task: Task,
+    policies: Policy,
+    memory: PyTree,
+    lanes: np.ndarray,
+    seeds: list[int],
+    mode: Mode,
+    threads: int,
+    longest: int,
 ) -> dict[str, np.ndarray]:
     """What happened in the first episode of the policies of these `lanes`, by name."""
 
-    def copied(tree: Any) -> Any:
+    def copied(tree: PyTree) -> PyTree:
         return jax.tree.map(lambda leaf: np.asarray(leaf)[lanes], tree)
 
     agent = Agent(jax.tree.map(lambda leaf: leaf[0], policies))
@@ -220,7 +227,7 @@ def _first_episodes(
     counted_so_far = stepper.viewer(lambda now, state: cycle.read_tally(now.tally))
     at_once = AT_ONCE[isinstance(task, HostTask)]
     found = counted_so_far()
-    while stepper.decision < most and not (found["episodes"] > 0).all():
-        stepper.advance(min(at_once, most - stepper.decision))
+    while stepper.decision < longest and not (found["episodes"] > 0).all():
+        stepper.advance(min(at_once, longest - stepper.decision))
         found = counted_so_far()
     return {name: values for name, values in found.items() if not name.endswith("_count")}

@@ -30,10 +30,10 @@ STEPS = 2000
 class Evaluation:
     """The behaviour of the policies of a run without learning.
 
-    - `metrics`: records as in a run, one row per window and seed.
+    - `records`: a table as a run's `metrics`, one row per window and seed.
     - `reward`: mean reward per decision of each seed, `(seeds,)`.
-    - `readings`: mean of each of the task's readings, per seed; NaN where it never occurred.
-    - `measures`: further measures of the motion, a number or a word per seed, such as the class of a gait; empty
+    - `metrics`: mean of each of the task's metrics, per seed; NaN where it never occurred.
+    - `motion_metrics`: metrics of the whole motion, a number or a word per seed, such as the class of a gait; empty
       without a body.
     - `time`, `position`, `sensors`, `control`: for bodies, the recorded motion of the seeds at every decision, seeds
       leading: `(decisions,)`, `(seeds, decisions, nq)`, by name `(seeds, decisions, …)`, `(seeds, decisions, groups)`.
@@ -41,29 +41,25 @@ class Evaluation:
     - `marks`: the places that the task marks, such as targets, `(seeds, decisions, marks, 4)`; `None` without any.
     """
 
-    metrics: pa.Table
+    records: pa.Table
     reward: np.ndarray
-    readings: dict[str, np.ndarray]
+    metrics: dict[str, np.ndarray]
     time: np.ndarray
     position: np.ndarray | None = None
     sensors: dict[str, np.ndarray] | None = None
     control: np.ndarray | None = None
-    measures: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    motion_metrics: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     activation: np.ndarray | None = None
     marks: np.ndarray | None = None
 
     def __repr__(self) -> str:
-        means = {"reward": self.reward, **self.readings}
-        known = {name: np.asarray(values, float)[np.isfinite(values)] for name, values in means.items()}
-        medians = [f"median {name} {_median(values, len(self.reward))}" for name, values in known.items()]
+        medians = []
+        for name, values in {"reward": self.reward, **self.metrics}.items():
+            known = np.asarray(values, float)[np.isfinite(values)]
+            of = "" if len(known) == len(self.reward) else f" (of {len(known)})"
+            medians.append(f"median {name} {np.median(known):.4g}{of}" if len(known) else f"median {name} unknown")
         size = f"{counted(len(self.reward), 'seed')}, {counted(len(self.time), 'decision')}"
         return f"Evaluation({size}, {', '.join(medians)})"
-
-
-def _median(known: np.ndarray, seeds: int) -> str:
-    """The median of what is known of some seeds, and of how many it is."""
-    of = "" if len(known) == seeds else f" (of {len(known)})"
-    return f"{np.median(known):.4g}{of}" if len(known) else "unknown"
 
 
 @overload
@@ -178,13 +174,13 @@ def _by_decisions(run: Run, policies: Policy, steps: int, seed: int, mode: Mode,
         )
     records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings))
     records.add(record, steps, 0, 0.0)
-    metrics = records.take()
-    assert metrics is not None
+    table = records.take()
+    assert table is not None
     skipped = {"reward", "baseline", "parameters", "episodes", "diverged"}
-    readings = {name: record[name] for name in record if name not in skipped and not name.endswith("_count")}
+    metrics = {name: record[name] for name in record if name not in skipped and not name.endswith("_count")}
     time = run.task.period * np.arange(1, steps + 1)
     moved = {} if motion is None else motion.found(broken)
-    return Evaluation(metrics, metrics["reward"].to_numpy(), readings, time, **moved)
+    return Evaluation(table, table["reward"].to_numpy(), metrics, time, **moved)
 
 
 class _Motion:
@@ -213,15 +209,15 @@ class _Motion:
     def found(self, broken: np.ndarray) -> dict[str, Any]:
         """What was recorded, by the names of `Evaluation`; nothing is said of `broken` lanes."""
         state = self.stepper.batch.unpack(np.stack(self.packed, axis=1))
-        measures = self.task.measures(state)
+        metrics = self.task.motion_metrics(state)
         if broken.any():
-            unknown = {name: "unknown" if each.dtype.kind == "U" else np.nan for name, each in measures.items()}
-            measures = {name: np.where(broken, unknown[name], each) for name, each in measures.items()}
+            unknown = {name: "unknown" if each.dtype.kind == "U" else np.nan for name, each in metrics.items()}
+            metrics = {name: np.where(broken, unknown[name], each) for name, each in metrics.items()}
         return {
             "position": state.position,
             "sensors": state.sensors,
             "control": np.stack(self.control, axis=1),
-            "measures": measures,
+            "motion_metrics": metrics,
             "activation": state.activation,
             "marks": np.stack(self.marks, axis=1) if self.marks else None,
         }

@@ -1,23 +1,22 @@
 """What a run has of the evaluations that were made while it learned."""
 
-import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
 from jaxtyping import Float, Int
 
 from motorgrad._errors import check, choice
-from motorgrad.training.store import fill_tree
-
-if TYPE_CHECKING:
-    from motorgrad.training._run import Run
 
 
 class Evaluated:
     """The part of a `Run` that is about evaluations while training (`EvaluationCallback`, `KeepBest`)."""
 
+    config: dict[str, Any]
+    decision: int
+    path: Path | None
     _evaluations: Mapping[str, np.ndarray]
 
     def evaluated(self, quantity: Literal["return", "length"] = "return") -> tuple[np.ndarray, np.ndarray]:
@@ -31,32 +30,19 @@ class Evaluated:
         return found["decision"], found[f"{quantity}s"].mean(axis=2, dtype=float)
 
     @property
-    def evaluations(self: Any) -> pa.Table:
+    def evaluations(self) -> pa.Table:
         """The episodes of all evaluations that were made while training, a row for each: `seed`, in a sweep `setting`,
         `decision`, `episode`, `return`, `length`, and whether it `diverged` or was `cut`."""
         found = self._found_evaluations()
         lanes, times, episodes = found["returns"].shape
         lane, time, episode = (each.ravel() for each in np.indices((lanes, times, episodes)))
-        columns = {"seed": np.tile(self.seeds, max(1, len(self.settings)))[lane]}
-        if self.settings:
-            columns["setting"] = lane // len(self.seeds)
+        seeds = self.config["run"]["seeds"]
+        columns = {"seed": np.array(seeds)[lane % len(seeds)]}
+        if self.config.get("sweep"):
+            columns["setting"] = lane // len(seeds)
         columns |= {"decision": found["decision"][time], "episode": episode}
         names = {"return": "returns", "length": "lengths", "diverged": "diverged", "cut": "cut"}
         return pa.table(columns | {name: found[array].ravel() for name, array in names.items()})
-
-    def best(self: Any) -> "Run":
-        """The run with the policy of each seed that did best while training, where `KeepBest` was among its callbacks.
-
-        `best_at` says after which decision each policy was kept, and `best_value` with which mean. The records are
-        those of the whole run.
-
-        **Raises** `ValueError` where none was kept.
-        """
-        kept = {name[5:]: each for name, each in self._found_evaluations().items() if name.startswith("best.")}
-        check(kept, "best", self, "of a run that kept it: train(..., callbacks=mg.training.KeepBest())")
-        policy = {name[7:]: each for name, each in kept.items() if name.startswith("policy.")}
-        memory = {name[7:]: each for name, each in kept.items() if f"{name}.".startswith("memory.")}
-        return dataclasses.replace(self, policies=fill_tree(self.policies, policy), _memory=memory)
 
     @property
     def best_at(self) -> Int[np.ndarray, " lanes"]:
@@ -74,7 +60,7 @@ class Evaluated:
         check("best.at" in found, "best", self, "of a run that kept it: train(..., callbacks=mg.training.KeepBest())")
         return found[f"best.{name}"]
 
-    def _found_evaluations(self: Any) -> Mapping[str, np.ndarray]:
+    def _found_evaluations(self) -> Mapping[str, np.ndarray]:
         """What evaluations while training found, by name."""
         if not self._evaluations:
             every = self.config["run"].get("evaluate_every")

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import Policy
+from motorgrad.tasks import Task
 from motorgrad.training._callbacks import Report
 from motorgrad.training._episodes import MAX_EPISODES, EpisodeEvaluation, evaluate_episodes
 from motorgrad.training.store import by_name
@@ -66,7 +68,7 @@ class EvaluationCallback:
         given = {name: getattr(self, name) for name in SETTINGS} | {"every": self._every or self.every}
         return {f"evaluate_{name}": value for name, value in given.items()}
 
-    def begin(self, task: Any, steps: int, every: int | None = None) -> None:
+    def begin(self, task: Task, steps: int, every: int | None = None) -> None:
         """Forget earlier runs. Evaluations are `every` so many decisions, unless the callback itself says it.
 
         **Raises** `ValueError` for a task that cannot be evaluated so.
@@ -91,7 +93,7 @@ class EvaluationCallback:
         self._found |= found
         self._judge(report.decision, self.last, run.policies, run.memory)
 
-    def _judge(self, decision: int, found: EpisodeEvaluation, policies: Policy, memory: Any) -> None:
+    def _judge(self, decision: int, found: EpisodeEvaluation, policies: Policy, memory: PyTree) -> None:
         """What follows from an evaluation."""
 
     @property
@@ -113,7 +115,7 @@ class KeepBest(EvaluationCallback):
 
     **Arguments:** those of `EvaluationCallback`, and
 
-    - `of`: what is compared, the mean over the episodes: `"return"`, `"length"`, or a reading of the task.
+    - `of`: what is compared, the mean over the episodes: `"return"`, `"length"`, or a metric of the task.
     - `larger_is_better`: whether the best is the largest. Of equal ones the first is kept.
 
     ```python
@@ -131,11 +133,11 @@ class KeepBest(EvaluationCallback):
         least = {} if self.larger_is_better else {"keep_least": True}
         return super().settings | {"keep_best": self.of} | least
 
-    def begin(self, task: Any, steps: int, every: int | None = None) -> None:
-        choice("of", self.of, ("return", "length", *task.reports))
+    def begin(self, task: Task, steps: int, every: int | None = None) -> None:
+        choice("of", self.of, ("return", "length", *task.metric_names))
         super().begin(task, steps, every)
 
-    def _judge(self, decision: int, found: EpisodeEvaluation, policies: Policy, memory: Any) -> None:
+    def _judge(self, decision: int, found: EpisodeEvaluation, policies: Policy, memory: PyTree) -> None:
         value = found.means(self.of)
         new = {"policy": policies, **({} if memory is None else {"memory": memory})}
         new = {name: np.asarray(leaf) for name, leaf in by_name(new).items()}

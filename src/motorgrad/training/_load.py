@@ -3,11 +3,13 @@
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
 import pyarrow as pa
+from jax.tree_util import KeyPath
+from jaxtyping import PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
@@ -18,6 +20,9 @@ from motorgrad.training._evaluating import evaluations_in
 from motorgrad.training._metrics import mean_of_samples
 from motorgrad.training._run import Run
 from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, name_of, release_changes, versions
+
+Given = TypeVar("Given")
+Found = TypeVar("Found")
 
 
 def load(path: Path | str, task: Task | None = None, *, trust: bool = False, allow_changed: bool = False) -> Run:
@@ -63,8 +68,7 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
     mean = "cycle.agent.gradient.mean."
     estimate = None
     if any(name.startswith(mean) for name in arrays):
-        single: Any = jax.ShapeDtypeStruct((), np.uint32)
-        count = _filled(path, single, arrays, lanes, "cycle.agent.gradient.count")
+        count = _filled(path, jax.ShapeDtypeStruct((), np.uint32), arrays, lanes, "cycle.agent.gradient.count")
         learned = trainable(with_interface(policies, None))
         one = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), learned)
         estimate = mean_of_samples(_filled(path, one, arrays, lanes, mean), count)
@@ -129,18 +133,18 @@ def _shapes(path: Path | str, learner: Mapping[str, Any]) -> Policy:
     return with_interface(found, _checked(path, Interface.of_table, table).shapes)
 
 
-def _checked(path: Path | str, read: Callable[..., Any], *given: Any) -> Any:
+def _checked(path: Path | str, read: Callable[[Given], Found], given: Given) -> Found:
     """What a function makes of stored data. **Raises** `RunDirectoryError`, where that refuses them."""
     try:
-        return read(*given)
+        return read(given)
     except ValueError as error:
         raise RunDirectoryError(f"{path}: {error}") from None
 
 
-def _filled(path: Path | str, shapes: Policy, arrays: Mapping[str, np.ndarray], lanes: int, prefix: str = "") -> Policy:
-    """Stored arrays by name in the structure of a policy, lanes leading. **Raises** `RunDirectoryError` for others."""
+def _filled(path: Path | str, shapes: PyTree, arrays: Mapping[str, np.ndarray], lanes: int, prefix: str = "") -> PyTree:
+    """Stored arrays by name in the structure of `shapes`, lanes leading. **Raises** `RunDirectoryError` for others."""
 
-    def fitting(place: Any, shape: Any) -> np.ndarray:
+    def fitting(place: KeyPath, shape: jax.ShapeDtypeStruct) -> np.ndarray:
         name = prefix + name_of(place)
         found = arrays.get(name)
         wanted = (lanes, *shape.shape)

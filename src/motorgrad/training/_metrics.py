@@ -1,20 +1,18 @@
 """The metrics of a run: records while it learns, means and totals at the end."""
 
 import math
-from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 import pyarrow as pa
-from jaxtyping import Float
+from jaxtyping import Int
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad.policies import Policy
+from motorgrad.training._run import Run
 from motorgrad.training.engines import Record, mean_reward, without_broken
-from motorgrad.training.plots import weights_of
-
-if TYPE_CHECKING:
-    from motorgrad.training._run import Run
+from motorgrad.training.plots import mean_of_last
 
 
 class Records:
@@ -68,7 +66,7 @@ NOT_FINAL = frozenset({"setting", "seed", "decision", *CLOCKS, "parameters", "ba
 """Columns of the metrics that say nothing about what learning has led to."""
 
 
-def final_metrics(run: "Run", share: float = 0.1) -> dict[str, np.ndarray]:
+def final_metrics(run: Run, share: float = 0.1) -> dict[str, np.ndarray]:
     """One number per lane for every column of a run's metrics: the results of learning.
 
     **Arguments:** `share`: of the records, the last ones, at least one.
@@ -86,21 +84,11 @@ def final_metrics(run: "Run", share: float = 0.1) -> dict[str, np.ndarray]:
         if name.endswith("_count") or name in ("episodes", "diverged"):
             found[f"{name}_total"] = values.sum(axis=1)
             continue
-        last = slice(-max(1, int(values.shape[1] * share)), None)
-        found[name] = np.where(run.broken, np.nan, mean_of_known(values[:, last], weights_of(run, name)[:, last]))
+        found[name] = mean_of_last(run, name, max(1, int(values.shape[1] * share)))
     return found
 
 
-def mean_of_known(
-    values: Float[np.ndarray, "lanes records"], weights: Float[np.ndarray, "lanes records"]
-) -> Float[np.ndarray, " lanes"]:
-    """The weighted mean over the records in which something occurred; NaN where it occurred in none."""
-    weights = np.where(np.isnan(values), 0.0, weights)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(weights > 0, values * weights, 0.0).sum(axis=1) / weights.sum(axis=1)
-
-
-def mean_of_samples(mean: Policy, count: Any) -> Policy:
+def mean_of_samples(mean: Policy, count: Int[AnyArray, " lanes"]) -> Policy:
     """The mean of some number of gradient samples of each lane: NaN of none, not 0, at which learning would be over."""
     none = np.asarray(count) == 0
     return jax.tree.map(lambda leaf: np.where(none.reshape(-1, *[1] * (np.ndim(leaf) - 1)), np.nan, leaf), mean)

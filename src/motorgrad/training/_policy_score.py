@@ -44,7 +44,7 @@ class PolicyScore:
     - `streams`: number of streams of random numbers, at least 1.
     - `fixed`: whether the streams are the same in all rounds.
     - `seed`: seed of the first stream, at least 0, if they are fixed; the others follow it.
-    - `of`: `"reward"`, the mean reward per decision, or the name of a reading of the task, such as `"return"`: its mean
+    - `of`: `"reward"`, the mean reward per decision, or the name of a metric of the task, such as `"return"`: its mean
       where it occurred.
     - `gradient`: none, or an estimator of the gradient at fixed parameters, such as `gpomdp(0.9)`. The score then comes
       `WithGradients` of the mean reward from the same decisions: the mean of the streams' estimates, and the variance
@@ -82,7 +82,7 @@ class PolicyScore:
         check_integer("steps", self.steps, 1, MAX_TALLY_DECISIONS, "decisions")
         check_integer("streams", self.streams, 1)
         check_integer("seed", self.seed, 0, 2**31 - 1 - self.streams)
-        choice("of", self.of, ("reward", *task.reports))
+        choice("of", self.of, ("reward", *task.metric_names))
         if self.gradient is not None:
             check(self.gradient.improve == "never", "gradient.improve", self.gradient.improve, '"never"')
             check(self.of == "reward", "of", self.of, '"reward" where a gradient is estimated')

@@ -15,21 +15,20 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, PyTree
 
 from motorgrad._errors import check, counted, unknown
 from motorgrad.learning import Agent
-from motorgrad.policies import Actor, Policy, split, with_interface
+from motorgrad.policies import Actor, Masked, Policy, split, with_interface
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
 from motorgrad.training._acting import Acting
 from motorgrad.training._agents import agent_from_table
 from motorgrad.training._broken import not_finite
 from motorgrad.training._evaluated import Evaluated
-from motorgrad.training._metrics import mean_of_known
 from motorgrad.training._sweep import setting_text
 from motorgrad.training._trust import check_imports
-from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves, weights_of
+from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves, mean_of_last
 from motorgrad.training.store import (
     RunDirectory,
     RunDirectoryError,
@@ -109,7 +108,7 @@ class Run(Acting, Evaluated):
         seeds = len(self.seeds)
         rows = slice(index * seeds, (index + 1) * seeds)
 
-        def part(tree: Any) -> Any:
+        def part(tree: PyTree) -> PyTree:
             return jax.tree.map(lambda leaf: leaf[rows], tree)
 
         config = {name: value for name, value in self.config.items() if name != "sweep"}
@@ -131,6 +130,20 @@ class Run(Acting, Evaluated):
             _evaluations=found,
             _critic={name: array[rows] for name, array in self._critic.items()},
         )
+
+    def best(self) -> "Run":
+        """The run with the policy of each seed that did best while training, where `KeepBest` was among its callbacks.
+
+        `best_at` says after which decision each policy was kept, and `best_value` with which mean. The records are
+        those of the whole run.
+
+        **Raises** `ValueError` where none was kept.
+        """
+        kept = {name[5:]: each for name, each in self._found_evaluations().items() if name.startswith("best.")}
+        check(kept, "best", self, "of a run that kept it: train(..., callbacks=mg.training.KeepBest())")
+        policy = {name[7:]: each for name, each in kept.items() if name.startswith("policy.")}
+        memory = {name[7:]: each for name, each in kept.items() if f"{name}.".startswith("memory.")}
+        return dataclasses.replace(self, policies=fill_tree(self.policies, policy), _memory=memory)
 
     @property
     def complete(self) -> bool:
@@ -278,10 +291,8 @@ class Run(Acting, Evaluated):
         return of all episodes that ended in them; NaN where it occurred in none (an episode may be longer: take a
         larger share), and for policies that are not finite."""
         check(0 < share <= 1, "share", share, "above 0, at most 1")
-        values = self.curve(quantity)[1]
-        last = slice(-max(1, round(share * values.shape[1])), None)
-        means = mean_of_known(values[:, last], weights_of(self, quantity)[:, last])
-        return np.where(self.broken, np.nan, means)
+        records = len(self.curve(quantity)[0])
+        return mean_of_last(self, quantity, max(1, round(share * records)))
 
     def ranked(self, quantity: str = "reward", *, share: float = 0.25, larger_is_better: bool = True) -> "list[Run]":
         """The run of each of the `settings`, the best first.
@@ -298,7 +309,12 @@ class Run(Acting, Evaluated):
         means = np.array([run.final(quantity, share).mean() for run in runs])
         if (lacking := np.flatnonzero(~np.isfinite(means))).size:
             settings = self.settings or [{}]
-            said = [f"{setting_text(settings[place])} ({_why_unknown(runs[place])})" for place in lacking]
+            said = []
+            for place in lacking:
+                broken = np.count_nonzero(runs[place].broken)
+                lost = f"{broken} of {counted(runs[place].lanes, 'seed')} not finite"
+                why = lost if broken else "it did not occur with every seed"
+                said.append(f"{setting_text(settings[place])} ({why})")
             more = f" and {len(said) - 5} more" if len(said) > 5 else ""
             warnings.warn(
                 f"ranked last, as {quantity} is unknown: {'; '.join(said[:5])}{more}", RunWarning, stacklevel=2
@@ -362,7 +378,7 @@ def _with_numbers(policy: Policy, numbers: Float[jax.Array, " parameters"]) -> P
     return eqx.combine(ravel_pytree(learned)[1](numbers), fixed)
 
 
-def _switched(policies: Any, units: Float[np.ndarray, "records lanes"]) -> Any:
+def _switched(policies: Masked, units: Float[np.ndarray, "records lanes"]) -> Any:
     """Growing pools with this number of active units: growth activates the first inactive unit."""
     start = np.asarray(policies.active)
     place_in_queue = np.cumsum(~start, axis=-1) * ~start
@@ -382,13 +398,7 @@ def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[s
     return found
 
 
-def _why_unknown(run: Run) -> str:
-    """Why a quantity of a run is unknown."""
-    broken = np.count_nonzero(run.broken)
-    return f"{broken} of {counted(run.lanes, 'seed')} not finite" if broken else "it did not occur with every seed"
-
-
-def saved_task(config: dict[str, Any], path: Any = None, trust: bool = False) -> Task:
+def saved_task(config: dict[str, Any], path: Path | str | None = None, trust: bool = False) -> Task:
     """The task of a run's configuration.
 
     A run that this user made, on this machine, is trusted to import what its task names.

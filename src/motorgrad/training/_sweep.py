@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import check, unknown
 from motorgrad._settings import full_path
@@ -14,9 +15,11 @@ from motorgrad.tasks import Task
 from motorgrad.training.engines import validate_needs
 
 Setting = dict[str, float]
+Sweep = Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]]
+"""Numbers that combine as a product, by path; or a list of settings."""
 
 
-def sweep_settings(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
+def sweep_settings(sweep: Sweep, task: Task, agent: Agent) -> list[Setting]:
     """The settings of a sweep, each a mapping from paths to numbers, in the order of the lanes.
 
     **Arguments:** `sweep`: a mapping from paths to lists of numbers, which combine as a product, the last path changing
@@ -36,7 +39,7 @@ def sweep_settings(sweep: Any, task: Task, agent: Agent) -> list[Setting]:
             isinstance(sweep, Sequence) and not isinstance(sweep, str) and all(isinstance(s, Mapping) for s in sweep)
         )
         check(valid, "sweep", sweep, wanted)
-        given: Any = sweep
+        given = [setting for setting in sweep if isinstance(setting, Mapping)]
         paths = {name: _path(name, agent) for name in dict.fromkeys(name for setting in given for name in setting)}
         found = [{paths[name]: value for name, value in setting.items()} for setting in given]
     check(found and all(found), "sweep", sweep, wanted)
@@ -76,11 +79,11 @@ def sweepable(name: str, agent: Agent) -> bool:
     return full_path(type(agent), name) in _numbers(agent.hyperparameters)
 
 
-def _numbers(tree: Any) -> dict[str, Any]:
+def _numbers(tree: PyTree) -> dict[str, Any]:
     return {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
 
 
-def _possible(make: Callable[..., Agent], *arguments: Any) -> Agent | None:
+def _possible(make: Callable[..., Agent], *arguments: object) -> Agent | None:
     """The agent that is made, if it is possible."""
     try:
         return make(*arguments)

@@ -18,6 +18,7 @@ from motorgrad.training._load import given_initial, saved_config
 from motorgrad.training._progress import TrainingProgress
 from motorgrad.training._run import Run, saved_agent, saved_task
 from motorgrad.training._saving import GIVE_UP_AFTER, Saving
+from motorgrad.training._sweep import Sweep
 from motorgrad.training._training import Training
 from motorgrad.training._trust import task_named
 from motorgrad.training.plots import check_tensorboard
@@ -31,7 +32,7 @@ def train(
     seeds: int | Sequence[int] | None = None,
     out: Path | str | None = None,
     *,
-    sweep: Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]] | None = None,
+    sweep: Sweep | None = None,
     window: int | None = None,
     checkpoint_every: float = 30.0,
     threads: int = 0,

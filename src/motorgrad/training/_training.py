@@ -2,14 +2,14 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 import pyarrow as pa
-from jaxtyping import Bool
+from jaxtyping import Bool, PyTree
 
 from motorgrad._errors import check, counted, shown
 from motorgrad._interface import Statistics
@@ -59,7 +59,9 @@ class Training:
         task, agent, steps, seeds, initial, settings, window, envs, workers = arguments
         self.task, self.saving, self.callbacks = task, saving, callbacks
         self.ended = False  # by a callback
-        self.evaluating = _evaluating(callbacks)
+        evaluating = [callback for callback in callbacks if isinstance(callback, EvaluationCallback)]
+        check(len(evaluating) < 2, "callbacks", evaluating, "one EvaluationCallback at most, and KeepBest is one")
+        self.evaluating = evaluating[0] if evaluating else None
         self._remembered: Callable[[], Any] | None = None
         lanes = seeds * max(1, len(settings))
         numbers = numbers_by_lane(settings, len(seeds))
@@ -101,7 +103,7 @@ class Training:
         fresh = self.interface.fresh(len(self.stepper.seeds))
         return with_interface(policies, fresh if statistics is None else fresh.with_statistics(statistics))
 
-    def _present(self, memory: Any) -> Policy:
+    def _present(self, memory: PyTree) -> Policy:
         """The present policies, with the statistics in the memory of the task, seeds leading."""
         statistics = None if self.interface is None else self.task.statistics(memory)
         return self._with_interface(self.stepper.policies(), statistics)
@@ -176,7 +178,9 @@ class Training:
         if allow_changed:
             return
         path, now = directory.path, self.config
-        begins = self._stored_beginning(directory) if about is None else about["begins"]
+        learner = directory.learner() if about is None else None
+        stored = learner and {name: learner[name] for name in self.begins}
+        begins = stored if about is None else about["begins"]
         if begins is not None:
             before = {**before, "agent": {**before["agent"], **begins}}
             now = {**now, "agent": {**now["agent"], **self.begins}}
@@ -209,10 +213,6 @@ class Training:
                 f"{path} holds a run of another version: {changes[0]}; continue it with that version, or on purpose "
                 "with allow_changed=True (--allow-changed)"
             )
-
-    def _stored_beginning(self, directory: RunDirectory) -> dict[str, Any] | None:
-        learner = directory.learner()
-        return None if learner is None else {name: learner[name] for name in self.begins}
 
     def _restore_initial(self, directory: RunDirectory, about: dict[str, Any] | None) -> None:
         """Write the policies before learning, where they are missing or damaged."""
@@ -318,7 +318,7 @@ class Training:
         record = self.stepper.harvest()
         self._look_for_broken(not_all_finite(record["parameters"]))
         latest = {"reward": self.records.add(record, self.stepper.decision, self.recorded, self.wall, self.cpu)}
-        for name in self.task.reports[:1]:
+        for name in self.task.metric_names[:1]:
             seen = record[name][np.isfinite(record[name])]
             latest |= {name: float(seen.mean())} if len(seen) else {}
         self.recorded = self.stepper.decision
@@ -331,7 +331,7 @@ class Training:
             lanes = lanes_in_words(new, self.config["run"]["seeds"], self.config.get("sweep", []))
             of = f"{np.count_nonzero(lost)} of {len(self.lost)}"
             when = f"parameters not finite by decision {self.stepper.decision:,}"
-            what = "from then on nothing is learned, and reward and readings are NaN"
+            what = "from then on nothing is learned, and reward and metrics are NaN"
             ways = "see what is observed and rewarded, or take a lower learning rate"
             warnings.warn(f"{lanes}: {when} ({of} so far): {what}; {ways}", RunWarning, stacklevel=2)
         self.lost |= lost
@@ -383,13 +383,6 @@ class Training:
             last = self.records.take()
             self._ending = (state, about, None, last)
         return self.saving.save(state, about, records, last)
-
-
-def _evaluating(callbacks: Iterable[Callback]) -> EvaluationCallback | None:
-    """The callback among these that evaluates. **Raises** `ValueError` for several."""
-    found = [callback for callback in callbacks if isinstance(callback, EvaluationCallback)]
-    check(len(found) < 2, "callbacks", found, "one EvaluationCallback at most, and KeepBest is one")
-    return found[0] if found else None
 
 
 def _wait(seconds: float, stopped: Callable[[], bool]) -> None:

@@ -3,7 +3,6 @@
 import importlib.util
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from motorgrad._consent import HOW, allow
 from motorgrad._errors import NotTrusted, shown
@@ -14,7 +13,7 @@ MAX_LISTED_NAMES = 10
 show what it is about."""
 
 
-def check_imports(settings: Any, where: str, trust: bool = False) -> None:
+def check_imports(settings: object, where: str, trust: bool = False) -> None:
     """Refuse to make the task of a stored configuration if that would import what the user has not named.
 
     **Arguments:** the table `settings` of the task, with its `name`; `where` it was found; whether its user trusts it.

@@ -1,7 +1,7 @@
 """A particle in the plane, pushed by forces that are on or off (section 6.3 and appendix A.3 of the thesis)."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +20,8 @@ FEW = 1_024  # forces summed elementwise; beyond, a matrix product is faster
 UNROLLED = 4  # integration steps that are unrolled; more run in a loop
 Motion = tuple[Components, Components]
 """Position and velocity."""
+Moving = tuple[Motion, tuple[Flags, Flags]]
+"""These, and the sides that were reached."""
 Pair = Float[Array, " 2"]
 Span = tuple[float, float]
 
@@ -184,12 +186,12 @@ class Particle(World):
 
     @property
     def uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Two for the noise of each time step."""
+        """How many random numbers a step takes: two for the noise of each time step."""
         return 2 * self.physics.substeps if self.physics.noise else 0
 
     @property
     def reset_uniforms(self) -> int:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
-        """One for each random number of the start."""
+        """How many random numbers a start takes."""
         return self.start.uniforms
 
     def reset(self, uniforms: Float[Array, " reset_uniforms"]) -> ParticleState:
@@ -206,7 +208,7 @@ class Particle(World):
             push = jnp.sum(action * forces[:, 0]), jnp.sum(action * forces[:, 1])
         gusts = physics.noise * normals(uniforms).reshape(-1, 2) if physics.noise else None
 
-        def integrate(carry: Any, gust: Float[Array, " 2"] | None) -> tuple[Any, None]:
+        def integrate(carry: Moving, gust: Float[Array, " 2"] | None) -> tuple[Moving, None]:
             motion, before = carry
             pushed = push if gust is None else (push[0] + gust[0], push[1] + gust[1])
             motion, reached = physics.step(motion, pushed)

@@ -7,7 +7,7 @@ that the learner uses.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import equinox as eqx
 import jax
@@ -142,7 +142,7 @@ def mean_field(
 
 def _expectation(
     policy: P, inputs: npt.ArrayLike, weights: npt.ArrayLike, reward: Reward
-) -> tuple[Callable[[Any], Array], Array, Callable[[Any], P]]:
+) -> tuple[Callable[[Array], Array], Array, Callable[[Array], P]]:
     """The expected reward as a function of one vector of all parameters, that vector, and its inverse
     transformation."""
     points = jnp.asarray(inputs, jnp.float64)
@@ -156,7 +156,7 @@ def _expectation(
     worth = mass[:, None] * jax.vmap(jax.vmap(reward, (None, 0)), (0, None))(points, actions)
     vector, build = ravel_pytree(parameters)
 
-    def total(theta: Any) -> Array:
+    def total(theta: Float[Array, " parameters"]) -> Array:
         acting = eqx.combine(build(theta), settings)
         log_prob = jax.vmap(jax.vmap(acting.log_prob, (None, 0)), (0, None))(points, actions)
         return jnp.sum(worth * jnp.exp(log_prob))

@@ -2,10 +2,10 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import jax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 T = TypeVar("T")
 
@@ -21,11 +21,11 @@ class World(abc.ABC):
     reset_uniforms: ClassVar[int] = 0
 
     @abc.abstractmethod
-    def reset(self, uniforms: Float[Array, " reset_uniforms"]) -> Any:
+    def reset(self, uniforms: Float[Array, " reset_uniforms"]) -> PyTree:
         """The initial state of an episode."""
 
     @abc.abstractmethod
-    def step(self, state: Any, action: Array, uniforms: Float[Array, " uniforms"]) -> Any:
+    def step(self, state: PyTree, action: Array, uniforms: Float[Array, " uniforms"]) -> PyTree:
         """The next state."""
 
 

@@ -20,14 +20,14 @@ mg.worlds.oracle.average_reward(mdp, policy)
 
 import math
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 from scipy.optimize import minimize
 from scipy.special import softmax
 
@@ -49,7 +49,8 @@ def to_float64(policy: P) -> P:
 def action_probabilities(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions"]:
     r"""$\pi(a \mid y(s))$ of every action in every state."""
     with jax.enable_x64(True):
-        return np.asarray(_probabilities(mdp, to_float64(policy)))
+        parameters, settings = split(to_float64(policy))
+        return np.asarray(_chances(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions))
 
 
 def transition_matrix(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states states"]:
@@ -332,11 +333,6 @@ def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
     return np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(gradient)])
 
 
-def _probabilities(mdp: FiniteMDP, policy: Policy) -> Float[Array, "states actions"]:
-    parameters, settings = split(policy)
-    return _chances(parameters, settings, mdp.observations, _index(mdp, policy), mdp.actions)
-
-
 def _index(mdp: FiniteMDP, policy: Policy) -> Int[np.ndarray, " drawn"]:
     """The MDP's action to which each of all that the policy may draw leads."""
     seen = mdp.observations.shape[1]
@@ -360,8 +356,8 @@ def _emitted(policy: Policy) -> Int[Array, " drawn"]:
 # Compiled whole: one by one, the operations of a policy take longer to compile than all together.
 @eqx.filter_jit
 def _chances(
-    parameters: Any,
-    settings: Any,
+    parameters: PyTree,
+    settings: PyTree,
     observations: Float[np.ndarray, "states inputs"],
     index: Int[np.ndarray, " drawn"],
     actions: int,
@@ -374,13 +370,13 @@ def _chances(
 
 
 @eqx.filter_jit
-def _log_slopes(parameters: Any, *rest: Any) -> Float[Array, "states actions parameters"]:
+def _log_slopes(parameters: PyTree, *rest: PyTree) -> Float[Array, "states actions parameters"]:
     vector, build = ravel_pytree(parameters)
     return jax.jacfwd(lambda v: jnp.log(_chances(build(v), *rest)))(vector)
 
 
 @eqx.filter_jit
-def _slope_of_worth(parameters: Any, worth: Float[np.ndarray, "states actions"], *rest: Any) -> Any:
+def _slope_of_worth(parameters: PyTree, worth: Float[np.ndarray, "states actions"], *rest: PyTree) -> PyTree:
     return jax.grad(lambda theta: jnp.sum(worth * _chances(theta, *rest)))(parameters)
 
 

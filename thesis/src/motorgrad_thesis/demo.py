@@ -37,7 +37,7 @@ def demonstrate(out: Path | str, seconds: float = 1200.0, seeds: int = 8, film_s
     run = train(task, agent_for(task), steps, seeds, out)
     before, after = (evaluate(run, 2000, untrained=untrained) for untrained in (True, False))
     # the median seed, not the best: a figure should show what to expect
-    order = np.argsort(np.nan_to_num(after.readings["apex"]))
+    order = np.argsort(np.nan_to_num(after.metrics["apex"]))
     shown = run.seeds[int(order[len(order) // 2])]
     figures = Path(out) / "figures"
     files = {
@@ -59,7 +59,7 @@ def in_words(shown: Demonstration) -> list[str]:
     """What was learned, as lines of text."""
 
     def apex(outcome: Evaluation) -> str:
-        values = np.nan_to_num(outcome.readings["apex"])
+        values = np.nan_to_num(outcome.metrics["apex"])
         low, median, high = np.percentile(values, [25, 50, 75])
         return f"{median:.2f} m (quartiles {low:.2f} … {high:.2f})"
 

@@ -17,7 +17,6 @@ from timlab.gallery import example
 TICK = 0.01
 STIFFNESS = 4.0
 DAMPING = 0.3
-COUPLING = 0.5
 
 
 def rows(quick: bool, pairs: int) -> Iterator[Row]:

@@ -9,7 +9,6 @@ from editor_clients import Client
 import timlab
 from timlab import gallery
 from timlab.editor import Session
-from timlab.editor._page import _Recorded
 from timlab.editor._traces import FRAME, Traces
 from timlab.engine import MAX_TICKS
 
@@ -274,7 +273,7 @@ def test_a_scope_shows_true_shapes_however_fast_the_run_is():
         diagram.add(name, sink)
         diagram.connect("noise", name)
     record = timlab.Run(diagram).advance(20_000)
-    shown = Traces(_Recorded(diagram, [0])).add(record)
+    shown = Traces(diagram, [0]).add(record)
     line, dashes = shown["scope.u"], shown["spikes.u"]
     np.testing.assert_array_equal(line["ticks"][-100:], np.arange(19_900, 20_000))
     np.testing.assert_allclose(line["rows"][-100:], record["scope.u"][0, -100:], rtol=1e-5)

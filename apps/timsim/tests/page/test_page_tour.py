@@ -21,7 +21,7 @@ from timsim.panels._tours import GENERIC, TOURS
         ({"text": "x", "wait": "jump"}, r"tour\[0\]\.wait"),
         ({"text": "x", "wait": "seconds"}, r"tour\[0\]\.amount = None: must be a number of seconds above 0"),
         ({"text": "x", "wait": "play", "amount": 3}, r"amount = 3.0: must be left out where the step waits for 'play'"),
-        ({"text": "x", "wait": "reading", "amount": 3}, r"reading = None: must be the name of a reading"),
+        ({"text": "x", "wait": "metric", "amount": 3}, r"metric = None: must be the name of a metric"),
         ({"text": "x", "camra": "side"}, r"camra.*camera"),
         ("x", r"tour\[0\] = 'x': must be a step"),
     ],
@@ -38,7 +38,7 @@ def test_a_page_refuses_what_it_does_not_have(page):
     for wrong, told in (
         ({"tab": "Cook"}, r"tour\[1\]: .*tab 'Cook'"),
         ({"camera": "moon"}, r"tour\[1\]: .*moon"),
-        ({"wait": "reading", "reading": "apex", "amount": 1}, r"tour\[1\]: .*apex"),
+        ({"wait": "metric", "metric": "apex", "amount": 1}, r"tour\[1\]: .*apex"),
         ({"wait": "push"}, r"tour\[1\]: wait = 'push': must be another: there is no body here"),
     ):
         with pytest.raises(ValueError, match=told):
@@ -71,7 +71,7 @@ def test_steps_wait_for_what_happens_in_a_run(page):
 
     play, edit = waits(TourStep("x", wait="play")), waits(TourStep("x", wait="edit"))
     few, long = (waits(TourStep("x", wait=kind, amount=4)) for kind in ("decisions", "seconds"))
-    reward = waits(TourStep("x", wait="reading", reading="reward", amount=-1e9))
+    reward = waits(TourStep("x", wait="metric", metric="reward", amount=-1e9))
     everything = (play, edit, few, long)
     assert not any(each.open or each.over(session.snapshot()) for each in everything)
     assert waits(TourStep("x", wait="pause")).open  # it is paused already

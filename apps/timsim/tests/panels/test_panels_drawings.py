@@ -138,6 +138,7 @@ def test_weights_are_found_in_pools_that_have_them():
     np.testing.assert_allclose(weights_of(one), [[0, 1, 2, 7], [3, 4, 5, 8]])
     np.testing.assert_allclose(weights_of(Factored([one, one]))[2:], weights_of(one))
     assert weights_of(LocalGaussians(np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))) is None
+    assert weights_of(BoundedHyperplanes([[0.5, -1.0]], [0.2], [-1.0])) is None
 
 
 @pytest.mark.parametrize(

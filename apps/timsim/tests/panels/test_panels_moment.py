@@ -11,7 +11,7 @@ from patience import until
 from timsim.live import Curve, Pause, Play, Push, Reset, Scrub, Trail
 from timsim.panels import Figures, Overlay, Panels, ReplayRecorder, TourStep, _motion_recorder
 from timsim.panels._charts import smoothed, time_before
-from timsim.panels._film_recorder import CURVE, _LiveStrip
+from timsim.panels._film_painting import CURVE, LiveStrip
 from timsim.panels._motion_recorder import MotionRecorder, path_until
 from timsim.panels._overlay import small_plot
 from timsim.panels._panel import brief
@@ -84,9 +84,9 @@ def test_figures_and_overlay_end_at_the_moment_shown(past):
 
 def test_a_tour_and_a_film_s_plot_go_by_the_moment_shown(past):
     snapshot = past.session.snapshot()
-    waiting = Waiting(TourStep(text="Wait.", wait="reading", reading="apex", amount=100.0), past.session, snapshot)
+    waiting = Waiting(TourStep(text="Wait.", wait="metric", metric="apex", amount=100.0), past.session, snapshot)
     assert waiting._value(snapshot) == past.apex
-    (plot,) = _LiveStrip(past.session, [CURVE], 240)._present(snapshot)
+    (plot,) = LiveStrip(past.session, [CURVE], 240)._present(snapshot)
     assert (plot.time[-1], plot.values[-1, 0]) == (past.curve.seconds[past.row], past.apex)
 
 

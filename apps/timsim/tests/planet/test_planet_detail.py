@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planet_tiles import tile_of
 
 from timsim.planet import Planet
 from timsim.planet._detail import Camera, Cover, above_horizon, in_frustum, select_tiles, spheres
@@ -20,7 +21,6 @@ from timsim.planet._tiles import (
     make_tile,
     mesh_errors,
     quarters,
-    tile_of,
 )
 
 PLANETS = [

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planet_tiles import tile_of
 
 from timsim.planet import Planet
 from timsim.planet._elevation import MapElevation
 from timsim.planet._geometry import Ellipsoid, normal_at, unit
-from timsim.planet._tiles import ROOTS, Key, caps, directions, places, quarters, tile_of
+from timsim.planet._tiles import ROOTS, Key, caps, directions, places, quarters
 
 RADII = st.tuples(*[st.floats(1.0, 5.0)] * 3)
 KINDS = ("bumps", "steps", "waves", "fractal")

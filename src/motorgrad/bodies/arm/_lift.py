@@ -13,8 +13,10 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Array, Float
 
+from motorgrad._arrays import Real
 from motorgrad._errors import check
 from motorgrad._files import read_arrays, write_atomically
 from motorgrad._limits import MAX_ARRAY_BYTES
@@ -62,7 +64,7 @@ def greatest_flexion(
     return np.minimum(most.astype(float), arm.most_flexion)
 
 
-def lift(arm: Arm, load: Any, force: Any) -> np.ndarray:
+def lift(arm: Arm, load: npt.ArrayLike, force: npt.ArrayLike) -> np.ndarray:
     """Simulate the greatest height to which a constant force lifts a load within 2 s from rest.
 
     **Arguments:** the arm, whose own `load` and `strength` are ignored; `load` in kg, at least 0, and `force` in N,
@@ -115,7 +117,7 @@ class LiftTable:
     height: Float[np.ndarray, "loads shares"]
     mujoco_version: str = mujoco.__version__
 
-    def lift(self, load: Any, force: Any) -> Float[Array, "..."]:
+    def lift(self, load: Real, force: Real) -> Float[Array, "..."]:
         """The function `lift`, interpolated linearly; a JAX function of arrays that broadcast.
 
         Loads are clipped to 0 … 20 kg.

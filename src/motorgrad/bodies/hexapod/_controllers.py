@@ -5,6 +5,7 @@ import enum
 import math
 from typing import Any, NamedTuple
 
+from motorgrad._arrays import AnyArray, Real
 from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading
 
@@ -106,7 +107,7 @@ class TripodController:
         first = _members(reading.lateral)
         return _xp(first).where(first, int(LegState.STANCE), int(LegState.SWING))
 
-    def decide(self, states: Any, reading: HexapodReading, lowest: Any) -> Any:
+    def decide(self, states: AnyArray, reading: HexapodReading, lowest: AnyArray) -> Any:
         """The next states of the legs.
 
         **Arguments:** `states` (..., 6), integers as in `LegState`; the sensor readings; `lowest` (6,), the lower
@@ -131,7 +132,7 @@ class TripodController:
             after = xp.where((states == state) & ready, (state + 1) % len(LegState), after)
         return after
 
-    def velocities(self, states: Any) -> Any:
+    def velocities(self, states: AnyArray) -> Any:
         """The desired velocities (..., 12) in rad/s: of the six lateral joints, then of the six vertical ones."""
         xp = _xp(states)
         table = xp.asarray(list(self.turning.values()))
@@ -158,11 +159,11 @@ class TripodClock:
     def __post_init__(self) -> None:
         check(0 < self.duty < 1, "duty", self.duty, "in (0, 1)")
 
-    def advance(self, phase: Any, period: Any, seconds: float) -> Any:
+    def advance(self, phase: Real, period: Real, seconds: float) -> Any:
         """The phase `seconds` later, for a stride of `period` seconds. NumPy or JAX, any shape."""
         return (phase + seconds / period) % 1.0
 
-    def activation(self, phase: Any) -> Any:
+    def activation(self, phase: AnyArray) -> Any:
         """Which synergies are active at phases (...), as zeros and ones (..., 4): swing and stance of the first tripod,
         then of the second, as in `motorgrad.tasks.TRIPOD_SYNERGIES`."""
         xp = phase.__array_namespace__()
@@ -170,11 +171,11 @@ class TripodClock:
         return xp.stack([~first, first, ~second, second], axis=-1) * 1.0
 
 
-def _members(like: Any) -> Any:
+def _members(like: AnyArray) -> Any:
     """Which legs belong to the first tripod, in the shape of `like` (..., 6)."""
     xp = _xp(like)
     return xp.broadcast_to(xp.asarray([leg in TRIPODS[0] for leg in LEGS]), like.shape)
 
 
-def _xp(array: Any) -> Any:
+def _xp(array: AnyArray) -> Any:
     return array.__array_namespace__()

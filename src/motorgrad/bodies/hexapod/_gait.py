@@ -144,8 +144,10 @@ def measure_gait(reading: HexapodReading, period: float) -> Gait:
     right = lateral.ndim == 3 and len(lateral) >= 8
     check(right, "reading.lateral.shape", lateral.shape, "(decisions, seeds, 6) with at least 8 decisions")
     check_positive("period", period)
-    first, second = (_centred(lateral[..., [LEGS.index(leg) for leg in tripod]].mean(-1)) for tripod in TRIPODS)
-    spectra = [_spectrum(angle) for angle in (first, second)]
+    means = [lateral[..., [LEGS.index(leg) for leg in tripod]].mean(-1) for tripod in TRIPODS]
+    first, second = (angle - angle.mean(0) for angle in means)
+    window = np.hanning(len(lateral))[:, None]
+    spectra = [np.fft.rfft(window * angle, _PADDING * len(lateral), axis=0) for angle in (first, second)]
     frequencies = np.fft.rfftfreq(_PADDING * len(lateral), period)
     peak = np.abs(spectra[0]).argmax(0)
     seeds = np.arange(lateral.shape[1])
@@ -192,12 +194,3 @@ def _kind(speed: np.ndarray, phase: np.ndarray, correlation: np.ndarray) -> np.n
     tripod = (phase > 0.35) & (correlation < -0.3)
     pronk = (phase < 0.15) & (correlation > 0.3)
     return np.select([speed < STALLED, tripod, pronk], ["stalled", "tripod", "pronk"], "intermediate")
-
-
-def _centred(angle: Float[np.ndarray, "decisions seeds"]) -> Float[np.ndarray, "decisions seeds"]:
-    return angle - angle.mean(0)
-
-
-def _spectrum(angle: Float[np.ndarray, "decisions seeds"]) -> Any:
-    window = np.hanning(len(angle))[:, None]
-    return np.fft.rfft(window * angle, _PADDING * len(angle), axis=0)

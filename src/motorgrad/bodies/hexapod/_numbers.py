@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from typing import Any, Literal
+from typing import Literal
 
 from motorgrad._errors import check, check_finite, check_not_negative, check_positive
 
 Drive = Literal["muscles", "servos"]
 
 
-def _check_positive(numbers: Any, *names: str) -> None:
+def _check_positive(numbers: object, *names: str) -> None:
     for name in names:
         check_positive(f"{type(numbers).__name__}.{name}", getattr(numbers, name))
 

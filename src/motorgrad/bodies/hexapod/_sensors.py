@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 
+from motorgrad._arrays import AnyArray
 from motorgrad.bodies._batch import BodyState
 from motorgrad.bodies._body import add_sensors
 
@@ -93,7 +94,7 @@ def read_trunk(state: BodyState) -> TrunkReading:
     up = sensors["upward"]
     axes = xp.stack([forward, xp.cross(up, forward), up], axis=-2)
 
-    def along_axes(vector: Any) -> Any:
+    def along_axes(vector: AnyArray) -> Any:
         return xp.sum(axes * vector[..., None, :], axis=-1)
 
     return TrunkReading(axes[..., :2, 2], along_axes(sensors["velocity"]), along_axes(sensors["rotation"]))

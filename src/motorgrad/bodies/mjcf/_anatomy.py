@@ -11,6 +11,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Bool, Float, Int
 
 from motorgrad._errors import check, unknown
@@ -191,7 +192,9 @@ class Anatomy:
         return names, np.array(places, int)
 
 
-def actuator_levels(model: Any, control: Any, activation: Any = None) -> Float[np.ndarray, "... nu"]:
+def actuator_levels(
+    model: mujoco.MjModel, control: npt.ArrayLike, activation: npt.ArrayLike | None = None
+) -> Float[np.ndarray, "... nu"]:
     """How active each actuator is, from 0 to 1, for display: its activation, or its control as a share of the greatest.
 
     **Arguments:** `model`; `control` (..., nu) and `activation` (..., na), MuJoCo's `ctrl` and `act`. Without

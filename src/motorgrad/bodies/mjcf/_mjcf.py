@@ -23,7 +23,7 @@ from motorgrad.bodies.mjcf._to_hill import to_hill
 from motorgrad.bodies.models._bounds import asset_files
 from motorgrad.bodies.models._read import checksum_of, compile_bare, compile_spec, in_source, read_spec
 from motorgrad.bodies.models._scan import Documents, read_bytes
-from motorgrad.bodies.muscles._hill import Hill
+from motorgrad.bodies.muscles._hill import Curves, Hill, Tendon
 from motorgrad.bodies.muscles._muscle import Muscle
 
 BUNDLED = {"arm6": Path(__file__).with_name("arm6.xml")}
@@ -82,8 +82,8 @@ class Mjcf:
     assets: tuple[tuple[str, str], ...] = ()
     checksum: str | None = None
     muscle_model: Literal["native", "hill"] = "native"
-    tendon: Literal["compliant", "rigid"] = "compliant"
-    curves: Literal["de-groote", "millard"] = "de-groote"
+    tendon: Tendon = "compliant"
+    curves: Curves = "de-groote"
     hill: tuple[tuple[str, Hill], ...] = ()
 
     def __post_init__(self) -> None:
@@ -140,7 +140,7 @@ class Mjcf:
 
     @property
     def muscles(self) -> tuple[Muscle, ...]:
-        """None of this library's own muscles: see `actuators`."""
+        """This library's own muscles, of which it has none: see `actuators`."""
         return ()
 
     @property

@@ -6,19 +6,18 @@
 import fnmatch
 import warnings
 from collections.abc import Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from motorgrad._errors import check, unknown
-from motorgrad.bodies.muscles._hill import SPAN, Hill, set_hill
+from motorgrad.bodies.muscles._hill import SPAN, Curves, Hill, Tendon, set_hill
 
 _MUSCLE = (mujoco.mjtGain.mjGAIN_MUSCLE, mujoco.mjtBias.mjBIAS_MUSCLE, mujoco.mjtDyn.mjDYN_MUSCLE)
 _MIN_SLACK = 0.1  # of the optimal length: below it, a model leaves no room for a tendon
 
 
-def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = "de-groote") -> Hill:
+def hill_of(model: mujoco.MjModel, actuator: int, tendon: Tendon = "compliant", curves: Curves = "de-groote") -> Hill:
     """The Hill-type muscle that resembles a `muscle` of MuJoCo.
 
     MuJoCo's muscle has a fiber on a rigid tendon, whose lengths follow from the range of the path: where that is
@@ -43,7 +42,7 @@ def hill_of(model: Any, actuator: int, tendon: Any = "compliant", curves: Any = 
         raise ValueError(f"muscle {name!r}: {error}; give its numbers by `hill`") from None
 
 
-def _resembling(model: Any, actuator: int, tendon: Any, curves: Any) -> Hill:
+def _resembling(model: mujoco.MjModel, actuator: int, tendon: Tendon, curves: Curves) -> Hill:
     numbers = model.actuator_gainprm[actuator]
     (low, high) = model.actuator_lengthrange[actuator]
     check(0 <= numbers[0] < numbers[1], "range", numbers[:2].tolist(), "rising, from 0 on")
@@ -68,7 +67,9 @@ def _resembling(model: Any, actuator: int, tendon: Any, curves: Any) -> Hill:
     raise ValueError(f"path = {low:.4g} to {high:.4g} m: must be less variable, so that there is room for a tendon")
 
 
-def to_hill(spec: mujoco.MjSpec, model: Any, numbers: Sequence[tuple[str, Hill]], tendon: Any, curves: Any) -> None:
+def to_hill(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, numbers: Sequence[tuple[str, Hill]], tendon: Tendon, curves: Curves
+) -> None:
     """Replace muscles of a description by Hill-type ones, in place.
 
     **Arguments:** the description, and the model compiled from it; `hill`, `tendon` and `curves` of `Mjcf`.
@@ -95,7 +96,7 @@ def to_hill(spec: mujoco.MjSpec, model: Any, numbers: Sequence[tuple[str, Hill]]
         key.act = [state for i in range(model.nu) for state in _states(spec.actuators[i], model, i, states)]
 
 
-def _states(actuator: Any, model: Any, i: int, before: np.ndarray) -> list[float]:
+def _states(actuator: mujoco.MjsActuator, model: mujoco.MjModel, i: int, before: np.ndarray) -> list[float]:
     """The states of an actuator in a keyframe: as before, and 0 for what is new."""
     first = int(model.actuator_actadr[i])
     count = int(model.actuator_actnum[i])

@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PureWindowsPath
-from typing import Any
+from typing import Any, TypeAlias
 
 import mujoco
 
@@ -24,6 +24,7 @@ from motorgrad._limits import (
 from motorgrad._reading import content_of
 from motorgrad.bodies.models._scan import check_bytes, file_size, files_of, product
 
+_Asset: TypeAlias = mujoco.MjsTexture | mujoco.MjsHField | mujoco.MjsMesh | mujoco.MjsSkin
 _NUMBER = 8  # bytes
 _KEY = 1_000  # bytes of a keyframe without its numbers
 _MESH = 8  # bytes of a compiled mesh or skin per byte of its file
@@ -81,7 +82,7 @@ def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
     )
 
 
-def _sizes(spec: Any, dofs: int, pairs: int, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
+def _sizes(spec: mujoco.MjSpec, dofs: int, pairs: int, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
     """Everything whose size is a number of the description, as (name, number given, bytes)."""
     acts = sum(max(1, each.actdim) for each in spec.actuators)
     yield "pairs of degrees of freedom along a branch", pairs, _INERTIA * pairs
@@ -110,7 +111,7 @@ def _sizes(spec: Any, dofs: int, pairs: int, folders: list[Path]) -> Iterator[tu
     yield from _assets(spec, folders)
 
 
-def _branches(spec: Any) -> tuple[int, int, int]:
+def _branches(spec: mujoco.MjSpec) -> tuple[int, int, int]:
     """The degrees of freedom; the pairs of them of which one moves the other, entries of the mass matrix; and the most
     that move one body.
     """
@@ -128,7 +129,7 @@ def _branches(spec: Any) -> tuple[int, int, int]:
     return dofs, pairs, deepest
 
 
-def _possible(spec: Any, dofs: int, deepest: int) -> float:
+def _possible(spec: mujoco.MjSpec, dofs: int, deepest: int) -> float:
     """The bytes that contacts and constraints use if everything touches everything at once, whatever is reserved."""
     if spec.flexes:
         return math.inf
@@ -150,7 +151,7 @@ def _possible(spec: Any, dofs: int, deepest: int) -> float:
     return used + (_DUAL * rows**2 if dual else 0.0)
 
 
-def _arena(spec: Any, dofs: int) -> Iterator[tuple[str, Any, float]]:
+def _arena(spec: mujoco.MjSpec, dofs: int) -> Iterator[tuple[str, Any, float]]:
     """The memory that MuJoCo reserves for contacts and constraints, by its own rule."""
     if spec.memory != -1:
         yield "memory", spec.memory, spec.memory
@@ -167,7 +168,7 @@ def _arena(spec: Any, dofs: int) -> Iterator[tuple[str, Any, float]]:
     yield hint, rows, 5 * _NUMBER * rows * rows
 
 
-def _readings(spec: Any, sensor: Any) -> tuple[str, Any, float]:
+def _readings(spec: mujoco.MjSpec, sensor: mujoco.MjsSensor) -> tuple[str, Any, float]:
     """What decides how many numbers a sensor gives; its value; and how many at most."""
     kind = mujoco.mjtSensor
     if sensor.type == kind.mjSENS_CONTACT:
@@ -183,7 +184,7 @@ def _readings(spec: Any, sensor: Any) -> tuple[str, Any, float]:
     return "dim", sensor.dim, float(sensor.dim)
 
 
-def asset_files(spec: Any, folders: Iterable[Path]) -> dict[str, list[Path]]:
+def asset_files(spec: mujoco.MjSpec, folders: Iterable[Path]) -> dict[str, list[Path]]:
     """The files that the assets of a description may mean, by the name that it gives them."""
     folders = [Path(spec.modelfiledir), *folders]
     found = {}
@@ -193,13 +194,13 @@ def asset_files(spec: Any, folders: Iterable[Path]) -> dict[str, list[Path]]:
     return found
 
 
-def _paths(asset: Any, file: str, folders: list[Path]) -> list[Path]:
+def _paths(asset: _Asset, file: str, folders: list[Path]) -> list[Path]:
     """The files that an asset may mean. Its folder depends on the compiler's settings."""
     inner = {"", asset.compiler.meshdir, asset.compiler.texturedir}
     return sorted({*files_of(file, folders, inner), *files_of(PureWindowsPath(file).name, folders, inner)})
 
 
-def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
+def _assets(spec: mujoco.MjSpec, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
     for each in spec.textures:
         name = f"texture {each.name!r}"
         builtin = each.builtin != mujoco.mjtBuiltin.mjBUILTIN_NONE
@@ -226,7 +227,7 @@ def _assets(spec: Any, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
 
 
 def _file(
-    spec: Any, asset: Any, name: str, file: str, folders: list[Path], image: bool
+    spec: mujoco.MjSpec, asset: _Asset, name: str, file: str, folders: list[Path], image: bool
 ) -> Iterator[tuple[str, Any, float]]:
     """Each file that an asset may mean."""
     if not file:

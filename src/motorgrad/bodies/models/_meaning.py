@@ -5,7 +5,6 @@
 
 import warnings
 from collections.abc import Iterator
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -33,7 +32,7 @@ _ROUNDED = 1 + 1e-9  # for a delay of a whole number of steps
 _DYNAMICS = mujoco.mjtDyn
 
 
-def check_meaning(model: Any) -> None:
+def check_meaning(model: mujoco.MjModel) -> None:
     """Refuse numbers of a model that mean nothing, and warn of those that will not do what they say.
 
     **Raises:** `ValueError` that names the part, the number given and what is allowed.
@@ -70,7 +69,7 @@ def check_meaning(model: Any) -> None:
         )
 
 
-def check_user_types(model: Any) -> None:
+def check_user_types(model: mujoco.MjModel) -> None:
     """Refuse actuators and sensors that MuJoCo leaves to the user, unless they are muscles of this library.
 
     **Raises:** `ValueError` that names the actuator or the sensor.
@@ -82,7 +81,7 @@ def check_user_types(model: Any) -> None:
         check(False, "sensor", model.sensor(i).name, wanted)
 
 
-def _meets_fault(model: Any) -> bool:
+def _meets_fault(model: mujoco.MjModel) -> bool:
     """Whether a model may meet the fault of MuJoCo 4.0.0 in the sparse Cholesky factorisation of Newton's solver.
 
     It merges rows with different descendants: where one of several bodies branches and touches another, accelerations
@@ -94,7 +93,7 @@ def _meets_fault(model: Any) -> bool:
     return bool((np.bincount(parents) > 1).any())
 
 
-def _numbers(model: Any) -> Iterator[tuple[str, np.ndarray]]:
+def _numbers(model: mujoco.MjModel) -> Iterator[tuple[str, np.ndarray]]:
     """The fields with which physics computes, those that follow from others last. Users' own data may be anything."""
     names = [name for name in dir(model) if name.split("_")[0] in _OBJECT_TYPES and not name.endswith("_user")]
     for name in sorted(names, key=lambda name: name.endswith("0") and name != "qpos0"):
@@ -103,7 +102,7 @@ def _numbers(model: Any) -> Iterator[tuple[str, np.ndarray]]:
             yield name, values
 
 
-def _check_each(model: Any, field: str, wrong: np.ndarray, wanted: str) -> None:
+def _check_each(model: mujoco.MjModel, field: str, wrong: np.ndarray, wanted: str) -> None:
     """Refuse the first part of a model for which a field is wrong, a mask of the field's shape."""
     if not wrong.any():
         return
@@ -117,13 +116,13 @@ def _check_each(model: Any, field: str, wrong: np.ndarray, wanted: str) -> None:
     check(False, f"{what or 'ref'} of {_named(model, _OBJECT_TYPES[start], row)}", value, wanted)
 
 
-def _named(model: Any, kind: str, i: int) -> str:
+def _named(model: mujoco.MjModel, kind: str, i: int) -> str:
     """A part with its name, or its number where it has none."""
     name = getattr(model, _SHORT.get(kind, kind))(i).name
     return f"{kind} {name!r}" if name else f"{kind} {i + 1}"
 
 
-def _check_actuator(model: Any, i: int, which: str) -> None:
+def _check_actuator(model: mujoco.MjModel, i: int, which: str) -> None:
     constants = model.actuator_dynprm[i]
     dynamics = model.actuator_dyntype[i]
     _check_muscle(model, i, which)
@@ -149,7 +148,7 @@ def _check_actuator(model: Any, i: int, which: str) -> None:
         check(right, where, active.tolist(), f"from {low:g} to {high:g}")
 
 
-def _check_muscle(model: Any, i: int, which: str) -> None:
+def _check_muscle(model: mujoco.MjModel, i: int, which: str) -> None:
     """Refuse negative lengths of a muscle of MuJoCo's."""
     gain = model.actuator_gaintype[i]
     bias = model.actuator_biastype[i]
@@ -165,7 +164,7 @@ def _check_muscle(model: Any, i: int, which: str) -> None:
             check(span[0] >= 0 or not _on_path(model, i), f"lengthrange of {which}", span.tolist(), wanted)
 
 
-def _on_path(model: Any, actuator: int) -> bool:
+def _on_path(model: mujoco.MjModel, actuator: int) -> bool:
     """Whether an actuator is on a tendon that is a path in space."""
     if model.actuator_trntype[actuator] != mujoco.mjtTrn.mjTRN_TENDON:
         return False
@@ -173,7 +172,7 @@ def _on_path(model: Any, actuator: int) -> bool:
     return model.wrap_type[first] != mujoco.mjtWrap.mjWRAP_JOINT
 
 
-def _warn_of_overshoot(model: Any, which: str, shortest: float) -> None:
+def _warn_of_overshoot(model: mujoco.MjModel, which: str, shortest: float) -> None:
     step = model.opt.timestep
     if step > shortest:
         message = (
@@ -182,7 +181,7 @@ def _warn_of_overshoot(model: Any, which: str, shortest: float) -> None:
         warnings.warn(f"{which}: its activation, with time constants from {shortest:g} s on, {message}", stacklevel=2)
 
 
-def _check_sensor(model: Any, i: int, which: str) -> None:
+def _check_sensor(model: mujoco.MjModel, i: int, which: str) -> None:
     samples = model.sensor_history[i, 0]
     every = model.sensor_interval[i, 0]
     _check_delay(which, model.sensor_delay[i], samples, every or model.opt.timestep)

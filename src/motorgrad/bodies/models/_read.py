@@ -129,7 +129,7 @@ def compile_bare(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> mujoco.Mj
     return model
 
 
-def _check_ranges(spec: Any) -> None:
+def _check_ranges(spec: mujoco.MjSpec) -> None:
     """Refuse numbers with which the length ranges of muscles would be sought for ever.
 
     MuJoCo finds them by simulation. It resets one that breaks at once, such as of a body at infinity, and never ends.

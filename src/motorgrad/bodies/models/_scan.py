@@ -28,7 +28,7 @@ _WIDE = (b"\xff\xfe", b"\xfe\xff")
 _UNCOPIED = ("asset", "compiler", "custom", "default", "extension", "keyframe", "option", "size", "visual", "worldbody")
 _SQUARED = ("supersphere", "supertorus")
 _NAME_ATTRIBUTES = ("name", "class", "childclass", "file", "user")
-"""They may say "nan"."""
+"""Attributes that may say "nan"."""
 _MUSCLE = ("timeconst", "range", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax")
 """Numbers of a `muscle` in whose place MuJoCo takes its own if they are negative. A negative force means `scale`."""
 

@@ -9,6 +9,7 @@ the others a Hill-type muscle has no force. Therefore every path to a simulation
 # (MuJoCo's compiled modules carry no type information.)
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -25,7 +26,7 @@ _WITHOUT = {
 }
 
 
-def install_muscle_callback(model: Any = None) -> None:
+def install_muscle_callback(model: mujoco.MjModel | mujoco.MjSpec | None = None) -> None:
     """Install the muscle laws as MuJoCo's callbacks for this process. Further calls do nothing.
 
     `compile_model` and `BodyBatch` call this. Call it yourself before simulating an exported MJCF file that has muscles
@@ -73,7 +74,7 @@ def check_muscle_callback(model: mujoco.MjModel) -> None:
             raise RuntimeError(_foreign(name, current))
 
 
-def callbacks_of(model: Any) -> tuple[str, ...]:
+def callbacks_of(model: mujoco.MjModel | mujoco.MjSpec) -> tuple[str, ...]:
     """The names of MuJoCo's callbacks that a model, or a `mujoco.MjSpec`, needs."""
     kinds = {"gaintype": mujoco.mjtGain.mjGAIN_USER, "dyntype": mujoco.mjtDyn.mjDYN_USER}
     kinds["biastype"] = mujoco.mjtBias.mjBIAS_USER
@@ -91,11 +92,11 @@ def callback_getter(name: str) -> Any:
     return getattr(mujoco, f"get_{name}")
 
 
-def _set(name: str, callback: Any) -> None:
+def _set(name: str, callback: Callable[..., float] | None) -> None:
     getattr(mujoco, f"set_{name}")(callback)
 
 
-def _foreign(name: str, callback: Any) -> str:
+def _foreign(name: str, callback: object) -> str:
     return (
         f"{name} = {callback!r}: a callback that is not motorgrad's muscle law is installed, and MuJoCo "
         f"has room for one; remove it with mujoco.set_{name}(None), or use muscle_model='native'"
@@ -151,6 +152,6 @@ def _verify_hill() -> None:
     _same("mjcb_act_dyn", "states", data.act + step * data.act_dot, states)
 
 
-def _same(name: str, what: str, found: Any, expected: Any) -> None:
+def _same(name: str, what: str, found: np.ndarray, expected: np.ndarray) -> None:
     if not np.allclose(found, expected, rtol=1e-9, atol=1e-9):
         raise RuntimeError(f"{name}: the compiled muscle law gives {what} {found} instead of {expected}")

@@ -5,6 +5,7 @@ import types
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from motorgrad._arrays import Real
 from motorgrad._errors import choice
 from motorgrad.bodies.muscles import _hill_curves, _millard_curves
 from motorgrad.bodies.muscles._hill_curves import STRAIN
@@ -29,27 +30,27 @@ class HillCurves:
     tendon_stiffness: Callable[[Any], Any]
     helpers: tuple[Callable[..., Any], ...] = ()
 
-    def active_force_length(self, length: Any) -> Any:
+    def active_force_length(self, length: Real) -> Any:
         """The active force of a fiber at rest and at full activation, as a multiple of the greatest isometric force,
         at a length as a multiple of the optimal one."""
         return self.active_tangent(length)[0]
 
-    def passive_force_length(self, length: Any) -> Any:
+    def passive_force_length(self, length: Real) -> Any:
         """The force of a passive fiber, likewise."""
         return self.passive_tangent(length)[0]
 
-    def force_velocity(self, velocity: Any) -> Any:
+    def force_velocity(self, velocity: Real) -> Any:
         """The factor by which a velocity changes the active force; the velocity is a multiple of the greatest, and
         negative while the fiber shortens."""
         return self.velocity_tangent(velocity)[0]
 
-    def tendon_force_length(self, length: Any, strain: Any = STRAIN) -> Any:
+    def tendon_force_length(self, length: Real, strain: Real = STRAIN) -> Any:
         """The force of a tendon as a multiple of the greatest isometric force, at a length as a multiple of its slack
         length; `strain` is that at the greatest force."""
         return self.tendon_tangent(length, self.tendon_stiffness(strain))[0]
 
 
-def _of(module: Any, *helpers: Callable[..., Any]) -> HillCurves:
+def _of(module: types.ModuleType, *helpers: Callable[..., Any]) -> HillCurves:
     """The curves of a module, whose functions have the names of the fields."""
     named = [field.name for field in dataclasses.fields(HillCurves) if field.name != "helpers"]
     return HillCurves(**{name: getattr(module, name) for name in named}, helpers=helpers)
@@ -84,7 +85,7 @@ def with_curves(
     name: str,
     make: Callable[[Any], Any] = lambda function: function,
     instead: Mapping[str, Any] = types.MappingProxyType({}),
-    **scope: Any,
+    **scope: object,
 ) -> types.SimpleNamespace:
     """The functions of Hill-type muscles that have some curves.
 

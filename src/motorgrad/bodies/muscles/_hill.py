@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad._settings import check_fields
@@ -19,6 +20,8 @@ from motorgrad.bodies.muscles._hill_dynamics import tendon_length
 from motorgrad.bodies.muscles._machine_code import compiled_hill
 from motorgrad.bodies.muscles._muscle import Attachment, Wrap
 
+Tendon = Literal["compliant", "rigid"]
+Curves = Literal["de-groote", "millard"]
 SPAN = (0.4, 1.5)
 """The least and the greatest length of a fiber, as multiples of the optimal one, where nothing else tells them."""
 MIN_TENDON_SLACK = 1e-3
@@ -61,9 +64,9 @@ class Hill:
     activation_time_constant: float = 0.015
     deactivation_time_constant: float = 0.06
     fiber_damping: float = 0.1
-    tendon: Literal["compliant", "rigid"] = "compliant"
+    tendon: Tendon = "compliant"
     tendon_strain: float = STRAIN
-    curves: Literal["de-groote", "millard"] = "de-groote"
+    curves: Curves = "de-groote"
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -144,11 +147,11 @@ class HillMuscle:
 
     @property
     def damping(self) -> float:
-        """None of the path: the fiber has its own."""
+        """The damping of the path, which has none: the fiber has its own."""
         return 0.0
 
 
-def set_hill(actuator: Any, hill: Hill) -> None:
+def set_hill(actuator: mujoco.MjsActuator, hill: Hill) -> None:
     """Make a `MjsActuator` on a tendon a Hill-type muscle.
 
     MuJoCo stores it as an actuator with user dynamics and a user bias: `biasprm` holds the greatest isometric force,
@@ -186,12 +189,12 @@ def _filled(*numbers: float, size: int) -> np.ndarray:
     return np.array([*numbers, *[0.0] * (size - len(numbers))])
 
 
-def hill_actuators(model: Any) -> np.ndarray:
+def hill_actuators(model: mujoco.MjModel) -> np.ndarray:
     """Which actuators of a model are Hill-type muscles, a mask `(nu,)`."""
     return np.array(model.actuator_biastype == mujoco.mjtBias.mjBIAS_USER.value)
 
 
-def check_hill(model: Any) -> None:
+def check_hill(model: mujoco.MjModel) -> None:
     """Refuse actuators whose dynamics or bias is the user's, and that are no Hill-type muscles of this library: its
     callbacks would take them for such.
 
@@ -205,7 +208,7 @@ def check_hill(model: Any) -> None:
         check(_is_hill(model, int(i)), "actuator", model.actuator(i).name, wanted)
 
 
-def _is_hill(model: Any, i: int) -> bool:
+def _is_hill(model: mujoco.MjModel, i: int) -> bool:
     """Whether the callbacks can serve an actuator: it has all that `set_hill` sets, within the ranges of `Hill`."""
     numbers = model.actuator_biasprm[i]
     constants = model.actuator_dynprm[i]
@@ -229,12 +232,12 @@ def _is_hill(model: Any, i: int) -> bool:
     return True
 
 
-def _curves_of(model: Any, actuator: int) -> str:
+def _curves_of(model: mujoco.MjModel, actuator: int) -> str:
     """The name of a muscle's curves."""
     return [*CURVES][int(model.actuator_biasprm[actuator, 7])]
 
 
-def fibers(model: Any) -> np.ndarray:
+def fibers(model: mujoco.MjModel) -> np.ndarray:
     """The actuators of a model that have a fiber whose length is a state."""
     return np.flatnonzero(hill_actuators(model) & (model.actuator_actnum == 2))
 
@@ -253,7 +256,7 @@ class HillState(NamedTuple):
     tendon_strain: float
 
 
-def read_hill(model: Any, data: Any, actuator: int) -> HillState:
+def read_hill(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> HillState:
     """Fiber and tendon of a Hill-type muscle.
 
     **Arguments:** a model; MuJoCo's data of it, after `mj_forward`; the number of the actuator.
@@ -277,7 +280,9 @@ def read_hill(model: Any, data: Any, actuator: int) -> HillState:
     return HillState(fiber * optimal, tendon, angle, tendon / slack - 1.0 if slack else 0.0)
 
 
-def hill_force(model: Any, actuator: int, activation: float, length: Any, velocity: Any) -> np.ndarray:
+def hill_force(
+    model: mujoco.MjModel, actuator: int, activation: float, length: npt.ArrayLike, velocity: npt.ArrayLike
+) -> np.ndarray:
     """The force in N of a Hill-type muscle whose tendon is at rest, at lengths of the path in m and rates in m/s."""
     force, optimal, slack, pennation, fastest, damping, stiffness = model.actuator_biasprm[actuator, :7]
     numbers = (force, optimal, slack, pennation, fastest, damping)
@@ -290,7 +295,7 @@ def hill_force(model: Any, actuator: int, activation: float, length: Any, veloci
     return law.compliant_tension(fiber, length, force, optimal, slack, pennation, stiffness)
 
 
-def settle(model: Any, activation: np.ndarray, length: np.ndarray) -> None:
+def settle(model: mujoco.MjModel, activation: np.ndarray, length: np.ndarray) -> None:
     """Put the fibers of length 0 in balance with their tendons, at rest.
 
     **Arguments:** a model; states `(rows, na)`, changed in place; lengths of the paths `(rows, nu)`, in m.

@@ -5,9 +5,12 @@ TimLab's blocks run them with JAX's NumPy. So they use nothing but arithmetic an
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+from motorgrad._arrays import Real
 
 ACTIVE = (
     (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
@@ -20,15 +23,15 @@ VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
 TENDON = (0.2, 1.0, 0.2)
 """c1 to c3 of the tendon's curve."""
 MIN_FIBER_LENGTH = 0.2
-"""At which the passive force is 0, as a multiple of the optimal length; no fiber is shorter."""
+"""The length at which the passive force is 0, as a multiple of the optimal length; no fiber is shorter."""
 _PASSIVE_SHAPE = 4.0
 _PASSIVE_STRAIN = 0.6
 STRAIN = 0.049
-"""Of a tendon at the greatest isometric force, as in OpenSim."""
+"""The strain of a tendon at the greatest isometric force, as in OpenSim."""
 _MAX_EXPONENT = 200.0  # so that a tendon that is torn apart pulls with a huge force, and not an infinite one
 
 
-def active_force_length(length: Any, coefficients: Any = ACTIVE) -> Any:
+def active_force_length(length: Real, coefficients: Sequence[Sequence[float]] = ACTIVE) -> Any:
     r"""The active force of a fiber that neither shortens nor lengthens, at full activation.
 
     $$f_L(\tilde l) = \sum_{i=1}^3 b_{1i}
@@ -47,7 +50,7 @@ def active_force_length(length: Any, coefficients: Any = ACTIVE) -> Any:
     return active_tangent(length, coefficients)[0]
 
 
-def passive_force_length(length: Any, least: Any = MIN_FIBER_LENGTH) -> Any:
+def passive_force_length(length: Real, least: Real = MIN_FIBER_LENGTH) -> Any:
     r"""The force of a passive fiber.
 
     $$f_P(\tilde l) = \frac{e^{k_P (\tilde l - 1) / e_0} - e^{k_P (\tilde l_0 - 1) / e_0}}
@@ -64,7 +67,7 @@ def passive_force_length(length: Any, least: Any = MIN_FIBER_LENGTH) -> Any:
     return passive_tangent(length, _passive(least))[0]
 
 
-def force_velocity(velocity: Any, coefficients: Any = VELOCITY) -> Any:
+def force_velocity(velocity: Real, coefficients: Sequence[float] = VELOCITY) -> Any:
     r"""The factor by which the velocity of a fiber changes its active force.
 
     $$f_V(\tilde v) = d_1 \ln\left(d_2 \tilde v + d_3 + \sqrt{(d_2 \tilde v + d_3)^2 + 1}\right) + d_4$$
@@ -82,7 +85,7 @@ def force_velocity(velocity: Any, coefficients: Any = VELOCITY) -> Any:
     return velocity_tangent(velocity, coefficients)[0]
 
 
-def tendon_force_length(length: Any, strain: Any = STRAIN, coefficients: Any = TENDON) -> Any:
+def tendon_force_length(length: Real, strain: Real = STRAIN, coefficients: Sequence[float] = TENDON) -> Any:
     r"""The force of a tendon.
 
     $$f_T(\tilde l_T) = c_1 e^{k_T (\tilde l_T - c_2)} - c_3, \qquad
@@ -103,7 +106,7 @@ def tendon_force_length(length: Any, strain: Any = STRAIN, coefficients: Any = T
     return tendon_tangent(length, tendon_stiffness(strain, coefficients), coefficients)[0]
 
 
-def active_tangent(length: Any, coefficients: Any = ACTIVE) -> tuple[Any, Any]:
+def active_tangent(length: Real, coefficients: Sequence[Sequence[float]] = ACTIVE) -> tuple[Any, Any]:
     """The active force at a length, and its slope."""
     value = 0.0
     slope = 0.0
@@ -116,7 +119,7 @@ def active_tangent(length: Any, coefficients: Any = ACTIVE) -> tuple[Any, Any]:
     return value, slope
 
 
-def _passive(least: Any) -> tuple[Any, Any, Any]:
+def _passive(least: Real) -> tuple[Any, Any, Any]:
     """What `passive_tangent` needs, for a curve that is 0 at a length."""
     rate = _PASSIVE_SHAPE / _PASSIVE_STRAIN
     offset = np.exp(rate * (least - 1.0))
@@ -126,14 +129,14 @@ def _passive(least: Any) -> tuple[Any, Any, Any]:
 PASSIVE = tuple(map(float, _passive(MIN_FIBER_LENGTH)))
 
 
-def passive_tangent(length: Any, coefficients: Any = PASSIVE) -> tuple[Any, Any]:
+def passive_tangent(length: Real, coefficients: Sequence[float] = PASSIVE) -> tuple[Any, Any]:
     """The passive force at a length, and its slope."""
     rate, offset, scale = coefficients
     rise = np.exp(np.minimum(rate * (length - 1.0), _MAX_EXPONENT))
     return scale * (rise - offset), scale * rate * rise
 
 
-def velocity_tangent(velocity: Any, coefficients: Any = VELOCITY) -> tuple[Any, Any]:
+def velocity_tangent(velocity: Real, coefficients: Sequence[float] = VELOCITY) -> tuple[Any, Any]:
     """The factor at a velocity, and its slope."""
     d1, d2, d3, d4 = coefficients
     inner = d2 * velocity + d3
@@ -142,13 +145,13 @@ def velocity_tangent(velocity: Any, coefficients: Any = VELOCITY) -> tuple[Any, 
     return d1 * np.copysign(np.log(np.abs(inner) + root), inner) + d4, d1 * d2 / root
 
 
-def tendon_stiffness(strain: Any, coefficients: Any = TENDON) -> Any:
+def tendon_stiffness(strain: Real, coefficients: Sequence[float] = TENDON) -> Any:
     """The exponent $k_T$ of a tendon that has a strain at the greatest isometric force."""
     c1, c2, c3 = coefficients
     return math.log((1.0 + c3) / c1) / (1.0 + strain - c2)
 
 
-def tendon_tangent(length: Any, stiffness: Any, coefficients: Any = TENDON) -> tuple[Any, Any]:
+def tendon_tangent(length: Real, stiffness: Real, coefficients: Sequence[float] = TENDON) -> tuple[Any, Any]:
     """The force of a tendon at a length, and its slope."""
     c1, c2, c3 = coefficients
     rise = c1 * np.exp(np.minimum(stiffness * (length - c2), _MAX_EXPONENT))

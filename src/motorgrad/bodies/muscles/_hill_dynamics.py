@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._arrays import Real
 from motorgrad.bodies.muscles._hill_curves import (
     MIN_FIBER_LENGTH,
     active_tangent,
@@ -17,6 +18,8 @@ from motorgrad.bodies.muscles._hill_curves import (
     velocity_tangent,
 )
 
+_Muscle = tuple[Real, Real, Real, Real]
+_Curves = tuple[Real, Real, Real, Real, Real]
 _STEEPEST = math.sin(math.acos(0.1))  # the sine of the greatest pennation angle: such a fiber shortens no further
 # of the velocity, in the last step of Newton's method, which squares it
 _CLOSE = 1e-3
@@ -25,7 +28,7 @@ _TRIES = 400
 _SLOW = 1e-6
 
 
-def next_activation(activation: Any, excitation: Any, seconds: Any, rise: Any, fall: Any) -> Any:
+def next_activation(activation: Real, excitation: Real, seconds: Real, rise: Real, fall: Real) -> Any:
     r"""The activation after some time at a constant excitation.
 
     $$\dot a = (u - a) \cdot \begin{cases} 1 / (\tau_a (0.5 + 1.5 a)) & u > a \\
@@ -43,7 +46,7 @@ def next_activation(activation: Any, excitation: Any, seconds: Any, rise: Any, f
     return target + (now - target) * np.exp(-seconds * activation_rate(half, target, rise, fall))
 
 
-def activation_rate(activation: Any, excitation: Any, rise: Any, fall: Any) -> Any:
+def activation_rate(activation: Real, excitation: Real, rise: Real, fall: Real) -> Any:
     """How fast activation approaches the excitation, in 1/s."""
     ease = 0.5 + 1.5 * activation
     up = excitation > activation
@@ -51,15 +54,15 @@ def activation_rate(activation: Any, excitation: Any, rise: Any, fall: Any) -> A
 
 
 def rigid_tension(
-    activation: Any,
-    length: Any,
-    velocity: Any,
-    strength: Any,
-    optimal: Any,
-    slack: Any,
-    pennation: Any,
-    fastest: Any,
-    damping: Any,
+    activation: Real,
+    length: Real,
+    velocity: Real,
+    strength: Real,
+    optimal: Real,
+    slack: Real,
+    pennation: Real,
+    fastest: Real,
+    damping: Real,
 ) -> Any:
     """The tension in N of a muscle with a rigid tendon; 0 where the path is too short for it.
 
@@ -77,7 +80,7 @@ def rigid_tension(
 
 
 def compliant_tension(
-    fiber: Any, length: Any, strength: Any, optimal: Any, slack: Any, pennation: Any, stiffness: Any
+    fiber: Real, length: Real, strength: Real, optimal: Real, slack: Real, pennation: Real, stiffness: Real
 ) -> Any:
     """The tension in N of a muscle whose tendon stretches: that of the tendon, and 0 while it is slack.
 
@@ -87,30 +90,30 @@ def compliant_tension(
     return strength * np.maximum(tendon_tangent(stretch, stiffness)[0], 0.0)
 
 
-def tendon_length(fiber: Any, length: Any, optimal: Any, pennation: Any) -> Any:
+def tendon_length(fiber: Real, length: Real, optimal: Real, pennation: Real) -> Any:
     """What a fiber leaves of a path to the tendon, in m."""
     height = np.sin(pennation)
     return length - optimal * np.sqrt(np.maximum(fiber * fiber - height * height, 0.0))
 
 
-def shortest_fiber(height: Any) -> Any:
+def shortest_fiber(height: Real) -> Any:
     """The least length of a fiber whose pennation keeps its `height`."""
     return np.maximum(MIN_FIBER_LENGTH, height / _STEEPEST)
 
 
 def next_fiber(
-    fiber: Any,
-    activation: Any,
-    later: Any,
-    length: Any,
-    velocity: Any,
-    seconds: Any,
-    optimal: Any,
-    slack: Any,
-    pennation: Any,
-    fastest: Any,
-    damping: Any,
-    stiffness: Any,
+    fiber: Real,
+    activation: Real,
+    later: Real,
+    length: Real,
+    velocity: Real,
+    seconds: Real,
+    optimal: Real,
+    slack: Real,
+    pennation: Real,
+    fastest: Real,
+    damping: Real,
+    stiffness: Real,
 ) -> Any:
     r"""The length of a fiber after a time step.
 
@@ -149,15 +152,15 @@ def next_fiber(
 
 
 def steady_fiber(
-    activation: Any,
-    length: Any,
-    velocity: Any,
-    optimal: Any,
-    slack: Any,
-    pennation: Any,
-    fastest: Any,
-    damping: Any,
-    stiffness: Any,
+    activation: Real,
+    length: Real,
+    velocity: Real,
+    optimal: Real,
+    slack: Real,
+    pennation: Real,
+    fastest: Real,
+    damping: Real,
+    stiffness: Real,
 ) -> Any:
     """The length of a fiber whose tendon is at rest: in balance with it while the path changes at a constant rate, or
     not at all; the longest where there are several.
@@ -184,7 +187,9 @@ def steady_fiber(
     return fiber
 
 
-def balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> Any:
+def balanced(
+    guess: Real, base: Real, pace: Real, activation: Real, path: Real, muscle: _Muscle, curves: _Curves
+) -> Any:
     """The length l of a fiber in balance whose velocity is (l − base) · pace, by Newton's method within a bracket."""
     low, high = bracket(path, muscle[1])
     fiber = min(max(guess, low), high)
@@ -199,7 +204,7 @@ def balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscl
     return fiber
 
 
-def bracket(path: Any, height: Any) -> tuple[Any, Any]:
+def bracket(path: Real, height: Real) -> tuple[Any, Any]:
     """The least length of a fiber, and that of one that leaves nothing of the path to the tendon."""
     low = shortest_fiber(height)
     whole = np.maximum(path, 0.0)
@@ -207,7 +212,15 @@ def bracket(path: Any, height: Any) -> tuple[Any, Any]:
 
 
 def newton(
-    fiber: Any, low: Any, high: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any
+    fiber: Real,
+    low: Real,
+    high: Real,
+    base: Real,
+    pace: Real,
+    activation: Real,
+    path: Real,
+    muscle: _Muscle,
+    curves: _Curves,
 ) -> tuple[Any, Any, Any, Any]:
     """One step of Newton's method towards balance, or of bisection where that leaves the bracket. Returns the new
     length and bracket, and whether the length is in balance with all lengths about it: where neither fiber nor tendon
@@ -230,12 +243,14 @@ def newton(
     return inside * new + (1.0 - inside) * 0.5 * (low + high), low, high, flat
 
 
-def _not_zero(slope: Any) -> Any:
+def _not_zero(slope: Real) -> Any:
     """A slope to divide by. It is 0 for a fiber without force and damping; any length will do then."""
     return slope + 1.0 * (slope == 0.0)
 
 
-def balance(fiber: Any, speed: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> tuple[Any, Any, Any, Any]:
+def balance(
+    fiber: Real, speed: Real, activation: Real, path: Real, muscle: _Muscle, curves: _Curves
+) -> tuple[Any, Any, Any, Any]:
     """By how much the force of a fiber, along the tendon, exceeds the tendon's; and its derivatives by the length and
     the speed of the fiber, and by the length of the path.
 
@@ -280,4 +295,4 @@ FUNCTIONS = (
     next_fiber,
     steady_fiber,
 )
-"""All of them, each after those that it calls; the curves come before."""
+"""All functions of this file, each after those that it calls; the curves come before."""

@@ -6,9 +6,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from motorgrad.bodies.muscles._curve_sets import with_curves
 
+_Arrays = tuple[Array, ...]
 # as in `_hill_dynamics`, in single precision
 _CLOSE = 1e-3
 _STILL = 1e-6
@@ -39,10 +41,12 @@ active_tangent: Any = None
 passive_tangent: Any = None
 
 
-def _balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, muscle: Any, curves: Any) -> Any:
+def _balanced(
+    guess: Array, base: Array, pace: Array, activation: Array, path: Array, muscle: _Arrays, curves: _Arrays
+) -> Any:
     low, high = bracket(path, muscle[1])
 
-    def refine(number: Any, found: Any) -> Any:
+    def refine(number: Array, found: tuple[Array, Array, Array]) -> Any:
         new, low, high, _ = newton(*found, base, pace, activation, path, muscle, curves)
         far = jnp.abs(new - found[0]) * pace > _CLOSE
         return jnp.where(far & (number % 8 == 7), 0.5 * (low + high), new), low, high
@@ -52,15 +56,15 @@ def _balanced(guess: Any, base: Any, pace: Any, activation: Any, path: Any, musc
 
 
 def _steady_fiber(
-    activation: Any,
-    length: Any,
-    velocity: Any,
-    optimal: Any,
-    slack: Any,
-    pennation: Any,
-    fastest: Any,
-    damping: Any,
-    stiffness: Any,
+    activation: Array,
+    length: Array,
+    velocity: Array,
+    optimal: Array,
+    slack: Array,
+    pennation: Array,
+    fastest: Array,
+    damping: Array,
+    stiffness: Array,
 ) -> Any:
     height = jnp.sin(pennation)
     path = length / optimal
@@ -68,7 +72,7 @@ def _steady_fiber(
     now = jnp.clip(activation, 0.0, 1.0)
     pace = 1e-3
 
-    def refine(number: Any, found: Any) -> Any:
+    def refine(number: Array, found: tuple[Array, Array, Array]) -> Any:
         fiber = found[0]
         curves = (fiber, *active_tangent(fiber), *passive_tangent(fiber))
         speed = velocity * jnp.sqrt(1.0 - (height / fiber) ** 2) / (optimal * fastest)

@@ -1,5 +1,8 @@
 """Where MuJoCo's structs keep what the laws of muscles read: from MuJoCo's own description of them, and then tried."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 import ctypes
 import functools
 from typing import Any
@@ -19,7 +22,7 @@ _NUMBERS = {
 _POINTER = ctypes.sizeof(ctypes.c_void_p)
 
 
-def place_of_array(struct: Any, attribute: str) -> int:
+def place_of_array(struct: mujoco.MjModel | mujoco.MjData, attribute: str) -> int:
     """Where a struct keeps the pointer to one of its arrays, counted in pointers from the struct's start.
 
     **Arguments:** `struct`: a `mujoco.MjModel` or a `mujoco.MjData` in which the array is not empty.
@@ -32,7 +35,7 @@ def place_of_array(struct: Any, attribute: str) -> int:
     return _tried(place, f"{kind}.{attribute}", pointer, getattr(struct, attribute).ctypes.data)
 
 
-def place_of_timestep(model: Any) -> int:
+def place_of_timestep(model: mujoco.MjModel) -> int:
     """Where a model keeps its time step, which is a number and no pointer, counted likewise.
 
     **Raises:** `RuntimeError` if it is not there.
@@ -77,7 +80,7 @@ def _place(attribute: str, offset: int) -> int:
     return offset // _POINTER
 
 
-def _tried(place: int, what: str, found: Any, wanted: Any) -> int:
+def _tried(place: int, what: str, found: object, wanted: object) -> int:
     if found != wanted:
         raise RuntimeError(_other(what, "not where MuJoCo's description of its structs says"))
     return place

@@ -38,7 +38,7 @@ def compiled_hill(curves: str) -> types.SimpleNamespace:
     numba = _numba()
     helpers = {each.__name__ for each in hill_curves(curves).helpers}
 
-    def compiled(function: Any) -> Any:
+    def compiled(function: types.FunctionType) -> Any:
         name = function.__name__
         # without a way in from Python, which only one of them needs, they compile faster
         inner = {"no_cpython_wrapper": name != "steady_fiber", "no_cfunc_wrapper": True}

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from motorgrad._arrays import Real
+
 _CELLS = 512
 _HALVINGS = 60  # of an interval, until nothing is left of it in double precision
 _U = Polynomial((0.0, 1.0))
@@ -151,7 +153,7 @@ VELOCITY = _velocity()
 TENDON = _tendon()
 
 
-def tabulated(x: Any, start: Any, pace: Any, table: Any) -> tuple[Any, Any]:
+def tabulated(x: Real, start: float, pace: float, table: np.ndarray) -> tuple[Any, Any]:
     """A curve and its slope at x, straight beyond its ends."""
     place = (x - start) * pace
     # `fmax` and `fmin` make a place even of what is not a number, which the last line passes on
@@ -171,27 +173,27 @@ def tabulated(x: Any, start: Any, pace: Any, table: Any) -> tuple[Any, Any]:
     return value + slope * (place - inside), slope * pace
 
 
-def active_tangent(length: Any) -> tuple[Any, Any]:
+def active_tangent(length: Real) -> tuple[Any, Any]:
     """The active force at a length, and its slope."""
     return tabulated(length, *ACTIVE)
 
 
-def passive_tangent(length: Any) -> tuple[Any, Any]:
+def passive_tangent(length: Real) -> tuple[Any, Any]:
     """The passive force at a length, and its slope."""
     return tabulated(length, *PASSIVE)
 
 
-def velocity_tangent(velocity: Any) -> tuple[Any, Any]:
+def velocity_tangent(velocity: Real) -> tuple[Any, Any]:
     """The factor at a velocity, and its slope."""
     return tabulated(velocity, *VELOCITY)
 
 
-def tendon_stiffness(strain: Any) -> Any:
+def tendon_stiffness(strain: Real) -> Any:
     """What `tendon_tangent` needs of a tendon that has a strain at the greatest isometric force: the inverse."""
     return 1.0 / strain
 
 
-def tendon_tangent(length: Any, stiffness: Any) -> tuple[Any, Any]:
+def tendon_tangent(length: Real, stiffness: Real) -> tuple[Any, Any]:
     """The force of a tendon at a length, and its slope."""
     force, slope = tabulated((length - 1.0) * stiffness, *TENDON)
     return force, slope * stiffness

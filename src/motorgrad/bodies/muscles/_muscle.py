@@ -10,18 +10,20 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
+from motorgrad._arrays import Real
 from motorgrad._errors import check, check_not_negative, check_positive
 
 
 def tension(
-    activation: Any,
-    length: Any,
-    velocity: Any,
-    strength: Any,
-    rest_length: Any,
-    shape: Any = 0.5,
-    damping: Any = 0.0,
+    activation: Real,
+    length: Real,
+    velocity: Real,
+    strength: Real,
+    rest_length: Real,
+    shape: Real = 0.5,
+    damping: Real = 0.0,
 ) -> Any:
     r"""The tension of a muscle, positive when it pulls.
 
@@ -165,7 +167,7 @@ _WIDTH = 1.2
 _MAX_VELOCITY = 1e9
 
 
-def set_native_gain(actuator: Any, muscle: Muscle) -> None:
+def set_native_gain(actuator: mujoco.MjsActuator, muscle: Muscle) -> None:
     """Give an `MjsActuator` MuJoCo's `muscle` gain for `muscle`, without activation dynamics or passive force.
 
     The built-in force–length curve is a bump of four parabolas between `lmin` and `lmax`, 1 at the rest length and ½
@@ -180,7 +182,7 @@ def set_native_gain(actuator: Any, muscle: Muscle) -> None:
     actuator.gainprm[:9] = (0.0, 1.0, muscle.strength, 1.0, 1.0 - width, 1.0 + width, _MAX_VELOCITY, 1.0, 1.0)
 
 
-def check_thesis(model: Any) -> None:
+def check_thesis(model: mujoco.MjModel) -> None:
     """Refuse actuators whose gain is the user's, and that are no muscles of this library: its callback would take them
     for such.
 
@@ -196,7 +198,7 @@ def check_thesis(model: Any) -> None:
         check(right, "actuator", model.actuator(i).name, wanted)
 
 
-def native_force_length(length: Any, rest_length: Any, shape: Any = 0.5) -> np.ndarray:
+def native_force_length(length: npt.ArrayLike, rest_length: Real, shape: Real = 0.5) -> np.ndarray:
     """The force–length factor that `muscle_model="native"` uses in place of the Gaussian of `tension`.
 
     **Arguments:** path length and rest length in m, and the Gaussian's $k_{CE}$; arrays broadcast.
@@ -209,5 +211,5 @@ def native_force_length(length: Any, rest_length: Any, shape: Any = 0.5) -> np.n
     return np.where(strain <= 1.0, 1.0 - 0.5 * strain**2, np.where(strain < 2.0, 0.5 * (2.0 - strain) ** 2, 0.0))
 
 
-def _half_width(shape: Any) -> Any:
+def _half_width(shape: Real) -> Any:
     return _WIDTH * math.sqrt(2.0) * np.sqrt(shape)

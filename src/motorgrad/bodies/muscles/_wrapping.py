@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad._arrays import Real, Vector
 from motorgrad._errors import check
 
 
-def wrapping_angle(origin_distance: Any, insertion_distance: Any, radius: Any) -> Any:
+def wrapping_angle(origin_distance: Real, insertion_distance: Real, radius: Real) -> Any:
     """The angle θ_c = 2π − α_A − α_B below which the path touches the capsule, with α = acos(ρ / l).
 
     **Arguments:** distances of the two attachments from the joint's centre, and the capsule's radius, in m (arrays
@@ -26,7 +27,7 @@ def wrapping_angle(origin_distance: Any, insertion_distance: Any, radius: Any) -
     return 2.0 * np.pi - np.arccos(radius / origin_distance) - np.arccos(radius / insertion_distance)
 
 
-def wrapped_length(angle: Any, origin_distance: Any, insertion_distance: Any, radius: Any) -> Any:
+def wrapped_length(angle: Real, origin_distance: Real, insertion_distance: Real, radius: Real) -> Any:
     """The length of the shortest path around the capsule.
 
     `l_A sin α_A + l_B sin α_B + ρ (θ_c − θ)` where it wraps (θ < θ_c), else the straight distance.
@@ -43,7 +44,7 @@ def wrapped_length(angle: Any, origin_distance: Any, insertion_distance: Any, ra
     return np.where(angle < critical, wrapped, _straight(angle, origin_distance, insertion_distance))
 
 
-def wrapped_rate(angle: Any, velocity: Any, origin_distance: Any, insertion_distance: Any, radius: Any) -> Any:
+def wrapped_rate(angle: Real, velocity: Real, origin_distance: Real, insertion_distance: Real, radius: Real) -> Any:
     """The rate of `wrapped_length` in m/s: `−ρ dθ/dt` where the path wraps, else the derivative of the distance.
 
     **Arguments:** `velocity`: dθ/dt in rad/s; the others as in `wrapped_length`.
@@ -56,13 +57,15 @@ def wrapped_rate(angle: Any, velocity: Any, origin_distance: Any, insertion_dist
     return np.where(angle < critical, -radius * np.asarray(velocity), straight)
 
 
-def away_angle(interior: Any, behind: bool) -> Any:
+def away_angle(interior: Real, behind: bool) -> Any:
     """Convert a joint's interior angle to the angle θ of this module: unchanged if the muscle passes `behind` the joint
     (an extensor), else 2π minus it (a flexor)."""
     return interior if behind else 2.0 * np.pi - np.asarray(interior)
 
 
-def path_points(origin: Any, insertion: Any, centre: Any, radius: float, side: Any, arc_points: int = 16) -> np.ndarray:
+def path_points(
+    origin: Vector, insertion: Vector, centre: Vector, radius: float, side: Vector, arc_points: int = 16
+) -> np.ndarray:
     """Points along the path in space, for drawing.
 
     **Arguments:**
@@ -109,12 +112,12 @@ def path_points(origin: Any, insertion: Any, centre: Any, radius: float, side: A
     return np.concatenate([origin[None], arc, insertion[None]])
 
 
-def _tangent(distance: Any, radius: Any) -> Any:
+def _tangent(distance: Real, radius: Real) -> Any:
     """Length of the tangent from a point at `distance` from the centre: l sin(acos(ρ/l))."""
     return np.sqrt(np.square(distance) - np.square(radius))
 
 
-def _straight(angle: Any, origin_distance: Any, insertion_distance: Any) -> Any:
+def _straight(angle: Real, origin_distance: Real, insertion_distance: Real) -> Any:
     """The law of cosines, in a form that stays accurate for a folded joint."""
     half = np.sin(np.asarray(angle) / 2.0)
     return np.sqrt(
@@ -122,7 +125,7 @@ def _straight(angle: Any, origin_distance: Any, insertion_distance: Any) -> Any:
     )
 
 
-def _check_lengths(origin_distance: Any, insertion_distance: Any, radius: Any) -> None:
+def _check_lengths(origin_distance: Real, insertion_distance: Real, radius: Real) -> None:
     check(np.all(np.asarray(radius) > 0.0), "radius", radius, "> 0 (m)")
     for name, distance in (("origin_distance", origin_distance), ("insertion_distance", insertion_distance)):
         check(np.all(np.asarray(distance) >= radius), name, distance, f"at least the capsule's radius {radius!r} (m)")

@@ -2,12 +2,13 @@
 
 import abc
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.scipy.special import ndtri
-from jaxtyping import Array, Bool, Float, Int
+from jax.typing import DTypeLike
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import counted_on
@@ -24,19 +25,19 @@ class Criterion(Part):
         """Refuse settings that do not fit an adding phase of this length in decisions."""
 
     @abc.abstractmethod
-    def init(self, dtype: Any) -> Any:
+    def init(self, dtype: DTypeLike) -> PyTree:
         """The state when a unit has been added."""
 
     @abc.abstractmethod
-    def reinforce(self, state: Any, reward: Float[Array, ""], grown: Bool[Array, ""]) -> Any:
+    def reinforce(self, state: PyTree, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PyTree:
         """The state after a reward; `grown` says whether the adding phase of the newest unit is over."""
 
     @abc.abstractmethod
-    def due(self, state: Any, age: Int[Array, ""]) -> Bool[Array, ""]:
+    def due(self, state: PyTree, age: Int[Array, ""]) -> Bool[Array, ""]:
         """Whether a unit is to be added now, `age` decisions after the last."""
 
     @abc.abstractmethod
-    def renew(self, state: Any) -> Any:
+    def renew(self, state: PyTree) -> PyTree:
         """The state after a unit was added."""
 
 
@@ -54,16 +55,16 @@ class Clock(Criterion):
         wanted = f"at least the {adding:,} decisions of the adding phase"
         check(self.interval >= adding, "criterion.interval", self.interval, wanted)
 
-    def init(self, dtype: Any) -> None:
+    def init(self, dtype: DTypeLike) -> None:
         return None
 
-    def reinforce(self, state: Any, reward: Float[Array, ""], grown: Bool[Array, ""]) -> Any:
+    def reinforce(self, state: PyTree, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PyTree:
         return state
 
-    def due(self, state: Any, age: Int[Array, ""]) -> Bool[Array, ""]:
+    def due(self, state: PyTree, age: Int[Array, ""]) -> Bool[Array, ""]:
         return age >= self.interval
 
-    def renew(self, state: Any) -> Any:
+    def renew(self, state: PyTree) -> PyTree:
         return state
 
 
@@ -116,7 +117,7 @@ class Plateau(Criterion):
     confidence: float = number(0.95, 0, 1, open_low=True, open_high=True)
     patience: int = count(3, 1, 2**30 - 1)
 
-    def init(self, dtype: Any) -> PlateauState:
+    def init(self, dtype: DTypeLike) -> PlateauState:
         zero = jnp.zeros((), dtype)
         none = jnp.zeros((), jnp.int32)
         return PlateauState(

@@ -32,7 +32,7 @@ class GrowthState(NamedTuple):
     unit: Int[Array, ""]
     age: Int[Array, ""]
     salt: UInt32[Array, ""]
-    criterion: Any
+    criterion: PyTree
     visited: VisitedState | None
 
 

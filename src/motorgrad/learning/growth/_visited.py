@@ -1,8 +1,9 @@
 """A sample of the recent observations of a learner, at which new units may be placed."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float, UInt32
 
 from motorgrad._running import counted_round
@@ -36,7 +37,7 @@ class Visited(Part):
     slots: int = count(64, 1, 100_000)
     every: int = count(100, 1)
 
-    def init(self, inputs: int, dtype: Any) -> VisitedState:
+    def init(self, inputs: int, dtype: DTypeLike) -> VisitedState:
         """The empty memory."""
         none = jnp.zeros((), jnp.uint32)
         return VisitedState(jnp.zeros((self.slots, inputs), dtype), none, none)

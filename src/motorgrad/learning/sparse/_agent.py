@@ -20,12 +20,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad.learning._agent import Agent, AgentState
-from motorgrad.learning._branching import Flag, where_any
+from motorgrad.learning._branching import Flag, Scalar, where_any
 from motorgrad.learning._chain import SGD
 from motorgrad.learning._schedules import changes
 from motorgrad.learning._traces import Episodic, Exponential
@@ -108,7 +108,7 @@ class SparseAgent(Agent):
         check(estimator.entropy is None, "estimator.entropy", estimator.entropy, "None with a spatial index")
 
     @property
-    def decay(self) -> Any:
+    def decay(self) -> Float[Array, ""]:
         """The decay of the trace, which may be traced."""
         trace = self.estimator.trace
         return jnp.asarray(trace.decay if isinstance(trace, Exponential) else 1.0)
@@ -150,7 +150,7 @@ class SparseAgent(Agent):
     def act(
         self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " room"]
     ) -> tuple[AgentState, Array]:
-        """As `Agent.act`, for the units that are listed where the observation is."""
+        """What `Agent.act` does, for the units alone that are listed where the observation is."""
         decayed = self._with_trace(state, self.decay * state.estimator.trace)
         state = self._begin(decayed, self.decay <= 0)  # without memory, every decision is an episode of its own
         index = _index(state)
@@ -232,7 +232,7 @@ class SparseAgent(Agent):
     def _with_trace(self, state: AgentState, trace: Float[Array, " episodes"]) -> AgentState:
         return state._replace(estimator=state.estimator._replace(trace=trace))
 
-    def _rates(self, state: AgentState) -> Any:
+    def _rates(self, state: AgentState) -> PyTree:
         """The learning rate of every parameter, in their structure."""
         assert isinstance(self.optimizer, SGD)
         return self.optimizer.learning_rates(trainable(state.policy))
@@ -264,7 +264,7 @@ class SparseAgent(Agent):
         pace = self.index.pace(pool, pool.from_blocks((slope,)))
         return strain, jnp.maximum(1 - strain, 0) / jnp.maximum(pace, 1e-30)
 
-    def refresh(self, index: IndexState, policy: Any) -> IndexState:
+    def refresh(self, index: IndexState, policy: LocalGaussians) -> IndexState:
         """The tables that are due, and those that a saved state is without. It is done outside compiled code.
 
         **Arguments:** the index of many seeds, along a leading axis, which is used up, and their policies, for what is
@@ -299,7 +299,7 @@ class SparseAgent(Agent):
 
 
 @functools.partial(jax.jit, donate_argnums=0)
-def _place(old: Any, new: Any, seed: Any) -> Any:
+def _place(old: PyTree, new: PyTree, seed: int) -> PyTree:
     return jax.tree.map(lambda all, one: all.at[seed].set(one), old, new)
 
 
@@ -308,7 +308,7 @@ def _index(state: AgentState) -> IndexState:
     return state.index
 
 
-def _rows(base: Array, slope: Array, episode: Any = 0) -> Float[Array, "units row"]:
+def _rows(base: Array, slope: Array, episode: Scalar = 0) -> Float[Array, "units row"]:
     since = jnp.broadcast_to(jnp.asarray(episode, base.dtype), (base.shape[0], 1))
     return jnp.concatenate([base, slope, since], axis=1)
 
@@ -323,7 +323,7 @@ def _caught_up(index: IndexState) -> Float[Array, "units parameters"]:
     return base + slope * index.sums[since.astype(jnp.int32)][:, None]
 
 
-def _with(policy: Any, theta: Float[Any, "units parameters"]) -> Any:
+def _with(policy: Any, theta: Float[Array | np.ndarray, "units parameters"]) -> Any:
     """A pool with these parameters, within their limits."""
     return eqx.combine(policy.from_blocks((theta,)), split(policy)[1]).limited()
 

@@ -60,7 +60,7 @@ class SpatialIndex(Part):
         return (aside + self.reach(after) * jnp.expm1(growth)) / self.margin
 
     def pace(self, pool: LocalGaussians, step: LocalGaussians) -> Float[Array, " units"]:
-        """By how much a small `step` of the parameters adds to the strain, at most, whatever the strain is by now."""
+        """The most that a small `step` of the parameters adds to the strain, whatever the strain is by now."""
         reach = self.reach(pool)
         wider = 1 + self.margin / jnp.maximum(reach, 1e-3)  # than in the reference, at most
         aside = wider * _length(step.centre * jnp.exp(-pool.log_width))

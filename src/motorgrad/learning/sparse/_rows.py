@@ -1,6 +1,6 @@
 """Row updates in a form that XLA compiles into one function with the loop around it."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +30,7 @@ def greatest(values: Float[Array, " units"]) -> Float[Array, ""]:
 
 
 @write_rows.def_vmap
-def _put_seeds(seeds: int, batched: Any, *arguments: Array) -> tuple[Array, bool]:
+def _put_seeds(seeds: int, batched: Sequence[bool], *arguments: Array) -> tuple[Array, bool]:
     """A loop over seeds around the loop over units: `vmap` would turn it into a scatter after all."""
     array, units, values, count = (
         jnp.asarray(argument) if has else jnp.broadcast_to(argument, (seeds, *argument.shape))

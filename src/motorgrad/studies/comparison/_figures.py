@@ -3,17 +3,17 @@
 import html
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyarrow as pa
 
 from motorgrad._labels import drawable, literal
+from motorgrad.studies.comparison._plan import ComparisonPlan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from motorgrad.studies.comparison._results import ComparisonResults
 else:
     Axes = Any
 
@@ -80,26 +80,27 @@ def style(place: int) -> str:
     return list(STYLES)[place // COLOURS % len(STYLES)]
 
 
-def standing_alone(results: "ComparisonResults") -> dict[str, str]:
+def standing_alone(
+    comparison: ComparisonPlan, tables: Mapping[str, pa.Table], ranking: Sequence[Row]
+) -> dict[str, str]:
     """The figures by name, each as the text of an SVG file that follows the reader's light or dark theme and has a key
     of the methods."""
-    tables = {name: table.to_pylist() for name, table in results.tables.items()}
-    if "summary" not in tables:
+    rows = {name: table.to_pylist() for name, table in tables.items()}
+    if "summary" not in rows:
         return {}
-    methods = list(results.comparison.methods)
-    rows = results.ranking
-    ranked = [row["method"] for row in rows]
+    methods = list(comparison.methods)
+    ranked = [row["method"] for row in ranking]
     found = {
-        "ranking": intervals(rows, methods, ranked, "Interquartile mean over all tasks"),
-        "profiles": profiles(tables.get("profiles", ()), methods),
-        "plane": plane(tables.get("sensitivity", ()), methods),
-        "tuning": tuning(tables["tuning"], methods),
+        "ranking": intervals(ranking, methods, ranked, "Interquartile mean over all tasks"),
+        "profiles": profiles(rows.get("profiles", ()), methods),
+        "plane": plane(rows.get("sensitivity", ()), methods),
+        "tuning": tuning(rows["tuning"], methods),
     }
-    for task in results.comparison.tasks:
-        if own := [row for row in tables.get("curves", ()) if row["task"] == task]:
-            words = results.comparison.metric_of(task).replace("_", " ")
+    for task in comparison.tasks:
+        if own := [row for row in rows.get("curves", ()) if row["task"] == task]:
+            words = comparison.metric_of(task).replace("_", " ")
             found[f"curves-{task}"] = curves(own, methods, task, "decision", AXES["decision"], words)
-    if judged := [row for row in tables.get("sensitivity", ()) if row["scores"]]:
+    if judged := [row for row in rows.get("sensitivity", ()) if row["scores"]]:
         found["dimension"] = dimensions(judged, methods)
     return {name: _with_key(svg, methods) for name, svg in found.items()}
 
@@ -227,7 +228,7 @@ def tuning(rows: Sequence[Row], methods: Sequence[str]) -> str:
     return panel(draw, "The cost of tuning", height=3.4)
 
 
-def panel(draw: Any, title: str, height: float = HEIGHT) -> str:
+def panel(draw: Callable[[Axes], None], title: str, height: float = HEIGHT) -> str:
     """A panel as SVG, with the colours of the page."""
     import matplotlib
     from matplotlib.figure import Figure

@@ -10,8 +10,9 @@ from motorgrad._errors import counted
 from motorgrad._files import write_atomically
 from motorgrad.studies._page import failures_text, html_page
 from motorgrad.studies.comparison import _figures as figures
-from motorgrad.studies.comparison._comparison import SCORED
-from motorgrad.studies.comparison._results import CHOICES, ComparisonResults
+from motorgrad.studies.comparison._plan import SCORED
+from motorgrad.studies.comparison._results import ComparisonResults
+from motorgrad.studies.comparison._scores import CHOICES
 
 Row = dict[str, Any]
 DOING = {
@@ -126,7 +127,7 @@ def _ranking(results: ComparisonResults, tables: Mapping[str, list[Row]], ranked
         lost = f" <small>{row['broken']} of {counted(row['runs'], 'run')} not finite</small>" if row["broken"] else ""
         rows.append(
             [
-                _chip(method, results) + lost,
+                _swatch(list(results.comparison.methods).index(method), method) + lost,
                 _interval(row),
                 _interval(of[method, "median"]),
                 _interval(share[method]),
@@ -236,10 +237,6 @@ def _legend(methods: Sequence[str]) -> str:
     return f'<p class="legend">{chips}</p>'
 
 
-def _chip(method: str, results: ComparisonResults) -> str:
-    return _swatch(list(results.comparison.methods).index(method), method)
-
-
 def _swatch(place: int, method: str) -> str:
     line = f'<line x1="1" x2="21" y1="5" y2="5" stroke-dasharray="{figures.STYLES[figures.style(place)]}"/>'
     colour = f"var(--c{place % figures.COLOURS})"
@@ -272,7 +269,7 @@ def _number(value: float) -> str:
     return text.replace("-", "−")
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     return html.escape(str(value))
 
 

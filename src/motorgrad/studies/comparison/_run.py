@@ -8,68 +8,25 @@ tables/*.csv      the results
 index.html        the page
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from motorgrad._arguments import check_arguments
 from motorgrad._files import check_writable, write_atomically
 from motorgrad.studies._driver import run_study
 from motorgrad.studies._folder import check_folder, locked
 from motorgrad.studies._study import Study
-from motorgrad.studies.comparison._comparison import MEASURES, Comparison
 from motorgrad.studies.comparison._page import write_page
-from motorgrad.studies.comparison._results import PILOT, ComparisonResults
+from motorgrad.studies.comparison._plan import MEASURES, ComparisonPlan
+from motorgrad.studies.comparison._results import ComparisonResults
+from motorgrad.studies.comparison._scores import PILOT
 
 FILE = "comparison.toml"
 
 
-def compare(
-    tasks: Any,
-    methods: Any,
-    metric: str = "reward",
-    *,
-    out: Path | str,
-    steps: int | None = None,
-    seconds: float | None = None,
-    seeds: Any = None,
-    run: Mapping[str, Any] | None = None,
-    **settings: Any,
-) -> ComparisonResults:
-    """Compare methods on tasks: choose the settings of each on some seeds, and judge it on others.
-
-    **Arguments:**
-
-    - `out`: the folder. A comparison that is found there unfinished continues.
-    - `seeds`: a table with `tune` and `judge`, by default 4 and 16.
-    - `run`: how and where jobs run, the options of `motorgrad.studies.run_study`, such as `{"on": "processes"}`.
-    - the others: as in `Comparison`.
-
-    **Returns** the `ComparisonResults`; its page is `index.html` of the folder.
-
-    **Raises** as `Comparison` and `Comparison.run`.
-
-    ```python
-    found = mg.compare(
-        ["three-state", "call-admission"],
-        ["olgarb", "olpomdp"],
-        agent={"learning_rate": [0.01, 0.1]},
-        steps=2_000,
-        out="runs/two",
-        run={"progress": False},
-    )
-    print(found.summary.to_pylist()[0])
-    ```
-    """
-    check_arguments(compare, locals(), ("metric", "out", "run"))
-    seeds = {"tune": 4, "judge": 16} if seeds is None else seeds
-    made = Comparison(tasks, methods, metric, seeds, steps=steps, seconds=seconds, **settings)
-    return made.run(out, **(run or {}))
-
-
-def run_comparison(comparison: Comparison, out: Path | str, **options: Any) -> ComparisonResults:
+def run_comparison(comparison: ComparisonPlan, out: Path | str, **options: Any) -> ComparisonResults:
     """Run a comparison in a folder, or continue it there.
 
     **Arguments:** `options`: as in `run_study`. They have no effect on any number, but for those that are measured in
@@ -87,7 +44,7 @@ def run_comparison(comparison: Comparison, out: Path | str, **options: Any) -> C
     trust = bool(options.get("trust", False))
     file = path / FILE
     described = comparison.as_table()
-    stored = Comparison.read(file, trust=trust).as_table() if file.is_file() else None
+    stored = comparison.read(file, trust=trust).as_table() if file.is_file() else None
     check_folder(path, FILE, "comparison", described, stored)
     with locked(path, "comparison"):
         write_atomically(file, tomli_w.dumps(described).encode())
@@ -102,7 +59,7 @@ def run_comparison(comparison: Comparison, out: Path | str, **options: Any) -> C
     return results
 
 
-def _stages(comparison: Comparison, path: Path, trust: bool) -> Iterator[tuple[str, Study]]:
+def _stages(comparison: ComparisonPlan, path: Path, trust: bool) -> Iterator[tuple[str, Study]]:
     """The studies of a comparison, each made when those before it are done."""
     if comparison.seconds is not None:
         cases = [comparison.first_case(*pair, PILOT) for pair in comparison.pairs]

@@ -24,8 +24,8 @@ from motorgrad.statistics import (
     stratified_bootstrap,
 )
 from motorgrad.studies._page import settings_text
-from motorgrad.studies.comparison._comparison import SCORED
-from motorgrad.studies.comparison._results import ComparisonResults
+from motorgrad.studies.comparison._plan import SCORED
+from motorgrad.studies.comparison._scores import ComparisonScores
 
 STATISTICS = {"interquartile mean": interquartile_mean, "median": median_over_tasks, "mean": mean_over_tasks}
 THRESHOLDS = 101  # of a performance profile
@@ -35,7 +35,7 @@ MAX_TUNING_COUNTS = 24  # numbers of settings at which the cost of tuning is tol
 Rows = list[dict[str, Any]]
 
 
-def tables_of(results: ComparisonResults) -> dict[str, Rows]:
+def tables_of(results: ComparisonScores) -> dict[str, Rows]:
     """The rows of all tables, as far as the comparison has come."""
     found: dict[str, Rows] = {}
     if "tuning" in results.stages and results.stages["tuning"].complete:
@@ -52,7 +52,7 @@ def tables_of(results: ComparisonResults) -> dict[str, Rows]:
     return found
 
 
-def dimension_of(results: ComparisonResults, method: str) -> EffectiveDimension | None:
+def dimension_of(results: ComparisonScores, method: str) -> EffectiveDimension | None:
     """The effective dimension of a method's settings; `None` where they were drawn from ranges, where more of them
     differ than it is found for, or where none has a score on every task."""
     varied = results.comparison.varied(method)
@@ -64,7 +64,7 @@ def dimension_of(results: ComparisonResults, method: str) -> EffectiveDimension 
     return effective_dimension(varied, scores) if np.isfinite(scores).all(axis=0).any() else None
 
 
-def _summary(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _summary(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     for method in results.methods:
         for chosen in ("tuned", "shared"):
             for scored in SCORED:
@@ -87,13 +87,13 @@ def _interval(statistic: Callable[..., Any], scores: Float[np.ndarray, "tasks se
     return {"value": value, "low": low, "high": high, "runs": scores.size}
 
 
-def _scores(results: ComparisonResults) -> dict[str, Float[np.ndarray, "tasks seeds"]]:
+def _scores(results: ComparisonScores) -> dict[str, Float[np.ndarray, "tasks seeds"]]:
     """The scores by which methods are ranked, of those that have one for every run."""
     scores = {method: results.scores(method, results.comparison.choose_by) for method in results.methods}
     return {method: each for method, each in scores.items() if np.isfinite(each).all()}
 
 
-def _tasks(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _tasks(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     for pair in results.comparison.pairs:
         if not results.is_judged(pair):
             continue
@@ -107,7 +107,7 @@ def _tasks(results: ComparisonResults) -> Iterator[dict[str, Any]]:
                 yield {**about, **middle, **_measured("median", median_of(earned))}
 
 
-def _improvement(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _improvement(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     scores = _scores(results)
     for one, other in itertools.combinations(scores, 2):
         found = improvement_of(scores[one], scores[other])
@@ -116,7 +116,7 @@ def _improvement(results: ComparisonResults) -> Iterator[dict[str, Any]]:
         yield {"method": other, "over": one, **dict(zip(("probability", "low", "high"), back, strict=True))}
 
 
-def _profiles(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _profiles(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     scores = _scores(results)
     if not scores:
         return
@@ -129,7 +129,7 @@ def _profiles(results: ComparisonResults) -> Iterator[dict[str, Any]]:
             yield {"method": method, "threshold": threshold, "share": share, "low": low, "high": high}
 
 
-def _curves(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _curves(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     """The metric while learning. A run counts with its latest value, from the first record that has one."""
     for pair in results.comparison.pairs:
         if not results.is_judged(pair):
@@ -166,7 +166,7 @@ def _recorded(values: Float[np.ndarray, "seeds records"]) -> Iterator[tuple[np.n
         yield records, latest[own[:, records[0]] >= 0][:, records].T
 
 
-def _sensitivity(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _sensitivity(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     scored = results.comparison.choose_by
     for method, tuned in _scores(results).items():
         shared = results.scores(method, scored, "shared")
@@ -187,7 +187,7 @@ def _sensitivity(results: ComparisonResults) -> Iterator[dict[str, Any]]:
         }
 
 
-def _tuning(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _tuning(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     """What the best of k settings scores, against what trying k settings costs."""
     seeds = len(results.comparison.seeds.tuning)
     for method in results.comparison.methods:
@@ -204,7 +204,7 @@ def _tuning(results: ComparisonResults) -> Iterator[dict[str, Any]]:
             yield {"method": method, "settings": int(count), "decisions": int(count * decisions), "score": float(score)}
 
 
-def _cost(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _cost(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     stages = [stage for stage in ("tuning", "judging") if stage in results.stages]
     for method in results.comparison.methods:
         row: dict[str, Any] = {"method": method, "settings": len(results.comparison.varied(method))}
@@ -219,7 +219,7 @@ def _cost(results: ComparisonResults) -> Iterator[dict[str, Any]]:
         yield {**row, "cpu_microseconds_per_decision": 1e6 * float(np.mean(costs))}
 
 
-def _chosen(results: ComparisonResults) -> Iterator[dict[str, Any]]:
+def _chosen(results: ComparisonScores) -> Iterator[dict[str, Any]]:
     for (method, task), each in results.chosen.items():
         varied = results.comparison.varied(method)
         for chosen, index in each.items():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check, shown
 from motorgrad._interface import ActionCode
 from motorgrad.tasks.gymnasium._making import make_environment, one_line
@@ -135,13 +136,13 @@ class EnvironmentBatch:
             packed[broken, size:-1] = 0.0
             packed[broken, -1] = 1.0
 
-    def reset(self, rows: Any = None) -> None:
+    def reset(self, rows: Sequence[int] | np.ndarray | None = None) -> None:
         """Start a new episode; an environment's random numbers continue."""
         for row in range(len(self.seeds)) if rows is None else rows:
             self._begin(int(row), None)
 
     @property
-    def unpack(self) -> Callable[[Any], EnvironmentState]:
+    def unpack(self) -> Callable[[Float[AnyArray, "*rows width"]], EnvironmentState]:
         return functools.partial(_unpack, self._size, len(self.info))
 
     @property
@@ -183,7 +184,7 @@ class EnvironmentBatch:
         self.packed[row, : self._size] = np.ravel(observation)
         self._begun[row] = self._decisions
 
-    def _step(self, row: int, made: int, action: Any = None, before: int = 0) -> str:
+    def _step(self, row: int, made: int, action: object = None, before: int = 0) -> str:
         """A step of an environment in words, from the number of it in the decision, which is by default the current
         one, or so many `before`."""
         since = " since it was restored" if self._restored else ""
@@ -191,7 +192,7 @@ class EnvironmentBatch:
         step = f"step {number} of {self._env_id} of seed {self.seeds[row]}{since}"
         return step if action is None else f"{step}, action {shown(action)}"
 
-    def _last_step(self, row: int, action: Any = None) -> str:
+    def _last_step(self, row: int, action: object = None) -> str:
         """The last step of the decision before, in words; step 0 before an episode's first decision."""
         some = self._decisions > self._begun[row]
         return self._step(row, self._outcomes[row][3] if some else 0, action, int(some))
@@ -201,7 +202,7 @@ class EnvironmentBatch:
         row, error = next((row, found) for row, one in enumerate(seen) if (found := misfit(one, self._shape)))
         return self._unfit(error, self._last_step(row, chosen[row]))
 
-    def _refusal(self, returned: Any, place: str) -> Exception:
+    def _refusal(self, returned: object, place: str) -> Exception:
         """The error for what a step returned."""
         try:
             step_outcome(returned, self.info)
@@ -307,7 +308,7 @@ def _copied(env_id: str, kwargs: Mapping[str, Any], original: "gymnasium.Env") -
     return copy
 
 
-def _unpack(size: int, keys: int, packed: Any) -> EnvironmentState:
+def _unpack(size: int, keys: int, packed: Float[AnyArray, "... width"]) -> EnvironmentState:
     flags = (packed[..., size], packed[..., size + 1] > 0, packed[..., size + 2] > 0, packed[..., size + 3])
     first = size + 4
     end = size + 4 + keys

@@ -14,11 +14,11 @@ from jaxtyping import Array, Float
 from motorgrad._consent import allow
 from motorgrad._errors import check, check_integer, unknown
 from motorgrad._interface import ActionCode, Interface, ObservationCode
-from motorgrad._presets import STEPS, natural
+from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean
 from motorgrad._settings import check_fields
 from motorgrad.tasks._host_task import HostTask
-from motorgrad.tasks._task import Flag, Reading, Scalar
+from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.gymnasium._batch import (
     EnvironmentBatch,
     EnvironmentState,
@@ -138,7 +138,9 @@ class Gymnasium(HostTask):
         try:
             seen = observation_code(environment.observation_space, self.scaling, self.env_id)
             code = action_code(environment.action_space, self.code, self.env_id)
-            step = _duration(environment)
+            step: Any = None
+            with contextlib.suppress(Exception):  # a property of its own may raise anything before the first reset
+                step = getattr(environment.unwrapped, "dt", None)
             limit = environment.spec.max_episode_steps if environment.spec else None
             info = self._info(environment)
             doc = type(environment.unwrapped).__doc__
@@ -182,7 +184,7 @@ class Gymnasium(HostTask):
         return self._facts.code.kind  # type: ignore[return-value]
 
     @property
-    def reports(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def metric_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         facts = self._facts
         read = ("success", "solved", *facts.info[1:]) if facts.succeeds else facts.info
         return ("return", "length", *read)
@@ -192,7 +194,7 @@ class Gymnasium(HostTask):
         return self.learner_for(STEPS)
 
     def learner_for(self, steps: int) -> Mapping[str, Any]:
-        return natural(self, steps)
+        return natural_learner(self, steps)
 
     @property
     def observation_size(self) -> int:
@@ -228,7 +230,7 @@ class Gymnasium(HostTask):
     def observation_code(self) -> ObservationCode:
         return self._facts.seen
 
-    def interface(self, actions: Any = None) -> Interface:
+    def interface(self, actions: Actions | None = None) -> Interface:
         del actions  # it takes one kind
         return Interface(self._facts.seen, self._facts.code, self.period)
 
@@ -307,7 +309,7 @@ class Gymnasium(HostTask):
     def truncated(self, memory: EnvironmentMemory, state: EnvironmentState) -> Flag:
         return state.truncated
 
-    def readings(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Reading]:
+    def metrics(self, memory: EnvironmentMemory, state: EnvironmentState) -> dict[str, Metric]:
         """Of an episode that has just ended: `return`, the sum of its rewards, `length`, its number of steps, and
         `success`, whether it was solved on `success_steps` of them. Of a decision: `solved`, on which share of its
         steps, and the mean of each key of `info`."""
@@ -321,14 +323,6 @@ class Gymnasium(HostTask):
             count = state.info_count[index]
             found[name] = (state.info[index] / jnp.maximum(count, 1), count > 0)
         return found
-
-
-def _duration(environment: "gymnasium.Env") -> Any:
-    """What an environment says of the duration of a step, if anything."""
-    try:
-        return getattr(environment.unwrapped, "dt", None)
-    except Exception:  # a property of its own, which may raise anything before the first reset
-        return None
 
 
 def _again(env_id: str, kwargs: Mapping[str, Any] | None, *settings: Any) -> Gymnasium:
@@ -346,7 +340,7 @@ def from_gymnasium(
     end_reward: float = 0.0,
     info: Sequence[str] = (),
     success_steps: int = 1,
-    **kwargs: Any,
+    **kwargs: bool | int | float | str,
 ) -> Gymnasium:
     """A Gymnasium environment as a task, for our agents to learn.
 

@@ -52,7 +52,7 @@ def module_of(env_id: str) -> str | None:
     return found["module"]
 
 
-def foreign_code(env_id: Any, kwargs: Any) -> list[str]:
+def foreign_code(env_id: object, kwargs: object) -> list[str]:
     """The names of code that making an environment would import, and that the user has not named in this process.
 
     A text among the arguments may be the id of another environment. It counts if it has a colon, since there is no

@@ -13,12 +13,13 @@ import numpy as np
 from motorgrad._errors import check
 
 MAX_SINGLE_PRECISION = float(np.finfo(np.float32).max)
-_REALS = frozenset({bool, float, np.float32, np.float64})  # what needs no closer look
+_REALS = (float, bool, np.floating)  # what needs no closer look
+_REALS_AND_OTHERS = (*_REALS, numbers.Real)
 _FLAGS = frozenset({bool, np.bool_})
 _NUMBERS = "biuf"  # kinds of NumPy's types
 
 
-def step_outcome(returned: Any, keys: Sequence[str]) -> tuple[Any, float, bool, bool, Sequence[float]]:
+def step_outcome(returned: object, keys: Sequence[str]) -> tuple[Any, float, bool, bool, Sequence[float]]:
     """What `step` returned, with the numbers of these keys of `info` in its place (`info_numbers`).
 
     Whether the observation is right is left to `stacked`, for all environments at once. A reward may be infinite or
@@ -30,6 +31,7 @@ def step_outcome(returned: Any, keys: Sequence[str]) -> tuple[Any, float, bool, 
     if type(returned) is not tuple or len(returned) != 5:
         five = isinstance(returned, tuple | list) and len(returned) == 5
         check(five, "step returned", returned, "an observation, a reward, terminated, truncated and an info")
+        assert isinstance(returned, tuple | list)
     observation, reward, terminated, truncated, info = returned
     if type(reward) is not float:
         reward = _real("reward", reward)
@@ -42,10 +44,11 @@ def step_outcome(returned: Any, keys: Sequence[str]) -> tuple[Any, float, bool, 
     return observation, reward, terminated, truncated, info_numbers(info, keys) if keys else ()
 
 
-def first_observation(returned: Any, shape: tuple[int, ...]) -> np.ndarray:
+def first_observation(returned: object, shape: tuple[int, ...]) -> np.ndarray:
     """The observation that `reset` returned. **Raises** `ValueError` unless it is of this shape, and finite."""
     two = isinstance(returned, tuple | list) and len(returned) == 2
     check(two, "reset returned", returned, "an observation and an info")
+    assert isinstance(returned, tuple | list)
     observation, info = returned
     check(isinstance(info, Mapping), "info", info, "a dictionary")
     with np.errstate(over="ignore"):  # what is too large becomes infinite
@@ -63,7 +66,7 @@ def stacked(seen: Sequence[Any], shape: tuple[int, ...]) -> np.ndarray | None:
     return found if found.shape[1:] == shape and found.dtype.kind in _NUMBERS else None
 
 
-def misfit(observation: Any, shape: tuple[int, ...]) -> ValueError | None:
+def misfit(observation: object, shape: tuple[int, ...]) -> ValueError | None:
     """The error for an observation that is not of this shape, or no numbers; `None` for any other."""
     try:
         _observation(observation, shape)
@@ -87,17 +90,17 @@ def info_numbers(info: Mapping[str, Any], keys: Sequence[str]) -> list[float]:
     return rounded + [float(known) for known in there]
 
 
-def one_number(value: Any) -> float | None:
+def one_number(value: object) -> float | None:
     """A number, a flag, or an array of one; `None` for anything else."""
-    if type(value) in _REALS:
+    if isinstance(value, _REALS):
         return float(value)
     array = _array(value)
     return float(array.item()) if array is not None and array.size == 1 and array.dtype.kind in _NUMBERS else None
 
 
-def _real(name: str, value: Any) -> float:
+def _real(name: str, value: object) -> float:
     try:
-        if type(value) in _REALS or isinstance(value, numbers.Real):
+        if isinstance(value, _REALS_AND_OTHERS):
             return float(value)
     except OverflowError:  # a whole number of hundreds of digits
         check(False, name, value, "a real number of double precision")
@@ -108,14 +111,14 @@ def _real(name: str, value: Any) -> float:
     return float(array.item())
 
 
-def _flag(name: str, value: Any) -> bool:
+def _flag(name: str, value: object) -> bool:
     array = _array(value)
     right = array is not None and array.ndim == 0 and array.dtype.kind in _NUMBERS and array.item() in (0, 1)
     check(right, name, value, "true or false")
     return bool(value)
 
 
-def _observation(observation: Any, shape: tuple[int, ...]) -> np.ndarray:
+def _observation(observation: object, shape: tuple[int, ...]) -> np.ndarray:
     array = _array(observation)
     wanted = f"numbers of shape {shape}, as the observation space has"
     check(array is not None, "observation", observation, wanted)
@@ -126,7 +129,7 @@ def _observation(observation: Any, shape: tuple[int, ...]) -> np.ndarray:
     return array
 
 
-def _array(value: Any) -> np.ndarray | None:
+def _array(value: object) -> np.ndarray | None:
     try:
         return np.asarray(value)
     except Exception:  # lists of different lengths; another library's array, whose conversion may raise anything

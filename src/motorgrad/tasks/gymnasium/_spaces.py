@@ -10,7 +10,7 @@ from motorgrad._interface import ActionCode, ObservationCode
 
 if TYPE_CHECKING:
     from gymnasium import Space
-    from gymnasium.spaces import Box
+    from gymnasium.spaces import Box, Discrete, MultiDiscrete
 
 
 Code = Literal["auto", "choice", "count", "bits", "each", "graded", "antagonists"]
@@ -51,7 +51,7 @@ def action_code(space: "Space", code: Code, env_id: str) -> ActionCode:
     return make(chosen, counts, space, env_id)
 
 
-def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
+def _alternatives(code: str, counts: list[int], space: "Discrete | MultiDiscrete", env_id: str) -> ActionCode:
     """One alternative per combination of the action's components."""
     size = math.prod(counts)
     if size > MAX_ALTERNATIVES:
@@ -60,10 +60,10 @@ def _alternatives(code: str, counts: list[int], space: Any, env_id: str) -> Acti
         )
     combined = np.stack(np.unravel_index(np.arange(size), counts), axis=-1).astype(space.dtype)
     table = combined + np.ravel(space.start).astype(space.dtype)
-    return ActionCode("discrete", size, "choice", (), space.shape, table.dtype.name, matrix=table)
+    return ActionCode("discrete", size, "choice", (), np.shape(space.start), table.dtype.name, matrix=table)
 
 
-def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
+def _sums(code: str, counts: list[int], space: "Discrete | MultiDiscrete", env_id: str) -> ActionCode:
     """Units for every component of the action, whose weights add up to it: 1 each, or powers of two."""
     if code == "bits" and any(n & (n - 1) for n in counts):
         raise ValueError(
@@ -77,11 +77,10 @@ def _sums(code: str, counts: list[int], space: Any, env_id: str) -> ActionCode:
     part_of = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if not size:
         raise ValueError(f"code = {code!r}: {env_id} has a single action, which no unit can choose; use 'choice'")
-    shape, kind = space.shape, space.dtype
-    weights = np.zeros((size, len(parts)), kind)
-    start = np.ravel(space.start).astype(kind)
+    weights = np.zeros((size, len(parts)), space.dtype)
+    start = np.ravel(space.start).astype(space.dtype)
     weights[np.arange(size), part_of] = np.concatenate(parts)
-    return ActionCode("binary", size, "sum", (), shape, weights.dtype.name, matrix=weights, start=start)
+    return ActionCode("binary", size, "sum", (), np.shape(space.start), weights.dtype.name, matrix=weights, start=start)
 
 
 def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
@@ -159,7 +158,7 @@ def observation_code(space: "Space", scaling: Scaling, env_id: str) -> Observati
     return ObservationCode(names, centre.astype(np.float32), half.astype(np.float32), running, tuple(space.shape))
 
 
-def refuse_space(env_id: str, what: str, space: Any, wanted: str) -> NoReturn:
+def refuse_space(env_id: str, what: str, space: object, wanted: str) -> NoReturn:
     """Refuse a space by name."""
     shape = getattr(space, "shape", None)
     kind = shown(space) if shape == () else type(space).__name__ + (f"{shape}" if isinstance(shape, tuple) else "")

@@ -6,6 +6,9 @@ restore it, an environment is made afresh, and these are put in their places. Wh
 function or a model, stays as it was made. Anything else, such as an object of a C library, is refused.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's compiled modules carry no type information.)
+
 import base64
 import collections
 import copy
@@ -24,6 +27,7 @@ from motorgrad._errors import check
 from motorgrad.tasks.gymnasium._state_forms import (
     NUMBERS,
     PLAIN,
+    Stored,
     check_form,
     check_random_state,
     check_twister,
@@ -34,6 +38,7 @@ from motorgrad.tasks.gymnasium._state_forms import (
 
 if TYPE_CHECKING:
     import gymnasium
+    import mujoco
 
 BOXES = {"list": list, "set": set, "frozenset": frozenset}
 NAMED = (types.ModuleType, types.FunctionType, types.BuiltinFunctionType, types.MethodType, type)
@@ -73,7 +78,7 @@ class _Writer:
         self._met: dict[int, int] = {}
         self._kept: list[Any] = []  # an id is unique only while the object lives
 
-    def write(self, value: Any, path: str) -> Any:
+    def write(self, value: object, path: str) -> Any:
         if type(value) in PLAIN:
             return value
         if isinstance(value, np.generic):
@@ -135,8 +140,8 @@ class _Reader:
     def __init__(self) -> None:
         self._met: list[Any] = []
 
-    def read(self, stored: Any, present: Any) -> Any:
-        if type(stored) in PLAIN:
+    def read(self, stored: Stored, present: object) -> Any:
+        if not isinstance(stored, dict):  # it is plain
             return stored
         form, content = next(iter(stored.items()))
         if form == "scalar":
@@ -159,7 +164,7 @@ class _Reader:
         self._met[place] = found = self._read_new(form, content, stored, present, place)
         return found
 
-    def _read_new(self, form: str, content: Any, stored: dict[str, Any], present: Any, place: int) -> Any:
+    def _read_new(self, form: str, content: Any, stored: dict[str, Any], present: object, place: int) -> Any:
         if form == "array":
             return unpacked(content)
         if form == "shared":
@@ -198,7 +203,7 @@ class _Reader:
         vars(present).update(found)  # in the order of the original
         return present
 
-    def _items(self, content: list[Any], present: Any) -> list[Any]:
+    def _items(self, content: list[Any], present: object) -> list[Any]:
         held = list(present) if isinstance(present, list | tuple | collections.deque) else []
         return [self.read(item, held[i] if i < len(held) else None) for i, item in enumerate(content)]
 
@@ -210,7 +215,7 @@ def _mujoco() -> Any:
     return mujoco
 
 
-def _fields(value: Any) -> dict[str, Any] | None:
+def _fields(value: object) -> dict[str, Any] | None:
     """The attributes of an object; `None` for an object that is more than its attributes, such as one made in C."""
     from gymnasium import Space
 
@@ -224,7 +229,7 @@ def _fields(value: Any) -> dict[str, Any] | None:
     return dict(vars(value))
 
 
-def _identity(value: Any) -> str | None:
+def _identity(value: object) -> str | None:
     """What identifies a thing that cannot change while an environment is used; `None` for others."""
     from gymnasium.envs.registration import EnvSpec
 
@@ -235,7 +240,7 @@ def _identity(value: Any) -> str | None:
     return _name(type(value)) if isinstance(value, (*FIXED, EnvSpec)) else None
 
 
-def _model_checksum(model: Any) -> str:
+def _model_checksum(model: "mujoco.MjModel") -> str:
     """A hash of the numbers of a model: an environment that draws another model for each episode is not restored."""
     digest = hashlib.sha256()
     for array in _arrays(model, ("mesh_", "tex_", "bvh_", "skin_")).values():
@@ -243,7 +248,7 @@ def _model_checksum(model: Any) -> str:
     return digest.hexdigest()[:16]
 
 
-def _arrays(structure: Any, without: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _arrays(structure: object, without: tuple[str, ...]) -> dict[str, np.ndarray]:
     """The arrays of real numbers of a structure of MuJoCo, by name.
 
     Indices are left out: C code follows them, and a step computes them first.
@@ -252,7 +257,7 @@ def _arrays(structure: Any, without: tuple[str, ...]) -> dict[str, np.ndarray]:
     return {name: item for name, item in found.items() if isinstance(item, np.ndarray) and item.dtype == float}
 
 
-def _physics(data: Any) -> dict[str, np.ndarray]:
+def _physics(data: "mujoco.MjData") -> dict[str, np.ndarray]:
     """The state from which MuJoCo integrates, and the numbers that it derived.
 
     The latter belong to the state before the last step, so they do not follow from the present one. Some environments
@@ -265,7 +270,7 @@ def _physics(data: Any) -> dict[str, np.ndarray]:
     return {"state": state, **_arrays(data, OF_CONTACTS)}
 
 
-def _with_physics(data: Any, stored: dict[str, np.ndarray]) -> Any:
+def _with_physics(data: "mujoco.MjData", stored: dict[str, np.ndarray]) -> "mujoco.MjData":
     mujoco = _mujoco()
     check(isinstance(data, mujoco.MjData), "state", type(data).__name__, "an MjData")
     found, wanted = (
@@ -280,7 +285,7 @@ def _with_physics(data: Any, stored: dict[str, np.ndarray]) -> Any:
     return data
 
 
-def _check_delays(data: Any) -> None:
+def _check_delays(data: "mujoco.MjData") -> None:
     """Refuse the places of newest entries in the histories of delayed signals, which C code follows unchecked."""
     model = data.model
     for kind in ("actuator", "sensor"):
@@ -293,14 +298,15 @@ def _check_delays(data: Any) -> None:
         check(right.all(), f"{kind}_history", places.tolist(), f"at places within their lengths, {lengths.tolist()}")
 
 
-def _fill(present: Any, array: np.ndarray, name: str) -> None:
+def _fill(present: object, array: np.ndarray, name: str) -> None:
     """Write numbers into an array that lives in the memory of a library, of exactly their shape and type."""
     fits = isinstance(present, np.ndarray) and present.shape == array.shape and present.dtype == array.dtype
     check(fits and array.dtype.kind in "fb", name, f"{array.dtype}{array.shape}", "of the shape and type that is there")
+    assert isinstance(present, np.ndarray)
     np.copyto(present, array)
 
 
-def _with_random_state(present: Any, state: Any) -> Any:
+def _with_random_state(present: object, state: Any) -> Any:
     if isinstance(present, random.Random):
         check_twister(state[1][:-1])
         present.setstate(state)  # which checks the position

@@ -7,13 +7,17 @@ a whole before anything is assigned.
 import base64
 import math
 import types
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from motorgrad._errors import check, check_integer
 
 PLAIN = (bool, int, float, str, types.NoneType)
+Stored = bool | int | float | str | None | dict[str, Any]
+"""A plain value, or `{form: content}`."""
 NUMBERS = "biufcSU"  # the kinds of arrays that are data
 TWISTER = 624  # words of a Mersenne Twister
 PHILOX = 4  # numbers that Philox draws at a time
@@ -72,7 +76,7 @@ def number_type(kind: str) -> np.dtype:
     return dtype
 
 
-def check_random_state(state: Any) -> None:
+def check_random_state(state: Mapping[str, Any]) -> None:
     """Refuse the state of a generator of NumPy to which none comes: C code follows its positions unchecked, and what
     draws nothing but zeros may draw for ever."""
     check(isinstance(state, dict), "state of a generator", type(state).__name__, "a table")
@@ -86,14 +90,14 @@ def check_random_state(state: Any) -> None:
         check(inner["inc"] % 2 == 1, "inc", inner["inc"], "odd")
 
 
-def check_twister(key: Any) -> None:
+def check_twister(key: npt.ArrayLike) -> None:
     """Refuse the words of a Mersenne Twister that stay zero for ever. Of the first, one bit alone counts."""
     words = np.asarray(key, np.uint32)
     check(words.shape == (TWISTER,), "key", words.shape, f"of {TWISTER} words")
     check(words[0] >= 2**31 or words[1:].any(), "key", "zeros", "words of which some bit is set")
 
 
-def check_form(stored: Any, depth: int = 0) -> None:
+def check_form(stored: object, depth: int = 0) -> None:
     """Refuse what no writer writes, before anything is read: other forms, other contents, and what is nested too deep.
 
     A form is `{name: content}`, some with one more entry (`FORMS`).
@@ -102,6 +106,7 @@ def check_form(stored: Any, depth: int = 0) -> None:
         return
     check(depth < MAX_DEPTH, "depth of the state", depth, f"less than {MAX_DEPTH}")
     check(isinstance(stored, dict) and stored, "form", type(stored).__name__, "a table with one form")
+    assert isinstance(stored, dict)
     form = next(iter(stored))
     check(form in FORMS, "form", form, "a known one")
     content = stored[form]
@@ -140,14 +145,15 @@ def check_form(stored: Any, depth: int = 0) -> None:
         check_form(item, depth + 1)
 
 
-def _check_packed(content: Any) -> None:
+def _check_packed(content: object) -> None:
     """Refuse what is no array as `packed` writes one."""
     check(isinstance(content, list) and len(content) == 4, "array", content, "type, order, shape and content")
+    assert isinstance(content, list)
     kind, order, shape, text = content
     number_type(kind)
     valid = order in ("C", "F") and _are_counts(shape) and isinstance(text, str)
     check(valid, "array", [kind, order, shape], "with an order, a shape and a text")
 
 
-def _are_counts(shape: Any) -> bool:
+def _are_counts(shape: object) -> bool:
     return isinstance(shape, list) and all(type(count) is int and 0 <= count < 2**40 for count in shape)

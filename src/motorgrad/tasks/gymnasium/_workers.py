@@ -7,11 +7,12 @@ import subprocess
 import sys
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad._arrays import AnyArray
 from motorgrad._consent import allow
 from motorgrad._processes import environment
 from motorgrad._signals import leave_to_parent
@@ -31,7 +32,7 @@ class WorkerBatch:
     **Arguments:** the number of `workers`, at most one per seed; then as `EnvironmentBatch`.
     """
 
-    def __init__(self, workers: int, env_id: str, kwargs: Mapping[str, Any], seeds: Sequence[int], *settings: Any):
+    def __init__(self, workers: int, env_id: str, kwargs: Mapping[str, Any], seeds: Sequence[int], *settings: object):
         import cloudpickle
         import gymnasium
 
@@ -52,7 +53,7 @@ class WorkerBatch:
     def step(self, actions: Float[np.ndarray, "seeds size"]) -> None:
         self._take(self._ask("step", [(np.array(part),) for part in self._parted(actions)]))
 
-    def reset(self, rows: Any = None) -> None:
+    def reset(self, rows: Sequence[int] | np.ndarray | None = None) -> None:
         """Start a new episode; an environment's random numbers continue."""
         wanted = np.arange(len(self.seeds)) if rows is None else np.asarray(rows, int)
         bounds = list(zip(self._ends, self._ends[1:], strict=False))
@@ -60,7 +61,7 @@ class WorkerBatch:
         self._take(self._ask("reset", asked))
 
     @property
-    def unpack(self) -> Callable[[Any], EnvironmentState]:
+    def unpack(self) -> Callable[[Float[AnyArray, "*rows width"]], EnvironmentState]:
         return self._unpack
 
     def snapshot(self) -> dict[str, np.ndarray]:
@@ -101,7 +102,7 @@ class _Worker:
         with environment():
             self.process = subprocess.Popen(COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
 
-    def send(self, message: Any) -> None:
+    def send(self, message: object) -> None:
         assert self.process.stdin is not None
         with contextlib.suppress(BrokenPipeError):  # `receive` says what happened
             pickle.dump(message, self.process.stdin, protocol=pickle.HIGHEST_PROTOCOL)
@@ -171,7 +172,7 @@ def _made(payload: bytes) -> EnvironmentBatch:
     return EnvironmentBatch(*arguments)
 
 
-def _answer(pipe: Any, message: Any) -> None:
+def _answer(pipe: BinaryIO, message: object) -> None:
     pickle.dump(message, pipe, protocol=pickle.HIGHEST_PROTOCOL)
     pipe.flush()
 

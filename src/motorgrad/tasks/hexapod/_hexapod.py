@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
-from motorgrad._presets import natural_actor_critic
+from motorgrad._natural import natural_actor_critic
 from motorgrad._running import counted_round
 from motorgrad.bodies import (
     LEGS,
@@ -25,7 +25,7 @@ from motorgrad.bodies import (
     read_trunk,
 )
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._task import Flag, Mirror, Reading, Scalar
+from motorgrad.tasks._task import Flag, Metric, Mirror, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
 
@@ -110,7 +110,7 @@ class Hexapod(WalkingTask):
     """
 
     name: ClassVar[str] = "hexapod"
-    reports: ClassVar[tuple[str, ...]] = ("speed", "net", "stalls", "falls")
+    metric_names: ClassVar[tuple[str, ...]] = ("speed", "net", "stalls", "falls")
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = MUSCLE_LEARNER
 
@@ -232,7 +232,7 @@ class Hexapod(WalkingTask):
         )
         return after, self.reward_scale * along[self.reward_type], overturned(reading)
 
-    def readings(self, memory: HexapodMemory, state: BodyState) -> dict[str, Reading]:
+    def metrics(self, memory: HexapodMemory, state: BodyState) -> dict[str, Metric]:
         """Speed, net displacement, stalls and falls.
 
         - `speed`: along the heading, m/s.
@@ -244,15 +244,15 @@ class Hexapod(WalkingTask):
         """
         reading = read_hexapod(state)
         return {
-            **self.walking_readings(reading),
+            **self.walking_metrics(reading),
             "net": (memory.net, overturned(reading) | (memory.decisions % self._span == 0)),
             "stalls": (memory.stalled, memory.decisions % self._decisions(SECOND) == 0),
         }
 
-    def measures(self, recorded: BodyState) -> dict[str, np.ndarray]:
+    def motion_metrics(self, motion: BodyState) -> dict[str, np.ndarray]:
         """The gait after the first two seconds: its class, `gait`, and the other measures of `motorgrad.bodies.Gait`,
-        except the speeds, which are readings."""
-        reading = read_hexapod(recorded)
+        except the speeds, which are metrics."""
+        reading = read_hexapod(motion)
         since = self._decisions(SETTLING)
         if reading.lateral.shape[1] < since + self._decisions(SECOND):
             return {}

@@ -9,11 +9,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad.bodies import LEGS, TRIPODS, BodyState, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._task import Actions, Flag, Reading, Scalar
+from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
 
@@ -60,12 +61,18 @@ class HexapodPrimitive(WalkingTask):
     name: ClassVar[str] = "hexapod-primitive"
     actions: ClassVar[Actions] = "graded"
     clips_actions: ClassVar[bool] = True
-    reports: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
+    metric_names: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": {"kind": "primitives", "deviation": 0.5},
         "decay": 0.97,
-        "learning_rate": {"weights": 2e-3, "bias": 2e-3, "slope": 0.0, "level": 5e-4, "log_deviation": 0.0},
+        "learning_rate": {
+            "precondition.weights": 2e-3,
+            "precondition.bias": 2e-3,
+            "movement.weights": 0.0,
+            "movement.bias": 5e-4,
+            "log_deviation": 0.0,
+        },
     }
 
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
@@ -114,20 +121,20 @@ class HexapodPrimitive(WalkingTask):
     def _usual(self) -> tuple[float, float]:
         return self.swing, self.stance
 
-    def lasting(self, action: Any) -> Any:
+    def lasting(self, action: Float[AnyArray, "... 6"]) -> Float[Array, "... 2 2"]:
         """The durations of swing and stance of each tripod's step for an action (..., 6), in s, (..., 2, 2)."""
         usual = jnp.asarray(self._usual)
         low, high = (jnp.log(end / usual) for end in (self.shortest, self.longest))
         chosen = action[..., STEPS:].reshape(*action.shape[:-1], STEPS, PARTS)
         return usual * jnp.exp(jnp.clip(chosen, low, high))
 
-    def _begin(self, memory: Any, action: Any) -> PrimitiveMemory:
+    def _begin(self, memory: PrimitiveMemory, action: Float[Array, "... 6"]) -> PrimitiveMemory:
         """The steps under way after an action has started some."""
         begun = (action[..., :STEPS] > 0.5) & _steps_over(memory)
         lasting = jnp.where(begun[..., None], self.lasting(action), memory.lasting)
         return PrimitiveMemory(jnp.where(begun, 0.0, memory.elapsed), lasting, begun)
 
-    def control(self, action: Any, memory: Any = None) -> Any:
+    def control(self, action: Float[AnyArray, "... 6"], memory: PyTree = None) -> Float[AnyArray, "... groups"]:
         steps = self._begin(memory, jnp.asarray(action))
         swings = steps.elapsed + ROUNDING < steps.lasting[..., 0]
         stands = _steps_over(steps)
@@ -152,12 +159,12 @@ class HexapodPrimitive(WalkingTask):
         after = steps._replace(elapsed=steps.elapsed + self.period)
         return after, self.reward_scale * reading.speed, overturned(reading)
 
-    def readings(self, memory: PrimitiveMemory, state: BodyState) -> dict[str, Reading]:
+    def metrics(self, memory: PrimitiveMemory, state: BodyState) -> dict[str, Metric]:
         """`speed`: along the heading, m/s. `begins`: steps started per second and tripod. `falls`: how often the trunk
         overturns per second."""
-        return {**self.walking_readings(read_hexapod(state)), "begins": (jnp.mean(memory.begun) / self.period, True)}
+        return {**self.walking_metrics(read_hexapod(state)), "begins": (jnp.mean(memory.begun) / self.period, True)}
 
 
-def _steps_over(steps: Any) -> Any:
+def _steps_over(steps: PrimitiveMemory) -> Bool[Array, "... tripods"]:
     """Which tripods have no step under way."""
     return steps.elapsed + ROUNDING >= jnp.sum(steps.lasting, axis=-1)

@@ -9,12 +9,13 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad.bodies import BodyState, SlopeBatch, TripodClock, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.tasks._task import Actions, Flag, Reading, Scalar
+from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
 
@@ -65,7 +66,7 @@ class HexapodStride(WalkingTask):
     name: ClassVar[str] = "hexapod-stride"
     actions: ClassVar[Actions] = "graded"
     clips_actions: ClassVar[bool] = True
-    reports: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
+    metric_names: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
     episodic: ClassVar[bool] = True
     uniforms: ClassVar[int] = 1
     init_uniforms: ClassVar[int] = 1
@@ -73,7 +74,7 @@ class HexapodStride(WalkingTask):
         "policy": {"kind": "graded-hyperplanes", "deviation": 0.8},
         "decay": 0.98,
         "baseline": {"kind": "linear", "rate": 1e-3},
-        "learning_rate": {"slope": 3e-5, "level": 3e-5, "log_deviation": 0.0},
+        "learning_rate": {"weights": 3e-5, "bias": 3e-5, "log_deviation": 0.0},
     }
 
     body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
@@ -129,11 +130,11 @@ class HexapodStride(WalkingTask):
         """From the greatest period to the least."""
         return ((self.start / self.longest - 1, self.start / self.shortest - 1),)
 
-    def period_of(self, action: Any) -> Any:
+    def period_of(self, action: Float[AnyArray, "... 1"]) -> Float[Array, "..."]:
         """The period in s for an action (..., 1), (...)."""
         return self.start / jnp.clip(1.0 + action[..., 0], self.start / self.longest, self.start / self.shortest)
 
-    def control(self, action: Any, memory: Any = None) -> Any:
+    def control(self, action: Float[AnyArray, "... 1"], memory: PyTree = None) -> Float[AnyArray, "... controls"]:
         """The activation of each muscle, then the slope and the direction in which the ground rises."""
         muscles = super().control(self.clock.activation(jnp.asarray(memory.phase)), memory)
         return jnp.concatenate([muscles, jnp.stack([memory.slope, memory.heading], axis=-1)], axis=-1)
@@ -164,7 +165,7 @@ class HexapodStride(WalkingTask):
         after = memory._replace(phase=self.clock.advance(memory.phase, period, self.period), period=period)
         return after, self.reward_scale * reading.speed, overturned(reading)
 
-    def readings(self, memory: StrideMemory, state: BodyState) -> dict[str, Reading]:
+    def metrics(self, memory: StrideMemory, state: BodyState) -> dict[str, Metric]:
         """`speed`: along the heading on the ground, m/s. `period`: as chosen at each decision, s. `falls`: how often
         the trunk overturns per second."""
-        return {**self.walking_readings(read_hexapod(state)), "period": (memory.period, True)}
+        return {**self.walking_metrics(read_hexapod(state)), "period": (memory.period, True)}

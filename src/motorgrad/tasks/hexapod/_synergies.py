@@ -2,9 +2,10 @@
 
 import fnmatch
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_integer, unknown
@@ -54,7 +55,9 @@ class Synergies(NamedTuple):
         )
 
 
-def find_synergies(activation: Any, units: int, seed: int = 0, restarts: int = 8, iterations: int = 300) -> Synergies:
+def find_synergies(
+    activation: npt.ArrayLike, units: int, seed: int = 0, restarts: int = 8, iterations: int = 300
+) -> Synergies:
     """Find synergies by non-negative matrix factorisation of activations, into strength × weights.
 
     The factors start at random and follow the multiplicative updates, which never increase the squared error; the best
@@ -91,7 +94,9 @@ def find_synergies(activation: Any, units: int, seed: int = 0, restarts: int = 8
     return Synergies(weights[order], strength[:, order], 1.0 - min(errors) / total)
 
 
-def _factors(data: np.ndarray, units: int, random: np.random.Generator, iterations: int) -> Any:
+def _factors(
+    data: np.ndarray, units: int, random: np.random.Generator, iterations: int
+) -> tuple[np.ndarray, np.ndarray]:
     size = np.sqrt(data.mean() / units)
     strength = size * (0.1 + random.random((len(data), units)))
     weights = size * (0.1 + random.random((units, data.shape[1])))

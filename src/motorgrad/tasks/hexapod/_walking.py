@@ -2,17 +2,17 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
 from motorgrad._settings import check_fields
 from motorgrad.bodies import LEGS, TRIPODS, HexapodReading
 from motorgrad.bodies import Hexapod as HexapodBody
 from motorgrad.tasks._host_task import BodyTask
-from motorgrad.tasks._task import Mirror, Reading
+from motorgrad.tasks._task import Metric, Mirror
 
 
 def _other_side(name: str) -> str:
@@ -68,12 +68,12 @@ class WalkingTask(BodyTask):
         joints = [getattr(self.body.sections[leg.partition("_")[2]].leg, freedom).range for leg in LEGS]
         return [(low / scale, high / scale) for low, high in joints]
 
-    def walking_readings(self, reading: HexapodReading) -> dict[str, Reading]:
+    def walking_metrics(self, reading: HexapodReading) -> dict[str, Metric]:
         """`speed`: along the heading, m/s. `falls`: how often the trunk overturns per second."""
         return {"speed": (reading.speed, True), "falls": (overturned(reading) / self.period, True)}
 
 
-def overturned(reading: HexapodReading) -> Any:
+def overturned(reading: HexapodReading) -> Bool[Array, "..."]:
     """Whether the trunk lies on its back or side."""
     return reading.upright < 0.0
 
@@ -93,15 +93,11 @@ def hexapod_mirror(
         inputs += [len(inputs) + image for image in images]
         signs += own
     matrix = np.eye(len(groups)) if drives is None else drives
-    outputs = _match_rows(matrix, matrix[:, [groups.index(_other_side(group)) for group in groups]])
-    return None if outputs is None else Mirror(tuple(inputs), tuple(signs), outputs)
-
-
-def _match_rows(matrix: Any, mirrored: Any) -> tuple[int, ...] | None:
-    """For each row, the index of its mirror image; equal rows are matched in order."""
-    own, image = (_with_repeats([tuple(row) for row in rows.tolist()]) for rows in (matrix, mirrored))
-    return tuple(own.index(each) for each in image) if set(own) == set(image) else None
-
-
-def _with_repeats(rows: list[tuple[float, ...]]) -> list[tuple[tuple[float, ...], int]]:
-    return [(row, rows[:n].count(row)) for n, row in enumerate(rows)]
+    mirrored = matrix[:, [groups.index(_other_side(group)) for group in groups]]
+    # a row with the number of equal ones before it, so that equal rows are matched in order
+    own, image = (
+        [(row, rows[:n].count(row)) for n, row in enumerate(rows)] for rows in (matrix.tolist(), mirrored.tolist())
+    )
+    if any(each not in own for each in image):
+        return None
+    return Mirror(tuple(inputs), tuple(signs), tuple(own.index(each) for each in image))

@@ -1,4 +1,4 @@
-"""Numbers from which composed tasks make rewards, terminations and readings."""
+"""Numbers from which composed tasks make rewards, terminations and metrics."""
 
 import abc
 from collections.abc import Callable
@@ -112,7 +112,7 @@ class Beyond(Quantity):
 
 class Success(Quantity):
     """Whether the body was within a tolerance of a target at more than a number of decisions of the episode, 1 or 0. As
-    a reading it is recorded at the end of each episode.
+    a metric it is recorded at the end of each episode.
 
     **Arguments:**
 

@@ -5,7 +5,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -197,7 +197,7 @@ def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray,
     return np.array(found)
 
 
-def _reached(scene: Scene, parts: Sequence[str], joints: Any, poses: int) -> Float[np.ndarray, "poses numbers"]:
+def _reached(scene: Scene, parts: Sequence[str], joints: Names, poses: int) -> Float[np.ndarray, "poses numbers"]:
     """Where parts are in random poses."""
     model: Any = scene.model
     places = scene.positions(joints)[1]
@@ -221,11 +221,13 @@ def _reached(scene: Scene, parts: Sequence[str], joints: Any, poses: int) -> Flo
     return found
 
 
-def _one_of(table: np.ndarray) -> Any:
+def _one_of(table: np.ndarray) -> Callable[[Array], Array]:
     return lambda uniforms: jnp.asarray(table)[jnp.minimum((uniforms[0] * len(table)).astype(int), len(table) - 1)]
 
 
-def _drawing(size: int, at: Any, low: Any, high: Any) -> tuple[int, Any]:
+def _drawing(
+    size: int, at: Numbers | None, low: Numbers | None, high: Numbers | None
+) -> tuple[int, Callable[[Array], Array]]:
     """How many uniforms a draw takes, and the draw: a fixed place, or one in a box."""
     for name, given in (("at", at), ("low", low), ("high", high)):
         check(given is None or len(given) == size, name, given, f"{size} numbers")

@@ -17,8 +17,8 @@ from motorgrad import _tree
 from motorgrad._errors import check, unknown
 from motorgrad._tree import Part, kind_of, number, static
 from motorgrad.bodies import Anatomy, Body, BodyState
+from motorgrad.tasks._task import Scalar
 
-Scalar = Float[Array, ""]
 Names = str | tuple[str, ...]
 """A name, a pattern such as `flexor*`, or several of them."""
 Numbers = tuple[float, ...]
@@ -27,12 +27,12 @@ Numbers = tuple[float, ...]
 ROUNDING = 1e-7  # of a cycle: what misses the end of one by less is at its end
 
 
-def by_name(default: Any = "*") -> Any:
+def by_name(default: Names = "*") -> Any:
     """Declare a field that holds names, or patterns of names."""
     return eqx.field(static=True, default=default, converter=lambda v: tuple(v) if isinstance(v, list) else v)
 
 
-def vector(default: Any = None) -> Any:
+def vector(default: Numbers | None = None) -> Any:
     """Declare a field that holds a row of numbers, or none."""
     return eqx.field(static=True, default=default, converter=lambda v: v if v is None else tuple(map(float, v)))
 
@@ -183,14 +183,14 @@ class Target(Part):
 
 class Quantity(Part):
     """A number that describes the state after a decision. In the reward it is multiplied by its weight. As a
-    termination it ends the episode beyond a limit. As a reading it is recorded. It can be observed, too.
+    termination it ends the episode beyond a limit. As a metric it is recorded. It can be observed, too.
 
     **Arguments:**
 
     - `weight`: the factor in the reward.
     - `above`: as a termination, the limit above which the episode ends.
     - `below`: as a termination, the limit below which the episode ends.
-    - `name`: name of the reading, by default that of the kind.
+    - `name`: name of the metric, by default that of the kind.
     - `at_end`: whether it is recorded only at the end of an episode.
     """
 
@@ -285,7 +285,7 @@ def _made_of(base: type[Part], function: Callable[..., Any]) -> type[Part]:
     return kind(function.__name__, (base,), {**about, "__annotations__": types, **fields, "bind": bind})
 
 
-def bound(what: str, term: Any, scene: Scene) -> Any:
+def bound(what: str, term: Observation | Quantity | Target | Reset, scene: Scene) -> Any:
     """A term bound to a body; an error says which term it is."""
     try:
         return term.bind(scene)

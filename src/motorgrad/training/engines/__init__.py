@@ -64,7 +64,7 @@ def stepper_for(
     """The engine for a task: compiled loops for worlds, `mujoco.batch` for bodies; environments are stepped one by
     one, or in worker processes (`workers`). Several `envs` can feed each learner if the dynamics run on the host.
 
-    With `first_episode`, records count the first episode of each seed alone: its rewards, readings, and `decisions`.
+    With `first_episode`, records count the first episode of each seed alone: its rewards, metrics, and `decisions`.
     """
     if isinstance(task, HostTask):
         kind = BodyStepper if isinstance(task, BodyTask) else HostStepper

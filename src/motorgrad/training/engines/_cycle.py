@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._interface import Statistics
 from motorgrad._tree import Numbers
@@ -21,7 +21,7 @@ from motorgrad.tasks import Task, observe, outcome
 Mode = Literal["learn", "sample", "mode", "given"]
 """Learn; or act by a frozen policy, with sampled actions or the most probable ones; or take actions that are given."""
 
-
+Flag = Bool[Array, ""] | bool
 MAX_TALLY_DECISIONS = 2**31 - 1
 """Decisions that one `Tally` counts."""
 
@@ -29,13 +29,13 @@ MAX_TALLY_DECISIONS = 2**31 - 1
 class Tally(NamedTuple):
     """Sums since the last record, for one seed, in few arrays, which make a fast call.
 
-    - `sums`: of the reward and of each reading; `carry`, what rounding took from them.
-    - `counts`: how often each reading occurred, episodes ended and the simulation diverged. Before the last two, where
+    - `sums`: of the reward and of each metric; `carry`, what rounding took from them.
+    - `counts`: how often each metric occurred, episodes ended and the simulation diverged. Before the last two, where
       only the first episode is counted, the number of its decisions.
     """
 
-    sums: Float[Array, " 1+readings"]
-    carry: Float[Array, " 1+readings"]
+    sums: Float[Array, " 1+metrics"]
+    carry: Float[Array, " 1+metrics"]
     counts: Int[Array, " _"]
 
 
@@ -91,7 +91,7 @@ class Cycle:
         self,
         agent: AgentState,
         numbers: Float[Array, " numbers"],
-        state: Any,
+        state: PyTree,
         init: Float[Array, " _"],
         uniforms: Float[Array, " _"],
         statistics: Statistics | None = None,
@@ -115,13 +115,13 @@ class Cycle:
             memory = memory if self.mode == "learn" else self.task.freeze(memory)
         seen = agent.policy.perceive(agent.memory, observation)
         action = agent.policy.emit(agent.policy.mode(seen))
-        readings = len(self.task.reports)
-        zero = jnp.zeros(1 + readings)
-        tally = Tally(zero, zero, jnp.zeros(readings + 2 + self.first_episode, jnp.int32))
+        metrics = len(self.task.metric_names)
+        zero = jnp.zeros(1 + metrics)
+        tally = Tally(zero, zero, jnp.zeros(metrics + 2 + self.first_episode, jnp.int32))
         elapsed = jnp.zeros((), jnp.int32) if self.task.episode_limit else None
         return CycleState(agent, numbers, memory, observation, jnp.zeros_like(action), elapsed, tally)
 
-    def observe(self, cycle: CycleState, state: Any, uniforms: Float[Array, " _"]) -> CycleState:
+    def observe(self, cycle: CycleState, state: PyTree, uniforms: Float[Array, " _"]) -> CycleState:
         """The state after an observation of the dynamics in `state`."""
         memory, observation = observe(self.task, cycle.memory, state, uniforms)
         return cycle._replace(memory=memory, observation=observation)
@@ -141,7 +141,7 @@ class Cycle:
         return [before is not after for before, after in pairs]
 
     def resume_from(
-        self, cycle: CycleState, memory: Any, state: Any, init: Float[Array, " _"], uniforms: Float[Array, " _"]
+        self, cycle: CycleState, memory: PyTree, state: PyTree, init: Float[Array, " _"], uniforms: Float[Array, " _"]
     ) -> CycleState:
         """Before the first decision: continue from the `memory` of the task at the end of a run, frozen unless the
         policy learns on."""
@@ -151,7 +151,7 @@ class Cycle:
         return cycle._replace(memory=memory, observation=observation)
 
     def read_tally(self, tally: Tally) -> dict[str, Array]:
-        """A tally by name: the sum of rewards, the mean of each reading (NaN if it never occurred) and its count, and
+        """A tally by name: the sum of rewards, the mean of each metric (NaN if it never occurred) and its count, and
         the numbers of episodes and divergences where the task can have them."""
         found = {"reward": tally.sums[0]}
         if self.first_episode:
@@ -160,7 +160,7 @@ class Cycle:
             found["episodes"] = tally.counts[-2]
         if self.diverges:
             found["diverged"] = tally.counts[-1]
-        for index, name in enumerate(self.task.reports):
+        for index, name in enumerate(self.task.metric_names):
             found[name] = tally.sums[1 + index] / tally.counts[index]
             found[f"{name}_count"] = tally.counts[index]
         return found
@@ -178,18 +178,18 @@ class Cycle:
     def learn(
         self,
         cycle: CycleState,
-        state: Any,
+        state: PyTree,
         uniforms: Float[Array, " _"],
-        diverged: Bool[Array, ""] | bool = False,
+        diverged: Flag = False,
         resting: bool = False,
-    ) -> tuple[CycleState, Bool[Array, ""] | bool]:
+    ) -> tuple[CycleState, Flag]:
         """Observe what the action led to and learn from it. Also returns whether the episode is over.
 
         `resting` leaves out `Agent.improve`, which changes nothing at this decision, as `rest` has said.
         """
         led = outcome(self.task, cycle.memory, state, cycle.action, uniforms, cycle.elapsed)
         agent = cycle.agent
-        ended: Any = False
+        ended: Flag = False
         for flag in (led.terminated, led.truncated, diverged):
             if flag is not False:
                 ended = flag if ended is False else ended | flag
@@ -213,7 +213,7 @@ class Cycle:
     def restart(
         self,
         cycle: CycleState,
-        state: Any,
+        state: PyTree,
         where: Bool[Array, ""],
         init: Float[Array, " _"],
         uniforms: Float[Array, " _"],
@@ -230,14 +230,14 @@ class Cycle:
         return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)
 
     def _count(
-        self, tally: Tally, memory: Any, state: Any, reward: Float[Array, ""], ended: Any, diverged: Any
+        self, tally: Tally, memory: PyTree, state: PyTree, reward: Float[Array, ""], ended: Flag, diverged: Flag
     ) -> Tally:
         kept = True if diverged is False else ~jnp.asarray(diverged)
-        named = self.task.readings(memory, state)
-        readings = [named[name] for name in self.task.reports]
-        occurred = [jnp.logical_and(happened, kept) for _, happened in readings]
+        named = self.task.metrics(memory, state)
+        metrics = [named[name] for name in self.task.metric_names]
+        occurred = [jnp.logical_and(happened, kept) for _, happened in metrics]
         sums = [jnp.where(kept, reward, 0.0)]
-        sums += [jnp.where(yes, value, 0.0) for yes, (value, _) in zip(occurred, readings, strict=True)]
+        sums += [jnp.where(yes, value, 0.0) for yes, (value, _) in zip(occurred, metrics, strict=True)]
         decision = [True] if self.first_episode else []
         counts = jnp.stack([jnp.asarray(flag, jnp.int32) for flag in (*occurred, *decision, ended, diverged)])
         counted = Tally(*two_sum(tally.sums, tally.carry, jnp.stack(sums)), tally.counts + counts)

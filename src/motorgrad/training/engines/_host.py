@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad._compiler import in_one_piece
 from motorgrad._errors import check
 from motorgrad._interface import Statistics
@@ -17,14 +18,18 @@ from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.tasks import HostTask, Task
-from motorgrad.training.engines._cycle import CycleState, Mode
+from motorgrad.tasks import HostBatch, HostTask, Task
+from motorgrad.training.engines._cycle import CycleState, Flag, Mode
 from motorgrad.training.engines._packing import Packed, Packing
 from motorgrad.training.engines._programs import shared
 from motorgrad.training.engines._stepper import Program, Record, Stepper, View, check_carries, fits, statistics_of
 from motorgrad.training.engines._transition import Watcher, transition_of_rows
 
 Uniforms = dict[str, Float[Array, " size"]]
+Decision = Callable[..., tuple[CycleState, PyTree]]
+"""A part of a decision of one seed: from its cycle and what it needs beside it, to the next one and what comes out."""
+OverSeeds = Callable[..., tuple[Packed, np.ndarray]]
+"""The same of all seeds, compiled."""
 
 _alone = threading.Lock()
 """Held while compiled code runs: two threads of ours in XLA at once can leave its own threads waiting for ever."""
@@ -46,9 +51,9 @@ class HostProgram(Program):
         task: HostTask,
         agent: Agent,
         mode: Mode,
-        example: Any,
+        example: HostBatch,
         seeds: int,
-        given: Any,
+        given: Policy | None,
         envs: int,
         first_episode: bool = False,
     ):
@@ -116,7 +121,9 @@ class HostProgram(Program):
             each = [jax.vmap(functools.partial(self.start_memory, environment=e))(lanes) for e in range(self._envs)]
         return np.stack(each, axis=1).reshape(len(seeds) * self._envs, self.task.init_uniforms)
 
-    def learn_each(self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: Any) -> tuple[Packed, np.ndarray]:
+    def learn_each(
+        self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: np.ndarray
+    ) -> tuple[Packed, np.ndarray]:
         """Learn from one decision, where `resting` by the shorter program.
 
         The two may round differently. So a seed's program depends on itself alone, and both run where seeds differ, as
@@ -134,30 +141,30 @@ class HostProgram(Program):
             cycles = jax.block_until_ready(self._merge(resting, rested[0], due[0]))
         return cycles, np.where(np.repeat(resting, self._envs)[:, None], rested[1], due[1])
 
-    def _over_seeds(self, packing: Packing, function: Any, still: Set[str] = frozenset()) -> Any:
+    def _over_seeds(self, packing: Packing, function: Decision, still: Set[str] = frozenset()) -> OverSeeds:
         """`function(cycle, packed, uniforms, *rest) -> (cycle, out)` compiled for all seeds. It does not change the
         arrays named in `still`, so they need not come back."""
         pack, unpack, width, envs = packing.pack, packing.unpack, self._width, self._envs
         function = self._in_turn(function) if envs > 1 else function
 
-        def one(moving: Packed, still: Packed, row: Array, *rest: Any) -> tuple[Packed, Array]:
+        def one(moving: Packed, still: Packed, row: Array, *rest: Array) -> tuple[Packed, Array]:
             uniforms = dict(zip(self.sizes, jnp.split(row, self._ends, axis=-1)[1:], strict=False))
             after, out = function(unpack(moving | still), row[..., :width], uniforms, *rest)
             after = pack(after)
             return {name: after[name] for name in moving}, out
 
-        def every(moving: Packed, still: Packed, *rest: Any) -> tuple[Packed, Array]:
+        def every(moving: Packed, still: Packed, *rest: Array) -> tuple[Packed, Array]:
             moving, out = jax.vmap(one)(moving, still, *map(self._by_seed, rest))
             return moving, out if envs == 1 else out.reshape(-1, out.shape[-1])
 
         compiled = in_one_piece(every)
 
-        def in_turn(moving: Packed, still: Packed, *rest: Any) -> tuple[Packed, np.ndarray]:
+        def in_turn(moving: Packed, still: Packed, *rest: AnyArray) -> tuple[Packed, np.ndarray]:
             with _alone:
                 moving, out = compiled(moving, still, *rest)
                 return moving, np.asarray(out)  # waits for the call, which reads its input in place
 
-        def call(cycles: Packed, *rest: Any) -> tuple[Packed, np.ndarray]:
+        def call(cycles: Packed, *rest: AnyArray) -> tuple[Packed, np.ndarray]:
             if not still:
                 return in_turn(cycles, {}, *rest)
             moving = {name: part for name, part in cycles.items() if name not in still}
@@ -198,7 +205,7 @@ class HostProgram(Program):
         left = {False: iter(shared), True: iter(own)}
         return jax.tree.unflatten(self._structure, [next(left[own]) for own in self._own])
 
-    def _in_turn(self, function: Any) -> Any:
+    def _in_turn(self, function: Decision) -> Decision:
         """`function(cycle, *of_one) -> (cycle, out)` for one environment after the other, as if they were one stream
         of decisions of the learner; the arguments have a leading axis of environments."""
 
@@ -208,7 +215,7 @@ class HostProgram(Program):
             shared, own = self._split(cycle)
             return shared, (own, out)
 
-        def all_in_turn(cycle: CycleState, *of_all: Any) -> tuple[CycleState, Any]:
+        def all_in_turn(cycle: CycleState, *of_all: Array) -> tuple[CycleState, Any]:
             shared, own = self._split(cycle)
             shared, (own, outs) = jax.lax.scan(one, shared, (own, *of_all))
             return self._join(shared, own), outs
@@ -218,16 +225,13 @@ class HostProgram(Program):
     def _begin_all(self, seed: Array, numbers: Array, rows: Array, own: Policy | None) -> CycleState:
         """The state of one seed with several environments."""
         agent = self.fresh(seed, numbers, own)
-        init, uniforms = (jnp.stack(parts) for parts in zip(*self._starts(seed), strict=True))
+        starts = [self.start_numbers(seed, environment) for environment in range(self._envs)]
+        init, uniforms = (jnp.stack(parts) for parts in zip(*starts, strict=True))
         blank = jax.vmap(lambda init: self.cycle.blank(agent, numbers, init, statistics_of(own)))(init)
         shared, of_each = self._split(blank)
         begun = self._join([leaf[0] for leaf in shared], of_each)
         observe_all = self._in_turn(lambda cycle, row, u: (self.cycle.observe(cycle, self._unpack_row(row), u), ()))
         return observe_all(begun, rows, uniforms)[0]
-
-    def _starts(self, seed: Array) -> list[tuple[Array, Array]]:
-        """The random numbers for memory and observation before the first decision of each environment."""
-        return [self.start_numbers(seed, environment) for environment in range(self._envs)]
 
     def _still(self, example: CycleState, row: Array, uniforms: Uniforms) -> list[int]:
         """The leaves of a cycle that a decision learned from resting returns unchanged."""
@@ -245,7 +249,7 @@ class HostProgram(Program):
         agent = self.fresh(seed, numbers, own)
         return self.cycle.begin(agent, numbers, self._unpack_row(row), *self.start_numbers(seed), statistics_of(own))
 
-    def _resume(self, seed: Array, cycle: CycleState, row: Array, memory: Any) -> CycleState:
+    def _resume(self, seed: Array, cycle: CycleState, row: Array, memory: PyTree) -> CycleState:
         return self.cycle.resume_from(cycle, memory, self._unpack_row(row), *self.start_numbers(seed))
 
     def _act(self, cycle: CycleState, row: Array, uniforms: Uniforms) -> tuple[CycleState, Array]:
@@ -270,14 +274,14 @@ class HostProgram(Program):
         fresh, action = self._act(fresh, row, uniforms)
         return jax.tree.map(lambda new, old: jnp.where(ended, new, old), (fresh, action), (cycle, out))
 
-    def _out_row(self, cycle: CycleState, ended: Any) -> Float[Array, " size"]:
+    def _out_row(self, cycle: CycleState, ended: Flag | float) -> Float[Array, " size"]:
         """What crosses to the host: the control of the dynamics, whether the episode has ended, and how many decisions
         can be learned from resting."""
         control = jnp.asarray(self.task.control(cycle.action, cycle.memory), jnp.result_type(float))
         ends = jnp.asarray(ended, control.dtype)
         return jnp.append(control, jnp.stack([ends, self._rest(cycle, control.dtype)]))
 
-    def _rest(self, cycle: CycleState, dtype: Any) -> Array:
+    def _rest(self, cycle: CycleState, dtype: np.dtype) -> Array:
         most = 2**24  # whole numbers up to which single precision is exact
         return jnp.minimum(self.cycle.rest(cycle), most).astype(dtype)
 
@@ -339,7 +343,7 @@ class HostStepper(Stepper):
         self.ended: np.ndarray | None = None
         """Where an episode ended at the last decision, the packed rows as they were before the reset."""
         self.watcher: Watcher | None = None
-        """Told of every decision before anything is learned from it, where each seed has one environment."""
+        """Called with every decision before anything is learned from it, where each seed has one environment."""
         cycles = self.program.start(self.seeds, self._start_vector, self.batch.packed, self._initial)
         self._cycles, self._out = self.program.first(cycles, self._input())
 
@@ -348,7 +352,7 @@ class HostStepper(Stepper):
         check(decisions % envs == 0, "decisions", decisions, f"a multiple of the {envs} environments of a learner")
         for _ in range(decisions // envs):
             rest = self._out[envs - 1 :: envs, -1] >= envs
-            before = None if self.watcher is None else self.batch.packed.copy()
+            before = self.batch.packed if self.watcher is None else self.batch.packed.copy()
             self.batch.step(self._out[:, :-2])
             self.decision += envs
             if self.watcher is not None:
@@ -393,7 +397,7 @@ class HostStepper(Stepper):
     def policies(self) -> Policy:
         return jax.tree.map(np.array, self.agent.final_policy(self.program.unpack(self._cycles).agent))
 
-    def set_policies(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         cycles = self.program.unpack(self._cycles)
         cycles = cycles._replace(agent=self.agent.set_policy(cycles.agent, jax.tree.map(jnp.array, policies)))
         if memory is not None:
@@ -411,7 +415,7 @@ class HostStepper(Stepper):
         task = self.task
         cycles = cycles._replace(memory=task.with_statistics(cycles.memory, jax.tree.map(jnp.array, statistics)))
 
-        def seen(cycle: CycleState, state: Any) -> Array:
+        def seen(cycle: CycleState, state: PyTree) -> Array:
             raw = task.sense(cycle.memory, state, jnp.zeros(task.uniforms))[1]
             return task.observation_code.encode(*(task.statistics(cycle.memory) or (None, None)), raw)
 

@@ -47,7 +47,7 @@ def clear_programs() -> None:
 class _Same:
     """A key for an object that has no hash: equal to itself alone."""
 
-    def __init__(self, value: Any):
+    def __init__(self, value: object):
         self.value = value  # kept alive, so that its identity is not given to another object
 
     def __eq__(self, other: object) -> bool:

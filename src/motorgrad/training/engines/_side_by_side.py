@@ -83,7 +83,7 @@ class SideBySide(Stepper):
     def policies(self) -> Policy:
         return self._joined([engine.policies() for engine in self.engines])
 
-    def set_policies(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         parts = zip(self.engines, self._parted(policies), self._parted(memory), strict=True)
         for engine, policy, remembered in parts:
             engine.set_policies(policy, remembered)
@@ -107,7 +107,7 @@ class SideBySide(Stepper):
         return np.concatenate([engine.control for engine in self.engines])
 
     def _joined(self, parts: list[T]) -> T:
-        def join(*leaves: Any) -> Any:
+        def join(*leaves: np.ndarray) -> Any:
             return np.concatenate(leaves) if np.ndim(leaves[0]) else leaves[0]  # the number of decisions is one for all
 
         return jax.tree.map(join, *parts)

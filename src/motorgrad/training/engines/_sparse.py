@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
 from motorgrad._random import BLOCK, block_at, draw_places
-from motorgrad.learning import AgentState, SparseAgent
+from motorgrad.learning import Agent, AgentState, SparseAgent
 from motorgrad.policies import Policy
 from motorgrad.training.engines._cycle import CycleState
 from motorgrad.training.engines._world import Carry, WorldProgram, WorldStepper
@@ -88,7 +88,7 @@ class SparseStepper(WorldStepper):
         index = agent.index._replace(table=agent.index.table[..., :0])
         return {**state, "cycle": state["cycle"]._replace(agent=agent._replace(index=index))}
 
-    def set_policies(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         super().set_policies(policies, memory)
         cycle, world = self._carry
         axes = self._axes[0].agent
@@ -102,6 +102,6 @@ class SparseStepper(WorldStepper):
         self._carry = (cycle._replace(agent=cycle.agent._replace(index=index)), world)
 
 
-def _sparse(agent: Any) -> SparseAgent:
+def _sparse(agent: Agent) -> SparseAgent:
     assert isinstance(agent, SparseAgent)
     return agent

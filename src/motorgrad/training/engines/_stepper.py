@@ -32,7 +32,7 @@ def mean_reward(record: Record, decisions: int) -> Float[np.ndarray, " seeds"]:
 
 
 def without_broken(record: Record) -> Record:
-    """A record in which reward and readings of policies that are not finite are NaN: what such a policy does is an
+    """A record in which reward and metrics of policies that are not finite are NaN: what such a policy does is an
     accident of the compiler, and often looks good."""
     broken = ~np.isfinite(record["parameters"]).all(axis=1)
     earned = [name for name in record if name == "reward" or f"{name}_count" in record]
@@ -163,7 +163,7 @@ class Stepper(abc.ABC):
         """The present policies of all seeds, stacked along a leading axis."""
 
     @abc.abstractmethod
-    def set_policies(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         """Put policies in place, stacked along a leading axis of seeds; and, before the first decision, the memory that
         the task had when they had been learned, with which it continues frozen."""
 
@@ -239,7 +239,7 @@ def validate_score(policy: Policy, agent: Agent) -> None:
     check(policy.has_exact_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
 
 
-def _is_printed(part: Any) -> bool:
+def _is_printed(part: object) -> bool:
     return isinstance(part, PrintedGaussians)
 
 
@@ -270,19 +270,19 @@ def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:
         check(np.shape(leaf) == np.shape(own), f"state{name}.shape", np.shape(leaf), f"{np.shape(own)}")
 
 
-def seeds_first(tree: Any, axes: Any = -1) -> Any:
+def seeds_first(tree: PyTree, axes: PyTree = -1) -> Any:
     """Move the axis of seeds to the front, as copies in NumPy; `axes`, where it is, of all or by part."""
 
-    def move(axis: int, part: Any) -> Any:
+    def move(axis: int, part: PyTree) -> Any:
         return jax.tree.map(lambda x: np.array(np.moveaxis(np.asarray(x), axis, 0), order="C"), part)
 
     return jax.tree.map(move, axes, tree)
 
 
-def seeds_last(tree: Any, axes: Any = -1) -> Any:
+def seeds_last(tree: PyTree, axes: PyTree = -1) -> Any:
     """The inverse of `seeds_first`, as JAX arrays."""
 
-    def move(axis: int, part: Any) -> Any:
+    def move(axis: int, part: PyTree) -> Any:
         return jax.tree.map(lambda x: jnp.asarray(np.moveaxis(np.asarray(x), 0, axis).copy()), part)
 
     return jax.tree.map(move, axes, tree)

@@ -1,16 +1,17 @@
 """What one decision of one seed was, for those who record all of them: where it began, what it did, where it led."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
+from motorgrad._arrays import AnyArray
 from motorgrad.tasks import Outcome, Task, outcome
 from motorgrad.training.engines._cycle import CycleState
+from motorgrad.training.engines._packing import Packed
 from motorgrad.worlds import World
 
 Transition = dict[str, Array]
@@ -27,16 +28,16 @@ def raw_names(task: Task) -> tuple[str, ...]:
     return code.names if code.scales else ()
 
 
-def transition(task: Task, cycle: CycleState, before: Any, after: Any, led: Outcome) -> Transition:
+def transition(task: Task, cycle: CycleState, before: PyTree, after: PyTree, led: Outcome) -> Transition:
     """A decision by name. Names that begin with "end" are of the moment after it, before any new episode.
 
     **Arguments:** the task; the `cycle` with the action chosen; the dynamics `before` and `after` it; what it `led` to.
     """
     agent = cycle.agent
     policy = agent.policy
-    readings = task.readings(led.memory, after)
+    metrics = task.metrics(led.memory, after)
     terms = task.reward_terms(led.memory, after)
-    reported = [readings[name] for name in task.reports]
+    reported = [metrics[name] for name in task.metric_names]
     nothing = jnp.full((), jnp.nan)
     found = {
         "input": cycle.observation,
@@ -44,7 +45,7 @@ def transition(task: Task, cycle: CycleState, before: Any, after: Any, led: Outc
         "action": cycle.action,
         "reward": jnp.asarray(led.reward, jnp.result_type(float)),
         "terms": _row([terms[name] for name in task.reward_names]),
-        "readings": _row([jnp.where(happened, value, nothing) for value, happened in reported]),
+        "metrics": _row([jnp.where(happened, value, nothing) for value, happened in reported]),
         "terminated": jnp.asarray(led.terminated, bool),
         "truncated": jnp.asarray(led.truncated, bool),
         "marks": jnp.ravel(task.marks(cycle.memory, before).T[:3].T),
@@ -63,12 +64,12 @@ def transition(task: Task, cycle: CycleState, before: Any, after: Any, led: Outc
 
 
 def transition_of_rows(
-    task: Task, unpack: Callable[[Any], CycleState], unpack_row: Callable[[Any], Any], sizes: Mapping[str, int]
-) -> Callable[[Any, Any, Any], Transition]:
+    task: Task, unpack: Callable[[Packed], CycleState], unpack_row: Callable[[Array], PyTree], sizes: Mapping[str, int]
+) -> Callable[[Packed, AnyArray, AnyArray], Transition]:
     """The function from all cycles, packed, the rows of the dynamics before a decision, and those after it with random
     numbers of these `sizes` behind, to what the decisions were."""
 
-    def one(packed: Any, before: Array, row: Array) -> Transition:
+    def one(packed: Packed, before: Array, row: Array) -> Transition:
         width = len(before)
         cycle = unpack(packed)
         uniforms = dict(zip(sizes, jnp.split(row[width:], np.cumsum([*sizes.values()])), strict=False))
@@ -96,5 +97,5 @@ def _row(values: list[Array]) -> Array:
     return jnp.stack(values) if values else jnp.zeros(0)
 
 
-def _numbers(state: Any) -> Array:
+def _numbers(state: PyTree) -> Array:
     return jnp.asarray(ravel_pytree(state)[0], jnp.result_type(float))

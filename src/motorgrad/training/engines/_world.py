@@ -45,7 +45,7 @@ class WorldProgram(Program):
         agent = self.fresh(seed, numbers, initial)
         return self.cycle.begin(agent, numbers, state, *self.start_numbers(seed)), state
 
-    def _resume(self, seed: Array, cycle: CycleState, state: Any, memory: Any) -> CycleState:
+    def _resume(self, seed: Array, cycle: CycleState, state: PyTree, memory: PyTree) -> CycleState:
         return self.cycle.resume_from(cycle, memory, state, *self.start_numbers(seed))
 
     def _decide(self, carry: Carry, uniforms: dict[str, Array]) -> Carry:
@@ -64,7 +64,7 @@ class WorldProgram(Program):
         # The barrier keeps the compiler from stepping the world again for everything that depends on the new state.
         return cycle, jax.lax.optimization_barrier(self.world.step(state, cycle.action, uniforms["world"]))
 
-    def _led(self, cycle: CycleState, state: Any, uniforms: dict[str, Array]) -> Carry:
+    def _led(self, cycle: CycleState, state: PyTree, uniforms: dict[str, Array]) -> Carry:
         """The state after learning from what an action led to, where an episode has ended in the next one."""
         cycle, ended = self.cycle.learn(cycle, state, uniforms["observe"])
         if not isinstance(ended, bool):
@@ -139,7 +139,7 @@ class WorldStepper(Stepper):
         self.cycle, self._axes = self.program.cycle, self.program.axes
         self._carry = self.program.begin(self.seeds, self._start_vector, self._initial)
         self.watcher: Watcher | None = None
-        """Told of every decision."""
+        """Called with every decision."""
 
     def advance(self, decisions: int) -> None:
         if self.watcher is not None:
@@ -177,7 +177,7 @@ class WorldStepper(Stepper):
     def policies(self) -> Policy:
         return seeds_first(self.agent.final_policy(self._carry[0].agent))
 
-    def set_policies(self, policies: Policy, memory: Any = None) -> None:
+    def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         cycle, world = self._carry
         cycle = cycle._replace(agent=self.agent.set_policy(cycle.agent, seeds_last(policies)))
         if memory is not None:

@@ -1,7 +1,7 @@
 """Learning curves as figures, and as TensorBoard event files. Drawing loads matplotlib when it is first used."""
 
 from motorgrad.training.plots._plot import Format, figure_file, learning_curves
-from motorgrad.training.plots._plot_curves import Axis, Curve, axis_for, curve_of, weights_of
+from motorgrad.training.plots._plot_curves import Axis, Curve, axis_for, curve_of, mean_of_last
 from motorgrad.training.plots._plot_labels import folders_of
 from motorgrad.training.plots._tensorboard import EventFiles, check_tensorboard, start_time, write_tensorboard
 
@@ -16,7 +16,7 @@ __all__ = [
     "figure_file",
     "folders_of",
     "learning_curves",
+    "mean_of_last",
     "start_time",
-    "weights_of",
     "write_tensorboard",
 ]

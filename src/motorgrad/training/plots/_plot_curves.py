@@ -102,7 +102,8 @@ def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, labe
     """A quantity of a run over an axis. Each point is the mean over the last `smooth` units of the axis."""
     values = run.curve(quantity)[1]
     values = np.where(np.isfinite(values), values, np.nan)
-    x = _positions(run, axis, len(values))
+    column = {"decisions": "decision", "simulated": "simulated_time", "wall": "wall_time", "cpu": "cpu_time"}[axis]
+    x = run.metrics[column].to_numpy()[:: len(values)].astype(float)
     if smooth is not None:
         values = trailing_mean(x, values, weights_of(run, quantity), smooth)
     window = run.config["run"]["window"]
@@ -151,11 +152,6 @@ def check_smooth(smooth: float | None, axis: Axis, curves: Sequence[Curve]) -> N
     check(smooth > record, "smooth", smooth, more)
 
 
-def _positions(run: Plotted, axis: Axis, lanes: int) -> Float[np.ndarray, " records"]:
-    column = {"decisions": "decision", "simulated": "simulated_time", "wall": "wall_time", "cpu": "cpu_time"}[axis]
-    return run.metrics[column].to_numpy()[::lanes].astype(float)
-
-
 def _timed(run: Plotted) -> bool:
     """Whether the task has simulated time; without it, its period is one second."""
     metrics = run.metrics
@@ -178,3 +174,13 @@ def weights_of(run: Plotted, quantity: str) -> Float[np.ndarray, "lanes records"
     if quantity == "reward" and "diverged" in names:
         return lengths - run.curve("diverged")[1]
     return np.ones_like(lengths) if is_total(quantity) else lengths
+
+
+def mean_of_last(run: Plotted, quantity: str, records: int) -> Float[np.ndarray, " lanes"]:
+    """The mean of a quantity over all that occurred in the last `records`; NaN where it occurred in none, and for
+    policies that are not finite."""
+    values = run.curve(quantity)[1][:, -records:]
+    weights = np.where(np.isnan(values), 0.0, weights_of(run, quantity)[:, -records:])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means = np.where(weights > 0, values * weights, 0.0).sum(axis=1) / weights.sum(axis=1)
+    return np.where(run.broken, np.nan, means)

@@ -2,9 +2,9 @@
 
 import io
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import matplotlib
 import numpy as np
@@ -30,6 +30,7 @@ DPI = 300
 LEGEND = 80
 STATEMENT = 100
 
+T = TypeVar("T")
 LOOK: Any = {
     "font.size": 9,
     "axes.titlesize": 8,
@@ -89,7 +90,9 @@ def draw(panels: Sequence[Sequence[Curve]], axis: Axis, smooth: float | None) ->
                 style = STYLES[place // len(COLOURS) % len(STYLES)]
                 _draw_curve(axes, curve, COLOURS[place % len(COLOURS)], style, len(panel) <= FEW_RUNS)
             axes.margins(x=0.01)
-            axes.set_ylabel(literal(_y_label(panel[0].quantity)))
+            quantity = panel[0].quantity
+            words = quantity.replace("_", " ")
+            axes.set_ylabel(literal(Y_LABELS.get(quantity, f"{words}\nper record" if is_total(quantity) else words)))
             if not any(curve.seen.any() for curve in panel):
                 axes.set_yticks([])
                 axes.text(0.5, 0.5, "never occurred", transform=axes.transAxes, ha="center", color="0.4")
@@ -133,11 +136,6 @@ def _draw_curve(axes: Axes, curve: Curve, colour: str, style: str, few: bool) ->
     axes.plot(curve.x[alone], median[alone], "o", color=colour, markersize=3)
 
 
-def _y_label(quantity: str) -> str:
-    words = quantity.replace("_", " ")
-    return Y_LABELS.get(quantity, f"{words}\nper record" if is_total(quantity) else words)
-
-
 def _statement(curves: Sequence[Curve], axis: Axis, smooth: float | None) -> str:
     """What a point, a line and a band are."""
     seeds = _common(len(c.values) for c in curves)
@@ -169,7 +167,7 @@ def _legend(figure: Figure, all_axes: Sequence[Axes], panels: Sequence[Sequence[
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
 
 
-def _common(values: Any) -> Any:
+def _common(values: Iterable[T]) -> T | None:
     """The value that all have, or `None`."""
     different = set(values)
     return different.pop() if len(different) == 1 else None

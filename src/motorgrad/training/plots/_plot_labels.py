@@ -60,7 +60,7 @@ def _numbered(names: list[str]) -> list[str]:
 def _flat(config: Mapping[str, Any]) -> dict[str, Any]:
     """The settings of task and learner by their dotted names, without the fingerprint of the initial learner."""
 
-    def walk(value: Any, where: str) -> Iterator[tuple[str, Any]]:
+    def walk(value: object, where: str) -> Iterator[tuple[str, Any]]:
         if isinstance(value, Mapping):
             for name, inner in value.items():
                 yield from walk(inner, f"{where}.{name}")
@@ -100,7 +100,7 @@ def _is_kind(key: str) -> bool:
     return key == "task.name" or key.endswith(".kind")
 
 
-def _setting_text(key: str, keys: Sequence[str], value: Any) -> str:
+def _setting_text(key: str, keys: Sequence[str], value: object) -> str:
     """A setting as text: `penalty 0.3`; for a kind, its name. Equal names are preceded by that of their table."""
     text = str(value) if len(str(value)) <= MAX_VALUE_CHARACTERS else f"{str(value)[: MAX_VALUE_CHARACTERS - 1]}…"
     if _is_kind(key):

@@ -11,7 +11,6 @@ import time
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 
@@ -39,7 +38,9 @@ def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
     """
     check_tensorboard()
     run.curve("reward")  # refuses a run without records
-    EventFiles(folder, run.seeds, _run_start_time(run)).add(run.metrics)
+    # a run in memory is taken to have ended now
+    start = time.time() - run.metrics["wall_time"][-1].as_py() if run.path is None else start_time(run.path)
+    EventFiles(folder, run.seeds, start).add(run.metrics)
     return Path(folder)
 
 
@@ -78,11 +79,13 @@ class EventFiles:
         columns = {name: records[name].to_pylist() for name in ("decision", "wall_time", *names)}
         content = [io.BytesIO() for _ in self.files]
         for row in range(records.num_rows):  # records are ordered by decision, then by seed
+            # what did not occur is not finite, and None in a column that only some files of a run have
             found = {name: columns[name][row] for name in names}
+            known = {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
             event = _event(
                 self.start + columns["wall_time"][row],
                 step=columns["decision"][row],
-                summary={"value": [{"tag": n, "simple_value": v} for n, v in found.items() if _is_there(v)]},
+                summary={"value": [{"tag": name, "simple_value": value} for name, value in known.items()]},
             )
             content[row % len(content)].write(event)
         return [each.getvalue() for each in content]
@@ -96,12 +99,7 @@ class EventFiles:
         return whole[len(there) :]
 
 
-def _is_there(value: float | None) -> bool:
-    """Whether something occurred; columns that only some files of a run have are `None` in the others."""
-    return value is not None and math.isfinite(value)
-
-
-def _event(wall_time: float, **parts: Any) -> bytes:
+def _event(wall_time: float, **parts: object) -> bytes:
     """An event in the format of a file: its length, its bytes, their checksums."""
     from tensorboard.compat.proto.event_pb2 import Event  # type: ignore
     from tensorboard.summary.writer.record_writer import RecordWriter  # type: ignore
@@ -109,13 +107,6 @@ def _event(wall_time: float, **parts: Any) -> bytes:
     content = io.BytesIO()
     RecordWriter(content).write(Event(wall_time=wall_time, **parts).SerializeToString())
     return content.getvalue()
-
-
-def _run_start_time(run: Plotted) -> float:
-    """The start of the run's first session; a run in memory is taken to have ended now."""
-    if run.path is None:
-        return time.time() - run.metrics["wall_time"][-1].as_py()
-    return start_time(run.path)
 
 
 def start_time(path: Path) -> float:

@@ -64,7 +64,7 @@ class _Lane:
             yield name, rows.led(parts[name]), "1"
         if values is not None:
             yield "value", self._values(values), ""
-        yield from _family("reading", task.reports, rows.led(self._earned(parts["readings"])))
+        yield from _family("metric", task.metric_names, rows.led(self._earned(parts["metrics"])))
         marks = rows.starting(parts["marks"], parts["end marks"])
         axes = [f"{k + 1} {axis}" for k in range(marks.shape[1] // 3) for axis in "xyz"]
         yield from _family("mark", axes, marks, "m")

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
+import gymnasium
 import numpy as np
 
 from motorgrad.bodies import BodyReader, Column, joint_columns
@@ -92,7 +93,7 @@ class EnvironmentProbe:
 class _Tap:
     """An environment that remembers the first action of a decision, where it was before, and the last `info`."""
 
-    def __init__(self, environment: Any):
+    def __init__(self, environment: gymnasium.Env[Any, Any]):
         self.env = environment
         self.fresh = True
         self.action: Any = 0.0
@@ -101,7 +102,7 @@ class _Tap:
         self.columns = [] if physics is None else joint_columns(physics[0])
         self.before = self.physics()
 
-    def step(self, action: Any) -> Any:
+    def step(self, action: object) -> Any:
         if self.fresh:
             self.fresh = False
             self.action = action
@@ -123,7 +124,7 @@ class _Tap:
         return np.concatenate([np.ravel(found[1].qpos), np.ravel(found[1].qvel)])
 
 
-def _mujoco(environment: Any) -> tuple[Any, Any] | None:
+def _mujoco(environment: gymnasium.Env[Any, Any]) -> tuple[Any, Any] | None:
     """MuJoCo's model and data in an environment, where it is one of Gymnasium's, MyoSuite's or alike."""
     bare: Any = environment.unwrapped
     for holder in (bare, getattr(bare, "sim", None)):

@@ -11,6 +11,7 @@ from typing import Any, Literal, Self
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, check_integer, check_positive, choice
@@ -119,7 +120,7 @@ class _Acting:
     task: Task
     policies: Policy
     seeds: list[int]
-    memory: Any = None
+    memory: PyTree = None
     values: Values | None = None
 
     def finite(self) -> Self:
@@ -177,19 +178,27 @@ class _Acting:
         return found
 
 
-def _of_rows(tree: Any, rows: np.ndarray) -> Any:
+def _of_rows(tree: PyTree, rows: np.ndarray) -> PyTree:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[rows], tree)
 
 
-def _acting(run: Any, agent: Any, seeds: Any, untrained: bool, trust: bool, allow_changed: bool) -> _Acting:
+def _acting(
+    run: Run | Task | Path | str,
+    agent: Agent | Policy | Mapping[str, Any] | None,
+    seeds: int | Sequence[int] | None,
+    untrained: bool,
+    trust: bool,
+    allow_changed: bool,
+) -> _Acting:
     """Who acts, of a run or on a task."""
     if isinstance(run, Path) or (isinstance(run, str) and Path(run).is_dir()):
         run = load(run, trust=trust, allow_changed=allow_changed)
     if isinstance(run, Run):
         check(agent is None, "agent", agent, "left out for a run, whose own policies act; give run.task for others")
         check(not run.settings, "run", run, "of one setting, such as run.split()[0]")
-        one = isinstance(seeds, numbers.Integral)
-        chosen = run.seeds if seeds is None else [int(seeds)] if one else list(seeds)
+        chosen = (
+            run.seeds if seeds is None else [int(seeds)] if isinstance(seeds, int | numbers.Integral) else list(seeds)
+        )
         for each in chosen:
             check(each in run.seeds, "seeds", each, f"of the run's seeds, {run.seeds}")
         check(len(chosen) == len(set(chosen)) > 0, "seeds", chosen, "at least one, each given once")

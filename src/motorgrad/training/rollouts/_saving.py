@@ -1,7 +1,7 @@
 """Rollouts in files: Parquet, CSV, and OpenSim's tables (.sto)."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,10 +53,13 @@ def save(
     return path
 
 
-def _opensim(table: pa.Table, units: Mapping[str, str], about: Mapping[str, str]):
+def _opensim(table: pa.Table, units: Mapping[str, str], about: Mapping[str, str]) -> Iterator[str]:
     """The parts of a table as OpenSim reads it: a header, the names of the columns, then a row for each moment."""
     kept = ["time", *(name for name in table.column_names if name not in ("time", "seed", "episode"))]
-    labels = [_opensim_name(name) for name in kept]
+    labels = []
+    for name in kept:
+        family, _, part = name.partition(": ")
+        labels.append(OPENSIM[family].format(part) if family in OPENSIM else name)
     said = {label: units[name] for label, name in zip(labels, kept, strict=True)}
     head = {"version": "3", "DataType": "double", "nRows": table.num_rows, "nColumns": len(kept), "inDegrees": "no"}
     head |= {name: each for name, each in about.items() if "=" not in each and "\n" not in each}
@@ -76,8 +79,3 @@ def _opensim(table: pa.Table, units: Mapping[str, str], about: Mapping[str, str]
         part = table.slice(first, AT_ONCE)
         numbers = np.column_stack([np.asarray(part[name].to_numpy(), float) for name in kept])
         yield "".join("\t".join(map(repr, row)) + "\n" for row in numbers.tolist())
-
-
-def _opensim_name(name: str) -> str:
-    family, _, part = name.partition(": ")
-    return OPENSIM[family].format(part) if family in OPENSIM else name

@@ -2,12 +2,12 @@
 
 import copy
 import warnings
-from typing import Any, Self
+from typing import Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad.learning import Critic, InputBaseline
 from motorgrad.policies import Policy
@@ -23,7 +23,7 @@ class Values:
     **Attributes:** `of_future`: whether it is of all that follows, as a critic's, rather than of the next reward.
     """
 
-    def __init__(self, baseline: Any, state: Any, policies: Policy):
+    def __init__(self, baseline: Critic | InputBaseline, state: PyTree, policies: Policy):
         self._baseline, self._state, self._policies = baseline, state, policies
         self.of_future = isinstance(baseline, Critic)
         self._all = jax.jit(jax.vmap(self._one, (None, None, 0, 0)))
@@ -34,12 +34,13 @@ class Values:
         made._state, made._policies = jax.tree.map(lambda leaf: leaf[rows], (self._state, self._policies))
         return made
 
-    def _one(self, state: Any, policy: Policy, seen: Any, before: Any) -> Any:
+    def _one(self, state: PyTree, policy: Policy, seen: Array, before: Array) -> Array:
         judged = policy.judged(seen)
-        if not self.of_future:
-            return self._baseline.value_at(state, judged)
+        baseline = self._baseline
+        if not isinstance(baseline, Critic):
+            return baseline.value_at(state, judged)
         previous = before if before.ndim else jax.nn.one_hot(before, policy.outputs)
-        return self._baseline.value_at(state, judged, jnp.asarray(previous, jnp.result_type(float)))
+        return baseline.value_at(state, judged, jnp.asarray(previous, jnp.result_type(float)))
 
     def of(self, lane: int, seen: np.ndarray, before: np.ndarray) -> Float[np.ndarray, " moments"]:
         """The values of what one lane has `seen` `(moments, inputs)`, after the actions `before` `(moments, …)`: at the

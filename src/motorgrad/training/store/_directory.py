@@ -370,7 +370,7 @@ class RunDirectory:
         return sorted(path for path in found if CHECKPOINT.fullmatch(path.name))
 
 
-def differences(now: Any, then: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+def differences(now: object, then: object, where: str = "") -> Iterator[tuple[str, Any, Any]]:
     """The settings in which two configurations differ: the path of each, and both values."""
     if isinstance(now, dict) and isinstance(then, dict):
         for key in [*now, *(key for key in then if key not in now)]:
@@ -383,7 +383,7 @@ def _as_bytes(task: Mapping[str, Any]) -> bytes:
     return json.dumps(task, sort_keys=True).encode()
 
 
-def _sessions(file: Path, found: Any) -> list[dict[str, Any]]:
+def _sessions(file: Path, found: object) -> list[dict[str, Any]]:
     """The sessions in a file of provenance. **Raises** `ValueError` where one is none."""
     sessions = found.get("sessions") if isinstance(found, dict) else None
     right = isinstance(sessions, list) and all(

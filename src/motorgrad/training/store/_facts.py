@@ -113,6 +113,6 @@ def _check(found: Mapping[str, Any], wanted: Mapping[str, Any], where: str = "")
             check(isinstance(value, kind), place, value, "a table" if kind is dict else "a text")
 
 
-def _check_seconds(name: str, value: Any) -> None:
+def _check_seconds(name: str, value: object) -> None:
     right = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
     check(right, name, value, "seconds")

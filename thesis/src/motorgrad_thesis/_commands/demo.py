@@ -58,7 +58,7 @@ def run(arguments: list[str]) -> int:
     if str(options.json) != "-":
         _print(shown, options.out)
     files = {name: str(path) for name, path in shown.files.items()}
-    heights = {"before": summary(shown.before.readings["apex"]), "after": summary(shown.after.readings["apex"])}
+    heights = {"before": summary(shown.before.metrics["apex"]), "after": summary(shown.after.metrics["apex"])}
     write_json(options.json, {"files": files, "apex": heights, "seconds": shown.seconds, "run": str(options.out)})
     return 0
 

@@ -82,7 +82,7 @@ def check_practice(seconds: float, period: float) -> None:
 
 def hop_heights(outcome: Evaluation) -> np.ndarray:
     """Mean height (m) of each seed's hops in an evaluation; 0 for a seed that never hopped."""
-    return np.nan_to_num(outcome.readings["apex"])
+    return np.nan_to_num(outcome.metrics["apex"])
 
 
 def median_seed(run: Run, outcome: Evaluation) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from motorgrad._errors import check, shown
@@ -72,7 +73,12 @@ def check_names(setting: str, names: tuple[str, ...], taken: Sequence[str] | set
     check(not repeated, setting, names, f"distinct names; repeated are {', '.join(map(shown, sorted(repeated)))}")
 
 
-def as_text(name: str, value: Any) -> str:
+def check_limits(block: Any) -> None:
+    """Check that a block's parameter `low` is below `high`, in every element."""
+    check(np.all(np.less(block.low, block.high)), "low", block.low, f"below high = {block.high}")
+
+
+def as_text(name: str, value: Mapping[str, Any] | str) -> str:
     """A table as TOML; a string is returned unchanged. **Raises** `ValueError` for invalid TOML."""
     if isinstance(value, Mapping):
         import tomli_w

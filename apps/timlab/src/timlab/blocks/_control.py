@@ -5,9 +5,10 @@ from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
-from timlab.blocks._base import Elementwise
+from timlab.blocks._base import Elementwise, check_limits
 from timlab.diagram import Moment, Parameter, Setting, Signals
 
 
@@ -27,16 +28,16 @@ class _PID(Elementwise):
 
     def validate(self) -> None:
         super().validate()
-        check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
+        check_limits(self)
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         """The integral part, and what the derivative part remembers of the error."""
         return self.filled(self.initial) * 1.0, jnp.zeros(self.shape)
 
-    def _clipped(self, value: Any) -> Any:
+    def _clipped(self, value: Array) -> Array:
         return jnp.clip(value, self.low, self.high) if self.limited else value
 
-    def _correction(self, wanted: Any) -> Any:
+    def _correction(self, wanted: Array) -> Array:
         """How far the limits lead an integral back; what does not integrate does not wind up."""
         return jnp.where(self.integral_gain == 0, 0.0, self._clipped(wanted) - wanted)
 
@@ -53,14 +54,14 @@ class PID(_PID):
     name: ClassVar[str] = "PID controller"
     category: ClassVar[str] = "dynamics"
 
-    def _unclipped(self, state: Any, error: Any) -> Any:
+    def _unclipped(self, state: PyTree[Array], error: Array) -> Array:
         integral, filtered = state
         return self.proportional_gain * error + integral + self.derivative_gain * (error - filtered) / self.filter
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self._clipped(self._unclipped(state, inputs["u"]))}
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         error = inputs["u"]
         wanted = self._unclipped(state, error)
         correction = self._correction(wanted) / self.tracking
@@ -80,19 +81,19 @@ class DiscretePID(_PID):
     name: ClassVar[str] = "discrete PID controller"
     category: ClassVar[str] = "dynamics"
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return *super().init(uniforms), jnp.zeros(self.shape)
 
-    def _parts(self, state: Any, error: Any, now: Moment) -> tuple[Any, Any]:
+    def _parts(self, state: PyTree[Array], error: Array, now: Moment) -> tuple[Any, Any]:
         """The output before clipping, and its derivative part."""
         integral, before, slope = state
         slope = (self.filter * slope + self.derivative_gain * (error - before)) / (self.filter + now.step)
         return self.proportional_gain * error + integral + slope, slope
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self._clipped(self._parts(state, inputs["u"], now)[0])}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         error = inputs["u"]
         wanted, slope = self._parts(state, error, now)
         correction = jnp.minimum(1.0, now.step / self.tracking) * self._correction(wanted)
@@ -106,12 +107,12 @@ class _Between(Elementwise):
 
     def validate(self) -> None:
         super().validate()
-        check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
+        check_limits(self)
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         return self._levels(inputs["u"]).ravel()
 
-    def _levels(self, u: Any) -> Any:
+    def _levels(self, u: Array) -> Any:
         """How far the input is above `high` and below `low`."""
         return jnp.stack([self.filled(u - self.high), self.filled(self.low - u)])
 
@@ -123,7 +124,7 @@ class Saturation(_Between):
     name: ClassVar[str] = "saturation"
     category: ClassVar[str] = "nonlinear"
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         over, under = now.sides(self._levels(inputs["u"]))
         return {"y": jnp.where(over, self.high, jnp.where(under, self.low, inputs["u"]))}
 
@@ -135,7 +136,7 @@ class DeadZone(_Between):
     name: ClassVar[str] = "dead zone"
     category: ClassVar[str] = "nonlinear"
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         over, under = now.sides(self._levels(inputs["u"]))
         inside = jnp.where(over, self.high, jnp.where(under, self.low, inputs["u"]))
         return {"y": inputs["u"] - inside}
@@ -150,7 +151,7 @@ class Quantiser(Elementwise):
 
     interval: Annotated[Any, Parameter("distance between levels, $q$", low=0.0, open=True)] = 0.1
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.interval * jnp.round(inputs["u"] / self.interval)}
 
 
@@ -177,10 +178,10 @@ class Relay(Elementwise):
         super().validate()
         check(np.all(np.less_equal(self.low, self.high)), "low", self.low, f"at most high = {self.high}")
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return jnp.full(self.shape, self.begins_on)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         on = state if now.above is not None else now.unless_held(self.update(state, inputs, now), state)
         return {"y": now.between(jnp.where(on, self.on, self.off), jnp.where(on, self.off, self.on))}
 
@@ -188,10 +189,10 @@ class Relay(Elementwise):
     def slides(self) -> slice:
         return slice(None)
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return (inputs["u"] >= self.high) | (state & (inputs["u"] > self.low))
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         """How far the input is behind the threshold at which it switches next."""
         u = inputs["u"]
         below = self.low - u
@@ -199,7 +200,7 @@ class Relay(Elementwise):
         below = jnp.where((self.low == self.high) & (u == self.low), -jnp.finfo(below.dtype).tiny, below)
         return jnp.where(state, below, u - self.high).ravel()
 
-    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossed(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return state ^ now.rising.reshape(self.shape)
 
 
@@ -208,10 +209,10 @@ class _Follower(Elementwise):
 
     initial: Any
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return self.filled(self.initial)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.update(state, inputs, now)}
 
 
@@ -225,7 +226,7 @@ class Backlash(_Follower):
     width: Annotated[Any, Parameter("width of the play", low=0.0)] = 1.0
     initial: Annotated[Any, Parameter("initial output")] = 0.0
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return jnp.clip(state, inputs["u"] - self.width / 2, inputs["u"] + self.width / 2)
 
 
@@ -240,5 +241,5 @@ class RateLimit(_Follower):
     fall: Annotated[Any, Parameter("largest rate of decrease", unit="1/s", low=0.0)] = 1.0
     initial: Annotated[Any, Parameter("initial output")] = 0.0
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return jnp.clip(inputs["u"], state - now.step * self.fall, state + now.step * self.rise)

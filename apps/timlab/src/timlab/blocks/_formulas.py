@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from motorgrad._errors import shown, unknown
 from motorgrad._settings import MAX_SINGLE_PRECISION
@@ -29,7 +31,7 @@ class Function(NamedTuple):
     """Whether the result is true or false."""
 
 
-def truth(value: Any) -> Any:
+def truth(value: ArrayLike) -> Array:
     """A number as a condition: true unless it is 0."""
     return jnp.asarray(value) != 0
 
@@ -134,7 +136,7 @@ class FormulaError(ValueError):
         super().__init__(f"column {column}: {message}")
 
 
-def formula(name: str, text: Any, known: Iterable[str]) -> Tree:
+def formula(name: str, text: object, known: Iterable[str]) -> Tree:
     """Parse a formula that may use the names `known`.
 
     **Raises** `ValueError` that names the setting `name`, the column and the error.
@@ -174,7 +176,7 @@ def is_condition(tree: Tree) -> bool:
 
 
 def evaluate(
-    tree: Tree, values: Mapping[str, Any], beside: Mapping[str, Any] | None = None, compared: Any = None
+    tree: Tree, values: Mapping[str, Any], beside: Mapping[str, Any] | None = None, compared: jnp.dtype | None = None
 ) -> Any:
     """The value of a formula for these values of names, element by element; 1 or 0 for a condition.
 
@@ -274,7 +276,7 @@ class _Reader:
         if self.depth > NESTED:
             raise FormulaError(token.column, f"nested deeper than {NESTED}")
 
-    def chain(self, part: Any, *signs: str) -> Tree:
+    def chain(self, part: Callable[[], Tree], *signs: str) -> Tree:
         """Parts between signs, left-associative."""
         tree = part()
         while token := self.accept(*signs):

@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
 from timlab.blocks._base import Shaped
@@ -45,25 +46,25 @@ class DryFriction(Shaped):
             "slips": Port(self.shape, "bool", help="whether it slips"),
         }
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         """The velocity, and the direction in which it slips, 0 while it sticks."""
         velocity = self.filled(self.initial)
         return velocity, jnp.sign(velocity)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": state[0], "slips": state[1] != 0}
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         velocity, direction = state
         slope = (inputs["u"] - self.kinetic * direction - self.viscous * velocity) / self.mass
         return jnp.where(direction == 0, 0.0, slope), jnp.zeros(self.shape)
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         """The force beyond what holds it, or the velocity against its direction."""
         velocity, direction = state
         return jnp.where(direction == 0, jnp.abs(inputs["u"]) - self.static, -velocity * direction).ravel()
 
-    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossed(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         velocity, direction = state
         changes = now.rising.reshape(self.shape)
         slips = jnp.where(jnp.abs(inputs["u"]) >= self.static, jnp.sign(inputs["u"]), 0.0)

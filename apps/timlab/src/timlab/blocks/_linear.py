@@ -5,9 +5,10 @@ from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
-from timlab.blocks._base import OneShape, Shaped
+from timlab.blocks._base import OneShape, Shaped, check_limits
 from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, Timing
 
 
@@ -20,10 +21,10 @@ class _Memory(OneShape):
     def inputs(self) -> Ports:
         return {"u": Port(self.shape, feedthrough=False)}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return self.filled(self.initial)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": state}
 
 
@@ -56,7 +57,7 @@ class Integrator(_Memory):
 
     def validate(self) -> None:
         super().validate()
-        check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
+        check_limits(self)
 
     @property
     def inputs(self) -> Ports:
@@ -65,13 +66,13 @@ class Integrator(_Memory):
         more = {"reset": reset} if self.reset != "none" else {}
         return {**super().inputs, **more, **({"initial": initial} if self.external and more else {})}
 
-    def _clipped(self, value: Any) -> Any:
+    def _clipped(self, value: Array) -> Array:
         return jnp.clip(value, self.low, self.high) if self.limited else value
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return self._clipped(self.filled(self.initial))
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         u = inputs["u"]
         levels = [state - self.high, self.low - state, u] if self.limited else []
         condition = [jnp.where(inputs["reset"], 1.0, -1.0)] if self.reset != "none" else []
@@ -87,7 +88,7 @@ class Integrator(_Memory):
     def falls(self) -> bool:
         return self.reset == "falling"
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         u = inputs["u"]
         if not self.limited:
             return u
@@ -95,7 +96,7 @@ class Integrator(_Memory):
         top, bottom, rises = sides[: 3 * state.size].reshape(3, *self.shape)
         return jnp.where((top & rises) | (bottom & ~rises), 0.0, u)
 
-    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossed(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         state = self._clipped(state)
         if self.reset == "none":
             return state
@@ -106,7 +107,7 @@ class Integrator(_Memory):
         begun: Any = inputs.get("initial", self.initial)
         return jnp.where(restarts, self._clipped(self.filled(begun)), state)
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._clipped(state)
 
 
@@ -117,7 +118,7 @@ class UnitDelay(_Memory):
     name: ClassVar[str] = "unit delay"
     category: ClassVar[str] = "dynamics"
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return inputs["u"]
 
 
@@ -149,30 +150,30 @@ class DiscreteIntegrator(Shaped):
 
     def validate(self) -> None:
         super().validate()
-        check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
+        check_limits(self)
 
     @property
     def inputs(self) -> Ports:
         reset = Port((), "bool", feedthrough=False, default=0.0, help="restart at the initial value")
         return {"u": Port(self.shape, feedthrough=self.method != "forward"), "reset": reset}
 
-    def _clipped(self, value: Any) -> Any:
+    def _clipped(self, value: Array) -> Array:
         return jnp.clip(value, self.low, self.high) if self.limited else value
 
-    def _current(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def _current(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         part = {"forward": 0.0, "backward": 1.0, "trapezoid": 0.5}[self.method]
         return self._clipped(state + part * now.step * inputs["u"] if part else state)
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return self.filled(self._clipped(self.initial))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self._current(state, inputs, now)}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         rest = {"forward": 1.0, "backward": 0.0, "trapezoid": 0.5}[self.method]
         after = self._clipped(self._current(state, inputs, now) + rest * now.step * inputs["u"])
-        return jnp.where(inputs["reset"], self.init(None), after)
+        return jnp.where(inputs["reset"], self.filled(self._clipped(self.initial)), after)
 
 
 MAX_DELAY_NUMBERS = 2**22  # in its buffer
@@ -211,29 +212,29 @@ class Delay(Shaped):
     def timing(self) -> Timing:
         return "continuous" if self.between == "cubic" else super().timing
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         """A ring buffer of inputs, and the index of the oldest one."""
         kept = self.length + (2 if self.between == "cubic" else 0)
         return jnp.broadcast_to(self.initial, (kept, *self.shape)) * 1.0, jnp.zeros((), jnp.int32)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         ring, oldest = state
         if self.between == "hold":
             return {"y": ring[oldest]}
         near = ring[(oldest + jnp.arange(6)) % ring.shape[0]]
         return {"y": _between(near, jnp.asarray(now.within / now.step, near.dtype))}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         ring, oldest = state
         return ring.at[oldest].set(inputs["u"]), (oldest + 1) % ring.shape[0]
 
 
-def _between(near: Any, part: Any) -> Any:
+def _between(near: Array, part: Array) -> Array:
     """The value at a `part` of the way from the third to the fourth of six equidistant samples."""
     second = jnp.diff(near, 2, 0)
     third = jnp.diff(near, 3, 0)
 
-    def flatter(one: Any, other: Any) -> Any:
+    def flatter(one: Array, other: Array) -> Array:
         return jnp.where(jnp.abs(one) <= jnp.abs(other), one, other)
 
     left = second[1] + flatter(third[0], third[1]) * (part + 1) / 3
@@ -252,10 +253,10 @@ class _Lag(Shaped):
     def inputs(self) -> Ports:
         return {"u": Port(self.shape, feedthrough=False)}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return self.filled(self.initial)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": state}
 
 
@@ -268,7 +269,7 @@ class Lag(_Lag):
     name: ClassVar[str] = "lag"
     category: ClassVar[str] = "dynamics"
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return (self.gain * inputs["u"] - state) / self.constant
 
 
@@ -281,7 +282,7 @@ class DiscreteLag(_Lag):
     name: ClassVar[str] = "discrete lag"
     category: ClassVar[str] = "dynamics"
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return state - jnp.expm1(-now.step / self.constant) * (self.gain * inputs["u"] - state)
 
 
@@ -319,17 +320,17 @@ class _Rational(Block):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape)}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return jnp.zeros((*self.shape, np.shape(self.denominator)[0] - 1))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         below = self.denominator[1:] / self.denominator[0]
         above = self.numerator / self.denominator[0]
         if self._direct:
             return {"y": state @ (above[1:] - above[0] * below) + above[0] * inputs["u"]}
         return {"y": state[..., below.shape[0] - above.shape[0] :] @ above}
 
-    def _advanced(self, state: Any, inputs: Signals) -> Any:
+    def _advanced(self, state: PyTree[Array], inputs: Signals) -> Any:
         """The next state, or its rate of change: a shift register with feedback."""
         below = self.denominator[1:] / self.denominator[0]
         enters = inputs["u"] - state @ below
@@ -347,7 +348,7 @@ class TransferFunction(_Rational):
     name: ClassVar[str] = "transfer function"
     category: ClassVar[str] = "dynamics"
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._advanced(state, inputs)
 
 
@@ -362,7 +363,7 @@ class DiscreteTransferFunction(_Rational):
     name: ClassVar[str] = "discrete transfer function"
     category: ClassVar[str] = "dynamics"
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._advanced(state, inputs)
 
 
@@ -394,17 +395,17 @@ class _StateSpace(Block):
     def outputs(self) -> Ports:
         return {"y": Port(np.shape(self.c)[:-1])}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return jnp.broadcast_to(self.initial, np.shape(self.a)[:1])
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         y = self.c @ state
         if self.direct:
             u = inputs["u"]
             y = y + jnp.tensordot(jnp.broadcast_to(self.d, (*y.shape, *u.shape)), u, u.ndim)
         return {"y": y}
 
-    def _advanced(self, state: Any, inputs: Signals) -> Any:
+    def _advanced(self, state: PyTree[Array], inputs: Signals) -> Any:
         return self.a @ state + jnp.tensordot(self.b, inputs["u"], inputs["u"].ndim)
 
 
@@ -418,7 +419,7 @@ class StateSpace(_StateSpace):
     name: ClassVar[str] = "state space"
     category: ClassVar[str] = "dynamics"
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._advanced(state, inputs)
 
 
@@ -434,5 +435,5 @@ class DiscreteStateSpace(_StateSpace):
 
     a: Annotated[Any, Parameter("$A$, a square list of rows")] = ((0.5,),)
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._advanced(state, inputs)

@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check, unknown
 from timlab.blocks._base import Shaped, check_names
@@ -39,13 +40,13 @@ class Compare(Shaped):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape, "bool")}
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         """The distance in the direction in which zero counts as the relation says."""
         if self.relation not in ORDERED:
             return jnp.zeros(0)
         return self.filled(ORDERED[self.relation][0] * (inputs["u1"] - inputs["u2"] - self.margin)).ravel()
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         if now.above is None or self.relation not in ORDERED:
             return {"y": OPERATORS[self.relation].apply(inputs["u1"], inputs["u2"] + self.margin)}
         return {"y": (now.above == ORDERED[self.relation][1]).reshape(self.shape)}
@@ -73,7 +74,7 @@ class Logic(Block):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape, "bool")}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         join = {"and": jnp.logical_and, "or": jnp.logical_or, "xor": jnp.logical_xor}
         positive = {"nand": "and", "nor": "or"}.get(self.operator, self.operator)
         joined = functools.reduce(join[positive], inputs.values())
@@ -97,7 +98,7 @@ class Not(Block):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape, "bool")}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": ~inputs["u"]}
 
 
@@ -112,7 +113,7 @@ class Switch(Shaped):
     def inputs(self) -> Ports:
         return {"condition": Port(self.shape, "bool"), "on": Port(self.shape), "off": Port(self.shape)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": jnp.where(inputs["condition"], inputs["on"], inputs["off"])}
 
 
@@ -133,7 +134,7 @@ class MultiSwitch(Shaped):
     def inputs(self) -> Ports:
         return {"index": Port((), "int"), **{f"u{number}": Port(self.shape) for number in range(self.count)}}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         choices = jnp.stack([inputs[f"u{number}"] for number in range(self.count)])
         return {"y": choices[jnp.clip(inputs["index"], 0, self.count - 1)]}
 
@@ -147,7 +148,7 @@ EDGES = ("rising", "falling", "either", "true")
 WHEN = "which events count: changes of the condition, or every evaluation at which it is true"
 
 
-def event(edge: str, before: Any, now: Any) -> Any:
+def event(edge: str, before: Array, now: Array) -> Array:
     """Where an event occurs, for a condition that was `before` and is `now`."""
     if edge == "true":
         return now
@@ -181,14 +182,14 @@ class Counter(Block):
     def outputs(self) -> Ports:
         return {"count": Port(self.shape, "int")}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         """The count, and the previous condition."""
         return jnp.zeros(self.shape, jnp.int32), jnp.zeros(self.shape, bool)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"count": self.update(state, inputs, now)[0]}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         count, before = state
         count = count + event(self.edge, before, inputs["u"]).astype(jnp.int32)
         count = jnp.where(self.modulus > 0, count % jnp.maximum(self.modulus, 1), count)
@@ -209,14 +210,14 @@ class SampleAndHold(Shaped):
     def inputs(self) -> Ports:
         return {"u": Port(self.shape), "sample": Port((), "bool")}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         """The held value, and the previous condition."""
         return self.filled(self.initial), jnp.zeros((), bool)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.update(state, inputs, now)[0]}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         held, before = state
         return jnp.where(event(self.edge, before, inputs["sample"]), inputs["u"], held), inputs["sample"]
 
@@ -292,13 +293,13 @@ class StateMachine(Block):
     def outputs(self) -> Ports:
         return {"state": Port(self.shape, "int"), **{name: Port(self.shape) for name in self.gives}}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         """The states, and the number of evaluations since they were entered: their sum in seconds would drift."""
         number = {"": 0} | {state: place for place, state in enumerate(self.states)}
         first = np.vectorize(number.__getitem__, otypes=[np.int32])(np.asarray(self.initial, object))
         return jnp.broadcast_to(jnp.asarray(first), self.shape), jnp.zeros(self.shape, jnp.uint32)
 
-    def _after(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def _after(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Any:
         before, spent = state
         constants = named_values(self.constants, self.numbers)
         times = {"t": now.doubled(lambda time: time), "since": now.spent(spent)}
@@ -312,11 +313,11 @@ class StateMachine(Block):
             after = jnp.where(here, self.states.index(end), after)
         return after.astype(jnp.int32)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         shown = self._after(state, inputs, now) if self.immediate else state[0]
         table = jnp.broadcast_to(self.table, (len(self.states), len(self.gives)))
         return {"state": shown, **{name: table[shown, column] for column, name in enumerate(self.gives)}}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         after = self._after(state, inputs, now)
         return after, jnp.where(after == state[0], state[1] + jnp.uint32(1), jnp.uint32(1))

@@ -1,10 +1,12 @@
 """Mathematics: gains, sums, products, formulas, and operations on vectors."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
 from timlab.blocks._base import Elementwise, OneShape, Shaped, check_names
@@ -36,7 +38,7 @@ class Gain(OneShape):
     def inputs(self) -> Ports:
         return {"u": Port(self.shape)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.gain * inputs["u"]}
 
 
@@ -58,7 +60,7 @@ class Sum(OneShape):
     def inputs(self) -> Ports:
         return {f"u{number}": Port(self.shape) for number, _ in enumerate(self.signs, 1)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         signed = [-u if sign == "-" else u for sign, u in zip(self.signs, inputs.values(), strict=True)]
         total = signed[0]
         for more in signed[1:]:
@@ -83,7 +85,7 @@ class Product(Shaped):
     def inputs(self) -> Ports:
         return {f"u{number}": Port(self.shape) for number, _ in enumerate(self.signs, 1)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         result = jnp.ones(self.shape)
         for sign, u in zip(self.signs, inputs.values(), strict=True):
             result = result * u if sign == "*" else result / u
@@ -110,7 +112,7 @@ class MatrixGain(Block):
     def outputs(self) -> Ports:
         return {"y": Port(np.shape(self.matrix)[:1])}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.matrix @ inputs["u"]}
 
 
@@ -163,18 +165,18 @@ class Expression(Block):
         timed = "t" in names_read(self._tree) - {*self.reads, *self.constants}
         return "continuous" if timed and super().timing == "inherited" else super().timing
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         times = {"t": (now.doubled(lambda time: time, at="time"), _inside(now))}
         value = evaluate_at(self._tree, times, named_values(self.constants, self.numbers), inputs)
         return {"y": jnp.broadcast_to(value, self.shape).astype(self.outputs["y"].dtype)}
 
 
-def _inside(now: Moment) -> Any:
+def _inside(now: Moment) -> Array:
     """The time, moved from an end of the RK4 step into it by more than its rounding: there a jump of time alone belongs
     to the step after it.
     """
 
-    def inside(start: Any, step: Any) -> Any:
+    def inside(start: Array, step: Array) -> Array:
         time = start + step
         nearly = now.blur
         return jnp.where(step > 0, jnp.maximum(time - nearly, start + nearly), time + nearly)
@@ -191,11 +193,11 @@ class Function(Elementwise):
 
     function: Annotated[str, Setting("which function", choices=ONE_ARGUMENT)] = "abs"
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": FUNCTIONS[self.function].apply(inputs["u"])}
 
 
-def named_values(names: tuple[str, ...], values: Any) -> dict[str, Any]:
+def named_values(names: tuple[str, ...], values: Array) -> dict[str, Any]:
     """The elements of an array of constants by name; a scalar is the value of all."""
     return dict(zip(names, jnp.broadcast_to(values, (len(names),)), strict=True))
 
@@ -224,7 +226,7 @@ class Join(Block):
     def outputs(self) -> Ports:
         return {"y": Port((sum(max(size, 1) for size in self.sizes),))}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": jnp.concatenate([jnp.atleast_1d(u) for u in inputs.values()])}
 
 
@@ -256,7 +258,7 @@ class Select(Block):
     def _one(self) -> bool:
         return self.single and len(self.entries) == 1
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         u = inputs["u"]
         return {"y": u[self.entries[0]] if self._one else jnp.stack([u[entry] for entry in self.entries])}
 
@@ -279,7 +281,7 @@ class Reduce(Block):
     def outputs(self) -> Ports:
         return {"y": Port(())}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         function = {
             "sum": jnp.sum,
             "mean": jnp.mean,
@@ -291,7 +293,7 @@ class Reduce(Block):
         return {"y": function(inputs["u"])}
 
 
-def _check_indices(name: str, given: Any) -> None:
+def _check_indices(name: str, given: Sequence[int]) -> None:
     check(
         all(n >= 0 for n in given) and 1 <= len(given) <= MAX_PORTS,
         name,

@@ -5,10 +5,11 @@ from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
 from motorgrad._random import normals
-from timlab.blocks._base import OneShape, Shaped, TimeSource
+from timlab.blocks._base import OneShape, Shaped, TimeSource, check_limits
 from timlab.diagram import Moment, Parameter, Setting, Signals
 
 
@@ -22,7 +23,7 @@ class Constant(OneShape):
     value: Annotated[Any, Parameter("the output")] = 0.0
     shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.filled(self.value)}
 
 
@@ -37,11 +38,11 @@ class Step(TimeSource):
     before: Annotated[Any, Parameter("output before the step")] = 0.0
     after: Annotated[Any, Parameter("output from the step on")] = 1.0
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         jumped = now.doubled(lambda start, at: start >= at - now.blur, self.at)
         return {"y": self.filled(jnp.where(jumped, self.after, self.before))}
 
-    def next_jump(self, now: Moment) -> Any:
+    def next_jump(self, now: Moment) -> Array:
         return now.doubled(lambda start, at: jnp.min(jnp.where(start >= at - now.blur, jnp.inf, at)), self.at)
 
 
@@ -56,8 +57,8 @@ class Ramp(TimeSource):
     start: Annotated[Any, Parameter("time at which the ramp starts, $t_0$", unit="s")] = 0.0
     initial: Annotated[Any, Parameter("output before the ramp, $y_0$")] = 0.0
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        def ramp(time: Any, slope: Any, start: Any, initial: Any) -> Any:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
+        def ramp(time: Array, slope: Array, start: Array, initial: Array) -> Array:
             return initial + slope * jnp.maximum(time - start, 0.0)
 
         return {"y": self.filled(now.exactly(ramp, self.slope, self.start, self.initial))}
@@ -75,7 +76,7 @@ class Sine(TimeSource):
     phase: Annotated[Any, Parameter(r"phase at time 0, $\varphi$", unit="rad")] = 0.0
     offset: Annotated[Any, Parameter("mean of the wave, $b$")] = 0.0
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         cycles = now.cycles(self.frequency)
         return {"y": self.filled(self.offset + self.amplitude * jnp.sin(2 * jnp.pi * cycles + self.phase))}
 
@@ -93,14 +94,14 @@ class Pulse(TimeSource):
     low: Annotated[Any, Parameter("output between pulses")] = 0.0
     high: Annotated[Any, Parameter("output during a pulse")] = 1.0
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        def is_high(start: Any, frequency: Any, delay: Any, duty: Any) -> Any:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
+        def is_high(start: Array, frequency: Array, delay: Array, duty: Array) -> Array:
             return self._phase(now, start, frequency, delay)[0] < duty
 
         return {"y": self.filled(jnp.where(now.doubled(is_high, *self._times), self.high, self.low))}
 
-    def next_jump(self, now: Moment) -> Any:
-        def jump(start: Any, frequency: Any, delay: Any, duty: Any) -> Any:
+    def next_jump(self, now: Moment) -> Array:
+        def jump(start: Array, frequency: Array, delay: Array, duty: Array) -> Array:
             phase, margin = self._phase(now, start, frequency, delay)
             left = jnp.where(phase < duty, duty, 1.0) - phase + margin
             return start + jnp.min(jnp.where(frequency > 0, left / frequency, jnp.inf))
@@ -112,7 +113,7 @@ class Pulse(TimeSource):
         return self.frequency, self.delay, self.duty
 
     @staticmethod
-    def _phase(now: Moment, start: Any, frequency: Any, delay: Any) -> tuple[Any, Any]:
+    def _phase(now: Moment, start: Array, frequency: Array, delay: Array) -> tuple[Any, Any]:
         """The part of a cycle that has passed when the step begins, and the part that rounding may take from it: what
         misses a jump by as little counts as on it.
         """
@@ -143,8 +144,8 @@ class Chirp(TimeSource):
         different = np.all(np.not_equal(self.first, self.last))
         check(different or self.sweep == "linear", "last", self.last, "different from first in a logarithmic sweep")
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
-        def cycles(time: Any, first: Any, last: Any, duration: Any) -> Any:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
+        def cycles(time: Array, first: Array, last: Array, duration: Array) -> Array:
             part = time / duration
             if self.sweep == "linear":
                 passed = time * (first + 0.5 * (last - first) * part)
@@ -169,13 +170,13 @@ class UniformNoise(Shaped):
 
     def validate(self) -> None:
         super().validate()
-        check(np.all(np.less(self.low, self.high)), "low", self.low, f"below high = {self.high}")
+        check_limits(self)
 
     @property
     def uniforms(self) -> int:
         return int(np.prod(self.shape))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.low + (self.high - self.low) * now.uniforms.reshape(self.shape)}
 
 
@@ -201,7 +202,7 @@ class NormalNoise(Shaped):
     def uniforms(self) -> int:
         return 2 * ((int(np.prod(self.shape)) + 1) // 2)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         standard = normals(now.uniforms)[: int(np.prod(self.shape))].reshape(self.shape)
         deviation = self.deviation if self.per == "sample" else self.deviation / jnp.sqrt(now.step)
         return {"y": self.mean + deviation * standard}

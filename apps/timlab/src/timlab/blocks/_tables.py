@@ -2,11 +2,13 @@
 
 import dataclasses
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check, shown, unknown
 from motorgrad._limits import MAX_TABLE_BYTES
@@ -160,10 +162,10 @@ class DataFile(Block):
     def timing(self) -> Timing:
         return "continuous" if self.time and self.every == 1 and self.period is None else "discrete"
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return () if self.time else jnp.zeros((), jnp.int32)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         data = self.__dict__["_data"]
         rows = data.shape[1]
         if self.time is None:
@@ -175,10 +177,10 @@ class DataFile(Block):
             values = data[:, now.doubled(lambda start: self._beyond(self._place(now, start))[0])]
         return dict(zip(self.columns, values, strict=True))
 
-    def next_jump(self, now: Moment) -> Any:
+    def next_jump(self, now: Moment) -> Array:
         last = self.__dict__["_times"].shape[0] - 1
 
-        def jump(start: Any) -> Any:
+        def jump(start: Array) -> Array:
             place = self._place(now, start)
             if self.between == "linear":  # it jumps only where it starts again
                 row = last
@@ -191,11 +193,11 @@ class DataFile(Block):
 
         return now.doubled(jump)
 
-    def _time(self, row: Any) -> Any:
-        parts = (self.__dict__[name][row] for name in ("_times", "_rests"))
-        return sum(part.astype(jnp.float64) for part in parts)
+    def _time(self, row: Array | int) -> Array:
+        time, rest = (self.__dict__[name][row].astype(jnp.float64) for name in ("_times", "_rests"))
+        return time + rest
 
-    def _place(self, now: Moment, start: Any) -> Any:
+    def _place(self, now: Moment, start: Array) -> Array:
         """The time in the table at which the current step begins; what misses a row by rounding counts as on it."""
         time = start + now.blur
         if self.after == "stay":
@@ -204,7 +206,7 @@ class DataFile(Block):
         last = self._time(-1)
         return jnp.where(time < first, time, first + (time - first) % (last - first))
 
-    def _rows_until(self, time: Any) -> Any:
+    def _rows_until(self, time: Array) -> Array:
         """The number of rows up to a time: found in single precision, and among rows that it does not tell apart, by
         bisection in double precision.
         """
@@ -220,7 +222,7 @@ class DataFile(Block):
             high = jnp.where(before, high, middle)
         return low
 
-    def _beyond(self, time: Any) -> tuple[Any, Any]:
+    def _beyond(self, time: Array) -> tuple[Any, Any]:
         """The row that is current at a time, and how far the way to the next one is gone, from 0 to 1."""
         last = self.__dict__["_times"].shape[0] - 1
         row = jnp.maximum(self._rows_until(time) - 1, 0)
@@ -229,7 +231,7 @@ class DataFile(Block):
         part = jnp.where(end > begin, (time - begin) / jnp.where(end > begin, end - begin, 1.0), 0.0)
         return row, jnp.clip(part, 0.0, 1.0).astype(self.__dict__["_data"].dtype)
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         if self.time:
             return state
         rows = self.__dict__["_data"].shape[1]
@@ -239,12 +241,12 @@ class DataFile(Block):
 BEYOND = "the output beyond the table: the value at its end, or linear extrapolation"
 
 
-def _check_points(name: str, points: Any) -> None:
+def _check_points(name: str, points: Sequence[float]) -> None:
     rising = np.ndim(points) == 1 and len(points) >= 2 and np.all(np.diff(np.asarray(points, np.float32)) > 0)
     check(rising, name, points, "a list of at least two numbers that increase, in single precision")
 
 
-def _locate(u: Any, points: Any, beyond: str) -> tuple[Any, Any]:
+def _locate(u: Array, points: Array, beyond: str) -> tuple[Any, Any]:
     """The index of the point below a number, and the fraction of the way to the next point."""
     lower = jnp.clip(jnp.searchsorted(points, u, side="right") - 1, 0, points.shape[0] - 2)
     part = (u - points[lower]) / (points[lower + 1] - points[lower])
@@ -275,7 +277,7 @@ class LookUp(Shaped):
     def inputs(self) -> Ports:
         return {"u": Port(self.shape)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         lower, part = _locate(inputs["u"], self.points, self.beyond)
         return {"y": (1 - part) * self.results[lower] + part * self.results[lower + 1]}
 
@@ -308,7 +310,7 @@ class LookUp2D(Shaped):
     def inputs(self) -> Ports:
         return {"u1": Port(self.shape), "u2": Port(self.shape)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         row, down = _locate(inputs["u1"], self.points1, self.beyond)
         column, along = _locate(inputs["u2"], self.points2, self.beyond)
         upper = (1 - along) * self.results[row, column] + along * self.results[row, column + 1]

@@ -7,12 +7,14 @@ from typing import Any, NamedTuple, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from timlab.compiler._bracket import Bracket
 from timlab.compiler._faults import CROSSINGS, LOST, NONE, SHORT, STEPS
 from timlab.compiler._integrate import MAX_STEP_PIECES
 from timlab.compiler._methods import Method
 from timlab.compiler._sliding import BEGUN, NEAR, free, led_to
+from timlab.diagram import Seconds
 
 MAX_STEPS_PER_TICK = 200_000  # failed ones and searches for crossings included
 MAX_CROSSINGS_PER_TICK = 10_000
@@ -25,12 +27,19 @@ MIN_STEP_FACTOR = 0.2  # from step to step
 MAX_STEP_FACTOR = 5.0  # from step to step
 
 
+Crossed = Callable[[Array, Array], tuple[PyTree[Array], PyTree[Array]]]
+"""Of the sides of all crossings, and which of them turned: the state and the modes after that."""
+Flight = tuple[PyTree[Array], PyTree[Array], Array, Array, Array, Array]
+"""The state, the modes, the sides and the time where crossings turned; when they had turned before; and which of them
+would be reached again unseen."""
+
+
 class System(Protocol):
     """A diagram within a tick. Times are in seconds since the tick."""
 
     def evaluate(
-        self, state: Any, modes: Any, above: Any, shares: Any, within: Any, start: Any
-    ) -> tuple[Any, Any, Any]:
+        self, state: PyTree[Array], modes: PyTree[Array], above: Array, shares: Array, within: Array, start: Array
+    ) -> tuple[PyTree[Array], Array, Crossed]:
         """The slope of the continuous `state`; the levels of all zero crossings; and a function of which of them turned
         that returns the state and the modes after it. `shares` as in `Holds`.
         """
@@ -45,38 +54,39 @@ class System(Protocol):
 
     rolled: bool
     """Whether the stages of a step are a loop, too. That is slower, but what is compiled is smaller."""
-    tick: Any
+    tick: Array
     """Its number, the same for all seeds."""
-    margin: Any
+    margin: Array
     """A jump this close to the end of the tick is left to the next one."""
 
-    def next_jump(self, within: Any) -> Any:
+    def next_jump(self, within: Array) -> Seconds:
         """The first time after `within` at which a source jumps; infinite if there is none."""
+        ...
 
 
 class Position(NamedTuple):
     """A place within a tick."""
 
-    within: Any
+    within: Array
     """Seconds since the tick."""
-    pace: Any
+    pace: Array
     """The length of the next step, in seconds; 0 before the first."""
-    state: Any
-    modes: Any
+    state: PyTree[Array]
+    modes: PyTree[Array]
     """States that change at crossings only."""
-    above: Any
+    above: Array
     """Which crossings count as not negative."""
     bracket: Bracket
-    counts: tuple[Any, Any, Any, Any]
+    counts: tuple[Array, Array, Array, Array]
     """Attempted steps, crossings, jumps, and steps in a row that were too short."""
     holds: Any
     """`Holds`; empty before there are many crossings in the tick."""
-    fault: Any
+    fault: Array
     """Why the tick could not be computed; the state is then that at the time `stuck`, in seconds since the tick."""
-    stuck: Any
+    stuck: Array
 
 
-def begin(pace: Any, state: Any, modes: Any, above: Any, within: Any = 0.0) -> Position:
+def begin(pace: Array, state: PyTree[Array], modes: PyTree[Array], above: Array, within: Seconds = 0.0) -> Position:
     """The position at a tick; `within` is its length where nothing moves any more."""
     zero = jnp.zeros_like(pace)
     none = jnp.zeros((), jnp.int32)
@@ -88,63 +98,63 @@ def begin(pace: Any, state: Any, modes: Any, above: Any, within: Any = 0.0) -> P
 class Attempt(NamedTuple):
     """One step that was tried, and what is known where it begins."""
 
-    shares: Any
-    levels: Any
+    shares: Array
+    levels: Array
     """Of the crossings where the step begins."""
-    watched: Any
+    watched: Array | bool
     """Which crossings are looked at."""
-    step: Any
-    pace: Any
+    step: Array
+    pace: Array
     """How long the step would be if nothing limited it."""
-    left: Any
+    left: Array
     """How long it may be: to `limit`, which is the next jump, if that is `inside` the tick, or the end of the tick."""
-    limit: Any
-    inside: Any
-    searching: Any
+    limit: Array
+    inside: Array
+    searching: Array
     """Whether a crossing is searched for."""
-    probing: Any
+    probing: Array
     """Whether the step only tries whether what rests would leave."""
-    lost: Any
+    lost: Array
     """Whether the state or its slope is not finite, so that no step, however short, has a finite end."""
-    gone: Any
+    gone: Array
     """The same, unless the state was lost before the tick: that is no new fault."""
-    slope: Any
-    new: Any
+    slope: PyTree[Array]
+    new: PyTree[Array]
     """The state at the end of the step, if it is accepted."""
-    final: Any
+    final: PyTree[Array]
     """The slope there."""
-    there: Any
+    there: Array
     """The levels there."""
-    size: Any
+    size: Array
     """Of the error, as a share of the one that is tolerated."""
 
 
 class Judgement(NamedTuple):
     """What follows from an attempt."""
 
-    fine: Any
+    fine: Array
     """Whether it is exact enough."""
-    forced: Any
+    forced: Array
     """Whether it is the shortest possible, and not exact enough."""
-    hit: Any
+    hit: Array
     """Whether crossings turn in it."""
-    lifted: Any
+    lifted: Array
     """Which crossings no longer hold what rests."""
-    factor: Any
+    factor: Array
     """By how much the next step is longer."""
 
 
 class Change(NamedTuple):
     """What crossings change where an attempt begins."""
 
-    state: Any
-    modes: Any
-    above: Any
-    turned: Any
+    state: PyTree[Array]
+    modes: PyTree[Array]
+    above: Array
+    turned: Array
     """Whether any has turned."""
-    again: Any
+    again: Array
     """Whether the step has to be made again with other shares."""
-    bracket: Any
+    bracket: Bracket
     holds: Any
 
 
@@ -153,7 +163,7 @@ def advanced(
     method: Method,
     tolerances: tuple[float, float],
     position: Position,
-    shares: Any,
+    shares: Array,
     length: float,
     loop: Callable[..., Any] = jax.lax.while_loop,
 ) -> Position:
@@ -170,7 +180,7 @@ def advanced(
     if position.above.size == 0:
         return loop(lambda at: at.within < length, lambda at: stepper.turn(at, False), position)
 
-    def has_few(at: Position) -> Any:
+    def has_few(at: Position) -> Array:
         return (at.within < length) & (at.counts[1] < FEW) & ~jnp.any(shares >= 0)
 
     # two loops: as long as nothing is held, rounds are shorter; where something may rest, every crossing is looked at
@@ -188,7 +198,7 @@ class _Stepper:
         system: System,
         method: Method,
         tolerances: tuple[float, float],
-        shares: Any,
+        shares: Array,
         length: float,
         loop: Callable[..., Any],
     ):
@@ -242,7 +252,7 @@ class _Stepper:
         stuck = jnp.where(faulty, at.within, at.stuck)
         return Position(within, pace, state, modes, above, bracket, counts, holds, fault, stuck)
 
-    def attempted(self, at: Position, many: bool) -> tuple[Attempt, Callable[[Any, Any], tuple[Any, Any]]]:
+    def attempted(self, at: Position, many: bool) -> tuple[Attempt, Crossed]:
         """A step, and the function of `System.evaluate` where it begins."""
         system, length, least, holds = self.system, self.length, self.least, at.holds
         start = at.within
@@ -273,7 +283,7 @@ class _Stepper:
         if searched:
             step = jnp.where(searching, at.bracket.candidate(at.above, watched, least), step)
 
-        def evaluate(there: Any, within: Any) -> Any:
+        def evaluate(there: PyTree[Array], within: Array) -> tuple[PyTree[Array], Array]:
             return system.evaluate(there, at.modes, at.above, shares, within, start)[:2]
 
         step, left, limit = self.once((step, left, limit))
@@ -320,9 +330,7 @@ class _Stepper:
         fine, hit = self.once((fine, hit))
         return Judgement(fine, forced, hit, lifted, factor)
 
-    def changed(
-        self, at: Position, attempt: Attempt, judgement: Judgement, crossed: Callable[[Any, Any], Any], many: bool
-    ) -> Change:
+    def changed(self, at: Position, attempt: Attempt, judgement: Judgement, crossed: Crossed, many: bool) -> Change:
         """What crossings change: those that have turned where the attempt begins, and those that are held."""
         system, holds, step, start = self.system, at.holds, attempt.step, at.within
         rests = many and bool(system.rests.any())
@@ -359,7 +367,7 @@ class _Stepper:
             holds, enters = holds.reached(which, entered, unseen, *lasts, system.slides, system.rests)
         if rests:
 
-            def rested(second: Any) -> Any:
+            def rested(second: PyTree[Array]) -> PyTree[Array]:
                 """The state to which resets lead that are repeated without end, after the first of them."""
                 third = system.evaluate(second, at.modes, above, at.holds.shares, start, start)[2]
                 return jax.tree.map(led_to, at.state, second, third(above, changed)[0])
@@ -371,18 +379,18 @@ class _Stepper:
         bracket = _chosen(attempt.searching, at.bracket.narrowed(step, judgement.hit, there), fresh)
         return Change(after, modes, above, turned, again, bracket, holds)
 
-    def returned(self, flight: Any) -> Any:
+    def returned(self, flight: Flight) -> Flight:
         """Whether what was reached now is left so slowly, and reached again so soon, that it could not be seen: it
         would end within the rounding of the level at which it begins. So it is with a ball that keeps little speed.
         """
         system = self.system
         state, modes, above, start, turned, _ = flight
 
-        def seen(state: Any, within: Any) -> tuple[Any, Any]:
+        def seen(state: PyTree[Array], within: Array) -> tuple[Array, PyTree[Array]]:
             slope, levels, _ = system.evaluate(state, modes, above, jnp.full_like(self.shares, -1), within, within)
             return levels, slope
 
-        def rates(state: Any, within: Any) -> tuple[Any, Any]:
+        def rates(state: PyTree[Array], within: Array) -> tuple[Array, tuple[Array, PyTree[Array]]]:
             slope = seen(state, within)[1]
             levels, rate, _ = jax.jvp(seen, (state, within), (slope, jnp.ones_like(within)), has_aux=True)
             return rate, (levels, slope)
@@ -397,12 +405,12 @@ class _Stepper:
         unseen = reached & (rate <= 0) & (bend >= 0) & (rate**2 <= UNSEEN * levels * bend)
         return state, modes, above, start, turned, jnp.full_like(above, jnp.any(unseen))
 
-    def scaled(self, *states: Any) -> Any:
+    def scaled(self, *states: PyTree[Array]) -> PyTree[Array]:
         """The error that is tolerated for states of this size."""
         sizes = jax.tree.map(lambda *parts: functools.reduce(jnp.maximum, map(jnp.abs, parts)), *states)
         return jax.tree.map(lambda size: self.absolute + self.relative * size, sizes)
 
-    def once(self, tree: Any) -> Any:
+    def once(self, tree: PyTree[Array]) -> PyTree[Array]:
         """Compute once. XLA may compute a value again wherever it is used, with other roundings, and so decide one way
         for the state and another way for the time; what enters a branch is computed before it.
         """
@@ -411,21 +419,23 @@ class _Stepper:
         zeros = lambda tree: jax.tree.map(jnp.zeros_like, tree)  # noqa: E731
         return jax.lax.cond(self.system.tick < NEVER, lambda tree: tree, zeros, tree)
 
-    def only_if(self, condition: Any, function: Callable[[Any], Any], tree: Any) -> Any:
+    def only_if(
+        self, condition: Array, function: Callable[[PyTree[Array]], PyTree[Array]], tree: PyTree[Array]
+    ) -> PyTree[Array]:
         """The function of a tree where the condition holds, else the tree: for many seeds, computed only if needed."""
         return self.loop(lambda at: at[0], lambda at: (jnp.zeros((), bool), function(at[1])), (condition, tree))[1]
 
 
-def _norm(tree: Any, scale: Any) -> Any:
+def _norm(tree: PyTree[Array], scale: PyTree[Array]) -> Array:
     parts = [(x / s) ** 2 for x, s in zip(jax.tree.leaves(tree), jax.tree.leaves(scale), strict=True)]
     return jnp.sqrt(sum(jnp.sum(part) for part in parts) / sum(part.size for part in parts))
 
 
-def _first_pace(position: Any, speed: Any, length: float) -> Any:
+def _first_pace(position: Array, speed: Array, length: float) -> Array:
     """The first step, in seconds (Hairer, Nørsett & Wanner, 1993, II.4): the state changes by about a hundredth."""
     still = (position < 1e-5) | (speed < 1e-5)
     return jnp.minimum(jnp.where(still, 1e-3 * length, 0.01 * position / jnp.where(still, 1.0, speed)), length)
 
 
-def _chosen(condition: Any, new: Any, old: Any) -> Any:
+def _chosen(condition: Array, new: PyTree[Array], old: PyTree[Array]) -> PyTree[Array]:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b).astype(b.dtype), new, old)

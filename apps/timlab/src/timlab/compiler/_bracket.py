@@ -1,8 +1,9 @@
 """The search for a zero crossing between two lengths of a step."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 BISECTED = 16  # tries by secants before a crossing is searched for by bisection
 
@@ -10,16 +11,16 @@ BISECTED = 16  # tries by secants before a crossing is searched for by bisection
 class Bracket(NamedTuple):
     """Two lengths of a step that enclose a crossing, and the levels of all crossings there."""
 
-    before: Any
-    behind: Any
+    before: Array
+    behind: Array
     """0 where no crossing is searched for."""
-    low: Any
-    high: Any
-    replaced: Any
+    low: Array
+    high: Array
+    replaced: Array
     """Which end was replaced last: 1 `behind`, −1 `before`."""
-    tries: Any
+    tries: Array
 
-    def candidate(self, above: Any, watched: Any, least: float) -> Any:
+    def candidate(self, above: Array, watched: Array | bool, least: float) -> Array:
         """A step between the two: the earliest zero of the straight lines through the levels that are `watched`."""
         width = self.behind - self.before
         crossing = ((self.high >= 0) != above) & watched
@@ -29,7 +30,7 @@ class Bracket(NamedTuple):
         inside = jnp.clip(self.before + ratio * width, self.before + least, self.behind - least)
         return jnp.where(width <= 2 * least, self.behind, inside)
 
-    def narrowed(self, step: Any, hit: Any, levels: Any) -> "Bracket":
+    def narrowed(self, step: Array, hit: Array, levels: Array) -> "Bracket":
         """With `step` as one end: the one behind the crossing if it was `hit`. An end that stays for a second time has
         its levels halved, which is the Illinois rule.
         """

@@ -1,20 +1,17 @@
 """The continuous part of a diagram within a tick, for one seed: what a solver integrates."""
 
-from typing import TYPE_CHECKING, Any
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
-from timlab.compiler._adaptive import advanced, begin
-from timlab.compiler._faults import NONE, joined, owners
+from timlab.compiler._adaptive import Crossed, advanced, begin
+from timlab.compiler._evaluation import ROWS, Carry, Crossings, Evaluation, Numbers, States, Values
+from timlab.compiler._faults import NONE, Fault, joined, owners
 from timlab.compiler._integrate import integrated
 from timlab.compiler._methods import METHODS
 from timlab.compiler._stack import Environment
-from timlab.diagram import blur, clock
-
-if TYPE_CHECKING:
-    from timlab.compiler._step import Carry, Numbers, Step, Values
+from timlab.diagram import Moment, Seconds, blur, clock
 
 
 class Continuous:
@@ -25,7 +22,7 @@ class Continuous:
     """
 
     def __init__(
-        self, step: "Step", values: "Values", carry: "Carry", tick: Any, numbers: "Numbers", environment: Environment
+        self, step: Evaluation, values: Values, carry: Carry, tick: Array, numbers: Numbers, environment: Environment
     ):
         self.step, self.values, self.carry, self.tick = step, values, carry, tick
         self.numbers, self.environment = numbers, environment
@@ -41,21 +38,21 @@ class Continuous:
         self.rests = self.slides & np.repeat(np.array(rests, bool), sizes)
         self.falls = self.slides & np.repeat(np.array([kinds[k].block.falls for k in step.crossings], bool), sizes)
 
-    def slopes(self, state: dict[int, Any], within: Any, start: Any = None) -> dict[int, Any]:
+    def slopes(self, state: States, within: Seconds, start: Seconds | None = None) -> States:
         """The time derivative of the state, in a step of the solver that began at `start`, by default at `within`."""
         return self._slopes(state, self._outputs(state, {}, {}, {}, within, start), {}, {}, within, start)
 
-    def seen(self, state: dict[int, Any], within: Any) -> tuple[Environment, dict[int, Any]]:
+    def seen(self, state: States, within: Seconds) -> tuple[Environment, States]:
         """The outputs of all blocks, and the time derivative of the state."""
         there = self._outputs(state, {}, {}, {}, within, None)
         return there, self._slopes(state, there, {}, {}, within, None)
 
-    def outputs_at(self, within: Any) -> Environment:
+    def outputs_at(self, within: Seconds) -> Environment:
         """The outputs of all blocks at the present state, the sides and shares of the crossings as they are."""
         state, modes = ({k: self.carry.states[k] for k in kinds} for kinds in (self.step.movers, self.step.modes))
         return self._outputs(state, modes, self.carry.above, self.carry.shares, within, within)
 
-    def changes_at(self, within: Any) -> tuple[Any, Any]:
+    def changes_at(self, within: Seconds) -> tuple[States, Array]:
         """The time derivative of the present state, and the levels of the crossings."""
         state, modes = ({k: self.carry.states[k] for k in kinds} for kinds in (self.step.movers, self.step.modes))
         shares = self._joined(self._all_shares(self.carry.shares))
@@ -69,7 +66,7 @@ class Continuous:
         state = [(members[k], leaf.shape) for k in self.step.movers for leaf in jax.tree.leaves(states[k])]
         return owners(state), owners([(members[k], self.carry.above[k].shape) for k in self.step.crossings])
 
-    def advanced(self) -> tuple[dict[int, Any], dict[int, Any], dict[int, Any], dict[str, Any], Any]:
+    def advanced(self) -> tuple[States, Crossings, Crossings, dict[str, Array], Fault]:
         """The states at the end of the tick, the sides and the shares of the crossings, the length of the next step,
         and the fault, of which there is none with fixed steps.
         """
@@ -87,7 +84,7 @@ class Continuous:
             shares = {k: shares[k] for k in carry.shares}
             chatter = end.holds.chatter(length) if step.crossings else None
             fault = joined(carry.fault, end.fault, end.stuck, chatter, self.tick)
-            return end.state | end.modes, self._split(end.above), shares, {"step": end.pace}, fault
+            return {**end.state, **end.modes}, self._split(end.above), shares, {"step": end.pace}, fault
         if step.crossings:
             _, levels, crossed = self._evaluated(state, modes, {}, {}, 0.0, 0.0, self.environment)
             sides = levels >= 0
@@ -96,7 +93,7 @@ class Continuous:
         jump = self.next_jump if step.jumping else None
         piece = length / solver.substeps
 
-        def substep(n: Any, state: Any) -> Any:
+        def substep(n: Array | int, state: States) -> States:
             within = n * jnp.asarray(piece, jnp.result_type(float))
             return integrated(self.slopes, jump, state, within, piece, self.margin, rolled=self.rolled)
 
@@ -105,8 +102,8 @@ class Continuous:
         return state, self._split(above), {}, {}, {}
 
     def evaluate(
-        self, state: Any, modes: Any, above: Any, shares: Any, within: Any, start: Any
-    ) -> tuple[Any, Any, Any]:
+        self, state: States, modes: States, above: Array, shares: Array, within: Seconds, start: Seconds
+    ) -> tuple[States, Array, Crossed]:
         """As `_adaptive.System` requires."""
         sides = self._split(above)
         parts = self._split(shares)
@@ -114,7 +111,7 @@ class Continuous:
         there = self._outputs(state, modes, sides, parts, within, start)
         return self._evaluated(state, modes, sides, parts, within, start, there)
 
-    def next_jump(self, within: Any) -> Any:
+    def next_jump(self, within: Seconds) -> Seconds:
         """As `_adaptive.System` requires."""
         if not self.step.jumping:
             return jnp.inf
@@ -125,8 +122,15 @@ class Continuous:
             return (first - self.time[0].astype(jnp.float64) - self.time[1].astype(jnp.float64)).astype(real)
 
     def _evaluated(
-        self, state: Any, modes: Any, sides: Any, shares: Any, within: Any, start: Any, there: Environment
-    ) -> Any:
+        self,
+        state: States,
+        modes: States,
+        sides: Crossings,
+        shares: Crossings,
+        within: Seconds,
+        start: Seconds,
+        there: Environment,
+    ) -> tuple[States, Array, Crossed]:
         own = state | modes
         step = self.step
         values = self.values
@@ -135,22 +139,28 @@ class Continuous:
         full = {k: own.get(k, self.carry.states[k]) for k in step.crossings}
         levels = {k: step.apply("crossings", k, values[k], full[k], inputs[k], now[k]) for k in step.crossings}
 
-        def crossed(above: Any, turned: Any) -> tuple[Any, Any]:
-            above = self._split(above)
-            turned = self._split(turned)
+        def crossed(above: Array, turned: Array) -> tuple[States, States]:
+            sides_after = self._split(above)
+            turns = self._split(turned)
             after = dict(own)
             for k in step.crossings:
                 if k in own and step.kinds[k].block.switches:
-                    then = now[k]._replace(above=above[k], turned=turned[k])
+                    then = now[k]._replace(above=sides_after[k], turned=turns[k])
                     after[k] = step.apply("crossed", k, values[k], full[k], inputs[k], then)
             return {k: after[k] for k in state}, {k: after[k] for k in modes}
 
         return self._slopes(state, there, sides, shares, within, start), self._joined(levels), crossed
 
     def _slopes(
-        self, state: Any, there: Environment, sides: Any, shares: Any, within: Any, start: Any
-    ) -> dict[int, Any]:
-        def slope(k: int) -> Any:
+        self,
+        state: States,
+        there: Environment,
+        sides: Crossings,
+        shares: Crossings,
+        within: Seconds,
+        start: Seconds | None,
+    ) -> States:
+        def slope(k: int) -> PyTree[Array]:
             now = self._now(k, within, start, sides)
             free = self.step.apply("derivative", k, self.values[k], state[k], self.step.inputs(k, there), now)
             if k not in shares:
@@ -160,7 +170,9 @@ class Continuous:
 
         return {k: slope(k) for k in state}
 
-    def _outputs(self, state: Any, modes: Any, sides: Any, shares: Any, within: Any, start: Any) -> Environment:
+    def _outputs(
+        self, state: States, modes: States, sides: Crossings, shares: Crossings, within: Seconds, start: Seconds | None
+    ) -> Environment:
         """The outputs of the moving blocks, among those of all others."""
         own = state | modes
         kinds = self.step.kinds
@@ -176,28 +188,26 @@ class Continuous:
         guess = {b: self.environment[b] for b, _ in moving if b in self.step.torn}
         return self.step.consistent(evaluate, self.environment, guess)
 
-    def _now(self, k: int, within: Any, start: Any, sides: Any) -> Any:
+    def _now(self, k: int, within: Seconds, start: Seconds | None, sides: Crossings) -> Moment:
         return self.step.now(k, self.tick, self.numbers, within, start, sides.get(k))
 
-    def _next_jump(self, k: int, within: Any) -> Any:
+    def _next_jump(self, k: int, within: Seconds) -> Array:
         """The times of the first jumps of the blocks of a kind."""
-        from timlab.compiler._step import ROWS
-
         block = self.step.kinds[k].block
         now = self._now(k, within, within, {})
         return jax.vmap(lambda v, n: block.bound(v).next_jump(n), in_axes=(0, ROWS))(dict(self.values[k]), now)
 
-    def _all_shares(self, shares: dict[int, Any]) -> dict[int, Any]:
+    def _all_shares(self, shares: Crossings) -> Crossings:
         """The shares of all crossings, −1 for those that are never held."""
         real = jnp.result_type(float)
         return {k: shares.get(k, jnp.full(self.carry.above[k].shape, -1, real)) for k in self.step.crossings}
 
-    def _joined(self, by_kind: dict[int, Any]) -> Any:
+    def _joined(self, by_kind: Crossings) -> Array:
         """Crossings as one vector."""
         parts = [by_kind[k].ravel() for k in self.step.crossings]
         return jnp.concatenate(parts) if parts else jnp.zeros(0)
 
-    def _split(self, vector: Any) -> dict[int, Any]:
+    def _split(self, vector: Array) -> Crossings:
         """The inverse of `_joined`."""
         parts = jnp.split(vector, self._ends[:-1]) if self._ends else []
         return {k: part.reshape(self.carry.above[k].shape) for k, part in zip(self.step.crossings, parts, strict=True)}

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from timlab.compiler._evaluation import Axes, Carry, Numbers, Values
 from timlab.compiler._stack import Environment
-from timlab.compiler._step import SPAN, Carry, Numbers, Step, Values, draw_start
-from timlab.diagram import Block, Host, HostBlock, HostMoment, Placed
+from timlab.compiler._step import SPAN, Step, draw_start
+from timlab.diagram import Host, HostBlock, HostMoment, Placed
 
 Rows = dict[int, dict[str, np.ndarray]]
 """By kind of host: arrays by port; seeds lead."""
@@ -22,7 +23,7 @@ class HostLoop:
 
     longest = MAX_RECORDED_TICKS
 
-    def __init__(self, step: Step, seeds: np.ndarray, axes: Any):
+    def __init__(self, step: Step, seeds: np.ndarray, axes: Axes):
         self.step, self.seeds, self.axes = step, seeds, axes
         self.kinds = [k for k, kind in enumerate(step.kinds) if isinstance(kind.block, HostBlock)]
         self._ticks = {k: self._placed(k).ticks for k in self.kinds}
@@ -166,7 +167,7 @@ class HostLoop:
         return self._stages[following][0]
 
     def _output(
-        self, k: int, host: Host, block: Block, inputs: Mapping[str, Any], now: HostMoment
+        self, k: int, host: Host, block: HostBlock, inputs: Mapping[str, Any], now: HostMoment
     ) -> dict[str, np.ndarray]:
         """A host's outputs. Their shapes are checked here, because hosts are not part of compiled code, where mistakes
         would show.

@@ -1,12 +1,13 @@
 """Algebraic loops: outputs that depend on themselves within a tick, found by Newton's method."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, PyTree
 
 from timlab.compiler._methods import inverted
 
@@ -17,26 +18,30 @@ MIN_PIECE = 1e-4  # of that way
 STARTS = np.array([0.0, *(sign * 10.0**k for k in (-9, -6, -3, -2, -1, 0, 1, 3) for sign in (1, -1))])
 """Where a search begins if the last tick's values have no finite residual."""
 
+Result = TypeVar("Result")
+
 
 def tolerance() -> float:
     """By how much, relative and absolute, two Newton steps may still differ."""
     return 64 * float(jnp.finfo(jnp.result_type(float)).eps)
 
 
-def solved(evaluate: Callable[[Any], Any], read: Callable[[Any], Any], guess: Any) -> Any:
+def solved(
+    evaluate: Callable[[PyTree[Array]], Result], read: Callable[[Result], PyTree[Array]], guess: PyTree[Array]
+) -> Result:
     """What `evaluate` returns for a guess of some of its own results, which `read` takes from it, where the two agree.
 
     Where no solution is found from `guess`, the results are NaN.
     """
     flat, unravel = ravel_pytree(jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 0.0), guess))
 
-    def residual(x: Any) -> Any:
+    def residual(x: Array) -> Array:
         return ravel_pytree(read(evaluate(unravel(x))))[0] - x
 
-    def tangent(linear: Callable[[Any], Any], right: Any) -> Any:
+    def tangent(linear: Callable[[Array], Array], right: Array) -> Array:
         return _solved(jax.vmap(linear, out_axes=1)(jnp.eye(len(right), dtype=right.dtype)), right)
 
-    def solve(residual: Callable[[Any], Any], guess: Any) -> tuple[Any, Any]:
+    def solve(residual: Callable[[Array], Array], guess: Array) -> tuple[Array, Array]:
         x, found = root(residual, guess)
         return x, jnp.where(found, 0.0, jnp.nan).astype(x.dtype)  # a number, as it has to have a derivative
 
@@ -45,7 +50,9 @@ def solved(evaluate: Callable[[Any], Any], read: Callable[[Any], Any], guess: An
     return evaluate(unravel(x + unknown))
 
 
-def root(residual: Callable[[Any], Any], guess: Any, loop: Callable[..., Any] = jax.lax.while_loop) -> tuple[Any, Any]:
+def root(
+    residual: Callable[[Array], Array], guess: Array, loop: Callable[..., Any] = jax.lax.while_loop
+) -> tuple[Array, Array]:
     """A vector whose `residual` is zero, and whether it was found.
 
     Newton's method as long as each of its steps makes the residual smaller, which is nearly always; else `searched`.
@@ -81,30 +88,30 @@ def root(residual: Callable[[Any], Any], guess: Any, loop: Callable[..., Any] = 
 class Search(NamedTuple):
     """A search for $r(x) = 0$. On the way, it solves $r(x) = \\tau\\,r(x_0)$ for $\\tau$ from 1 to 0."""
 
-    x: Any
-    residual: Any
-    slopes: Any
+    x: Array
+    residual: Array
+    slopes: Array
     """The Jacobian."""
-    first: Any
+    first: Array
     """The residual at the start, $r(x_0)$."""
-    part: Any
+    part: Array
     """How much of a Newton step is tried; 0 before there is a start with a finite residual."""
-    tau: Any
-    anchor: Any
+    tau: Array
+    anchor: Array
     """The solution for `reached`."""
-    kept: Any
+    kept: tuple[Array, Array]
     """The residual and the Jacobian there."""
-    reached: Any
-    piece: Any
+    reached: Array
+    piece: Array
     """By how much tau falls next."""
-    tries: Any
-    found: Any
-    lost: Any
+    tries: Array
+    found: Array
+    lost: Array
 
 
 def searched(
-    residual: Callable[[Any], Any], guess: Any, loop: Callable[..., Any] = jax.lax.while_loop
-) -> tuple[Any, Any]:
+    residual: Callable[[Array], Array], guess: Array, loop: Callable[..., Any] = jax.lax.while_loop
+) -> tuple[Array, Array]:
     """The same as `root` for difficult residuals.
 
     Newton's steps are halved until the residual becomes smaller (damping). Where that fails, the solution is followed
@@ -116,14 +123,14 @@ def searched(
     one = jnp.ones((), real)
     zero = jnp.zeros((), real)
 
-    def begun(s: Search, x: Any, value: Any, slopes: Any) -> Search:
+    def begun(s: Search, x: Array, value: Array, slopes: Array) -> Search:
         """The search from `x`, or the next try where it cannot begin there."""
         fits = jnp.all(jnp.isfinite(value))
         part = jnp.where(fits, one, zero)
         lost = ~fits & (s.tries >= len(STARTS))
         return Search(x, value, slopes, value, part, zero, x, (value, slopes), one, one, s.tries + 1, s.found, lost)
 
-    def gone_on(s: Search, x: Any, step: Any, value: Any, slopes: Any) -> Search:
+    def gone_on(s: Search, x: Array, step: Array, value: Array, slopes: Array) -> Search:
         """The search after a step to `x`, or back where it was, with a smaller step or a smaller piece of the way."""
         wanted = s.residual - s.tau * s.first
         missed = value - s.tau * s.first
@@ -171,19 +178,19 @@ def searched(
     return end.x, end.found
 
 
-def _linearised(residual: Callable[[Any], Any], x: Any) -> tuple[Any, Any]:
+def _linearised(residual: Callable[[Array], Array], x: Array) -> tuple[Array, Array]:
     """The residual and its Jacobian."""
     value, push = jax.linearize(residual, x)
     return value, jax.vmap(push, out_axes=1)(jnp.eye(len(x), dtype=x.dtype))
 
 
-def _solved(matrix: Any, right: Any) -> Any:
+def _solved(matrix: Array, right: Array) -> Array:
     return right / matrix[0] if len(right) == 1 else jnp.sum(inverted(matrix) * right, axis=-1)
 
 
-def _size(x: Any) -> Any:
+def _size(x: Array) -> Array:
     return jnp.max(jnp.abs(x))
 
 
-def _chosen(condition: Any, new: Any, old: Any) -> Any:
+def _chosen(condition: Array, new: PyTree[Array], old: PyTree[Array]) -> PyTree[Array]:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)

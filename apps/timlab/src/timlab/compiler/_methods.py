@@ -8,10 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
-Evaluate = Callable[[Any, Any], tuple[Any, Any]]
+Evaluate = Callable[[PyTree[Array], Array], tuple[PyTree[Array], Array]]
 """Of a state and the seconds since the tick: the state's slope, and the levels of the zero crossings."""
+Attempted = tuple[PyTree[Array], PyTree[Array], PyTree[Array], Array]
+"""A new state, its estimated error, the slope there, and the levels there."""
 
 
 class Method(NamedTuple):
@@ -24,7 +26,7 @@ class Method(NamedTuple):
 
     order: int
     stiff: bool
-    attempt: Callable[[Evaluate, Any, Any, Any, Any, bool], tuple[Any, Any, Any, Any]]
+    attempt: Callable[[Evaluate, PyTree[Array], Array, Array, PyTree[Array], bool], Attempted]
 
 
 def explicit(tableau: diffrax.ButcherTableau, order: int) -> Method:
@@ -33,9 +35,11 @@ def explicit(tableau: diffrax.ButcherTableau, order: int) -> Method:
     errors = tuple(np.asarray(tableau.b_error, float))
 
     def attempt(
-        evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any, rolled: bool
-    ) -> tuple[Any, Any, Any, Any]:
-        def stage(slopes: Any, place: Any, weights: Any) -> tuple[Any, Any]:
+        evaluate: Evaluate, state: PyTree[Array], within: Array, step: Array, first: PyTree[Array], rolled: bool
+    ) -> Attempted:
+        def stage(
+            slopes: PyTree[Array], place: Array | float, weights: Array | Sequence[float]
+        ) -> tuple[PyTree[Array], tuple[PyTree[Array], PyTree[Array], Array]]:
             there = jax.tree.map(lambda x, k: x + step * k, state, _weighted(weights, slopes))
             slope, levels = evaluate(there, within + place * step)
             return slope, (there, slope, levels)
@@ -47,7 +51,11 @@ def explicit(tableau: diffrax.ButcherTableau, order: int) -> Method:
 
 
 def _one_by_one(
-    stage: Callable[..., tuple[Any, Any]], table: Sequence[tuple[Any, ...]], known: list[Any], like: Any, rolled: bool
+    stage: Callable[..., tuple[Any, Any]],
+    table: Sequence[tuple[Any, ...]],
+    known: list[PyTree[Array]],
+    like: PyTree[Array],
+    rolled: bool,
 ) -> tuple[Any, Any]:
     """The results of all stages, and what else the last one returns.
 
@@ -68,7 +76,7 @@ def _one_by_one(
         padded = [[*cell, *[0.0] * (count - len(cell))] if isinstance(cell, tuple) else cell for cell in cells]
         return jnp.asarray(np.array(padded, float), real)
 
-    def next_stage(results: Any, at: Any) -> tuple[Any, Any]:
+    def next_stage(results: PyTree[Array], at: tuple[Array | np.ndarray, ...]) -> tuple[PyTree[Array], PyTree[Array]]:
         n, *row = at
         result, other = stage(results, *row)
         return jax.tree.map(lambda all, new: all.at[n].set(new), results, result), other
@@ -81,7 +89,7 @@ def _one_by_one(
     return results, jax.tree.map(lambda each: each[-1], others)
 
 
-def _weighted(weights: Any, results: Any) -> Any:
+def _weighted(weights: Array | Sequence[float], results: PyTree[Array] | list[PyTree[Array]]) -> PyTree[Array]:
     """The weighted sum of results: of a list of them, or stacked."""
     if not isinstance(results, list):
         dense = jnp.asarray(weights, jnp.result_type(float))
@@ -142,18 +150,24 @@ UNROLLED = 16  # larger matrices are inverted by LAPACK
 
 
 def _rodas5p(
-    evaluate: Evaluate, state: Any, within: Any, step: Any, first: Any, rolled: bool
-) -> tuple[Any, Any, Any, Any]:
+    evaluate: Evaluate, state: PyTree[Array], within: Array, step: Array, first: PyTree[Array], rolled: bool
+) -> Attempted:
     x, unravel = ravel_pytree(state)
 
-    def slope(x: Array, within: Any) -> Array:
+    def slope(x: Array, within: Array) -> Array:
         return ravel_pytree(evaluate(unravel(x), within)[0])[0]
 
     within = jnp.asarray(within, x.dtype)
     jacobian, rate = jax.jacfwd(slope, (0, 1))(x, within)
     inverse = inverted(jnp.eye(len(x), dtype=x.dtype) / (GAMMA * step) - jacobian)
 
-    def stage(changes: Any, place: Any, weight: Any, inside: Any, outside: Any) -> tuple[Any, Any]:
+    def stage(
+        changes: PyTree[Array],
+        place: Array | float,
+        weight: Array | float,
+        inside: Array | Sequence[float],
+        outside: Array | Sequence[float],
+    ) -> tuple[Array, tuple[Array, Array]]:
         there = x
         right = step * weight * rate
         if len(changes):

@@ -15,10 +15,11 @@ from jaxtyping import Array
 
 from motorgrad._compiler import loop_options
 from motorgrad.pages import size_of
+from timlab.compiler._evaluation import Axes, Carry, Numbers, Values
 from timlab.compiler._host_loop import HostLoop
 from timlab.compiler._stack import Stacks
-from timlab.compiler._step import SPAN, Carry, Numbers, Step, Values
-from timlab.diagram import HostBlock, Placed, kind_of
+from timlab.compiler._step import SPAN, Step
+from timlab.diagram import HostBlock, kind_of
 
 Recorded = dict[int, dict[str, Any]]
 BUFFER = 2**20  # bytes of recorded signals per call: XLA compiles a loop whole only up to some MiB of data
@@ -33,7 +34,7 @@ class Loop:
     differ between seeds, along the last axis, else `None`.
     """
 
-    def __init__(self, step: Step, seeds: np.ndarray, axes: Any):
+    def __init__(self, step: Step, seeds: np.ndarray, axes: Axes):
         self.step, self.seeds, self.axes = step, seeds, axes
         self._call: Any = None
         self._peek = jax.jit(self._peeked)
@@ -77,7 +78,7 @@ class Loop:
         numbers = {k: drawn[tick % SPAN] for k, drawn in self._draw(seeds, tick // SPAN).items()}
         return self._tick(values, carry, tick, numbers)[1]
 
-    def _draw(self, seeds: Array, span: Any) -> Numbers:
+    def _draw(self, seeds: Array, span: Array) -> Numbers:
         return jax.vmap(self.step.numbers, in_axes=(0, None), out_axes=-1)(seeds, span)
 
     def _tick(self, values: Values, carry: Carry, tick: Array, numbers: Numbers) -> tuple[Carry, Recorded]:
@@ -127,11 +128,18 @@ _kept: "OrderedDict[Any, Loop | HostLoop]" = OrderedDict()
 _lock = threading.Lock()
 
 
-def cached_program(stacks: Stacks, seeds: np.ndarray, axes: dict[int, dict[str, int | None]]) -> Loop | HostLoop:
+def cached_program(stacks: Stacks, seeds: np.ndarray, axes: Axes) -> Loop | HostLoop:
     """The loop for these stacks and this number of seeds. `axes` are the seed axes of the parameters, see `Loop`."""
     plan = stacks.plan
     swept = tuple((k, name) for k, names in axes.items() for name, axis in names.items() if axis is not None)
-    blocks = tuple(_structure_key(placed) for placed in plan.blocks)
+    # all that the loop depends on in a block; messages of hosts contain their path
+    blocks = tuple(
+        (
+            *(kind_of(placed.block), placed.ticks, placed.identity, tuple(placed.sources.items())),
+            placed.path if isinstance(placed.block, HostBlock) else None,
+        )
+        for placed in plan.blocks
+    )
     # `moving` is not implied by the blocks' settings and ticks: a source with `period == tick` is held within a tick,
     # one without a period is evaluated again inside an RK4 step
     key = (plan.tick, plan.solver, blocks, plan.moving, plan.torn, stacks.batches, stacks.rows, swept, len(seeds))
@@ -143,9 +151,3 @@ def cached_program(stacks: Stacks, seeds: np.ndarray, axes: dict[int, dict[str, 
         while len(_kept) > MAX_KEPT_LOOPS:
             _kept.popitem(last=False)
         return _kept[key]
-
-
-def _structure_key(placed: Placed) -> Any:
-    """What the compiled loop depends on in a block: everything but its name and its parameter values."""
-    path = placed.path if isinstance(placed.block, HostBlock) else None  # error messages of hosts contain it
-    return kind_of(placed.block), placed.ticks, placed.identity, tuple(placed.sources.items()), path

@@ -11,10 +11,11 @@ There are three kinds of them:
   tells.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 MANY = 3  # intervals in a row that are nearly zero, before a crossing counts as one without end
 MORE = 32  # the same, of a crossing that may be what another block is reset by
@@ -30,44 +31,44 @@ TRIED = 0.25  # how far the first two shares differ that a secant goes through
 class Holds(NamedTuple):
     """What is held, for each crossing."""
 
-    shares: Any
+    shares: Array
     """The share of the present mode, from 0 to 1; −1 where the block is free."""
-    last: Any
+    last: Array
     """When it was last reached, from the side from which it may be held, in seconds since the tick."""
-    turned: Any
+    turned: Array
     """When it last turned, to either side."""
-    quick: Any
+    quick: Array
     """How many intervals in a row were nearly zero."""
-    until: Any
+    until: Array
     """When a chattering crossing is looked at again, in seconds since the tick; −1 where it does not chatter."""
-    dwells: Any
+    dwells: Array
     """How long it was not looked at the last time, in seconds."""
-    gains: Any
+    gains: Array
     """How fast the crossing changes with the share, per second; 0 while unknown."""
-    before: Any
+    before: Array
     """The share that was tried before."""
-    missed: Any
+    missed: Array
     """Where that led at the end of the step."""
-    tried: Any
+    tried: Array
     """How many shares were tried in this step."""
-    probing: Any
+    probing: Array
     """Whether the next step only tries whether what rests would leave."""
 
     @property
-    def held(self) -> Any:
+    def held(self) -> Array:
         """Which blocks are held."""
         return self.shares >= 0
 
-    def chatter(self, length: float) -> Any:
+    def chatter(self, length: float) -> Array:
         """1 + the number of a crossing that chatters, for longer than roundings do; 0 where there is none."""
         chatters = self.dwells >= DWELL * length
         return jnp.where(jnp.any(chatters), jnp.argmax(chatters) + 1, 0).astype(jnp.int32)
 
-    def watched(self, within: Any, least: float) -> Any:
+    def watched(self, within: Array, least: float) -> Array:
         """Which crossings are looked at."""
         return ~self.held & (self.until <= within + least)
 
-    def longest(self, within: Any, length: float, least: float) -> Any:
+    def longest(self, within: Array, length: float, least: float) -> Array:
         """How long a step may be."""
         waits = self.until > within + least
         free = jnp.where(jnp.any(self.held), length / PIECES, length)
@@ -75,15 +76,15 @@ class Holds(NamedTuple):
 
     def reached(
         self,
-        turned: Any,
-        entered: Any,
-        unseen: Any,
-        within: Any,
+        turned: Array,
+        entered: Array,
+        unseen: Array,
+        within: Array,
         length: float,
         near: float,
         slides: np.ndarray,
         rests: np.ndarray,
-    ) -> tuple["Holds", Any]:
+    ) -> tuple["Holds", Array]:
         """After crossings have `turned`. **Returns** which of them begin to be held, too.
 
         **Arguments:** `entered`: those that turned to the side to which they may be held; `unseen`: of them, those that
@@ -111,8 +112,8 @@ class Holds(NamedTuple):
         return after, enters
 
     def corrected(
-        self, begins: Any, levels: Any, step: Any, rests: np.ndarray, tolerance: float
-    ) -> tuple["Holds", Any, Any]:
+        self, begins: Array, levels: Array, step: Array, rests: np.ndarray, tolerance: float
+    ) -> tuple["Holds", Array, Array]:
         """After a step that `begins` at some levels and ends at others. **Returns** also whether it must be made again,
         and which blocks slide no more because they turn to the other mode.
         """
@@ -139,7 +140,7 @@ class Holds(NamedTuple):
         return after, repeated, leaves & (stays < 0)
 
 
-def free(shares: Any) -> Holds:
+def free(shares: Array) -> Holds:
     """What is held at a tick: these shares."""
     none = jnp.zeros(shares.shape, jnp.int32)
     real = jnp.zeros_like(shares)
@@ -148,7 +149,7 @@ def free(shares: Any) -> Holds:
     return Holds(shares, last, last, none, away, real, real, real, real, jnp.zeros((), jnp.int32), jnp.any(shares >= 0))
 
 
-def led_to(first: Any, second: Any, third: Any) -> Any:
+def led_to(first: Array, second: Array, third: Array) -> Array:
     """Where a sequence with these first elements ends if its differences shrink by a factor (Aitken, 1926)."""
     bend = third - 2 * second + first
     end = jnp.where(bend == 0, second, first - (second - first) ** 2 / jnp.where(bend == 0, 1.0, bend))

@@ -5,7 +5,7 @@ XLA would run a loop of 500 separate blocks as fast, but compiles it fifty times
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from timlab.compiler._plan import Plan, direct_sources
-from timlab.diagram import Block, HostBlock, Port, Source, kind_of
+from timlab.diagram import Block, HostBlock, Port, kind_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,10 +47,6 @@ class Stacks:
     batches: tuple[Batch, ...]
     rows: tuple[tuple[int, int], ...]
     places: tuple[tuple[int, int], ...]
-
-    def place(self, source: Source) -> tuple[int, int]:
-        """The batch of an output, and the row in the batch."""
-        return self.places[source.block]
 
 
 def stack(plan: Plan, stacked: bool = True) -> Stacks:
@@ -114,7 +110,7 @@ def _schedule(plan: Plan, signatures: Sequence[Any]) -> list[list[int]]:
     groups = []
     while ready:
 
-        def worth(signature: Any) -> tuple[int, bool, int]:
+        def worth(signature: Hashable) -> tuple[int, bool, int]:
             first = plan.blocks[ready[signature][0]]
             kind = 1 if not isinstance(first.block, HostBlock) else 0 if direct_sources(first) else 2
             return kind, len(ready[signature]) == left[signature], len(ready[signature])
@@ -147,7 +143,7 @@ class Gather:
         self._wanted: list[tuple[int, int]] = []
         for number, i in enumerate(members):
             source = stacks.plan.blocks[i].sources.get(name)
-            batch, row = (0, number) if source is None else stacks.place(source)
+            batch, row = (0, number) if source is None else stacks.places[source.block]
             key = None if source is None else (batch, source.port)
             if key not in self._keys:
                 self._keys.append(key)
@@ -165,7 +161,7 @@ class Gather:
         whole = parts[0] if len(parts) == 1 else jnp.concatenate(parts)
         return whole[index]
 
-    def _part(self, key: Any, environment: Environment) -> Array:
+    def _part(self, key: tuple[int, str] | None, environment: Environment) -> Array:
         if key is None:
             return self.port.unwired((self.rows,))
         batch, port = key

@@ -38,11 +38,12 @@ from timlab.diagram._files import (
     save,
     with_fields,
 )
-from timlab.diagram._flat import DiagramError, Placed, Problem, Source, blocks_of, flatten, shared
+from timlab.diagram._flat import blocks_of, flatten, shared
 from timlab.diagram._foreign import Foreign, from_a_file, is_from_a_file
 from timlab.diagram._gates import Enable, Gate, Trigger
-from timlab.diagram._moment import Moment, as_written, blur, clock, in_precision
+from timlab.diagram._moment import Moment, Seconds, as_written, blur, clock, in_precision
 from timlab.diagram._picture import outline, to_svg
+from timlab.diagram._placed import DiagramError, Placed, Problem, Source
 from timlab.diagram._python import to_python
 from timlab.diagram._record import Record, join, sampled
 from timlab.diagram._registering import block
@@ -88,6 +89,7 @@ __all__ = [
     "Ports",
     "Problem",
     "Record",
+    "Seconds",
     "Setting",
     "Signals",
     "Sink",

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
@@ -118,19 +118,19 @@ class Block:
         """Whether the block has a continuous state."""
         return type(self).derivative is not Block.derivative
 
-    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> PyTree[Array]:
         """The state before the first tick: a pytree of arrays, empty by default. A continuous block's leaves are
         floats.
         """
         del uniforms
         return ()
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         """The outputs by name. `inputs` contains only the ports with feedthrough; the others are not known yet."""
         del state, inputs, now
         return {}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         """The state after this evaluation; `inputs` contains all ports.
 
         For a continuous block `state` is the integrated state at the end of the tick, which may be projected, for
@@ -139,7 +139,7 @@ class Block:
         del inputs, now
         return state
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         """The time derivative of the state, per second, in the state's structure; `inputs` contains all ports."""
         raise NotImplementedError(f"{type(self).__name__} has no continuous state")
 
@@ -155,7 +155,7 @@ class Block:
         """Whether the block declares its jumps."""
         return type(self).next_jump is not Block.next_jump
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Float[Array, " crossings"]:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Float[Array, " crossings"]:
         """Numbers that a solver with adaptive steps watches: where one changes between negative and not negative, it
         locates the zero and begins a new step there. `inputs` contains all ports.
 
@@ -165,7 +165,7 @@ class Block:
         del state, inputs, now
         return jnp.zeros(0)
 
-    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossed(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         """The state just after some of the crossings, `now.turned`, have changed to `now.above`: a reset, or another
         mode. Before the first tick all of them count as negative. `inputs` contains all ports.
         """
@@ -265,11 +265,11 @@ class Host(abc.ABC):
     """
 
     @abc.abstractmethod
-    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+    def output(self, block: "HostBlock", inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
         """The outputs by name, each of shape `(seeds, …)`. `inputs` contains only the ports with feedthrough."""
 
     @abc.abstractmethod
-    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+    def update(self, block: "HostBlock", inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         """Advance to the next evaluation; `inputs` contains all ports."""
 
     @abc.abstractmethod

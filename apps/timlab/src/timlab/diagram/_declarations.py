@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
@@ -74,7 +75,7 @@ def dtype_of(kind: Kind) -> Any:
     return {"float": jnp.result_type(float), "int": np.dtype(np.int32), "bool": np.dtype(bool)}[kind]
 
 
-def checked_shape(name: str, shape: Any) -> tuple[int, ...]:
+def checked_shape(name: str, shape: object) -> tuple[int, ...]:
     """A shape as a tuple. **Raises** `ValueError` unless it is a valid shape of fewer than 2³¹ elements."""
     given = tuple(shape) if isinstance(shape, tuple | list) else None
     whole = given is not None and all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in given)
@@ -107,7 +108,7 @@ class Parameter:
     def __post_init__(self) -> None:
         choice("kind", self.kind, SIGNAL_KINDS)
 
-    def plain(self, name: str, value: Any) -> Any:
+    def plain(self, name: str, value: object) -> Any:
         """A value as nested tuples of plain numbers. **Raises** `ValueError` for a value that is not allowed."""
         if value is None and self.optional:
             return None
@@ -128,7 +129,7 @@ class Parameter:
         plain = {"float": float, "int": int, "bool": bool}[self.kind]
         return nested(given.astype(plain).tolist())
 
-    def array(self, value: Any) -> np.ndarray:
+    def array(self, value: ArrayLike) -> np.ndarray:
         """A plain value as the array that the block's functions see."""
         return np.asarray(value, dtype_of(self.kind))
 
@@ -185,6 +186,6 @@ def settings_of(cls: type) -> Mapping[str, Setting]:
     return _declared(cls, Setting)
 
 
-def nested(value: Any) -> Any:
+def nested(value: object) -> Any:
     """Nested lists as nested tuples."""
     return tuple(map(nested, value)) if isinstance(value, tuple | list) else value

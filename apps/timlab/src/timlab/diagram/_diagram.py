@@ -1,11 +1,12 @@
 """Diagrams: named blocks, and wires from outputs to inputs. A diagram is itself a block of other diagrams."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Self
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice, counted, unknown
@@ -42,7 +43,7 @@ class Inlet(Block):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape, self.kind)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": jnp.broadcast_to(self.value, self.shape).astype(self.port.dtype)}
 
 
@@ -127,6 +128,9 @@ class Diagram:
     `nodes` (by name), `wires` (the source of every connected input) and `layout` (block positions and other data of an
     editor, ignored by the engine) are plain dictionaries to read.
     """
+
+    _repr_svg_: "ClassVar[Callable[[Diagram], str]]"
+    """Its picture in a notebook: `to_svg`, which is made of diagrams and sets itself here."""
 
     def __init__(
         self,
@@ -273,7 +277,7 @@ class Diagram:
             self._declare(name, inner.parameters[own] if isinstance(inner, Diagram) else getattr(inner, own))
         self.uses[address] = name
 
-    def _declare(self, name: Any, value: Any) -> None:
+    def _declare(self, name: str, value: object) -> None:
         _check_name(name)
         check(name not in HEAD, "parameters", name, "another name: a setting of the diagram has it")
         Parameter().plain(name, value)
@@ -355,12 +359,6 @@ class Diagram:
     def __repr__(self) -> str:
         return f"Diagram({self.title!r}, {counted(len(self.nodes), 'block')}, {counted(len(self.wires), 'wire')})"
 
-    def _repr_svg_(self) -> str:
-        """Its picture in a notebook."""
-        from timlab.diagram._picture import to_svg  # which is made of diagrams
-
-        return to_svg(self)
-
     def _content(self) -> tuple[Any, ...]:
         return self.head, list(self.nodes.items()), self.wires, self.layout
 
@@ -400,13 +398,13 @@ def numbered_names(name: str) -> Iterator[str]:
         number += 1
 
 
-def _table(name: str, value: Any) -> list[tuple[Any, Any]]:
+def _table(name: str, value: Mapping[str, Any] | None) -> list[tuple[Any, Any]]:
     """The entries of a table."""
     check(value is None or isinstance(value, Mapping), name, value, "a table")
     return list((value or {}).items())
 
 
-def _check_name(name: Any, what: str = "name") -> None:
+def _check_name(name: str, what: str = "name") -> None:
     text = (
         isinstance(name, str) and 0 < len(name) <= MAX_NAME_CHARACTERS and name.isprintable() and name == name.strip()
     )

@@ -52,7 +52,8 @@ def face_of(diagram: Diagram, name: str) -> Face:
         for row, (port_name, port) in enumerate(block.inputs.items())
     )
     outputs = tuple(_label(*each) for each in block.outputs.items())
-    icon = _icon(kind, category)
+    icons = _icons()
+    icon = icons["types"].get(kind) or icons["categories"].get(category, icons["other"])
     if kind == "gain":
         text = uses.get("gain") or shortly(block.gain).replace("-", MINUS)  # type: ignore[union-attr]
         width = _whole(min(260, max(90, 7 * len(name) + 10, 15 * len(text) + 40)))
@@ -68,7 +69,7 @@ def face_of(diagram: Diagram, name: str) -> Face:
     return Face(name, text, category, icon, inputs, outputs, False, width, HEADER + ROW * rows + PADDING)
 
 
-def shortly(value: Any) -> str:
+def shortly(value: object) -> str:
     """A value in few characters."""
     if isinstance(value, list | tuple):
         text = f"[{', '.join(map(shortly, value))}]"
@@ -106,17 +107,12 @@ def _formula(block: Any) -> str:
     return ""
 
 
-def _real(value: Any) -> bool:
+def _real(value: object) -> bool:
     return isinstance(value, int | float)
 
 
 def _label(name: str, port: Port) -> str:
     return f"{name}[{'×'.join(map(str, port.shape))}]" if port.shape else name
-
-
-def _icon(kind: str, category: str) -> str:
-    known = _icons()
-    return known["types"].get(kind) or known["categories"].get(category, known["other"])
 
 
 @functools.cache

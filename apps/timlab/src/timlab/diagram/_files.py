@@ -9,8 +9,9 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from motorgrad._arguments import check_arguments
@@ -125,7 +126,7 @@ def _node(node: Node) -> dict[str, Any]:
     return {"type": block.name, "id": node.id, **own, **kept}
 
 
-def _written(value: Any, depth: int) -> str:
+def _written(value: object, depth: int) -> str:
     if not isinstance(value, _Lines) or not value:
         return json.dumps(value, ensure_ascii=False)
     lines = [
@@ -171,7 +172,7 @@ def _block(node: Mapping[str, Any], place: str) -> Block | Diagram:
     return make_block(kind, {name: value for name, value in node.items() if name not in ("type", "id", "module")})
 
 
-def make_block(kind: Any, fields: Mapping[str, Any]) -> Block:
+def make_block(kind: object, fields: Mapping[str, Any]) -> Block:
     """A block from the name of its type and a table of fields.
 
     **Raises** `ValueError` for an unknown type or field, and for a missing or invalid field.
@@ -208,7 +209,9 @@ class _error_context:
     def __enter__(self) -> None:
         return None
 
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if isinstance(error, _PlacedError) or not isinstance(error, ValueError | TypeError | OSError):
             return
         raise _PlacedError(f"{_place_name(self.place)}: {' '.join(str(error).split())}") from None
@@ -231,13 +234,13 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def _check_keys(what: str, table: Mapping[str, Any], known: Any) -> None:
+def _check_keys(what: str, table: Mapping[str, Any], known: Collection[str]) -> None:
     for name in table:
         if name not in known:
             raise unknown(f"setting of {what}", name, known)
 
 
-def check_data(data: Any, place: tuple[str, ...] = ()) -> None:
+def check_data(data: object, place: tuple[str, ...] = ()) -> None:
     """Refuse data that a file cannot or should not contain, naming its place."""
     depth = len(place)
     if wanted := _wanted(data, depth):
@@ -253,7 +256,7 @@ def check_data(data: Any, place: tuple[str, ...] = ()) -> None:
             check_data(value, (*place, str(number)))
 
 
-def _wanted(data: Any, depth: int) -> str:
+def _wanted(data: object, depth: int) -> str:
     """What data must be instead, in words that complete "must be …"; empty if it may be as it is."""
     if depth > MAX_NESTING_DEPTH:
         return f"in at most {MAX_NESTING_DEPTH} nested lists and tables"
@@ -272,7 +275,7 @@ def checked_layout(layout: dict[str, Any]) -> dict[str, Any]:
     **Raises** `ValueError` that names the place.
     """
     for part, sound, wanted in (
-        ("positions", _is_position, "[x, y]"),
+        ("positions", lambda own: _are_pixels(own, 2), "[x, y]"),
         ("comments", _is_comment, "a table of its text and its box, [x, y, width, height]"),
     ):
         given = layout.get(part, {})
@@ -284,17 +287,14 @@ def checked_layout(layout: dict[str, Any]) -> dict[str, Any]:
     return layout
 
 
-def _is_position(value: Any) -> bool:
-    return _are_pixels(value, 2)
-
-
-def _is_comment(value: Any) -> bool:
+def _is_comment(value: object) -> bool:
     if not isinstance(value, dict) or not isinstance(value.get("text"), str):
         return False
     box: Any = value.get("box")
     return _are_pixels(box, 4) and min(box[2:]) > 0
 
 
-def _are_pixels(value: Any, count: int) -> bool:
-    listed = isinstance(value, list | tuple) and len(value) == count
-    return listed and all(type(x) in (int, float) and abs(x) <= MAX_COORDINATE for x in value)
+def _are_pixels(value: object, count: int) -> bool:
+    if not isinstance(value, list | tuple) or len(value) != count:
+        return False
+    return all(type(x) in (int, float) and abs(x) <= MAX_COORDINATE for x in value)

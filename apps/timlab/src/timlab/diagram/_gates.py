@@ -6,6 +6,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, PyTree
 
 from timlab.diagram._block import Block, Moment, Ports, Signals, Timing
 from timlab.diagram._declarations import Parameter, Port, Setting
@@ -28,7 +29,7 @@ class Gate(Block):
     def outputs(self) -> Ports:
         return {"y": Port((), "bool")}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         """As in the outermost diagram, which is always evaluated."""
         return {"y": jnp.asarray(True)}
 
@@ -77,16 +78,16 @@ class Condition(Block):
     def timing(self) -> Timing:
         return "discrete"
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         return jnp.asarray(False)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         u = inputs["u"]
         rises = u & ~state
         falls = state & ~u
         return {"y": {"": u, "rising": rises, "falling": falls, "either": rises | falls}[self.on]}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return inputs["u"]
 
 
@@ -169,20 +170,20 @@ class Gated(Block):
         moves = self.timing == "continuous" and not self.is_continuous
         return direct or self.inner.timed or moves or self.uniforms > 0
 
-    def _open(self, inputs: Signals) -> Any:
+    def _open(self, inputs: Signals) -> Array:
         return jnp.all(jnp.stack([inputs[self.port(number)] for number in range(self.gates)]))
 
-    def _chosen(self, inputs: Signals, new: Any, old: Any) -> Any:
+    def _chosen(self, inputs: Signals, new: PyTree[Array], old: PyTree[Array]) -> PyTree[Array]:
         opened = self._open(inputs)
         return jax.tree.map(lambda a, b: jnp.where(opened, a, b).astype(b.dtype), new, old)
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         kept = self.outputs if self._holds else {}
         real = self.is_continuous  # whose state consists of floats
         last = {name: jnp.zeros(port.shape, None if real else port.dtype) for name, port in kept.items()}
         return self.inner.init(uniforms), last
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         own, last = state
         given = self.inner.output(own, inputs, now)
         if not self._holds:
@@ -190,21 +191,21 @@ class Gated(Block):
         kept = {name: last[name].astype(port.dtype) for name, port in self.outputs.items()}
         return self._chosen(inputs, {name: given[name] for name in kept}, kept)
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         own, last = state
         given = self.inner.output(own, inputs, now) if self._holds else {}
         after = self.inner.update(own, inputs, now)
         return self._chosen(inputs, (after, {name: given[name] for name in last}), (own, last))
 
-    def derivative(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def derivative(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         still = jax.tree.map(jnp.zeros_like, state)
         return self._chosen(inputs, (self.inner.derivative(state[0], inputs, now), still[1]), still)
 
-    def next_jump(self, now: Moment) -> Any:
+    def next_jump(self, now: Moment) -> Array:
         return self.inner.next_jump(now)
 
-    def crossings(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossings(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Array:
         return self.inner.crossings(state[0], inputs, now)
 
-    def crossed(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def crossed(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._chosen(inputs, (self.inner.crossed(state[0], inputs, now), state[1]), state)

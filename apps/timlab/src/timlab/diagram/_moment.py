@@ -8,7 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, UInt32
+
+Seconds = Array | float
 
 
 class Moment(NamedTuple):
@@ -40,13 +43,13 @@ class Moment(NamedTuple):
     """For a block that slides on crossings: the share of its present mode there, from 0 to 1, and −1 where it is in one
     mode; see `Block.slides`."""
 
-    def cycles(self, frequency: Any) -> Any:
+    def cycles(self, frequency: ArrayLike) -> Array:
         """The cycles of this frequency (Hz) since the start, without the whole ones: from 0 to 1, exact to single
         precision after years, where `frequency * time` is not.
         """
         return self.exactly(lambda time, frequency: frequency * time % 1.0, frequency)
 
-    def exactly(self, function: Callable[..., Any], *values: Any, at: str = "time") -> Any:
+    def exactly(self, function: Callable[..., Any], *values: ArrayLike, at: str = "time") -> Array:
         """A function of the seconds since the start, and of `values`, computed in double precision: the seconds `at`
         `"time"`, or at the `"start"` of the step. Values of single precision count as they were written, 0.1 as 0.1.
         """
@@ -54,21 +57,21 @@ class Moment(NamedTuple):
         with jax.enable_x64(True):
             return self.doubled(function, *values, at=at).astype(real)
 
-    def doubled(self, function: Callable[..., Any], *values: Any, at: str = "start") -> Any:
+    def doubled(self, function: Callable[..., Any], *values: ArrayLike, at: str = "start") -> Any:
         """As `exactly`, but the result stays as it is: a condition, or a time in double precision."""
         with jax.enable_x64(True):
             return function(self._seconds(at), *map(as_written, values))
 
-    def later(self, seconds: Any) -> Any:
+    def later(self, seconds: ArrayLike) -> Array:
         """The time this number of seconds after `start`, in double precision: what `next_jump` returns."""
         return self.doubled(lambda start: start + jnp.asarray(seconds).astype(jnp.float64))
 
     @property
-    def blur(self) -> Any:
+    def blur(self) -> Array:
         """How far from the true ones the seconds of `exactly` may be by rounding, in seconds."""
         return blur(self.time, self.step)
 
-    def spent(self, evaluations: Any) -> Any:
+    def spent(self, evaluations: ArrayLike) -> Array:
         """The seconds that this number of evaluations of the block takes, in double precision."""
         with jax.enable_x64(True):
             ticks = jnp.asarray(self.tick).astype(jnp.float64)
@@ -81,30 +84,30 @@ class Moment(NamedTuple):
         time, rest, within, begun = map(_wide, parts)
         return time + rest if at == "time" else time + rest - within + begun
 
-    def sides(self, levels: Any) -> Any:
+    def sides(self, levels: Array) -> Array:
         """Whether each of `levels`, the block's crossings in their shape, is at least 0, held during a step."""
         return levels >= 0 if self.above is None else self.above.reshape(levels.shape)
 
-    def between(self, present: Any, other: Any) -> Any:
+    def between(self, present: Array, other: Array) -> Array:
         """The value of the present mode; where a block slides on a crossing, the mean of both by their shares."""
         if self.shares is None:
             return present
         shares = self.shares.reshape(jnp.shape(present))
         return self.unless_held(present, shares * present + (1 - shares) * other)
 
-    def unless_held(self, free: Any, held: Any) -> Any:
+    def unless_held(self, free: Array, held: Array) -> Array:
         """One value where a block is free, another where it slides on its crossing."""
         return free if self.shares is None else jnp.where(self.shares.reshape(jnp.shape(free)) >= 0, held, free)
 
     @property
-    def rising(self) -> Any:
+    def rising(self) -> Array:
         """In `crossed`: which of the crossings have just risen to 0 or above."""
         assert self.above is not None
         assert self.turned is not None
         return self.turned & self.above
 
 
-def clock(tick: Any, length: float, within: Any) -> tuple[Any, Any]:
+def clock(tick: ArrayLike, length: float, within: ArrayLike) -> tuple[Any, Any]:
     """The time `within` seconds of a tick of `length` seconds, rounded to the precision of signals, and the rest."""
     real = jnp.result_type(float)
     with jax.enable_x64(True):
@@ -118,7 +121,7 @@ def in_precision(precision: str) -> Any:
     return jax.enable_x64(True) if precision == "double" else contextlib.nullcontext()
 
 
-def blur(time: Any, step: Any) -> Any:
+def blur(time: Array, step: Array | float) -> Array:
     """How far a `time` with its rest, within a `step`, may be from the true one by rounding, in seconds: what misses a
     jump by as little counts as on it.
     """
@@ -130,7 +133,7 @@ def blur(time: Any, step: Any) -> Any:
 MAX_DECIMALS = 9
 
 
-def as_written(value: Any) -> Any:
+def as_written(value: ArrayLike) -> Any:
     """A number in double precision: one of single precision as the shortest decimal that rounds to it, the one that was
     written. So 0.1 Hz is 0.1 Hz, and not 0.100000001490116 Hz, which is a hundredth of a radian off after 10⁶ s.
     """
@@ -153,6 +156,6 @@ def as_written(value: Any) -> Any:
     return jax.lax.stop_gradient(found) + (wide - jax.lax.stop_gradient(wide))  # with the derivative of `wide`
 
 
-def _wide(value: Any) -> Any:
+def _wide(value: ArrayLike) -> Any:
     """A number in double precision, of NumPy where nothing is compiled: it is faster there."""
     return value.astype(jnp.float64) if isinstance(value, Tracer) else np.asarray(value, np.float64)

@@ -62,6 +62,9 @@ def to_svg(diagram: Diagram) -> str:
     )
 
 
+Diagram._repr_svg_ = to_svg
+
+
 def outline(diagram: Diagram) -> dict[str, Any]:
     """What a small picture of a diagram shows: `boxes`, each with its left and upper edge, width, height and category,
     and `wires`, each from one point to another. Wires are not routed, which takes most of the time of `to_svg`.
@@ -83,7 +86,9 @@ def _places(diagram: Diagram, faces: dict[str, Face]) -> dict[str, tuple[float, 
     return places | {name: (x + left, y + below) for name, (x, y) in layered(loose, pairs).items()}
 
 
-def _ends(diagram: Diagram, faces: dict[str, Face], places: Any) -> dict[str, tuple[str, Point, Point]]:
+def _ends(
+    diagram: Diagram, faces: dict[str, Face], places: dict[str, tuple[float, float]]
+) -> dict[str, tuple[str, Point, Point]]:
     """The source of each wire, where it begins and where it ends, by its target; without those that lack a port."""
     wires: dict[str, tuple[str, Point, Point]] = {}
     for target, source in diagram.wires.items():
@@ -93,7 +98,9 @@ def _ends(diagram: Diagram, faces: dict[str, Face], places: Any) -> dict[str, tu
     return wires
 
 
-def _end(diagram: Diagram, faces: dict[str, Face], places: Any, side: str, name: str, port: str) -> Point | None:
+def _end(
+    diagram: Diagram, faces: dict[str, Face], places: dict[str, tuple[float, float]], side: str, name: str, port: str
+) -> Point | None:
     """Where a wire begins or ends; `None` where there is no such port."""
     names = list(getattr(diagram.nodes[name].block, side)) if name in faces else []
     if port not in names:

@@ -51,13 +51,9 @@ def _call(block: Block) -> str:
     kind = type(block)
     public = kind.__module__.startswith("timlab.")
     made = f"timlab.{kind.__name__}" if public else f"timlab.BLOCKS[{kind.name!r}]"
-    return f"{made}({_arguments(_unusual(block))})"
-
-
-def _unusual(block: Block) -> dict[str, Any]:
-    """The fields of a block that differ from their defaults."""
-    fields = fields_of(type(block))
-    return {name: getattr(block, name) for name in fields if getattr(block, name) != fields[name].default}
+    fields = fields_of(kind)
+    unusual = {name: getattr(block, name) for name in fields if getattr(block, name) != fields[name].default}
+    return f"{made}({_arguments(unusual)})"
 
 
 def _arguments(values: dict[str, Any]) -> str:

@@ -43,7 +43,7 @@ def block(kind: Any = None, *, name: str = "", category: str = "") -> Any:
     """
     check_arguments(block, locals())
 
-    def registered(kind: Any) -> Any:
+    def registered(kind: type[Block]) -> type[Block]:
         check(isinstance(kind, type) and issubclass(kind, Block), "block", kind, "a class under timlab.Block")
         own = kind if "__dataclass_params__" in vars(kind) else dataclasses.dataclass(frozen=True)(kind)
         frozen = vars(own)["__dataclass_params__"].frozen

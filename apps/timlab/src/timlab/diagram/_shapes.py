@@ -2,13 +2,10 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from timlab.diagram._block import Block
 from timlab.diagram._declarations import settings_of
-
-if TYPE_CHECKING:
-    from timlab.diagram._flat import Placed
+from timlab.diagram._placed import Placed
 
 Shape = tuple[int, ...]
 
@@ -27,7 +24,7 @@ def fitted(block: Block, side: str, port: str, shape: Shape) -> Block | None:
     return other if port in ports and ports[port].shape == shape else None
 
 
-def with_shapes(placed: Sequence["Placed"]) -> list["Placed"]:
+def with_shapes(placed: Sequence[Placed]) -> list[Placed]:
     """The flat list of blocks with shapes that follow from the wires: at a wire between two shapes, the block that it
     leads to takes that of the signal, or else the block that it comes from takes the one that is asked of it.
     """

@@ -1,7 +1,8 @@
 """The shapes of the signals that wires carry."""
 
 from timlab.diagram._diagram import Diagram
-from timlab.diagram._flat import DiagramError, Scope, flatten
+from timlab.diagram._flat import Scope, flatten
+from timlab.diagram._placed import DiagramError
 from timlab.diagram._shapes import Shape
 
 

@@ -5,7 +5,6 @@ from typing import Any
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
-from timlab.diagram._declarations import Port
 from timlab.diagram._diagram import Diagram, End, Inlet, Node, Outlet
 
 
@@ -68,21 +67,15 @@ def _extracted(diagram: Diagram, names: Iterable[str]) -> tuple[Diagram, dict[En
         elif target[0] in chosen:
             if source not in inlets:
                 port = diagram.nodes[target[0]].block.inputs[target[1]]
-                inlets[source] = _add_boundary(
-                    inner, source, Inlet(shape=port.shape, kind=_source_port(diagram, source, port).kind)
-                )
+                node = diagram.nodes.get(source[0])
+                given = node.block.outputs.get(source[1], port) if node else port
+                inlets[source] = _add_boundary(inner, source, Inlet(shape=port.shape, kind=given.kind))
             inner.wires[target] = (inlets[source], "y")
         elif source[0] in chosen and source not in outlets:
             port = diagram.nodes[source[0]].block.outputs[source[1]]
             outlets[source] = _add_boundary(inner, source, Outlet(port.shape, port.kind))
             inner.wires[outlets[source], "u"] = source
     return inner, inlets, outlets
-
-
-def _source_port(diagram: Diagram, source: End, wanted: Port) -> Port:
-    """The output port at the start of a wire, or `wanted` where there is none."""
-    node = diagram.nodes.get(source[0])
-    return node.block.outputs.get(source[1], wanted) if node else wanted
 
 
 def _add_boundary(inner: Diagram, end: End, block: Inlet | Outlet) -> str:

@@ -1,9 +1,10 @@
 """Wires without a line: signals that are named."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import jax.numpy as jnp
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
 from timlab.diagram._block import Block, Moment, Ports, Signals
@@ -45,6 +46,6 @@ class From(_Tagged):
     def outputs(self) -> Ports:
         return {"y": Port(self.shape, self.kind)}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         """As without a `Goto`, which a diagram that runs does not lack."""
         return {"y": jnp.zeros(self.shape, self.outputs["y"].dtype)}

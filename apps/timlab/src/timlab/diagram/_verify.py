@@ -10,11 +10,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
+from jaxtyping import Array, PyTree
 
-from timlab.diagram._block import Block, HostBlock, Moment
+from timlab.diagram._block import Block, HostBlock, Moment, Signals
 from timlab.diagram._declarations import Port
-from timlab.diagram._flat import Placed, Problem
 from timlab.diagram._foreign import Foreign
+from timlab.diagram._placed import Placed, Problem
 
 Shape = jax.ShapeDtypeStruct
 
@@ -63,8 +65,8 @@ def function_problems(block: Block) -> Iterator[tuple[str | None, str]]:
     all_inputs = _signals(block.inputs)
     direct = _signals({name: port for name, port in block.inputs.items() if port.feedthrough})
 
-    def shapes(name: str, *arguments: Any) -> Any:
-        def function(values: Any, *rest: Any) -> Any:
+    def shapes(name: str, *arguments: PyTree[Shape]) -> Any:
+        def function(values: Mapping[str, Array], *rest: PyTree[Array]) -> Any:
             return getattr(block.bound(values), name)(*rest)
 
         return jax.eval_shape(function, values, *arguments)
@@ -117,7 +119,7 @@ def _crossings(one: _ByKind) -> int:
     real = jnp.result_type(float)
     values = {name: Shape(value.shape, value.dtype) for name, value in block.values().items()}
 
-    def function(values: Any, inputs: Any, numbers: Any, own: Any) -> Any:
+    def function(values: Mapping[str, Array], inputs: Signals, numbers: Array, own: Array) -> Any:
         now = Moment(jnp.uint32(0), *(numbers[0],) * 2, own, *(numbers[0],) * 3)  # type: ignore[call-arg]
         bound = block.bound(values)  # type: ignore[call-arg]
         return bound.crossings(bound.init(numbers[1:]), inputs, now)
@@ -150,7 +152,7 @@ def _signals(ports: Mapping[str, Port]) -> dict[str, Shape]:
     return {name: Shape(port.shape, port.dtype) for name, port in ports.items()}
 
 
-def _outputs(block: Block, given: Any) -> Iterator[tuple[str | None, str]]:
+def _outputs(block: Block, given: object) -> Iterator[tuple[str | None, str]]:
     if not isinstance(given, dict) or set(given) != set(block.outputs):
         names = sorted(given) if isinstance(given, dict) else type(given).__name__
         yield None, f"output: returns {names}, but the block declares {sorted(block.outputs)}"
@@ -162,7 +164,7 @@ def _outputs(block: Block, given: Any) -> Iterator[tuple[str | None, str]]:
             yield name, f"output: returns {kind.name}{list(shape)}, but the port declares {port.describe()}"
 
 
-def _same(name: str, tree: Any, state: Any) -> Iterator[tuple[str | None, str]]:
+def _same(name: str, tree: PyTree[Shape], state: PyTree[Shape]) -> Iterator[tuple[str | None, str]]:
     if jax.tree.structure(tree) != jax.tree.structure(state):
         yield None, f"{name}: returns {jax.tree.structure(tree)}, but the state is {jax.tree.structure(state)}"
         return
@@ -175,7 +177,7 @@ def _same(name: str, tree: Any, state: Any) -> Iterator[tuple[str | None, str]]:
             )
 
 
-def _converts(given: Any, wanted: Any) -> bool:
+def _converts(given: DTypeLike, wanted: DTypeLike) -> bool:
     """Whether a dtype converts to another one without loss of kind."""
     order = [jnp.issubdtype(kind, jnp.floating) * 2 + jnp.issubdtype(kind, jnp.integer) for kind in (given, wanted)]
     return order[0] <= order[1]

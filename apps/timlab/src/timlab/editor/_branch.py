@@ -5,21 +5,21 @@ text, that ran `from` one tick `until` another, with the `changes` of parameters
 """
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check
-from timlab.diagram import Record
-from timlab.editor._faults import Faults
+from timlab.diagram import Problem, Record
 from timlab.editor._program import Program, Values, digest
 from timlab.editor._traces import Traces
-from timlab.engine import MAX_TICKS, Change, Run, Timeline
+from timlab.engine import MAX_TICKS, Change, Run, RunFault, Timeline
 
 LOG_FORMAT = "motorgrad log"
 
 
-def checked_log(log: Any) -> dict[str, Any]:
+def checked_log(log: Mapping[str, Any]) -> dict[str, Any]:
     """A validated log. **Raises** `ValueError` that says what is wrong with it."""
     check(isinstance(log, dict) and log.get("format") == LOG_FORMAT, "format", log.get("format"), f"{LOG_FORMAT!r}")
     check(log.get("version") == 1, "version", log.get("version"), "1, which this release reads")
@@ -58,7 +58,7 @@ class ForwardOnly:
 
     def __init__(self, run: Run):
         self.run = run
-        self.log = ()
+        self.log: tuple[Change, ...] = ()
         self.snapshots = (run.tick,)
 
     @property
@@ -69,7 +69,7 @@ class ForwardOnly:
     def end(self) -> int:
         return self.run.tick
 
-    def __setitem__(self, address: str, value: Any) -> None:
+    def __setitem__(self, address: str, value: object) -> None:
         self.run[address] = value
         self.log = (*self.log, Change(self.tick, address, value))
 
@@ -80,23 +80,23 @@ class ForwardOnly:
 class Branch:
     """One branch of a run. It begins at the current tick of its timeline.
 
-    **Arguments:** its name; the program; the parent branch; whether the diagram was edited in between; its timeline, by
-    default a new one of the program's run.
+    **Arguments:** its name; the program; the parent branch; whether the diagram was edited in between; its timeline.
     """
 
-    def __init__(
-        self, name: str, program: Program, parent: "Branch | None", edited: bool, timeline: Timeline | None = None
-    ):
+    def __init__(self, name: str, program: Program, parent: "Branch | None", edited: bool, timeline: Timeline):
         self.name, self.program, self.parent, self.edited = name, program, parent, edited
-        self.timeline = timeline or _timeline(program)
-        self.start = self.timeline.tick
+        self.timeline = timeline
+        self.start = timeline.tick
         self.past: list[Part] = [] if parent is None else parent.past
         """The parts of the log before this diagram."""
         if parent is not None and edited:
             self.past = parent.parts()
-        self._inherited = len(self.timeline.log)
-        self.traces = Traces(program)
-        self.faults = Faults()
+        self._inherited = len(timeline.log)
+        self.traces = Traces(program.diagram, program.seeds)
+        self.warned: list[Problem] = []
+        """What its run warned of."""
+        self._stopped: Problem | None = None
+        """The fault at which it stopped, until it gets past it."""
         self._paths = {placed.path for placed in self.run.plan.blocks}
 
     @property
@@ -106,9 +106,29 @@ class Branch:
         return run
 
     @property
-    def first(self) -> int:
-        """The first tick that its timeline can go back to."""
-        return min(self.timeline.snapshots)
+    def faults(self) -> list[dict[str, Any]]:
+        """What is wrong with its numbers, as problems: what stopped it, and what its run warned of."""
+        return [problem._asdict() for problem in [*([self._stopped] if self._stopped else []), *self.warned]]
+
+    def advance(self, ticks: int) -> Record | None:
+        """Run a number of ticks, repeating the known ones. **Returns** what new ones recorded, if there are any.
+
+        **Raises** `RunFault` as `Run.advance` does.
+        """
+        timeline = self.timeline
+        stop = timeline.tick + ticks
+        if timeline.tick < timeline.end:
+            timeline.advance(min(stop, timeline.end) - timeline.tick)
+        if timeline.tick == stop:
+            return None
+        try:
+            record = timeline.advance(stop - timeline.tick)
+        except RunFault as fault:
+            self._stopped = fault.problem
+            raise
+        self._stopped = None
+        self.warned += [problem for problem in self.run.warnings if problem not in self.warned]
+        return record
 
     def set_parameters(self, values: Values) -> None:
         """Set parameters from the current tick on. Blocks that do not run, such as connected inlets, are skipped."""
@@ -152,7 +172,7 @@ class Branch:
         }
 
 
-def _timeline(program: Program) -> Any:
+def timeline_of(program: Program) -> Any:
     """The timeline of a program's run. The slower snapshots are to take, the farther apart they are."""
     if program.fixed is not None:
         return ForwardOnly(program.run)

@@ -41,7 +41,7 @@ class Document:
     def saved(self) -> bool:
         return self._saved is not None and (self._saved is self.diagram or self._saved == self.diagram)
 
-    def update(self, diagram: Diagram, key: Any = None, time: float = 0.0) -> None:
+    def update(self, diagram: Diagram, key: object = None, time: float = 0.0) -> None:
         """Add a version of the diagram. Versions with the same `key` in quick succession count as one change."""
         together = key is not None and self._last[0] == key and time - self._last[1] < TOGETHER and not self._after
         self._step(Version(diagram, self.now.file), bool(together and self._before))

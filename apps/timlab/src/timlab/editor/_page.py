@@ -2,7 +2,7 @@
 
 import html
 import json
-from typing import Any, NamedTuple
+from typing import Any
 
 from motorgrad._errors import check
 from timlab.compiler import problems
@@ -30,13 +30,6 @@ PAGE = """<!doctype html>
 </body>
 </html>
 """
-
-
-class _Recorded(NamedTuple):
-    """What `Traces` needs to know about a program."""
-
-    diagram: Diagram
-    seeds: list[int]
 
 
 def page(diagram: Diagram, run: Event, samples: list[Event]) -> str:
@@ -78,7 +71,7 @@ def page_of(diagram: Diagram, record: Record) -> str:
     run |= {"speed": 1.0, "achieved": None, "waited": None, "overrides": {}, "fresh": [], "faults": []}
     run |= {"watch": [address for address in record.signals if address not in sinks]}
     run |= {"branches": [{"name": "main", "parent": None, "start": 0, "head": last, "edited": False, "changes": []}]}
-    traces = Traces(_Recorded(diagram, seeds), STRETCHES)
+    traces = Traces(diagram, seeds, STRETCHES)
     traces.add(record)
     return page(diagram, run, [{"event": "samples", "branch": "main", "fresh": True, "signals": traces.all()}])
 

@@ -1,13 +1,14 @@
 """A compiled diagram, and the signature that tells whether another diagram differs in parameters only."""
 
 import hashlib
+from collections.abc import Hashable
 from typing import Any
 
 import jax
 import numpy as np
 
 from timlab.compiler import Plan, plan
-from timlab.diagram import Diagram, Outlet, Sink, blocks_of, dumps, kind_of
+from timlab.diagram import Block, Diagram, Outlet, Sink, blocks_of, dumps, kind_of
 from timlab.engine import Run, State
 
 Values = dict[str, Any]
@@ -31,13 +32,13 @@ class Program:
         """Why the run cannot go back in time; `None` if it can."""
 
 
-def signature(diagram: Diagram) -> Any:
+def signature(diagram: Diagram) -> object:
     """A value that is equal for diagrams that differ only in parameters, layout and the drawing of sinks. **Raises**
     `DiagramError`.
     """
     made: Plan = plan(diagram)
 
-    def kind(block: Any) -> Any:
+    def kind(block: Block) -> Hashable:
         if isinstance(block, Sink):
             return type(block), repr(dict(block.inputs))
         return kind_of(block)

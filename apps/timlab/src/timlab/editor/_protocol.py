@@ -238,12 +238,12 @@ def read_message(text: str) -> tuple[str, int, Operation]:
     return client, sequence, operation_from(data)
 
 
-def is_client(client: Any) -> bool:
+def is_client(client: object) -> bool:
     """Whether this can be the name of a client."""
     return isinstance(client, str) and 0 < len(client) <= 100
 
 
-def is_sequence(sequence: Any) -> bool:
+def is_sequence(sequence: object) -> bool:
     """Whether this can be the number of a message."""
     return type(sequence) is int and 0 <= sequence < 2**63
 

@@ -9,6 +9,7 @@ compilation; `faults`: what stopped this branch, as NaN in a block, and what its
 fields have not changed.
 """
 
+import functools
 import math
 import queue
 import threading
@@ -18,14 +19,17 @@ from typing import Any
 
 from motorgrad._errors import check
 from motorgrad.pages import Clock
-from timlab.diagram import Diagram, DiagramError
+from timlab.diagram import Diagram, DiagramError, Record, loads
 from timlab.editor import _protocol as ask
+from timlab.editor._branch import Branch, checked_log
+from timlab.editor._compilation import Compilation
 from timlab.editor._page import page
-from timlab.editor._program import learns, parameters, signature
+from timlab.editor._program import Program, learns, signature
 from timlab.editor._tree import Tree
-from timlab.engine import MAX_TICKS
+from timlab.engine import MAX_TICKS, RunFault
 
 FRAME = 1 / 30  # seconds
+POLL = 0.03  # seconds between checks for other commands on the way to a tick
 MAX_REAL_TIME_TICK = 0.1  # seconds; nobody wants to wait for longer ones
 Event = dict[str, Any]
 Done = Callable[[Exception | None], None]
@@ -44,7 +48,10 @@ class Runner:
         self._newest: ask.RunOperation | None = None
         self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
         """One for each command in the queue that must not wait for the compiler."""
-        self._tree = Tree(diagram, emit, self._report, self._commands.empty, lambda: not self._stops.empty())
+        self._compilation = Compilation(
+            lambda: not self._stops.empty(), lambda seconds: self._report(compiling=seconds), self._say
+        )
+        self._tree = Tree(diagram, self._compile, emit)
         self._chosen = speed_for(diagram)
         """The speed at which it plays; single ticks are made as fast as possible."""
         self._clock = Clock(diagram.tick, self._chosen, slice=FRAME)
@@ -60,11 +67,7 @@ class Runner:
     def submit(self, operation: ask.RunOperation, done: Done, answer: Callable[[Event], None]) -> None:
         """Queue an operation; `done` is called when it is performed, with the error if it failed."""
 
-        stops = isinstance(operation, ask.Pause | ask.Reset)
-
         def perform() -> None:
-            if stops:
-                self._stops.get()
             try:
                 if self._perform(operation, done, answer):
                     done(None)
@@ -73,36 +76,44 @@ class Runner:
                 done(error)
 
         self._newest = operation
-        if stops:
-            self._stops.put(None)
-        self._commands.put(perform)
+        self._queue(perform, stops=isinstance(operation, ask.Pause | ask.Reset))
 
     def edit(self, diagram: Diagram, fresh: bool = False) -> None:
         """Continue with a changed diagram; a `fresh` one discards the previous run."""
 
-        def apply() -> None:
-            if fresh:
-                self._stops.get()
-                self._tree.discard(diagram)
-                self._chosen = speed_for(diagram)
-                self._pause()
-            else:
-                self._apply_edit(diagram)
+        def begin_anew() -> None:
+            self._tree.discard(diagram)
+            self._chosen = speed_for(diagram)
+            self._pause()
 
-        if fresh:
-            self._stops.put(None)
-        self._commands.put(apply)
+        self._queue(begin_anew if fresh else lambda: self._apply_edit(diagram), stops=fresh)
 
     def greet(self, send: Callable[[Event], None]) -> None:
         """Send the current state and all recorded signals to a client that joins later."""
         send(dict(self.status))
-        self._commands.put(lambda: self._tree.resend(send))
+
+        def resend() -> None:
+            for event in self._tree.samples():
+                send(event)
+
+        self._commands.put(resend)
 
     def close(self) -> None:
         """End the thread after the current tick."""
         self._stops.put(None)
         self._commands.put(None)
         self._thread.join(60)
+
+    def _queue(self, command: Command, stops: bool) -> None:
+        """Queue a command; for one that `stops`, the compiler is left to itself."""
+
+        def stop() -> None:
+            self._stops.get()
+            command()
+
+        if stops:
+            self._stops.put(None)
+        self._commands.put(stop if stops else command)
 
     def _work(self) -> None:
         while True:
@@ -155,21 +166,26 @@ class Runner:
             case ask.Scrub():
                 self._pause()
                 if self._newest is operation or not isinstance(self._newest, ask.Scrub):
-                    tree.seek(operation.branch, operation.tick)
+                    self._seek(operation.branch, operation.tick)
             case ask.Fork():
-                tree.fork(operation.branch, operation.tick, operation.name)
+                parent = tree.forkable(operation.branch, operation.name)
+                if operation.tick is not None:
+                    self._seek(operation.branch, operation.tick)
+                    check(tree.tick == operation.tick, "fork", operation.branch, "not interrupted before it arrives")
+                    parent = tree.now
+                tree.fork(parent, operation.name)
                 self._clock.restart()
             case ask.Prune():
                 tree.prune(operation.branch)
             case ask.Log():
-                answer({"event": "log", "log": tree.log(operation.branch)})
+                branch = tree.now if operation.branch is None else tree.branch(operation.branch)
+                answer({"event": "log", "log": branch.log()})
             case ask.Page():
-                samples: list[Event] = []
-                tree.resend(samples.append)
-                answer({"event": "page", "text": page(tree.diagram, {**self.status, **tree.summary()}, samples)})
+                run = {**self.status, **tree.summary()}
+                answer({"event": "page", "text": page(tree.diagram, run, tree.samples())})
             case ask.Replay():
                 self._pause()
-                self._emit({"event": "replayed", **tree.replay(operation.log)})
+                self._emit({"event": "replayed", **self._replay(operation.log)})
         self._report(whole=True)
         return True
 
@@ -204,19 +220,96 @@ class Runner:
         try:
             if ticks > 0:
                 start = time.perf_counter()
-                tree.advance(ticks)
+                self._advance(ticks)
                 clock.record(ticks, time.perf_counter() - start)
         except Exception as error:
-            self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
+            self._say(error)
             self._pause()
             return
         over = tree.tick >= MAX_TICKS
         if over:
-            self._emit({"event": "error", "message": f"tick {tree.tick:,} is the last of a run; reset it"})
+            self._say(f"tick {tree.tick:,} is the last of a run; reset it")
         if over or (self._until is not None and tree.tick >= self._until):
             self._pause()
         else:
             self._report()
+
+    def _advance(self, ticks: int) -> None:
+        """Run a number of ticks, repeating the known ones, and show what is new."""
+        branch = self._tree.now
+        stop = self._tree.tick + ticks
+        check(stop <= MAX_TICKS, "ticks", stop, f"at most {MAX_TICKS:,}")
+        known = branch.faults
+        warned = len(branch.warned)
+        try:
+            self._show(branch, branch.advance(ticks))
+        except RunFault as fault:
+            self._show(branch, fault.record)
+            raise
+        for problem in branch.warned[warned : warned + 1]:
+            self._say(problem)
+        if branch.faults != known:
+            self._report(whole=True)
+        branch.run.wait()
+
+    def _show(self, branch: Branch, record: Record | None) -> None:
+        signals = {} if record is None else branch.traces.add(record)
+        if signals:
+            self._emit({"event": "samples", "branch": branch.name, "fresh": False, "signals": signals})
+
+    def _seek(self, branch: str, tick: int) -> None:
+        """Go to a known tick: restore the last snapshot before it, and repeat what followed."""
+        self._tree.approach(branch, tick)
+        self._advance_unless_interrupted(tick)
+
+    def _advance_unless_interrupted(self, to: int) -> None:
+        """Advance to a tick, unless another command arrives."""
+        ticks = 1
+        while self._tree.tick < to and self._commands.empty():
+            start = time.perf_counter()
+            self._advance(min(ticks, to - self._tree.tick))
+            if time.perf_counter() - start < POLL:
+                ticks *= 2
+
+    def _replay(self, log: Event) -> Event:
+        """Replay a log. **Returns** `branch`, `tick`, and whether the state `matches` the log's digest bit for bit.
+
+        **Raises** `ValueError` if another command interrupts it.
+        """
+        tree = self._tree
+
+        def advance(tick: int) -> None:
+            self._advance_unless_interrupted(tick)
+            check(tree.tick == tick, "replay", tree.tick, f"not interrupted before tick {tick}")
+
+        log = checked_log(log)
+        for number, part in enumerate(log["parts"]):
+            tree.diagram = loads(part["diagram"])
+            if number == 0:
+                tree.reseed(log["seeds"])
+            else:
+                tree.stale = True
+                tree.ensure_compiled()
+            for change in part["changes"]:
+                advance(change["tick"])
+                tree.now.timeline[change["address"]] = change["value"]
+                tree.values[change["address"]] = change["value"]
+            advance(part["until"])
+        again = tree.now.log()["digest"]
+        matches = None if again is None or log["digest"] is None else again == log["digest"]
+        return {"branch": tree.now.name, "tick": tree.tick, "matches": matches}
+
+    def _compile(self, diagram: Diagram, seeds: list[int], watch: list[str]) -> Program:
+        """Compile a diagram, unless a command that must not wait arrives."""
+        self._report(compiling=0.0)
+        made = self._compilation(lambda: Program(diagram, seeds, watch))
+        made.run.search = functools.partial(self._compilation, what="the search for what went wrong")
+        made.run.warn = lambda message: None  # the page shows what the run tells
+        return made
+
+    def _say(self, message: object) -> None:
+        """Tell all clients of an error."""
+        self._emit({"event": "error", "message": " ".join(str(message).splitlines())})
 
     def _apply_edit(self, diagram: Diagram) -> None:
         """Apply a changed diagram: new parameters at once; a new structure when it next runs, or at once while it
@@ -227,7 +320,7 @@ class Runner:
         if not tree.running:
             return
         try:
-            same = signature(diagram) == tree.signature
+            same = signature(diagram) == tree.now.program.signature
         except DiagramError:
             same = False
             if self._clock.playing:
@@ -236,13 +329,13 @@ class Runner:
         tree.stale = not same
         try:
             if same:
-                tree.update_parameters(parameters(diagram))
+                tree.update_parameters()
             elif self._clock.playing:
                 tree.ensure_compiled()
                 self._clock.period = tree.step
                 self._clock.restart()
         except Exception as error:
-            self._emit({"event": "error", "message": " ".join(str(error).splitlines())})
+            self._say(error)
             self._pause()
         if same or stale != tree.stale or self._clock.playing:
             self._report(whole=True)
@@ -252,7 +345,7 @@ class Runner:
         tree, clock = self._tree, self._clock
         quiet = "playing" if clock.playing else "paused" if tree.running else "empty"
         event: Event = {"event": "run", "state": quiet if compiling is None else "compiling", "waited": compiling}
-        event |= {**tree.place, "achieved": clock.achieved(tree.tick) or None}
+        event |= {**tree.place(), "achieved": clock.achieved(tree.tick) or None}
         if whole:
             event |= {"speed": None if math.isinf(self._chosen) else self._chosen, **tree.summary()}
         self.status = self.status | event

@@ -14,6 +14,7 @@ from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -112,7 +113,7 @@ class Server:
             self._thread.join(10)
         self._socket.close()
 
-    async def _page(self, request: Any) -> Response:
+    async def _page(self, request: Request) -> Response:
         path = request.path_params["path"] or "index.html"
         file = self._built(path)
         if not file.is_relative_to(self._static.resolve()) or not file.is_file():

@@ -5,7 +5,7 @@ seed, `rows` are the numbers, for lines the minimum and maximum of every stretch
 `high` are the quartiles. For drawings other than lines, `rows` has the numbers of the first `seeds` seeds side by side.
 """
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -23,25 +23,15 @@ COLUMNS = 4096  # numbers per row
 Parts = dict[str, np.ndarray]
 
 
-class _Like(Protocol):
-    """What the traces need to know about a program: its diagram and its seeds."""
-
-    @property
-    def diagram(self) -> Diagram: ...
-
-    @property
-    def seeds(self) -> list[int]: ...
-
-
 class Traces:
     """The recorded signals of one branch.
 
-    **Arguments:** the program; the number of stretches by which a signal is shown before the last window of a scope.
-    For one seed, that window has stretches of its own: however fast a run is, the scope shows true shapes.
+    **Arguments:** the diagram; the seeds; the number of stretches by which a signal is shown before the last window of
+    a scope. For one seed, that window has stretches of its own: however fast a run is, the scope shows true shapes.
     """
 
-    def __init__(self, program: _Like, frame: int = FRAME):
-        self._program, self._frame = program, frame
+    def __init__(self, diagram: Diagram, seeds: list[int], frame: int = FRAME):
+        self._diagram, self._seeds, self._frame = diagram, seeds, frame
         self._kept: dict[str, list[Parts]] = {}
         self._every: dict[str, int] = {}
 
@@ -78,7 +68,7 @@ class Traces:
         ticks = sampled(record.first, record.ticks, every)
         seeds, samples = signal.shape[:2]
         numbers = signal.reshape(seeds, samples, -1)[..., :COLUMNS]
-        window = getattr(sink_at(self._program.diagram, address.rpartition(".")[0]), "window", WINDOW)
+        window = getattr(sink_at(self._diagram, address.rpartition(".")[0]), "window", WINDOW)
         seen = max(1, round(window / record.tick / every))  # samples that the scope shows when the record ends
         fine = max(1, round(seen / STRETCHES))
         coarse = -(-samples // self._frame)
@@ -90,7 +80,10 @@ class Traces:
                 return _extremes(ticks[part], numbers[0, part], stretch)
             side = 1 if drawing == "map" else min(seeds, SEEDS)
             rows = numbers[:side, part].transpose(1, 0, 2).reshape(len(ticks[part]), -1)[:, :COLUMNS]
-            return (_events if drawing == "raster" else _strided)(ticks[part], rows, stretch)
+            if drawing == "raster":
+                return _events(ticks[part], rows, stretch)
+            ends = np.append(np.arange(stretch - 1, len(rows) - 1, stretch), len(rows) - 1)  # of every stretch
+            return {"ticks": ticks[part][ends], "rows": rows[ends]}
 
         earlier = slice(max(0, samples - seen))
         last = slice(max(0, samples - seen), None)
@@ -100,12 +93,12 @@ class Traces:
 
     def _drawing(self, address: str) -> str:
         path = address.rpartition(".")[0]
-        drawing = getattr(sink_at(self._program.diagram, path), "drawing", "lines")
+        drawing = getattr(sink_at(self._diagram, path), "drawing", "lines")
         return "lines" if drawing == "table" else drawing
 
     def _event_data(self, address: str, parts: Parts) -> dict[str, Any]:
         own: dict[str, Any] = {"every": self._every[address]}
-        seeds = len(self._program.seeds)
+        seeds = len(self._seeds)
         if self._drawing(address) != "lines":
             own["seeds"] = 1 if self._drawing(address) == "map" else min(seeds, SEEDS)
         return own | {name: _plain(array) for name, array in parts.items()}
@@ -143,12 +136,6 @@ def _extremes(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
     rising = numbers[ends] >= numbers[starts]
     rows = np.stack([np.where(rising, least, most), np.where(rising, most, least)], axis=1)
     return {"ticks": np.stack([ticks[starts], ticks[ends]], axis=1).ravel(), "rows": rows.reshape(-1, rows.shape[-1])}
-
-
-def _strided(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:
-    """The last sample of every stretch."""
-    chosen = np.append(np.arange(stretch - 1, len(ticks) - 1, stretch), len(ticks) - 1)
-    return {"ticks": ticks[chosen], "rows": numbers[chosen]}
 
 
 def _events(ticks: np.ndarray, numbers: np.ndarray, stretch: int) -> Parts:

@@ -30,6 +30,7 @@ from timlab.diagram import (
     Diagram,
     Node,
     Parameter,
+    Ports,
     outline,
     parameters_of,
     required_fields,
@@ -45,12 +46,7 @@ View = dict[str, Any]
 def view(diagram: Diagram) -> View:
     """The whole view of a diagram."""
     nodes = {name: view_of_node(diagram, name) for name in diagram.nodes}
-    return {"head": head(diagram), "nodes": nodes, "wires": wires(diagram), "layout": diagram.layout}
-
-
-def head(diagram: Diagram) -> View:
-    """The settings of the diagram itself."""
-    return diagram.head
+    return {"head": diagram.head, "nodes": nodes, "wires": wires(diagram), "layout": diagram.layout}
 
 
 def wires(diagram: Diagram) -> list[View]:
@@ -73,7 +69,7 @@ def view_of_node(diagram: Diagram, name: str, inner: bool = True) -> View:
 
 
 def _subsystem(diagram: Diagram, inner: bool) -> View:
-    own: View = {"type": SUBSYSTEM, "category": "subsystems", "fields": head(diagram) | diagram.parameters}
+    own: View = {"type": SUBSYSTEM, "category": "subsystems", "fields": diagram.head | diagram.parameters}
     if diagram.parameters:
         own["parameters"] = _added_fields({name: Parameter() for name in diagram.parameters}, diagram.parameters)
     return own | {"inner": view(diagram)} if inner else own
@@ -105,7 +101,7 @@ def _parameter_field(declared: Parameter) -> View:
     return own | {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
 
 
-def ports(declared: Any) -> list[View]:
+def ports(declared: Ports) -> list[View]:
     """Ports as data, in order."""
     return [{"name": name, **dataclasses.asdict(port)} for name, port in declared.items()]
 
@@ -134,7 +130,7 @@ def difference(old: Diagram, new: Diagram, at: tuple[str, ...] = ()) -> Iterator
     found |= {"removed": removed} if removed else {}
     found |= {"wires": wires(new)} if old.wires != new.wires else {}
     found |= {"layout": new.layout} if old.layout != new.layout else {}
-    found |= {"head": head(new)} if head(old) != head(new) else {}
+    found |= {"head": new.head} if old.head != new.head else {}
     if found:
         yield {"at": list(at), **found}
     for name, node in new.nodes.items():
@@ -156,7 +152,7 @@ def _changed(old: Diagram, new: Diagram) -> Iterator[tuple[str, bool]]:
 def _visible_part(node: Node, diagram: Diagram, name: str) -> Any:
     """Everything that the view of a block shows in its own diagram."""
     block = node.block
-    own: Any = (head(block), dict(block.inputs), dict(block.outputs)) if isinstance(block, Diagram) else block
+    own: Any = (block.head, dict(block.inputs), dict(block.outputs)) if isinstance(block, Diagram) else block
     return node.id, own, diagram.uses_of(name), diagram.layout.get("positions", {}).get(name)
 
 
@@ -225,7 +221,7 @@ def _gallery() -> list[dict[str, Any]]:
     ]
 
 
-def _hint_text(hint: Any) -> str:
+def _hint_text(hint: object) -> str:
     """A type hint as source text, such as `int`, `float | None` or `tuple[int, ...]`."""
     if isinstance(hint, type) and not typing.get_args(hint):
         return hint.__name__

@@ -34,7 +34,9 @@ class Editor(anywidget.AnyWidget):
         self._events: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._end = session.listen(self._events.put)
         self.on_msg(self._receive)
-        _thread_class()(target=self._send_events, name="motorgrad-lab-widget", daemon=True).start()
+        marimo = sys.modules.get("marimo")  # whose own threads alone may talk to a notebook
+        kind = marimo.Thread if marimo is not None and marimo.running_in_notebook() else threading.Thread
+        kind(target=self._send_events, name="motorgrad-lab-widget", daemon=True).start()
 
     @property
     def diagram(self) -> Diagram:
@@ -55,12 +57,6 @@ class Editor(anywidget.AnyWidget):
         while (event := self._events.get()) is not None:
             self.send(event_text(event))
 
-    def _receive(self, widget: Any, content: Any, buffers: Any) -> None:
+    def _receive(self, widget: anywidget.AnyWidget, content: object, buffers: object) -> None:
         if isinstance(content, str):
             self.session.handle(content, self._events.put)
-
-
-def _thread_class() -> Any:
-    """The class of threads that may talk to the notebook: marimo has its own."""
-    marimo = sys.modules.get("marimo")
-    return marimo.Thread if marimo is not None and marimo.running_in_notebook() else threading.Thread

@@ -4,8 +4,8 @@
 from timlab.engine._environment import DiagramEnv, DiagramPolicy
 from timlab.engine._fault import RunFault
 from timlab.engine._interpreter import Interpreter
-from timlab.engine._linearise import Linear, linearise
+from timlab.engine._linear import Linear
+from timlab.engine._linearise import linearise, unstable_steps
 from timlab.engine._run import MAX_SEEDS, MAX_TICKS, Run
-from timlab.engine._stability import unstable_steps
 from timlab.engine._state import State
 from timlab.engine._timeline import Change, Timeline, replay

@@ -9,7 +9,7 @@ from gymnasium import spaces
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad.environments import as_array, check_action
-from timlab.diagram import Diagram, Inlet, Outlet, Port
+from timlab.diagram import Diagram, Inlet, Outlet, Port, Record
 from timlab.engine._run import Run
 
 
@@ -36,11 +36,11 @@ class _RunningDiagram:
         self.run[self._inlet] = self._resting.tolist()
         self.run.reset([seed])
 
-    def set_input(self, value: Any) -> None:
+    def set_input(self, value: np.ndarray) -> None:
         """Set the input."""
         self.run[self._inlet] = np.asarray(value).tolist()
 
-    def read(self, record: Any, what: str) -> np.ndarray:
+    def read(self, record: Record, what: str) -> np.ndarray:
         """An output, sample by sample."""
         return record[self._names[what]][0]
 
@@ -116,7 +116,7 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
         self._steps = 0
         return self._observed(self._diagram.run.peek()), {"time": 0.0}
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Make one step."""
         if self._steps is None:
             raise gymnasium.error.ResetNeeded("no episode has begun: call reset() before step()")
@@ -137,7 +137,7 @@ class DiagramEnv(gymnasium.Env[np.ndarray, Any]):
         """Release simulators. Closing twice has no effect."""
         self._diagram.run.close()
 
-    def _observed(self, record: Any) -> np.ndarray:
+    def _observed(self, record: Record) -> np.ndarray:
         space = self.observation_space
         return self._diagram.read(record, "observation")[0].reshape(space.shape).astype(space.dtype)
 

@@ -1,10 +1,11 @@
 """What stops a run: a number that is not finite, or a limit of the solver that is reached; with its block and time."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from timlab.compiler import (
     CROSSINGS,
@@ -19,7 +20,6 @@ from timlab.compiler import (
 )
 from timlab.diagram import Problem
 
-ON_FAULT = ("stop", "warn")
 GO_ON = 'on_fault="warn" goes on without it'
 ADVICE = {
     STEPS: f"{MAX_STEPS_PER_TICK:,} steps of the solver do not reach the end of the tick: it is too fast for this "
@@ -57,7 +57,13 @@ def limit_reached(plan: Plan, kind: int, block: int, tick: int, within: float, s
     return RunFault(Problem(plan.blocks[block].path, None, f"{where}: {ADVICE[kind]}"), kind, tick, time, seed)
 
 
-def worst(kind: int, owners: tuple[np.ndarray, np.ndarray], state: Any, slopes: Any, levels: Any) -> int:
+def worst(
+    kind: int,
+    owners: tuple[np.ndarray, np.ndarray],
+    state: PyTree[np.ndarray],
+    slopes: PyTree[np.ndarray],
+    levels: Array,
+) -> int:
     """The block at which a limit of the solver was reached: that whose crossing is closest to zero, or whose state
     changes fastest for its size.
     """
@@ -79,7 +85,7 @@ def not_finite(
     within: float,
     seed: int,
     several: bool,
-    lines: Any = None,
+    lines: Callable[[], list[str]] | None = None,
 ) -> RunFault | None:
     """The fault at the block that turned finite inputs into a number that is not finite; `None` where there is none, as
     where a number from outside of the diagram is not finite.
@@ -96,7 +102,8 @@ def not_finite(
     placed = plan.blocks[i]
     time = tick * plan.tick + within
     wrong = states[i][1] if port is None else signals[f"{placed.path}.{port}"]
-    what = "NaN" if _has_nan(wrong) else "infinite"
+    leaves = [leaf for leaf in map(np.asarray, jax.tree.leaves(wrong)) if leaf.dtype.kind == "f"]
+    what = "NaN" if any(np.isnan(leaf).any() for leaf in leaves) else "infinite"
     given = [f"{name} = {_short(value)}" for name, value in _given(plan, i, signals)]
     cause = f"its input {' and '.join(given)}" if given else "it has no inputs"
     subject = "" if port else "its state "
@@ -142,16 +149,12 @@ def _given(plan: Plan, i: int, signals: Signals) -> Iterator[tuple[str, np.ndarr
             yield name, np.asarray(value)
 
 
-def finite(tree: Any) -> bool:
+def finite(tree: PyTree[np.ndarray]) -> bool:
     """Whether all numbers of a tree are finite."""
     return all(np.isfinite(leaf).all() for leaf in map(np.asarray, jax.tree.leaves(tree)) if leaf.dtype.kind == "f")
 
 
-def _has_nan(tree: Any) -> bool:
-    return any(np.isnan(leaf).any() for leaf in map(np.asarray, jax.tree.leaves(tree)) if leaf.dtype.kind == "f")
-
-
-def _largest(tree: Any) -> float:
+def _largest(tree: PyTree[np.ndarray]) -> float:
     return max((float(np.max(np.abs(leaf), initial=0.0)) for leaf in jax.tree.leaves(tree)), default=0.0)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from motorgrad._errors import check, unknown
 from timlab.compiler import Stacks
@@ -44,7 +45,7 @@ class Parameters:
             return np.moveaxis(self.values[k][name][row], -1, 0).copy()
         return getattr(self._blocks[i], name)
 
-    def __setitem__(self, address: str, value: Any) -> None:
+    def __setitem__(self, address: str, value: object) -> None:
         for each in self._addresses(address):
             self._set(each, value)
 
@@ -52,7 +53,7 @@ class Parameters:
         """The addresses of blocks' parameters that an address stands for."""
         return self._stacks.plan.shared.get(address, (address,))
 
-    def _set(self, address: str, value: Any) -> None:
+    def _set(self, address: str, value: object) -> None:
         i, name = self._find(address)
         k, row = self._stacks.rows[i]
         changed = self._with_value(i, name, value, address)
@@ -114,7 +115,7 @@ class Parameters:
             raise unknown(f"parameter of {path}:", name, known)
         return i, name
 
-    def _with_value(self, i: int, name: str, value: Any, address: str) -> Block:
+    def _with_value(self, i: int, name: str, value: object, address: str) -> Block:
         """The block with another value of a parameter, checked as when a block is made."""
         block = self._blocks[i]
         try:
@@ -127,7 +128,7 @@ class Parameters:
         check(old == new, f"{address}: shape", new, f"{old}, as it was when the diagram was compiled")
         return changed
 
-    def _sweep(self, address: str, rows: Any) -> None:
+    def _sweep(self, address: str, rows: ArrayLike) -> None:
         i, name = self._find(address)
         shape = np.shape(rows)
         check(

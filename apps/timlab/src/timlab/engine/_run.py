@@ -7,6 +7,7 @@ from typing import Any, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
@@ -25,6 +26,7 @@ from timlab.compiler import (
 )
 from timlab.diagram import Diagram, Host, HostBlock, Problem, Record, join, sampled
 from timlab.engine._fault import RunFault, finite
+from timlab.engine._linear import unstable_modes
 from timlab.engine._parameters import Parameters
 from timlab.engine._search import chattering, fault_at, first_unsound, not_finite_since
 from timlab.engine._state import (
@@ -247,7 +249,7 @@ class Run:
         reals = sum(jnp.issubdtype(like.dtype, jnp.floating) for like in shapes)
         return np.concatenate([self._sound, np.ones(reals, bool)]) & (not self._goes_on)
 
-    def sound(self, carry: Carry, seen: Any, whole: Any) -> bool:
+    def sound(self, carry: Carry, seen: PyTree[np.ndarray], whole: Array | np.ndarray) -> bool:
         """Whether nothing went wrong, given the state, the record and what `Step.finite` says of the state."""
         if carry.fault and np.any(carry.fault["kind"]):
             return False
@@ -257,9 +259,7 @@ class Run:
 
     def unstable_steps(self) -> list[str]:
         """What `timlab.unstable_steps` says of the start of the run."""
-        from timlab.engine._stability import unstable_steps  # it linearises runs
-
-        return [] if self._hosts else unstable_steps(self._begun())
+        return [] if self._hosts else unstable_modes(self._begun(), 0)
 
     def _tell(self, problem: Problem) -> None:
         self.warnings.append(problem)
@@ -287,7 +287,7 @@ class Run:
         return self._parameters[address]
 
     @precisely
-    def __setitem__(self, address: str, value: Any) -> None:
+    def __setitem__(self, address: str, value: object) -> None:
         """Set a parameter for all seeds, from the next tick on. Nothing is compiled."""
         self._parameters[address] = value
 
@@ -426,7 +426,7 @@ class Run:
     def _identity(self, k: int) -> str:
         return self.plan.blocks[self._stacks.kinds[k].members[0]].identity
 
-    def _record(self, first: int, ticks: int, seen: Any) -> Record:
+    def _record(self, first: int, ticks: int, seen: Mapping[int, Mapping[str, np.ndarray]]) -> Record:
         """What the sinks recorded, by address; seeds lead, then samples."""
         signals = {}
         spacing = {}

@@ -1,21 +1,20 @@
 """Find the block and the time at which a compiled run ceased to be sound."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
-from timlab.compiler import LOST, NONE, Carry, Continuous, Loop
+from timlab.compiler import LOST, NONE, Carry, Continuous, Loop, Values
 from timlab.diagram import Problem
+from timlab.engine._compiled import Compiled
 from timlab.engine._fault import RunFault, finite, limit_reached, not_finite, worst
 from timlab.engine._state import states_of
 
-if TYPE_CHECKING:
-    from timlab.engine._run import Run
 
-
-def first_unsound(run: "Run", loop: Loop, before: Carry, first: int, ticks: int) -> tuple[int, Carry, Carry]:
+def first_unsound(run: Compiled, loop: Loop, before: Carry, first: int, ticks: int) -> tuple[int, Carry, Carry]:
     """Which of these ticks was the first that was not sound, by bisection; and the states before and after it."""
     values, seeds = run.values, run.seeds
     there = before
@@ -31,7 +30,7 @@ def first_unsound(run: "Run", loop: Loop, before: Carry, first: int, ticks: int)
     return first + low, there, loop.advance(values, there, seeds, first + low, 1)[0]
 
 
-def fault_at(run: "Run", tick: int, before: Carry, after: Carry) -> RunFault | None:
+def fault_at(run: Compiled, tick: int, before: Carry, after: Carry) -> RunFault | None:
     """The fault of a tick that is not sound, given the states before and after it."""
     several = len(run.seeds) > 1
     kinds = np.asarray(after.fault["kind"]) if after.fault else np.zeros(len(run.seeds), int)
@@ -57,7 +56,7 @@ def fault_at(run: "Run", tick: int, before: Carry, after: Carry) -> RunFault | N
     return None
 
 
-def chattering(run: "Run", carry: Carry) -> list[tuple[str, int]]:
+def chattering(run: Compiled, carry: Carry) -> list[tuple[str, int]]:
     """The blocks whose crossings chattered, and the ticks in which they began."""
     numbers = np.asarray(carry.fault["chatter"]) if "chatter" in carry.fault else np.zeros(0, int)
     found = {}
@@ -67,7 +66,7 @@ def chattering(run: "Run", carry: Carry) -> list[tuple[str, int]]:
     return list(found.items())
 
 
-def not_finite_since(run: "Run", first: int, carry: Carry) -> RunFault:
+def not_finite_since(run: Compiled, first: int, carry: Carry) -> RunFault:
     """The fault of a state that is too large to be kept, so that ticks cannot be made again."""
     paths = run.not_finite()
     rows = [row for row in range(len(run.seeds)) if not finite(states_of(run.stacks, carry, row))]
@@ -77,11 +76,13 @@ def not_finite_since(run: "Run", first: int, carry: Carry) -> RunFault:
     return RunFault(Problem(paths[0] if paths else "", None, said), LOST, run.tick - 1, time, seed)
 
 
-def _signals(run: "Run", carry: Carry, tick: int, within: float, row: int) -> dict[str, np.ndarray]:
+def _signals(run: Compiled, carry: Carry, tick: int, within: float, row: int) -> dict[str, np.ndarray]:
     step, values, own = run.functions_of(carry, row)
     hosts = {k: {name: value[row] for name, value in given.items()} for k, given in run.last_of_hosts.items()}
 
-    def signals(values: Any, own: Carry, tick: Any, seed: Any, within: Any, hosts: Any) -> Any:
+    def signals(
+        values: Values, own: Carry, tick: Array, seed: Array, within: Array, hosts: Mapping[int, Mapping[str, Array]]
+    ) -> list[dict[str, Array]]:
         return step.signals(values, own, tick, seed, within, hosts)
 
     there = jax.jit(signals)(values, own, np.uint32(tick), run.seeds[row], within, hosts)
@@ -93,12 +94,12 @@ def _signals(run: "Run", carry: Carry, tick: int, within: float, row: int) -> di
     }
 
 
-def _system(run: "Run", carry: Carry, row: int) -> Continuous:
+def _system(run: Compiled, carry: Carry, row: int) -> Continuous:
     step, values, own = run.functions_of(carry, row)
     return Continuous(step, values, own, jnp.uint32(0), {}, [])
 
 
-def _owner(run: "Run", carry: Carry, tick: int, row: int) -> int:
+def _owner(run: Compiled, carry: Carry, tick: int, row: int) -> int:
     """The block at which a limit of the solver was reached: that whose crossing is closest, or whose state changes
     fastest for its size.
     """

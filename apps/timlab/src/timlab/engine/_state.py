@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import check
 from timlab.compiler import Carry, Stacks
@@ -94,7 +95,9 @@ def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry)
             continue
         rows = [blocks[stacks.plan.blocks[i].identity] for i in kind.members]
         leaves = [jax.tree.leaves(row) for row in rows]
-        stacked = [_seeds_last(np.stack(parts, axis=1)) for parts in zip(*leaves, strict=True)]
+        stacked = [
+            jnp.asarray(np.moveaxis(np.stack(parts, axis=1), 0, -1).copy()) for parts in zip(*leaves, strict=True)
+        ]
         whole = jax.tree.unflatten(jax.tree.structure(own), stacked)
         states[k] = whole["state"]
         if k in held:
@@ -109,7 +112,7 @@ def stack_by_kind(stacks: Stacks, blocks: Mapping[str, BlockState], like: Carry)
 def mismatches(given: Mapping[str, Any], own: Mapping[str, Any]) -> list[str]:
     """The identities whose state in `given` is missing, or differs in structure or shape from `own`."""
 
-    def shapes(tree: Any) -> Any:
+    def shapes(tree: PyTree[np.ndarray]) -> tuple[object, list[tuple[object, ...]]]:
         return jax.tree.structure(tree), [(np.shape(leaf), np.asarray(leaf).dtype) for leaf in jax.tree.leaves(tree)]
 
     return [name for name, tree in own.items() if name not in given or shapes(given[name]) != shapes(tree)]
@@ -123,7 +126,3 @@ def check_state(given: State, own: State) -> None:
     for part in ("blocks", "parameters", "hosts"):
         wrong = [*mismatches(given[part], own[part]), *(given[part].keys() - own[part].keys())]
         check(not wrong, f"state: {part}", wrong, "those of this diagram and these seeds")
-
-
-def _seeds_last(rows: np.ndarray) -> jax.Array:
-    return jnp.asarray(np.moveaxis(rows, 0, -1).copy())

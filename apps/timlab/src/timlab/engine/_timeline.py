@@ -84,7 +84,7 @@ class Timeline:
         """The current value of a parameter."""
         return self.run[address]
 
-    def __setitem__(self, address: str, value: Any) -> None:
+    def __setitem__(self, address: str, value: object) -> None:
         """Set a parameter from now on; this begins another future."""
         self._playback.change((address, value))
 

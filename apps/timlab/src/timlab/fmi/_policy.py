@@ -3,6 +3,8 @@
 import dataclasses
 from typing import Any, ClassVar
 
+from jaxtyping import Array, PyTree
+
 from motorgrad._errors import plain
 from motorgrad.policies import Actor, Policy, decide
 from timlab.diagram import Block, Diagram, Inlet, Moment, Outlet, Port, Ports, Signals
@@ -27,15 +29,15 @@ class Deciding(Block):
         whole = code.kind == "discrete" and code.form == "same"
         return {"action": Port((code.outputs,) if code.shape else (), "int" if whole else "float")}
 
-    def init(self, uniforms: Any) -> Any:
+    def init(self, uniforms: Array) -> PyTree[Array]:
         memory = self.policy.initial_memory()
         return () if memory is None else memory
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         action = decide(self.policy, state if self.policy.has_memory else None, inputs["observation"]).action
         return {"action": self.policy.interface.decode(action)}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         if not self.policy.has_memory:
             return state
         return decide(self.policy, state, inputs["observation"]).memory

@@ -14,7 +14,7 @@ PARITY = 0x1BD11BDA
 Key = tuple[Any, Any]
 
 
-def threefry(key: Key, first: Any, second: Any) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
+def threefry(key: Key, first: Array, second: Array) -> tuple[UInt32[Array, "..."], UInt32[Array, "..."]]:
     """The block cipher Threefry-2×32 with 20 rounds (Salmon, Moraes, Dror & Shaw, 2011), element by element."""
     keys = (*key, key[0] ^ key[1] ^ jnp.uint32(PARITY))
     x = first + keys[0]
@@ -28,12 +28,12 @@ def threefry(key: Key, first: Any, second: Any) -> tuple[UInt32[Array, "..."], U
     return x, y
 
 
-def folded(key: Key, number: Any) -> Key:
+def folded(key: Key, number: Array | int) -> Key:
     """`jax.random.fold_in`."""
     return threefry(key, jnp.uint32(0), jnp.asarray(number, jnp.uint32))
 
 
-def draw(seed: Any, stream: Any, tick: Any, size: int) -> Float[Array, " size"]:
+def draw(seed: int, stream: int, tick: Array, size: int) -> Float[Array, " size"]:
     """The U[0, 1) numbers of a block for one tick: those of `draw_span`, bit for bit, without the rest of the span.
 
     **Raises:** `ValueError` in double precision, or where JAX is set to draw numbers otherwise.

@@ -6,10 +6,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
 from motorgrad.export import Program, traced
-from timlab.compiler import Carry, Continuous, Step
+from timlab.compiler import Carry, Continuous, Step, Values
 from timlab.diagram import Diagram, HostBlock, Inlet, Outlet, Port, in_precision
 from timlab.engine import Run
 from timlab.fmi._step import NO_HOST, ports_of, resting_values, with_inlets
@@ -61,7 +62,7 @@ def _program(run: Run) -> SlopeProgram:
     begin = {k: carry.states[k] for k in step.movers}
     leaves, structure = jax.tree.flatten(begin)
 
-    def slopes(time: Any, **given: Any) -> dict[str, Any]:
+    def slopes(time: Array, **given: Array) -> dict[str, Any]:
         inputs = {rows[i]: given[f"u{n}"] for n, i in enumerate(places[Inlet])}
         now = with_inlets(step, values, inputs)
         states = jax.tree.unflatten(structure, [given[f"x{n}"] for n in range(len(leaves))])
@@ -84,7 +85,7 @@ def _program(run: Run) -> SlopeProgram:
     return SlopeProgram(program, start, names, inlets, outlets, resting, run.plan.tick, run.plan.on_fault == "stop")
 
 
-def _names(step: Step, k: int, state: Any) -> list[str]:
+def _names(step: Step, k: int, state: PyTree[Array]) -> list[str]:
     """The names of the elements of a kind's states, leaf by leaf: paths of blocks, with indices in larger states."""
     found = []
     leaves = jax.tree.leaves(state)
@@ -97,7 +98,7 @@ def _names(step: Step, k: int, state: Any) -> list[str]:
     return found
 
 
-def _check_continuous(step: Step, values: Any, carry: Carry) -> None:
+def _check_continuous(step: Step, values: Values, carry: Carry) -> None:
     """Refuse blocks that differential equations cannot say."""
     for placed in step.plan.blocks:
         check(not isinstance(placed.block, HostBlock), placed.path, type(placed.block).__name__, NO_HOST)
@@ -110,7 +111,7 @@ def _check_continuous(step: Step, values: Any, carry: Carry) -> None:
         check(not wrong, step.plan.blocks[kind.members[0]].path, type(kind.block).__name__, OTHERS)
 
 
-def _moves_at_ticks(step: Step, k: int, values: Any, carry: Carry) -> bool:
+def _moves_at_ticks(step: Step, k: int, values: Values, carry: Carry) -> bool:
     """Whether a continuous state is changed at the end of a tick, as by limits."""
     now = step.now(k, jnp.uint32(0), {})
     inputs = {

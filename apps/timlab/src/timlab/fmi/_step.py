@@ -1,16 +1,18 @@
 """One tick of a diagram as a program: from the state and the inlets to the outlets and the next state."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad.export import Program, traced
-from timlab.compiler import Plan, Step
+from timlab.compiler import Plan, Step, Values
 from timlab.diagram import Diagram, HostBlock, Inlet, Outlet, Port
 from timlab.engine import Run
 from timlab.fmi._random import draw
@@ -67,7 +69,7 @@ def tick_program(source: Diagram | Run) -> TickProgram:
     names = [f"state{n}" for n in range(len(leaves))]
     seed = int(run.seeds[0])
 
-    def ticked(tick: Any, **given: Any) -> dict[str, Any]:
+    def ticked(tick: Array, **given: Array) -> dict[str, Any]:
         inputs = [given[f"u{n}"] for n in range(len(places[Inlet]))]
         now = with_inlets(step, values, {rows[i]: u for i, u in zip(places[Inlet], inputs, strict=True)})
         before = jax.tree.unflatten(structure, [given[name] for name in names])
@@ -107,14 +109,16 @@ def ports_of(plan: Plan) -> dict[Any, list[int]]:
     return {kind: [i for i, own in outermost if own is kind] for kind in (Inlet, Outlet)}
 
 
-def resting_values(values: Any, rows: Any, places: list[int], inlets: dict[str, Port]) -> list[np.ndarray]:
+def resting_values(
+    values: Values, rows: Sequence[tuple[int, int]], places: list[int], inlets: dict[str, Port]
+) -> list[np.ndarray]:
     """The values of the inlets where nothing is set."""
     found = [np.asarray(values[rows[i][0]]["value"][rows[i][1]]) for i in places]
     ports = inlets.values()
     return [np.broadcast_to(own, port.shape).astype(port.dtype) for own, port in zip(found, ports, strict=True)]
 
 
-def with_inlets(step: Step, values: Any, given: dict[tuple[int, int], Any]) -> Any:
+def with_inlets(step: Step, values: Values, given: dict[tuple[int, int], Any]) -> Any:
     """The parameters with the values of inlets."""
     changed = {k: dict(names) for k, names in values.items()}
     for k in {k for k, _ in given}:
@@ -125,7 +129,7 @@ def with_inlets(step: Step, values: Any, given: dict[tuple[int, int], Any]) -> A
     return changed
 
 
-def _numbers(step: Step, seed: int, tick: Any) -> dict[int, Any]:
+def _numbers(step: Step, seed: int, tick: Array) -> dict[int, Any]:
     """The random numbers of a tick, by kind."""
     made = {}
     for k in step.chance:

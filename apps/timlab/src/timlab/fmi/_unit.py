@@ -17,6 +17,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
@@ -288,7 +289,9 @@ def _description(
     return ElementTree.tostring(root, "utf-8", xml_declaration=True)
 
 
-def _real(parent: Any, old: bool, name: str, reference: int, about: dict[str, str], **more: str) -> None:
+def _real(
+    parent: ElementTree.Element, old: bool, name: str, reference: int, about: dict[str, str], **more: str
+) -> None:
     """Add a variable that is one real number."""
     attributes = {"name": name, "valueReference": str(reference), **about}
     if old:
@@ -297,7 +300,7 @@ def _real(parent: Any, old: bool, name: str, reference: int, about: dict[str, st
         ElementTree.SubElement(parent, "Float64", attributes | more)
 
 
-def _start(value: Any) -> str:
+def _start(value: ArrayLike) -> str:
     array = np.asarray(value)
     words = {True: "true", False: "false"}
     return " ".join(words[bool(x)] if array.dtype == bool else repr(x.item()) for x in array.ravel())

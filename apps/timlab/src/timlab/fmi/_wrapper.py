@@ -1,7 +1,7 @@
 """The C around a diagram's tick that makes it a Functional Mock-up Unit, written from the standard's prose."""
 
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 REFUSED2 = (
@@ -38,9 +38,6 @@ def wrapper(version: str, guid: str, kind: str, parts: Mapping[str, str]) -> str
     names = ("common", kind, f"{kind}{prefix[-1]}", prefix)
     common, inner, interface, own = ((FOLDER / f"{name}.c").read_text(encoding="utf-8") for name in names)
     type = "1" if kind == "ticks" else "0"
-    given = {"guid": guid, "refused": _refusals(prefix, refused), "interface": interface, "type": type}
+    refusals = "\n".join(f"EXPORT int {prefix}{name}() {{ return 3; }}" for name in refused)
+    given = {"guid": guid, "refused": refusals, "interface": interface, "type": type}
     return "\n".join((string.Template(common + "\n" + inner).substitute(parts), string.Template(own).substitute(given)))
-
-
-def _refusals(prefix: str, names: Sequence[str]) -> str:
-    return "\n".join(f"EXPORT int {prefix}{name}() {{ return 3; }}" for name in names)

@@ -43,24 +43,32 @@ def gathered(arguments: Sequence[str]) -> list[str]:
     return rest + (["--run", first] if first else []) + (["--runs-beside", *others] if others else [])
 
 
-def bodies(options: Any) -> tuple[int, str, dict[str, Any] | None]:
+def bodies(
+    run: Path | None,
+    runs_beside: Sequence[Path],
+    seed: int | None,
+    seeds: Sequence[int],
+    beside: Sequence[str],
+) -> tuple[int, str, dict[str, Any] | None]:
     """The first seed, the label of its body, and the bodies beside it, as `timsim.live.setup_of` takes them.
+
+    **Arguments:** the options of these names.
 
     **Raises** `ValueError` for seeds that a run does not have.
     """
-    given = dict(_labelled(word) for word in options.beside)
-    runs = [path for path in (options.run, *options.runs_beside) if path is not None]
-    if not options.runs_beside:
-        chosen: Any = options.seeds or options.seed
+    given = dict(_labelled(word) for word in beside)
+    runs = [path for path in (run, *runs_beside) if path is not None]
+    if not runs_beside:
+        chosen = seeds or seed
         if chosen is None:
-            chosen = load(options.run).seeds[0] if options.run else 0
-        return side_by_side(options.run, chosen, given or None)
+            chosen = load(run).seeds[0] if run else 0
+        return side_by_side(run, chosen, given or None)
     names = _names(runs)
     pairs: dict[str, tuple[Path, int]] = {}
     for name, path in zip(names, runs, strict=True):
         known = load(path).seeds
-        seeds = options.seeds or ((known[0] if options.seed is None else options.seed),)
-        pairs |= {name if len(seeds) == 1 else f"{name}, seed {seed}": (path, seed) for seed in seeds}
+        shown = seeds or ((known[0] if seed is None else seed),)
+        pairs |= {name if len(shown) == 1 else f"{name}, seed {each}": (path, each) for each in shown}
     label, (_, first) = next(iter(pairs.items()))
     return first, label, {each: pair for each, pair in pairs.items() if each != label} | given
 

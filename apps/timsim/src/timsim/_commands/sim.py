@@ -21,6 +21,7 @@ from motorgrad.options import (
     Arguments,
     command_with_learner,
     is_task_word,
+    naming,
     pop_option,
     read_arguments,
     resolve,
@@ -155,7 +156,9 @@ class Place:
 
 def run(arguments: list[str]) -> int:
     if not arguments or set(arguments) <= {*HELP, HELP_ALL}:
-        return _usage(0 if arguments else 2)
+        print(f"{USAGE}\ntasks: {', '.join(sorted(TASKS))}\nbodies: {', '.join(sorted(BODIES))}\n")
+        print("motorgrad sim TASK --help shows the common options; --help-all also those of the task and its learner.")
+        return 0 if arguments else 2
     return _show(*prepared(arguments))
 
 
@@ -172,10 +175,12 @@ def prepared(arguments: list[str]) -> tuple[live.Setup, Any]:
             value = getattr(options, name)
             check(value is None or value == (), name, str(value), "left out with a model, which has no learner")
         rest = {"planet": place.planet, "motion": options.motion, "partial": options.motion_partial}
-        setup = _with_file_name(given, lambda: live.setup_of(model, stage=place.stage, **rest))
+        with naming(given.file):
+            setup = live.setup_of(model, stage=place.stage, **rest)
     else:
         options = _learner_options(given, scene)
-        setup = _with_file_name(given, lambda: _setup(options, place))
+        with naming(given.file):
+            setup = _setup(options, place)
         if (file := pop_option("task", given.rest)[0]) is not None:
             setup = dataclasses.replace(setup, name=Path(file).stem)
     return setup, options
@@ -190,9 +195,9 @@ def _learner_options(given: Arguments, scene: Mapping[str, Any]) -> Any:
     return resolve(kind, given, f"sim {name}")
 
 
-def _setup(options: Any, place: Place) -> Any:
+def _setup(options: Any, place: Place) -> live.Setup:
     agent = options.agent
-    seed, label, beside = bodies(options)
+    seed, label, beside = bodies(options.run, options.runs_beside, options.seed, options.seeds, options.beside)
     frozen = options.frozen or bool(label)
     if options.run is not None:
         known = load(options.run)
@@ -206,7 +211,7 @@ def _setup(options: Any, place: Place) -> Any:
     return live.setup_of(options.task, agent, seed, run=options.run or saved, trust=options.trust, **rest)
 
 
-def _show(setup: Any, options: Options) -> int:
+def _show(setup: live.Setup, options: Options) -> int:
     warn_of(options.host)
     print(f"{setup.name}: starting …", file=sys.stderr)
     # a model that nobody drives would fall before anyone has seen it
@@ -227,7 +232,10 @@ def _show(setup: Any, options: Options) -> int:
         gc.freeze()
         if steps := options.scene.get("tour"):
             page.tour(steps)
-        film = None if options.record is None else _recording(page, options.record, options.seconds)
+        film = None
+        if options.record is not None:
+            replay = options.record.suffix == ".html"
+            film = page.record(options.record, **({"longest": options.seconds} if replay else {}))
         most = options.seconds or math.inf
         begin = time.monotonic()
         save = None if options.autosave is None else Autosave(options.autosave, options.autosave_every)
@@ -252,11 +260,6 @@ def _show(setup: Any, options: Options) -> int:
         if page.session.ended:
             raise RuntimeError(page.last_words)
     return 0
-
-
-def _recording(page: Page, path: Path, seconds: float | None) -> Any:
-    """The recorder of a film, or of a replay of at most so many seconds."""
-    return page.record(path, **({"longest": seconds} if path.suffix == ".html" else {}))
 
 
 def _scene_parts(given: Arguments) -> tuple[Place, Path | str | None, dict[str, Any], Arguments]:
@@ -327,20 +330,3 @@ def _with_run(given: Arguments) -> Arguments:
         own = values.get(part, {})
         values[part] = {**config[part], **own} if isinstance(own, Mapping) else own
     return given._replace(table=values, file=given.file or file)
-
-
-def _with_file_name(given: Arguments, make: Any) -> Any:
-    """Call `make`; its errors name the scene file."""
-    try:
-        return make()
-    except ValueError as error:
-        message = str(error)
-        raise ValueError(
-            message if given.file is None or str(given.file) in message else f"{given.file}: {message}"
-        ) from None
-
-
-def _usage(status: int) -> int:
-    print(f"{USAGE}\ntasks: {', '.join(sorted(TASKS))}\nbodies: {', '.join(sorted(BODIES))}\n")
-    print("motorgrad sim TASK --help shows the common options; --help-all also those of the task and its learner.")
-    return status

@@ -40,7 +40,7 @@ from timsim.film._of_runs import motion_of
 from timsim.film._painter import Painter, check_picture
 from timsim.film._plots import MAX_PLOT_LINES, Plot, PlotStrip
 from timsim.film._scenery import nice_step
-from timsim.film._viewpoint import Viewpoint
+from timsim.film._viewpoint import Camera, Viewpoint
 
 __all__ = [
     "ABOVE",
@@ -53,6 +53,7 @@ __all__ = [
     "SILENT",
     "Annotations",
     "Arrow",
+    "Camera",
     "Curve",
     "Drawing",
     "Film",

@@ -7,9 +7,12 @@ import functools
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    import PIL.Image
 
 INK = (38, 42, 48)
 HALO = (240, 244, 248)
@@ -154,7 +157,7 @@ def annotate(picture: np.ndarray, cards: Sequence[str | Curve]) -> np.ndarray:
 FINE = 3  # lines are drawn this many times larger, for smooth edges
 
 
-def _draw_curve(image: Any, curve: Curve, left: int, top: int, wide: int, size: int) -> None:
+def _draw_curve(image: PIL.Image.Image, curve: Curve, left: int, top: int, wide: int, size: int) -> None:
     """Draw a plot of a width, with its title, the limits of its axes, and text of a size, all in pixels."""
     from PIL import Image, ImageDraw
 

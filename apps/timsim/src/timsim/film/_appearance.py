@@ -4,9 +4,10 @@
 # (MuJoCo's bindings carry no types)
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from motorgrad._errors import check
 
@@ -87,7 +88,9 @@ def height_grid(model: mujoco.MjModel, field: int) -> np.ndarray:
     return model.hfield_data[first : first + rows * columns].reshape(rows, columns)
 
 
-def check_posture(model: mujoco.MjModel, position: Any, activation: Any) -> tuple[np.ndarray, np.ndarray]:
+def check_posture(
+    model: mujoco.MjModel, position: npt.ArrayLike, activation: npt.ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
     """A posture `(nq,)` and activations `(nu,)` as arrays. **Raises** `ValueError` for other shapes."""
     position = np.asarray(position, float)
     activation = np.asarray(activation, float)

@@ -23,9 +23,9 @@ from timsim.film._appearance import muscle_colour
 from timsim.film._framing import frame_motions
 from timsim.film._gl import Ground
 from timsim.film._motion import Motion, resample
-from timsim.film._painter import Camera, Renderer, check_picture, choose_renderer, renderer_class
+from timsim.film._painter import Renderer, check_picture, choose_renderer, renderer_class
 from timsim.film._plots import Plot, PlotStrip
-from timsim.film._viewpoint import Viewpoint, viewpoint_at
+from timsim.film._viewpoint import Camera, Viewpoint, viewpoint_at
 
 ENDINGS = (".mp4", ".webp", ".gif")
 GAP = 4  # pixels between motions side by side

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def read_activations(path: Path | str, model: mujoco.MjModel) -> tuple[np.ndarra
         raise ValueError(f"{path}: {error}") from None
 
 
-def _motion(found: Columns, model: Any, partial: bool, label: str) -> Motion:
+def _motion(found: Columns, model: mujoco.MjModel, partial: bool, label: str) -> Motion:
     import mujoco
 
     activation = np.zeros((len(found.time), model.nu)) if found.activation is None else found.activation
@@ -130,7 +130,8 @@ def _motion(found: Columns, model: Any, partial: bool, label: str) -> Motion:
     turning = (int(mujoco.mjtJoint.mjJNT_HINGE),)
     for name, column in zip(found.names, found.values.T, strict=True):
         if name in joints:
-            angle = int(model.jnt_type[_joint_at(model, joints[name])]) in turning
+            joint = int(np.searchsorted(model.jnt_qposadr, joints[name], side="right")) - 1
+            angle = int(model.jnt_type[joint]) in turning
             position[:, joints[name]] = np.radians(column) if found.degrees and angle else column
         elif name in muscles:
             activation[:, muscles[name]] = column
@@ -149,7 +150,7 @@ def _check_finite(found: Columns, used: Iterable[str]) -> None:
         check(name not in used or np.all(np.isfinite(column)), f"numbers of {shown(name)}", "not finite", "finite")
 
 
-def _coordinates(model: Any) -> dict[str, int]:
+def _coordinates(model: mujoco.MjModel) -> dict[str, int]:
     """The names of the numbers of `qpos`, and their places: of a joint with several its name and a number from 1."""
     found = {}
     for i in range(model.njnt):
@@ -160,11 +161,7 @@ def _coordinates(model: Any) -> dict[str, int]:
     return found
 
 
-def _joint_at(model: Any, place: int) -> int:
-    return int(np.searchsorted(model.jnt_qposadr, place, side="right")) - 1
-
-
-def _tied(model: Any) -> dict[int, tuple[int | None, float, np.ndarray]]:
+def _tied(model: mujoco.MjModel) -> dict[int, tuple[int | None, float, np.ndarray]]:
     """The entries of `qpos` that joint equalities determine, each with the entry it depends on, the reference and the
     polynomial."""
     import mujoco
@@ -183,7 +180,7 @@ def _listed(kind: str, names: list[str]) -> str:
     return f"{kind} columns: {', '.join(map(shown, names[:12]))}{more}"
 
 
-def _columns(path: Path, model: Any) -> Columns:
+def _columns(path: Path, model: mujoco.MjModel) -> Columns:
     check(path.suffix.lower() in MOTION_SUFFIXES, "file", path.name, f"a file ending in {', '.join(MOTION_SUFFIXES)}")
     check(path.is_file(), "file", str(path), "an existing file")
     kind = path.suffix.lower()

@@ -18,14 +18,13 @@ from timsim.film._drawing import MatplotlibRenderer
 from timsim.film._framing import View, bounding_box, find_camera, frame_motions
 from timsim.film._gl import ADVICE, GlRenderer, Ground, gl_problem
 from timsim.film._motion import NO_MARKS
-from timsim.film._viewpoint import Moving, Viewpoint
+from timsim.film._viewpoint import Camera, Viewpoint
 
 if TYPE_CHECKING:
     import mujoco
 
 
 RENDERERS = ("auto", "drawn", "gl")
-Camera = str | float | Viewpoint | Moving | None
 GROUNDS = ("marked", "plain")
 Renderer = Literal["auto", "gl", "drawn"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._labels import literal
 from timsim.film._appearance import FIRING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MAX_PLOT_LINES = 12  # more cannot be told apart
 
@@ -113,7 +116,7 @@ class PlotStrip:
         return picture
 
 
-def _fill(axes: Any, plot: Plot, letters: float) -> None:
+def _fill(axes: Axes, plot: Plot, letters: float) -> None:
     spread = np.nanmax(plot.values, axis=0, initial=-np.inf) - np.nanmin(plot.values, axis=0, initial=np.inf)
     chosen = np.sort(np.argsort(-np.nan_to_num(spread, neginf=0.0), kind="stable")[:MAX_PLOT_LINES])
     step = max(1, -(-len(plot.time) // MAX_LINE_POINTS))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -84,9 +83,11 @@ class Viewpoint:
 
 Moving = Callable[[float], Viewpoint]
 """A camera that moves: a function of the time on a motion's clock, in s."""
+Camera = str | float | Viewpoint | Moving | None
+"""A camera of the model by name, an azimuth in degrees, a viewpoint that stays or moves, or one that is to be found."""
 
 
-def viewpoint_at(camera: Any, time: float) -> Viewpoint | None:
+def viewpoint_at(camera: Camera, time: float) -> Viewpoint | None:
     """The viewpoint of a camera at a time; None for a camera of the model or one that is to be found."""
     found = camera(time) if callable(camera) else camera
     return found if isinstance(found, Viewpoint) else None

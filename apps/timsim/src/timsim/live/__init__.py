@@ -9,14 +9,13 @@ session.close()
 """
 
 from timsim.live._beside import side_by_side
-from timsim.live._branches import Alongside, Branch, Delete, Fork, Rename, Switch
+from timsim.live._branches import Alongside, Delete, Fork, Rename, Switch
 from timsim.live._drive import PATTERNS, Drive, DriveRecorded, control_limits
 from timsim.live._foreign import Picture
 from timsim.live._messages import (
     Compare,
     Control,
     Edit,
-    Event,
     Freeze,
     Load,
     Look,
@@ -34,6 +33,7 @@ from timsim.live._messages import (
 )
 from timsim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, geom_of, owned
 from timsim.live._policy import confined
+from timsim.live._replies import Branch, Event
 from timsim.live._session import Session, succeed
 from timsim.live._setup import (
     MYOSUITE,

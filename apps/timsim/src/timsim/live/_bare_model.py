@@ -3,16 +3,19 @@
 # pyright: reportAttributeAccessIssue=false
 # (MuJoCo's bindings carry no types)
 
+from collections.abc import Mapping
 from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import check
 from motorgrad.bodies import install_muscle_callback
+from motorgrad.policies import Policy
 from timsim.live._drive import Driving, control_limits
-from timsim.live._messages import Ready
 from timsim.live._numbers import check_number, editable_numbers, write_numbers
+from timsim.live._replies import Ready
 from timsim.live._setup import Setup
 from timsim.live._snapshot import Sample, Sizes, Tally
 
@@ -102,7 +105,7 @@ class BareModel:
             "drives": self._drives,
         }
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         mujoco.mj_setState(self.model, self._data, state["physics"], STATE)
         np.copyto(self._data.sensordata, state["sensors"])
         self.tick = int(state["tick"])
@@ -154,7 +157,7 @@ class BareModel:
     def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
         self._refuse("load")
 
-    def set_policy(self, policy: Any, memory: Any) -> None:
+    def set_policy(self, policy: Policy, memory: PyTree) -> None:
         self._refuse("load")
 
     def picture(self) -> NoReturn:

@@ -9,7 +9,7 @@ import io
 import json
 import numbers
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -63,7 +63,13 @@ class BesideBody:
             self.stepper.set_policies(self.stepper.policies(), what.memory)
         self._probe = probe(self.stepper, feet)
         self._recurrent: Any = None
-        self._raw = self.stepper.viewer(_raw_observation(task))
+        # the observation as the environment gives it, in its own units; a task that scales draws no numbers to observe
+        scales = task.observation_code.scales
+        self._raw = self.stepper.viewer(
+            lambda cycle, state: (
+                task.sense(cycle.memory, state, jnp.zeros(task.uniforms))[1] if scales else cycle.observation
+            )
+        )
         if self._predict is not None:
             self._deterministic = "deterministic" in _parameters(self._predict)
             self._choose()
@@ -91,7 +97,7 @@ class BesideBody:
         """A copy of everything that determines the future."""
         return {"engine": self.stepper.state, "recurrent": self._recurrent}
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Restore a state."""
         self.stepper.restore(state["engine"])
         self._recurrent = state["recurrent"]
@@ -110,15 +116,8 @@ class BesideBody:
         self.stepper.set_actions(action.reshape(1, *([] if action.size == 1 else [action.size])))
 
 
-def _raw_observation(task: Task) -> Any:
-    """A view of the observation as the environment gives it, in its own units."""
-    if task.observation_code.scales:  # such a task draws no numbers to observe
-        return lambda cycle, state: task.sense(cycle.memory, state, jnp.zeros(task.uniforms))[1]
-    return lambda cycle, state: cycle.observation
-
-
 def side_by_side(
-    run: Any, seeds: int | Sequence[int], beside: Mapping[str, Any] | None = None
+    run: Run | Path | str | None, seeds: int | Sequence[int], beside: Mapping[str, Any] | None = None
 ) -> tuple[int, str, dict[str, Any] | None]:
     """What `setup_of` is given for one seed, or for several of a run.
 
@@ -234,7 +233,7 @@ def load_stable_baselines(path: Path, trust: bool = False) -> Any:
     return policy
 
 
-def _parameters(function: Any) -> Mapping[str, Any]:
+def _parameters(function: Callable[..., Any]) -> Mapping[str, Any]:
     try:
         return inspect.signature(function).parameters
     except (TypeError, ValueError):  # written in C

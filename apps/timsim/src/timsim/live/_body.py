@@ -67,7 +67,7 @@ class BodyPart:
         del stepper
         return {}
 
-    def push(self, body: str, force: Any, stepper: Stepper) -> None:
+    def push(self, body: str, force: tuple[float, float, float], stepper: Stepper) -> None:
         """Push a part of the body until `release`."""
         if not isinstance(stepper, BodyStepper):
             raise ValueError(f"push: the task {stepper.task.name!r} has no body")

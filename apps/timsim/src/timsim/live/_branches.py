@@ -6,33 +6,16 @@ import dataclasses
 import itertools
 import string
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from motorgrad._errors import check, unknown
 from motorgrad.pages import MAX_PLAYBACK_BYTES, MAX_PLAYBACK_STATES, Line, Playback
-from timsim.live._messages import Order
+from timsim.live._messages import Order, View
+from timsim.live._replies import Branch
 from timsim.live._snapshot import MAX_LABEL_CHARACTERS
 
 MAX_BRANCHES = 12
 """Where there would be more, the oldest without a name of its own is dropped."""
-
-
-class Branch(NamedTuple):
-    """One branch of a run, as a session shows it.
-
-    - `name`; `parent`: the name of the branch that it left, or "" for the first.
-    - `start`: the decision at which it left its parent; `end`: the last known one.
-    - `edits`: its own pushes and edits, each with its decision, in words.
-    - `present`: whether the run follows it; `beside`: whether it runs beside the present one.
-    """
-
-    name: str
-    parent: str
-    start: int
-    end: int
-    edits: tuple[tuple[int, str], ...]
-    present: bool
-    beside: bool
 
 
 class BranchOrder(Order):
@@ -44,7 +27,7 @@ def _check_name(name: str) -> None:
     check(fine, "name", name, f"a text of at most {MAX_LABEL_CHARACTERS} characters, without spaces around it")
 
 
-def _check_known(name: str, session: Any) -> None:
+def _check_known(name: str, session: View) -> None:
     names = [branch.name for branch in session.branches]
     if name not in names:
         raise unknown("branch", name, names)
@@ -65,7 +48,7 @@ class Fork(BranchOrder):
         if self.name is not None:
             _check_name(self.name)
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         now = session.snapshot()
         names = [branch.name for branch in session.branches]
         check(self.name not in names, "name", self.name, "a new one")
@@ -80,7 +63,7 @@ class Switch(BranchOrder):
 
     name: str
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         _check_known(self.name, session)
 
 
@@ -94,7 +77,7 @@ class Rename(BranchOrder):
     def __post_init__(self) -> None:
         _check_name(self.to)
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         _check_known(self.name, session)
         names = [branch.name for branch in session.branches]
         check(self.to == self.name or self.to not in names, "to", self.to, "a new name")
@@ -106,7 +89,7 @@ class Delete(BranchOrder):
 
     name: str
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         _check_known(self.name, session)
         present = next(branch.name for branch in session.branches if branch.present)
         check(self.name != present, "branch", self.name, "another than the present one: switch first")
@@ -116,12 +99,12 @@ class Delete(BranchOrder):
 class Alongside(BranchOrder):
     """Run another branch beside the current one, always at the same decision. None ends this.
 
-    Both bodies are in the picture, and their readings in the same charts. A branch that is shorter goes on.
+    Both bodies are in the picture, and their metrics in the same charts. A branch that is shorter goes on.
     """
 
     name: str | None
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         if self.name is not None:
             _check_known(self.name, session)
             present = next(branch.name for branch in session.branches if branch.present)

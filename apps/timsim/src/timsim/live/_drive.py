@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check
-from timsim.live._messages import Intervention, Subject
+from timsim.live._messages import Intervention, Subject, View
 
 PATTERNS = ("constant", "sine", "burst", "noise")
 MAX_FREQUENCY = 100.0  # Hz
@@ -42,7 +42,7 @@ class Driving(Intervention):
         own: Any = self
         return dataclasses.replace(own, actuators=tuple(self.actuators[place] for place in places))
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         check(session.task is None, "drive", session.name, "left to the learner, which moves this body")
         known = self.actuators and all(0 <= each < len(session.muscles) for each in self.actuators)
         check(known, "actuators", self.actuators, f"of the {len(session.muscles)} of the model, at least one")
@@ -132,7 +132,7 @@ class DriveRecorded(Driving):
         return f"recorded, {self.time[-1] - self.time[0]:.4g} s"
 
 
-def control_limits(model: Any) -> np.ndarray:
+def control_limits(model: mujoco.MjModel) -> np.ndarray:
     """The range `(nu, 2)` of each actuator's control: its own; 0 to 1 for a muscle without one, otherwise −1 to 1."""
     muscle = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE) | (
         model.actuator_gaintype == mujoco.mjtGain.mjGAIN_USER

@@ -53,7 +53,7 @@ class ForeignBody(BodyPart):
     def control(self, stepper: Stepper) -> np.ndarray:
         return np.array(_physics(stepper)[1].ctrl)[None]
 
-    def push(self, body: str, force: Any, stepper: Stepper) -> None:
+    def push(self, body: str, force: tuple[float, float, float], stepper: Stepper) -> None:
         model, data = _physics(stepper)
         data.xfrc_applied[model.body(body).id, :3] = force
 

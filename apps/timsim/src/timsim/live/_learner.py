@@ -2,24 +2,26 @@
 
 import dataclasses
 import warnings
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import check
 from motorgrad._tree import is_live, numbers_of
-from motorgrad.learning import SparseAgent
-from motorgrad.policies import with_interface
+from motorgrad.learning import Agent, SparseAgent
+from motorgrad.policies import Policy, with_interface
 from motorgrad.tasks import EnvironmentPictures, Task
 from motorgrad.training import RunWarning, Stepper, interface_of, stepper_for
-from motorgrad.training.engines import mean_reward, without_broken
+from motorgrad.training.engines import Record, mean_reward, without_broken
 from timsim.live._beside import UNTRAINED, Beside, BesideBody
 from timsim.live._foreign import Picture, body_in, picture_of
-from timsim.live._messages import Ready
 from timsim.live._numbers import check_number
 from timsim.live._policy import load_policy, save_policy
 from timsim.live._probe import Probed, gradient_norm, probe
+from timsim.live._replies import Ready
 from timsim.live._setup import Setup
 from timsim.live._snapshot import Sample, Sizes, Tally
 
@@ -75,17 +77,17 @@ class Learner:
     def about(self) -> Ready:
         width = {name: array.shape[1] for name, array in self._probe_learner().items() if array.ndim == 2}
         body = self._body
-        readings = list(self.task.reports)
+        metrics = list(self.task.metric_names)
         units = width["probability"]
         room = int(np.clip(ROOM / self.period, 200, 4000))
         moved = (width["position"], width["velocity"], width["activation"], len(body.muscles))
         learned = (width["observation"], units, width["parameters"])
         remembered = (width["marks"], width["memory"], width["fixed"])
-        sizes = Sizes(*moved, *learned, len(body.feet), room, len(readings), *remembered)
+        sizes = Sizes(*moved, *learned, len(body.feet), room, len(metrics), *remembered)
         inputs = list(self.task.observation_names)
         named = [getattr(self.task, "action_names", ()), body.groups, [f"unit {i}" for i in range(units)]]
         actions = next(list(names) for names in named if len(names) == units)
-        return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, readings)
+        return Ready(sizes, self.period, self.settings, inputs, actions, body.muscles, body.feet, metrics)
 
     def advance(self, ticks: int) -> None:
         """Make decisions; a push ends between two of them."""
@@ -116,13 +118,13 @@ class Learner:
         self.diverged += int(record["diverged"][0]) if "diverged" in record else 0
         return [self._tallied(record, count), *(self._tallied(each.stepper.harvest(), count) for each in self._shown)]
 
-    def _tallied(self, record: Any, count: int) -> Tally:
+    def _tallied(self, record: Record, count: int) -> Tally:
         """What an engine recorded over a number of decisions."""
-        reports = self.task.reports
+        names = self.task.metric_names
         record = without_broken(record)
         lost = int(record["diverged"][0]) if "diverged" in record else 0
-        values = np.array([mean_reward(record, count)[0], *(record[name][0] for name in reports)], float)
-        counts = np.array([count - lost, *(record[f"{name}_count"][0] for name in reports)], float)
+        values = np.array([mean_reward(record, count)[0], *(record[name][0] for name in names)], float)
+        counts = np.array([count - lost, *(record[f"{name}_count"][0] for name in names)], float)
         return Tally(values, np.where(np.isfinite(values), counts, 0.0))
 
     @property
@@ -137,7 +139,7 @@ class Learner:
             "counted": self._counted,
         }
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         self.frozen = state["frozen"]
         self._changes = dict(state["changes"])
         self._stepper = self._engine()
@@ -167,7 +169,14 @@ class Learner:
             self._switch({**self._changes, name.removeprefix(TASK): value}, self.frozen)
         elif name == EXPLORATION:
             check(value > 0, name, value, "above 0")
-            self._change_state(lambda state: _explore(state, value / self.settings[EXPLORATION]))
+            factor = value / self.settings[EXPLORATION]
+
+            def explore(state: dict[str, Any]) -> None:
+                cycle = state["cycle"]
+                policy = jax.tree.map(np.asarray, cycle.agent.policy.with_temperature(factor))
+                state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))
+
+            self._change_state(explore)
         else:
             self._set_number(name, value)
         self.settings[name] = value
@@ -202,7 +211,7 @@ class Learner:
     def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
         return load_policy(path, self._stepper.policy, self.task.name, seed)
 
-    def set_policy(self, policy: Any, memory: Any) -> None:
+    def set_policy(self, policy: Policy, memory: PyTree) -> None:
         if memory is None and policy.interface is None and self.task.observation_code.running.any():
             warnings.warn(
                 "the policy comes without the running statistics of its observations, which it now sees by the present "
@@ -278,7 +287,7 @@ class Learner:
             raise ValueError(f"{AGENT}{error}" if str(error).startswith(path) else str(error)) from None
         self._last = None
 
-    def _change_state(self, change: Any) -> None:
+    def _change_state(self, change: Callable[[dict[str, Any]], None]) -> None:
         state = self._stepper.state
         change(state)
         self._stepper.restore(state)
@@ -326,13 +335,7 @@ def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
     return wide
 
 
-def _explore(state: Any, factor: float) -> None:
-    cycle = state["cycle"]
-    policy = jax.tree.map(np.asarray, cycle.agent.policy.with_temperature(factor))
-    state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))
-
-
-def agent_numbers(agent: Any) -> dict[str, float]:
+def agent_numbers(agent: Agent) -> dict[str, float]:
     """The numbers of a learner that can be changed while it runs, by name."""
     found = {path: value for path, value in numbers_of(agent.hyperparameters).items() if is_live(agent, path)}
     return {f"{AGENT}{path}": value for path, value in found.items() if isinstance(value, float)}

@@ -1,8 +1,11 @@
-"""The protocol of a run: its subject, the orders that a page can give it, and what it replies.
+"""The orders that a page can give a run, and the subject that carries them out.
 
 An order checks its own values when it is made, and its names against the `Session` before it is sent. An intervention
 also knows how to change the subject, so a new one is one class here.
 """
+
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
 
 from __future__ import annotations
 
@@ -10,29 +13,20 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from typing import ClassVar, Protocol
+
+import mujoco
+from jaxtyping import PyTree
 
 from motorgrad._errors import check, unknown
-from timsim.live._snapshot import Sample, Sizes, Tally
-
-if TYPE_CHECKING:
-    from timsim.live._branches import Branch
+from motorgrad.policies import Policy
+from motorgrad.tasks import Task
+from timsim.live._foreign import Picture
+from timsim.live._replies import Branch, Ready
+from timsim.live._snapshot import Sample, Snapshot, Tally
 
 MIN_SPEED = 0.05
 MAX_FORCE = 1e6  # N
-
-
-class Ready(NamedTuple):
-    """The first reply of a worker: array sizes, the period of a decision in s, the settings, and names."""
-
-    sizes: Sizes
-    period: float
-    settings: dict[str, float]
-    observations: list[str]
-    actions: list[str]
-    muscles: list[str]
-    feet: list[str]
-    readings: list[str]
 
 
 class Subject(Protocol):
@@ -79,11 +73,11 @@ class Subject(Protocol):
         ...
 
     @property
-    def state(self) -> Any:
+    def state(self) -> PyTree:
         """A copy of everything that determines the future."""
         ...
 
-    def restore(self, state: Any, /) -> None:
+    def restore(self, state: PyTree, /) -> None:
         """Restore a state."""
 
     def begin_again(self) -> None:
@@ -100,24 +94,51 @@ class Subject(Protocol):
 
     def save(self, path: str) -> None: ...
 
-    def read_policy(self, path: str, seed: int | None) -> tuple[Any, Any]:
+    def read_policy(self, path: str, seed: int | None) -> tuple[Policy, PyTree]:
         """A saved policy and the task's memory, checked to fit."""
         ...
 
-    def set_policy(self, policy: Any, memory: Any) -> None:
+    def set_policy(self, policy: Policy, memory: PyTree) -> None:
         """Continue with another policy."""
 
     def control(self, actuator: int, value: float) -> None: ...
 
-    def picture(self) -> Any:
-        """The picture of a Gymnasium environment (`live.Picture`)."""
+    def picture(self) -> Picture:
+        """The picture of a Gymnasium environment."""
         ...
+
+
+class View(Protocol):
+    """What an order is checked against: a `Session`, whose attributes these are."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def task(self) -> Task | None: ...
+
+    @property
+    def model(self) -> mujoco.MjModel | None: ...
+
+    @property
+    def rendered(self) -> bool: ...
+
+    @property
+    def settings(self) -> Mapping[str, float]: ...
+
+    @property
+    def muscles(self) -> list[str]: ...
+
+    @property
+    def branches(self) -> tuple[Branch, ...]: ...
+
+    def snapshot(self) -> Snapshot: ...
 
 
 class Order:
     """A request to a run."""
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         """Refuse an order that this `Session` cannot carry out. **Raises** `ValueError`."""
 
 
@@ -167,7 +188,7 @@ class Scrub(Order):
     def __post_init__(self) -> None:
         check(isinstance(self.decision, int) and self.decision >= 0, "decision", self.decision, "an integer from 0")
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         now = session.snapshot()
         fits = now.oldest <= self.decision <= now.newest
         check(fits, "decision", self.decision, f"from {now.oldest:,} to {now.newest:,}")
@@ -203,7 +224,7 @@ class Undo(Order):
 class Look(Order):
     """Ask for the picture of a Gymnasium environment, which comes as `Session.picture`."""
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         check(session.rendered, "look", session.name, "a Gymnasium environment that has a picture of its own")
 
 
@@ -240,7 +261,7 @@ class Push(Intervention):
         check(valid, "force", self.force, f"three numbers in N, each at most {MAX_FORCE:g}")
         check(0 < self.seconds <= 60, "seconds", self.seconds, "above 0, at most 60")
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         model = session.model
         names = [] if model is None else [model.body(i).name for i in range(1, model.nbody)]
         if self.body not in names:
@@ -261,7 +282,7 @@ class Edit(Intervention):
     def __post_init__(self) -> None:
         check(math.isfinite(self.value), self.name, self.value, "a finite number")
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         if self.name not in session.settings:
             raise unknown("setting", self.name, session.settings)
 
@@ -311,8 +332,8 @@ class Loaded(Intervention):
 
     kind: ClassVar[str] = "loaded"
     path: str
-    policy: Any
-    memory: Any
+    policy: Policy
+    memory: PyTree
 
     def apply(self, subject: Subject) -> str:
         subject.set_policy(self.policy, self.memory)
@@ -340,36 +361,13 @@ class Control(Intervention):
     def __post_init__(self) -> None:
         check(math.isfinite(self.value), "control", self.value, "a finite number")
 
-    def check(self, session: Any) -> None:
+    def check(self, session: View) -> None:
         known = 0 <= self.actuator < len(session.muscles) and session.task is None
         check(known, "actuator", self.actuator, f"one of the {len(session.muscles)} of a model without a learner")
 
     def apply(self, subject: Subject) -> str:
         subject.control(self.actuator, self.value)
         return ""
-
-
-class Event(NamedTuple):
-    """The outcome of an order, or another event.
-
-    - `wall`: time of day, s since the epoch; `decision`: when it happened in the run.
-    - `kind`: `"change"`, `"error"`, `"saved"`, `"loaded"`, `"lost"` where the simulation broke down or the body is out
-      of this world after an intervention, or `"ended"` where the worker is gone.
-    - `text`: one line.
-    """
-
-    wall: float
-    decision: int
-    text: str
-    kind: str
-
-
-class Reply(NamedTuple):
-    """An event, whose text may be empty, with the settings that changed, and all branches where any has changed."""
-
-    event: Event
-    settings: Mapping[str, float]
-    branches: tuple[Branch, ...] | None = None
 
 
 def _check_npz(path: str) -> None:

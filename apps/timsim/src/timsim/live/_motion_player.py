@@ -10,7 +10,7 @@ import numpy as np
 
 from timsim.film import resample
 from timsim.live._bare_model import DECISION, BareModel
-from timsim.live._drive import control_limits
+from timsim.live._drive import Driving, control_limits
 from timsim.live._setup import Setup
 
 
@@ -53,7 +53,7 @@ class MotionPlayer(BareModel):
     def control(self, actuator: int, value: float) -> None:
         self._recorded("control")
 
-    def drive(self, order: Any) -> None:
+    def drive(self, order: Driving) -> None:
         self._recorded("drive")
 
     def begin_again(self) -> None:

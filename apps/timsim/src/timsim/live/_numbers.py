@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import mujoco
@@ -58,12 +58,12 @@ class Number(NamedTuple):
     inertial: bool = False
 
 
-def editable_numbers(model: Any) -> dict[str, Number]:
+def editable_numbers(model: mujoco.MjModel) -> dict[str, Number]:
     """All editable numbers of a model by name: `body.`, the part, the muscle or `world`, and the field."""
     return part_numbers(model) | world_numbers(model) | muscle_numbers(model)
 
 
-def owned(names: Any, owner: str) -> list[str]:
+def owned(names: Iterable[str], owner: str) -> list[str]:
     """The names of the numbers of a part, a muscle or `world`."""
     found = [(name, END.search(name)) for name in names if name.startswith(f"body.{owner}.")]
     return [name for name, end in found if end and end.start() == len(f"body.{owner}") and end[1] in FIELDS]
@@ -93,7 +93,7 @@ def check_number(name: str, number: Number, value: float, period: float) -> None
         check(fine, name, value, f"a decision of {period:g} s divided by a whole number, at most {MAX_TIMESTEP} s")
 
 
-def write_numbers(model: Any, numbers: Mapping[str, Number], values: Mapping[str, float]) -> bool:
+def write_numbers(model: mujoco.MjModel, numbers: Mapping[str, Number], values: Mapping[str, float]) -> bool:
     """Write values to a model, those of parts first. **Returns** whether any value changed."""
     changed = False
     for inertial in (True, False):
@@ -107,7 +107,7 @@ def write_numbers(model: Any, numbers: Mapping[str, Number], values: Mapping[str
     return changed
 
 
-def muscle_numbers(model: Any) -> dict[str, Number]:
+def muscle_numbers(model: mujoco.MjModel) -> dict[str, Number]:
     """The editable numbers of every muscle by name, such as `body.flexor.strength` (N), `.rest_length` (m) and
     `.damping` (N s/m).
 
@@ -144,7 +144,7 @@ def muscle_numbers(model: Any) -> dict[str, Number]:
 
 
 def _at(field: str, place: tuple[int, ...], sign: float = 1.0, allowed: str = NOT_NEGATIVE) -> Number:
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         getattr(model, field)[place] = sign * value
 
     return Number(lambda model: sign * float(getattr(model, field)[place]), apply, allowed)
@@ -153,11 +153,11 @@ def _at(field: str, place: tuple[int, ...], sign: float = 1.0, allowed: str = NO
 def _strength(actuator: int) -> Number:
     """The peak force of MuJoCo's muscle, given by `scale` where it is negative; the passive force has a copy."""
 
-    def get(model: Any) -> float:
+    def get(model: mujoco.MjModel) -> float:
         given, scale = model.actuator_gainprm[actuator, 2:4]
         return float(given if given >= 0 else scale / max(model.actuator_acc0[actuator], mujoco.mjMINVAL))
 
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         model.actuator_gainprm[actuator, 2] = value
         if model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_MUSCLE:
             model.actuator_biasprm[actuator, 2] = value
@@ -165,7 +165,7 @@ def _strength(actuator: int) -> Number:
     return Number(get, apply)
 
 
-def part_numbers(model: Any) -> dict[str, Number]:
+def part_numbers(model: mujoco.MjModel) -> dict[str, Number]:
     """The mass (kg) of every moving part with its inertia in proportion, the sliding friction of what touches, and the
     sizes (m) of its geoms, such as `body.foot.radius`; where there are several geoms, `body.foot.radius[toe]`.
 
@@ -191,7 +191,7 @@ def part_numbers(model: Any) -> dict[str, Number]:
     return found
 
 
-def world_numbers(model: Any) -> dict[str, Number]:
+def world_numbers(model: mujoco.MjModel) -> dict[str, Number]:
     """Gravity (m/s²), the time step (s), the height of a terrain (m), and the friction of everything fixed."""
     found = {f"{GRAVITY}{axis}": _gravity(place) for place, axis in enumerate("xyz")}
     found[TIMESTEP] = Number(
@@ -205,26 +205,26 @@ def world_numbers(model: Any) -> dict[str, Number]:
     return found
 
 
-def _touches(model: Any) -> np.ndarray:
+def _touches(model: mujoco.MjModel) -> np.ndarray:
     return (model.geom_contype | model.geom_conaffinity) != 0
 
 
-def _mass(model: Any, body: int) -> Number:
+def _mass(model: mujoco.MjModel, body: int) -> Number:
     mass = float(model.body_mass[body])
     inertia = np.array(model.body_inertia[body])
 
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         model.body_mass[body] = value
         model.body_inertia[body] = inertia * (value / mass)
 
     return Number(lambda model: float(model.body_mass[body]), apply, POSITIVE, inertial=True)
 
 
-def _friction(model: Any, geoms: np.ndarray) -> Number:
+def _friction(model: mujoco.MjModel, geoms: np.ndarray) -> Number:
     """The sliding friction of the first geom; that of the others changes in proportion."""
     own = np.array(model.geom_friction[geoms, 0])
 
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         model.geom_friction[geoms, 0] = own * (value / own[0]) if own[0] > 0 else own + value
         model.geom_friction[geoms[0], 0] = value
 
@@ -234,7 +234,7 @@ def _friction(model: Any, geoms: np.ndarray) -> Number:
 class _Bounds:
     """MuJoCo's initial bounds for finding contacts of a part."""
 
-    def __init__(self, model: Any, body: int) -> None:
+    def __init__(self, model: mujoco.MjModel, body: int) -> None:
         first = int(model.body_geomadr[body])
         count = int(model.body_geomnum[body])
         self._geoms = range(first, first + count)
@@ -245,7 +245,7 @@ class _Bounds:
         self._nodes = _nodes(model, body)
         self._tree = np.array(model.bvh_aabb[self._nodes, 3:])
 
-    def fit(self, model: Any, geom: int) -> None:
+    def fit(self, model: mujoco.MjModel, geom: int) -> None:
         """Change them with the present size of a geom."""
         kind = self._kinds[geom]
         own = self._sizes[geom]
@@ -258,14 +258,14 @@ class _Bounds:
         model.bvh_aabb[self._nodes, 3:] = self._tree + np.linalg.norm(np.maximum(grown, 0.0), axis=1).max()
 
 
-def _nodes(model: Any, body: int) -> slice:
+def _nodes(model: mujoco.MjModel, body: int) -> slice:
     """The rows of a body's tree of bounds."""
     first = int(model.body_bvhadr[body])
     return slice(first, first + int(model.body_bvhnum[body])) if first >= 0 else slice(0)
 
 
 def _size(bounds: _Bounds, geom: int, place: int) -> Number:
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         model.geom_size[geom, place] = value
         bounds.fit(model, geom)
 
@@ -292,13 +292,13 @@ def _extent(kind: int, size: np.ndarray) -> np.ndarray:
 
 
 def _gravity(axis: int) -> Number:
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         model.opt.gravity[axis] = value
 
     return Number(lambda model: float(model.opt.gravity[axis]), apply, ANY)
 
 
-def _terrain(model: Any, geom: int) -> Number:
+def _terrain(model: mujoco.MjModel, geom: int) -> Number:
     """The elevation of the highest possible point of a height field, to which all others are in proportion."""
     field = int(model.geom_dataid[geom])
     radius = float(model.geom_rbound[geom])
@@ -310,7 +310,7 @@ def _terrain(model: Any, geom: int) -> Number:
     def reach(tall: float) -> float:
         return float(np.linalg.norm([wide, deep, max(tall, base)]))
 
-    def apply(model: Any, value: float) -> None:
+    def apply(model: mujoco.MjModel, value: float) -> None:
         model.hfield_size[field, 2] = value
         model.geom_rbound[geom] = radius + reach(value) - reach(own)
         model.geom_aabb[geom, [2, 5]] = box[[2, 5]] + (value - own) / 2

@@ -107,7 +107,7 @@ def _policy_of_file(path: Path, shape: Policy, task: str) -> Policy:
         if "interface" in about:  # not of a file of an earlier version
             shape = with_interface(shape, Interface.of_table(about["interface"]).shapes)
 
-        def leaf(place: Any, wanted: Any) -> np.ndarray:
+        def leaf(place: tuple[Any, ...], wanted: jax.ShapeDtypeStruct) -> np.ndarray:
             name = jax.tree_util.keystr(place)
             found = _array(packed, name, wanted.size * np.dtype(wanted.dtype).itemsize)
             if (found.shape, found.dtype) != (wanted.shape, wanted.dtype):
@@ -144,30 +144,26 @@ def _line(error: Exception) -> str:
     return text if isinstance(error, ValueError | OSError) and text else f"{type(error).__name__} {text}".strip()
 
 
-def _check_finite(where: Any, policy: Policy) -> None:
+def _check_finite(where: Path | str, policy: Policy) -> None:
     """Refuse a policy with NaN or infinite numbers."""
     for place, leaf in jax.tree_util.tree_leaves_with_path(policy):
         if not np.all(np.isfinite(leaf)):
             raise _Misfit(f"{where}: {jax.tree_util.keystr(place)} has numbers that are not finite")
 
 
-def _check_task(where: Any, found: Any, task: str) -> None:
+def _check_task(where: Path | str, found: object, task: str) -> None:
     if found != task:
         raise _Misfit(f"{where}: holds a policy of the task {shown(found)}, but this is {task!r}")
 
 
-def _check_structure(where: Any, found: Any, shape: Policy) -> None:
+def _check_structure(where: Path | str, found: object, shape: Policy) -> None:
     """Refuse a policy whose description, which may have been read from JSON, is not that of `shape`."""
     wanted = describe(shape)
     if found != json.loads(json.dumps(wanted)) and found != wanted:
-        raise _Misfit(f"{where}: holds the policy {_short(found)}, but this learner's is {_short(wanted)}")
+        raise _Misfit(f"{where}: holds the policy {_words(found)[:300]}, but this learner's is {_words(wanted)[:300]}")
 
 
-def _short(description: Any) -> str:
-    return _words(description)[:300]
-
-
-def _words(description: Any) -> str:
+def _words(description: object) -> str:
     """A description in a line: kinds, and shapes by the names of fields."""
     if isinstance(description, list):
         return f"[{', '.join(map(_words, description))}]"

@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from motorgrad.bodies import BodyState
-from motorgrad.learning import SGD, AgentState, RunningMean
+from motorgrad.learning import SGD, AgentState, Optimizer, RunningMean
 from motorgrad.policies import split, trainable
 from motorgrad.training import HostStepper, Stepper
+from motorgrad.training.engines import CycleState
 
 Probed = dict[str, np.ndarray]
 
@@ -28,13 +29,13 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
 
     engine: Any = stepper  # every engine with a viewer has a cycle
 
-    def view(cycle: Any, state: Any) -> dict[str, Array]:
+    def view(cycle: CycleState, state: PyTree) -> dict[str, Array]:
         agent, tally = cycle.agent, cycle.tally
         learner = engine.cycle.learner(cycle)
         parameters, settings = split(agent.policy)
         # An engine on the host has acted already, and the memory has moved on: the decision has what the units saw.
-        acted = agent.policy.has_memory and isinstance(engine, HostStepper)
-        seen = agent.decision.observation if acted else agent.policy.perceive(agent.memory, cycle.observation)
+        acted = agent.decision if agent.policy.has_memory and isinstance(engine, HostStepper) else None
+        seen = agent.policy.perceive(agent.memory, cycle.observation) if acted is None else acted.observation
         probability = agent.policy.prob(seen)
         flat = ravel_pytree(parameters)[0]
         position, velocity = _moved(state)
@@ -77,13 +78,13 @@ def gradient_norm(before: Probed, after: Probed) -> np.ndarray:
     return np.where(known.any(axis=-1), norm, np.nan)
 
 
-def _active(state: Any) -> Array:
+def _active(state: PyTree) -> Array:
     """The activations of a body, where it has any."""
     found = state.activation if isinstance(state, BodyState) else None
     return jnp.zeros(0) if found is None else found
 
 
-def _moved(state: Any) -> tuple[Array, Array]:
+def _moved(state: PyTree) -> tuple[Array, Array]:
     """Position and velocity of a state that has them; otherwise all of its numbers, and none."""
     if hasattr(state, "position"):
         return jnp.ravel(state.position), jnp.ravel(getattr(state, "velocity", jnp.zeros(0)))
@@ -98,7 +99,7 @@ def _wide(action: Array, size: int) -> Array:
     return jnp.pad(numbers, (0, size - numbers.shape[0]), constant_values=jnp.nan)
 
 
-def _learning_rates(optimizer: Any, state: AgentState, flat: Array) -> Array:
+def _learning_rates(optimizer: Optimizer, state: AgentState, flat: Array) -> Array:
     if not isinstance(optimizer, SGD):
         return jnp.full_like(flat, jnp.nan)
     parameters = trainable(state.policy)

@@ -23,10 +23,10 @@ from jax.flatten_util import ravel_pytree
 from motorgrad._arguments import check_arguments
 from motorgrad._processes import environment
 from motorgrad.policies import Policy, split
-from timsim.live._branches import Branch
 from timsim.live._foreign import Picture
-from timsim.live._messages import Edit, Event, Order, Ready, Reply, Speed
+from timsim.live._messages import Edit, Order, Speed
 from timsim.live._numbers import editable_numbers, write_numbers
+from timsim.live._replies import Branch, Event, Ready, Reply
 from timsim.live._setup import Setup
 from timsim.live._snapshot import (
     ARRAYS,
@@ -57,7 +57,7 @@ class Session:
 
     - `model`: the `mujoco.MjModel` of the body in view, with edits applied; None for worlds in JAX.
     - `task`, `agent`: None for a model without a learner.
-    - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `readings` (of the task): names.
+    - `observations`, `actions`, `muscles` (the model's actuators), `feet`, `metrics` (of the task): names.
     - `period`: simulated seconds of a decision; `speed`: simulated seconds per second of wall time, as wanted.
     - `settings`: what `Edit` can change, by name, with its present value; `started`: with its value at first.
     - `successor`: another session, already running, that a page is to show in place of this one.
@@ -112,7 +112,7 @@ class Session:
         numbers = {} if self.model is None else editable_numbers(self.model)
         self._numbers = {name: number for name, number in numbers.items() if name in self.settings}
         self.observations, self.actions, self.muscles = ready.observations, ready.actions, ready.muscles
-        self.feet, self.readings = ready.feet, ready.readings
+        self.feet, self.metrics = ready.feet, ready.metrics
         self._shared = {part: SharedArrays(shapes) for part, shapes in layout(self.sizes).items()}
         self._pipe.send({part: block.name for part, block in self._shared.items()})
         self._await_first_snapshot()
@@ -181,7 +181,7 @@ class Session:
         found = self._read(part_of("curve", body))
         count = int(found["count"])
         decision, seconds, frozen = (found[name][:count] for name in ("decision", "seconds", "frozen"))
-        names = ("reward", *self.readings)
+        names = ("reward", *self.metrics)
         values = {name: row[:count] for name, row in zip(names, found["values"], strict=True)}
         return Curve(decision.astype(np.int64), seconds, values["reward"], values, frozen.astype(bool))
 
@@ -235,7 +235,7 @@ class Session:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _read(self, part: str) -> dict[str, np.ndarray]:

@@ -206,9 +206,13 @@ class Setup:
     motion: Motion | None = None
 
 
+Simulated = Task | Body | mujoco.MjModel | mujoco.MjSpec | Path | str
+"""What a run is of, as `setup_of` describes it."""
+
+
 def setup_of(
-    subject: Task | Body | mujoco.MjModel | mujoco.MjSpec | Path | str,
-    agent: Any = None,
+    subject: Simulated,
+    agent: Agent | Mapping[str, Any] | None = None,
     seed: int = 0,
     *,
     run: Run | Path | str | None = None,
@@ -282,7 +286,7 @@ def with_motion(setup: Setup, motion: Motion | Path | str, partial: bool = False
     return dataclasses.replace(setup, motion=dataclasses.replace(motion, model=model))
 
 
-def named_subject(subject: Any) -> Any:
+def named_subject(subject: Simulated) -> Any:
     """The task or body that a file or an id of MyoSuite stands for; anything else is returned as it is."""
     if isinstance(subject, Path | str) and str(subject).lower().endswith(".toml"):
         return load(subject)
@@ -296,7 +300,13 @@ def named_subject(subject: Any) -> Any:
 
 
 def _of_task(
-    task: Task | str, agent: Any, seed: int, run: Any, frozen: bool, stage: Stage, planet: Planet | None
+    task: Task | str,
+    agent: Agent | Mapping[str, Any] | None,
+    seed: int,
+    run: Run | Path | str | None,
+    frozen: bool,
+    stage: Stage,
+    planet: Planet | None,
 ) -> Setup:
     asked = check_training(task, agent, seeds=[seed])
     staged = stage.of_task(asked.task)
@@ -327,13 +337,13 @@ def _title(task: Task) -> str:
     return task.name if name in ("", "MuJoCo Model") else name  # MuJoCo's own name for a model without one
 
 
-def _name_of(body: Any) -> str:
+def _name_of(body: Body) -> str:
     """The name of a body: MyoSuite's id, otherwise the name in its description."""
     source = str(getattr(body, "source", ""))
     return source.removeprefix(MYOSUITE) if source.startswith(MYOSUITE) else body.spec().modelname
 
 
-def _of_model(subject: Any, stage: Stage) -> Setup:
+def _of_model(subject: Body | mujoco.MjModel | mujoco.MjSpec | Path | str, stage: Stage) -> Setup:
     if isinstance(subject, mujoco.MjModel):
         check(stage.empty, "stage", stage, "left out where the model is compiled")
         return Setup("model", model=subject)
@@ -356,6 +366,6 @@ def acting(run: Run, seed: int) -> Agent:
     return Agent(run.policy(seed))
 
 
-def is_path(subject: Any) -> bool:
+def is_path(subject: object) -> bool:
     """Whether this names a model's file."""
     return isinstance(subject, Path) or (isinstance(subject, str) and subject.lower().endswith((".xml", ".mjcf")))

@@ -84,7 +84,7 @@ class Trail(NamedTuple):
 class Curve(NamedTuple):
     """The learning curve since the start, of at most 2,000 points: means over the decisions before each point.
 
-    - `values`: by name, `reward`, then the task's readings (`apex`, `speed`, …), NaN where one did not occur.
+    - `values`: by name, `reward`, then the task's metrics (`apex`, `speed`, …), NaN where one did not occur.
     - `frozen`: whether learning was off.
     """
 
@@ -106,7 +106,7 @@ Sample = dict[str, np.ndarray]
 
 
 class Tally(NamedTuple):
-    """Means and counts since the last tally: of the reward of a decision, then of the task's readings."""
+    """Means and counts since the last tally: of the reward of a decision, then of the task's metrics."""
 
     values: np.ndarray
     counts: np.ndarray
@@ -124,7 +124,7 @@ class Sizes(NamedTuple):
     parameters: int
     feet: int
     trail: int
-    readings: int
+    metrics: int
     marks: int
     memory: int = 0
     fixed: int = 0
@@ -161,7 +161,7 @@ def layout(sizes: Sizes) -> dict[str, dict[str, tuple[int, ...]]]:
     trail |= {name: (n, named[name]) for name in ("position", "velocity", "action", "contacts")}
     trail |= {name: (n, named[name]) for name in ("observation", "probability")}
     points: dict[str, tuple[int, ...]] = dict.fromkeys(("decision", "seconds", "frozen"), (POINTS,))
-    curve = points | {"count": (), "values": (1 + sizes.readings, POINTS)}
+    curve = points | {"count": (), "values": (1 + sizes.metrics, POINTS)}
     of_body = {"trail": trail | {"count": (), "next": ()}, "curve": curve}
     return {"moment": moment} | {part_of(name, row): of_body[name] for name in of_body for row in range(MAX_BODIES)}
 
@@ -293,7 +293,7 @@ class CurveRecorder:
         self._shared, self._period = shared, period
         self._ends = np.zeros(POINTS, np.int64)
         self._frozen = np.zeros(POINTS)
-        self._sums, self._counts = (np.zeros((1 + sizes.readings, POINTS)) for _ in range(2))
+        self._sums, self._counts = (np.zeros((1 + sizes.metrics, POINTS)) for _ in range(2))
         self._points = self._begin = 0
         self._first = self.window = max(1, round(1.0 / period))
 
@@ -303,13 +303,13 @@ class CurveRecorder:
         return int(self._ends[self._points - 1]) if self._points else self._begin
 
     @property
-    def saved(self) -> Any:
+    def saved(self) -> tuple[tuple[np.ndarray, ...], int, int]:
         """The whole curve, copied, for `restore`."""
         n = self._points
         rows = (self._ends[:n], self._frozen[:n], self._sums[:, :n], self._counts[:, :n])
         return tuple(row.copy() for row in rows), self.window, self._begin
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[tuple[np.ndarray, ...], int, int]) -> None:
         """Replace the curve with a saved one."""
         (ends, frozen, sums, counts), self.window, self._begin = saved
         n = self._points = len(ends)

@@ -21,13 +21,11 @@ from timsim.live._branches import Alongside, Branches, BranchOrder, Course, Dele
 from timsim.live._intervention_guard import InterventionGuard
 from timsim.live._learner import Learner
 from timsim.live._messages import (
-    Event,
     Intervention,
     Look,
     Order,
     Pause,
     Play,
-    Reply,
     Reset,
     Save,
     Scrub,
@@ -38,6 +36,7 @@ from timsim.live._messages import (
 )
 from timsim.live._motion_player import MotionPlayer
 from timsim.live._records import STRETCH, Records, SamplingBudget
+from timsim.live._replies import Event, Reply
 from timsim.live._setup import Setup
 from timsim.live._snapshot import ARRAYS, SCALARS, Sample, SharedArrays, Tally, encoded, layout
 

@@ -102,7 +102,7 @@ class Links:
         server.on_client_connect(self._connect)
 
         @server.on_client_disconnect
-        async def _(client: Any) -> None:
+        async def _(client: viser.ClientHandle) -> None:
             for known in (self._fields, self._sent):
                 known.pop(client.client_id, None)
 
@@ -125,7 +125,7 @@ class Links:
             if field is not None:
                 self._guard(str(number), self._tell, number, client, field)
 
-    def go(self, client: Any, text: str) -> None:
+    def go(self, client: viser.ClientHandle, text: str) -> None:
         """Take a browser to the place in its address. **Raises** `ValueError` for an unknown one."""
         place = read_place(text)
         if place.camera is not None and self._cameras.names:
@@ -141,10 +141,10 @@ class Links:
         elif (decision, False) != (now.decision, now.playing):
             self._session.order(Scrub(decision))
 
-    def _connect(self, client: Any) -> None:
+    def _connect(self, client: viser.ClientHandle) -> None:
         field = own(client.gui.add_text("Link", "", visible=False))
 
-        def heard(event: Any) -> None:
+        def heard(event: viser.GuiEvent) -> None:
             try:
                 self.go(client, event.target.value.partition(":")[2])  # a number before it tells repetitions apart
             except REFUSED as error:
@@ -153,7 +153,7 @@ class Links:
         field.on_update(heard)
         self._fields[client.client_id] = field
 
-    def _tell(self, number: int, client: Any, field: Any) -> None:
+    def _tell(self, number: int, client: viser.ClientHandle, field: viser.GuiTextHandle) -> None:
         shown = [uuid for uuid, handle in own_elements(client).items() if getattr(handle, "visible", True)]
         camera = self._cameras.chosen(number).removeprefix("Fixed: ").lower()
         if self._cameras.names and not camera:  # it has just come

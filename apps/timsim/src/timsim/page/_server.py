@@ -17,9 +17,11 @@ import viser
 import websockets.asyncio.server
 from viser import _messages as viser_messages
 from viser.infra import _infra
+from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosedError
 from websockets.http11 import Request, Response
+from websockets.typing import Data
 
 from motorgrad._errors import check, choice, shown
 from motorgrad.pages import BACKLOG, HEADERS, Answer, Gate, Lobby, Pace, Passed
@@ -69,7 +71,7 @@ def gated_server(gate: Gate, host: str, port: int, label: str, plots: PlotPages)
     front = _Front(gate, label, plots)
     serve = websockets.asyncio.server.serve
 
-    def gated(handler: Any, *arguments: Any, **settings: Any) -> Any:
+    def gated(handler: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
         if getattr(handler, "__module__", "") != _infra.__name__:
             return serve(handler, *arguments, **settings)
         return serve(front.handler(handler), *arguments, **front.settings(settings))
@@ -85,7 +87,14 @@ def gated_server(gate: Gate, host: str, port: int, label: str, plots: PlotPages)
         server.stop()
         raise RuntimeError(f"viser {viser.__version__} cannot be put behind a gate: install viser 1.1")
     front.server = server
-    server.get_event_loop().set_exception_handler(_log_briefly)
+
+    def log_briefly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Log what failed in the event loop in one line."""
+        del loop
+        error = context.get("exception")
+        log.warning("the page's server: %s", context["message"] if error is None else _line(error))
+
+    server.get_event_loop().set_exception_handler(log_briefly)
     return server
 
 
@@ -127,8 +136,9 @@ class _Front:
     def handler(self, handle: Callable[[Any], Any]) -> Callable[[Any], Any]:
         """viser's handler of a connection, which sees only valid messages."""
 
-        async def run(connection: Any) -> None:
+        async def run(connection: ServerConnection) -> None:
             request = connection.request
+            assert request is not None  # its handshake is over
             verdict = self._gate.judge(request.path, request.headers.raw_items(), True)
             watches = not isinstance(verdict, Passed) or verdict.watches
             if self._clients >= (SHARE * MAX_CLIENTS if watches else MAX_CLIENTS):
@@ -150,7 +160,7 @@ class _Front:
         return run
 
     def _process(self, serve_page: Callable[[Any, Request], Response | None]) -> Any:
-        def process(connection: Any, request: Request) -> Response | Awaitable[Response] | None:
+        def process(connection: ServerConnection, request: Request) -> Response | Awaitable[Response] | None:
             upgrade = "Upgrade" in request.headers
             verdict = self._gate.judge(request.path, request.headers.raw_items(), upgrade)
             if isinstance(verdict, Passed) and (upgrade or not verdict.watches):
@@ -201,7 +211,7 @@ class _Front:
         page.headers["Content-Length"] = str(len(page.body))
         page.headers["Content-Encoding"] = "gzip" if zipped else "identity"
 
-    def _check(self, raw: Any, sender: "_Client") -> bool:
+    def _check(self, raw: object, sender: "_Client") -> bool:
         """Check a message before viser reads it; whether it may. **Raises** `ValueError`."""
         message = read_message(raw)
         if sender.watches and not may_watch(self._handle_of(sender), message):
@@ -228,7 +238,7 @@ class _Client:
     **Attributes:** `watches`: whether it may only watch; what it may not send is left out.
     """
 
-    def __init__(self, connection: Any, check: Callable[[Any, Any], bool], watches: bool):
+    def __init__(self, connection: ServerConnection, check: Callable[[Any, Any], bool], watches: bool):
         self._connection, self._check, self.watches = connection, check, watches
         self._pace = Pace(RATE) if watches else Pace()
         self._size = 0
@@ -238,7 +248,7 @@ class _Client:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._connection, name)
 
-    async def recv(self) -> bytes:
+    async def recv(self) -> Data:
         """The next valid message."""
         while True:
             await self._pace.wait(self._size)
@@ -260,12 +270,13 @@ class _Client:
                 self._ignored = True
 
 
-def read_message(raw: Any) -> Any:
+def read_message(raw: object) -> Any:
     """A message of viser's, of a kind that a page sends, whose fields have the right types and finite numbers.
 
     **Raises** `ValueError`.
     """
     check(isinstance(raw, bytes), "message", "text", "binary")
+    assert isinstance(raw, bytes)
     check(len(raw) <= MAX_PICTURE_BYTES, "message", f"{len(raw):,} bytes", f"at most {MAX_PICTURE_BYTES:,} bytes")
     try:
         fields = msgspec.msgpack.decode(raw)
@@ -330,7 +341,7 @@ def check_value(handle: Any, updates: dict[str, Any]) -> None:
         check(False, "value", value, "left alone")
 
 
-def _check_range(props: Any, values: list[float]) -> None:
+def _check_range(props: object, values: list[float]) -> None:
     """Refuse numbers beyond the ends of a slider, or of a field that has some."""
     ends = [getattr(props, end, None) for end in ("min", "max")]
     lows, highs = ([end] * len(values) if end is None or _is_number(end) else list(end) for end in ends)
@@ -340,24 +351,17 @@ def _check_range(props: Any, values: list[float]) -> None:
         check(right, "value", value, f"from {'any' if low is None else low} to {'any' if high is None else high}")
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _is_bounded(value: Any) -> bool:
+def _is_bounded(value: object) -> bool:
     """Whether all numbers in a message are finite, and of a size that can mean something."""
     if isinstance(value, int | float):
         return abs(value) <= MAX_NUMBER
     if isinstance(value, dict):
         return all(map(_is_bounded, value.values()))
     return all(map(_is_bounded, value)) if isinstance(value, list) else True
-
-
-def _log_briefly(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Log what failed in the event loop in one line."""
-    del loop
-    error = context.get("exception")
-    log.warning("the page's server: %s", context["message"] if error is None else _line(error))
 
 
 def _line(error: BaseException) -> str:

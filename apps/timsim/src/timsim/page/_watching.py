@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import viser
 from viser import _messages as viser_messages
 
@@ -15,7 +13,7 @@ SHARE = 0.9  # of all places, which watching browsers may take; the others are k
 RATE = 50.0  # messages per second of a watching browser; while its camera is turned, it sends about 20
 
 
-def may_watch(client: viser.ClientHandle | None, message: Any) -> bool:
+def may_watch(client: viser.ClientHandle | None, message: object) -> bool:
     """Whether a watching browser may send this: where its camera is, and values of elements that are its own alone.
 
     `client` is viser's handle of it, which it has from its first message on.

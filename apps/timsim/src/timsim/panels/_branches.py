@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from typing import Any
+
+import viser
 
 from timsim.live import Alongside, Branch, Delete, Fork, Rename, Switch
 from timsim.panels._panel import Panel
@@ -22,12 +23,13 @@ class BranchFolder:
         self._panel = panel
         self._seen: object = None
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the elements."""
         panel = self._panel
         with gui.add_folder("Branches"):
             self._list = gui.add_html("")
-            self._which = gui.add_dropdown("Branch", ("A",), hint="What followed a moment in the past is kept.")
+            hint = "What followed a moment in the past is kept."
+            self._which = gui.add_dropdown("Branch", tuple("A"), hint=hint)  # of texts, not of "A" alone
             go = gui.add_button_group(" ", ("Go to", "Beside", "Delete"), hint="Beside: both run in step.")
             go.on_click(panel.guarded(lambda event: self._press(event.target.value)))
             self._name = gui.add_text("Name", "", hint="For Rename and for Fork; may be left empty for Fork.")

@@ -6,7 +6,7 @@ import io
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import viser
@@ -15,7 +15,7 @@ from PIL import Image
 from timsim.film import Motion, still
 from timsim.live import Session, Snapshot
 from timsim.panels._film_folder import FilmFolder
-from timsim.panels._film_recorder import painting_of
+from timsim.panels._film_painting import painting_of
 from timsim.panels._motion_recorder import MAX_RECORDING_SECONDS
 from timsim.panels._panel import Panel, notify, send, table
 from timsim.panels._replay_recorder import ReplayRecorder
@@ -109,21 +109,23 @@ class CapturePanel(Panel):
 
     annotations: Annotating = staticmethod(no_annotations)
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         self._film: FilmFolder | None = None
         self._scene: BodyRecording | SceneRecording | None = None
         self._summary = gui.add_html("")
         if painting_of(self.session) is not None:
             self._film = FilmFolder(self, self._name, self.annotations)
             self._film.fill(gui)
-        picture = gui.add_button("Snapshot (PNG)", icon="photo", hint="The scene as this browser shows it.")
+        picture = gui.add_button("Snapshot (PNG)", icon=viser.Icon.PHOTO, hint="The scene as this browser shows it.")
         picture.on_click(self.guarded(self._picture))
         if self.model is not None:
             words = "Parts as outlines, muscles by activation, as this browser sees them."
-            pose = gui.add_button("Pose (SVG)", icon="vector", hint=words)
+            pose = gui.add_button("Pose (SVG)", icon=viser.Icon.VECTOR, hint=words)
             pose.on_click(self.guarded(self._pose_as_svg))
         self._scene_button = gui.add_button(
-            PAGE[0], icon="world", hint=f"One file that opens in any browser; at most {MAX_RECORDING_SECONDS:g} s."
+            PAGE[0],
+            icon=viser.Icon.WORLD,
+            hint=f"One file that opens in any browser; at most {MAX_RECORDING_SECONDS:g} s.",
         )
         self._scene_button.on_click(self.guarded(self._toggle_scene))
         self._say()
@@ -157,8 +159,9 @@ class CapturePanel(Panel):
         scene = "–" if self._scene is None else f"{self._scene.seconds:.1f} s"
         self._summary.content = table([*film, ("scene", scene)])
 
-    def _pose_as_svg(self, event: Any) -> None:
+    def _pose_as_svg(self, event: viser.GuiEvent) -> None:
         snapshot = self.session.snapshot()
+        assert event.client is not None  # a button is pressed in a browser
         camera = event.client.camera
         pose = Pose(self.session.model)
         pose.place(snapshot)
@@ -170,7 +173,8 @@ class CapturePanel(Panel):
             still(motion, 0, path, width=width, height=height, camera=viewpoint_of(camera))
             send(self.server, event.client, path.name, path.read_bytes())
 
-    def _picture(self, event: Any) -> None:
+    def _picture(self, event: viser.GuiEvent) -> None:
+        assert event.client is not None  # a button is pressed in a browser
         camera = event.client.camera
         height = camera.image_height or 480
         width = camera.image_width or 640
@@ -179,7 +183,7 @@ class CapturePanel(Panel):
         Image.fromarray(pixels).save(content, "PNG")
         send(self.server, event.client, self._name("png"), content.getvalue())
 
-    def _toggle_scene(self, event: Any) -> None:
+    def _toggle_scene(self, event: viser.GuiEvent) -> None:
         if self._scene is None:
             recorded = self.session.model is not None
             self._scene = BodyRecording(self.session, self.annotations) if recorded else SceneRecording(self.server)
@@ -188,7 +192,7 @@ class CapturePanel(Panel):
         else:
             self._end_scene(event.client)
 
-    def _end_scene(self, client: Any) -> None:
+    def _end_scene(self, client: viser.ClientHandle | None) -> None:
         scene = self._scene
         self._scene = None
         self._scene_button.label = PAGE[0]

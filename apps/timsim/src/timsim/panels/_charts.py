@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import viser
 from PIL import Image
+from viser import uplot
 
 WIDTH = 340.0
 """Width of a diagram in its own units; on the page it is as wide as the panel."""
@@ -194,9 +196,9 @@ class Plot:
     one.
     """
 
-    def __init__(self, gui: Any, names: Sequence[str], colours: Sequence[str], height: int, legend: bool) -> None:
-        from viser import uplot
-
+    def __init__(
+        self, gui: viser.GuiApi, names: Sequence[str], colours: Sequence[str], height: int, legend: bool
+    ) -> None:
         self._legend = legend
         self._series = lambda names: (
             uplot.Series(label="time (s)"),
@@ -224,9 +226,9 @@ class Plot:
             self._handle.data = tuple(np.ascontiguousarray(row[known], float) for row in (x, *curves))
 
     @staticmethod
-    def _axes(label: str) -> tuple[dict[str, Any], ...]:
+    def _axes(label: str) -> tuple[uplot.Axis, ...]:
         words = {"labelSize": 18, "font": "11px sans-serif", "labelFont": "11px sans-serif"}
-        style = words | {"ticks": {"size": 4, "width": 1}}
+        style: Any = words | {"ticks": {"size": 4, "width": 1}}
         up = style | {"size": 52} | ({"label": label} if label else {})
         return style | {"label": "simulated time (s)", "size": 34}, up
 
@@ -234,7 +236,7 @@ class Plot:
 class CurvePlot(Plot):
     """A learning curve: every point faint, their running mean strong."""
 
-    def __init__(self, gui: Any) -> None:
+    def __init__(self, gui: viser.GuiApi) -> None:
         super().__init__(gui, ("each", "smoothed"), (FAINT, STRONG), 200, legend=False)
         self._name = ""
 
@@ -249,7 +251,7 @@ class CurvePlot(Plot):
 class TracePlot(Plot):
     """Recent values over time."""
 
-    def __init__(self, gui: Any, names: Sequence[str]) -> None:
+    def __init__(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
         colours = (FAINT, STRONG) if len(names) == 2 else (SECOND,)
         super().__init__(gui, names, colours, 160, legend=True)
 
@@ -260,7 +262,7 @@ class TracePlot(Plot):
 class NamedPlot(Plot):
     """Recent values of one quantity over time, with its name at the axis."""
 
-    def __init__(self, gui: Any, colour: str) -> None:
+    def __init__(self, gui: viser.GuiApi, colour: str) -> None:
         super().__init__(gui, ("value",), (colour,), 185, legend=False)
         self._name = ""
 

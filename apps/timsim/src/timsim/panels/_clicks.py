@@ -44,7 +44,7 @@ class ClickSelect:
             self._tendons = {int(model.actuator_trnid[row, 0]): session.muscles[row] for row in pulls}
 
         @server.on_client_disconnect
-        async def _(client: Any) -> None:
+        async def _(client: viser.ClientHandle) -> None:
             self._fronts.pop(client.client_id, None)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:
@@ -60,7 +60,7 @@ class ClickSelect:
             for handle, _ in self._scene.clickable_muscles():
                 self._listen(handle, self._choose_muscle(muscles))
 
-    def _listen(self, handle: Any, act: Callable[[Any], None]) -> None:
+    def _listen(self, handle: viser.SceneNodeHandle, act: Callable[[Any], None]) -> None:
         if id(handle) not in self._known:
             self._known[id(handle)] = handle
             handle.on_click(act)
@@ -68,7 +68,7 @@ class ClickSelect:
     def _choose_part(self, panel: PartsPanel, geoms: np.ndarray) -> Callable[[Any], None]:
         model: Any = self._session.model
 
-        def act(event: Any) -> None:
+        def act(event: viser.SceneNodePointerEvent) -> None:
             copy = (event.instance_index or 0) % len(geoms)  # beyond: of the body beside, which has the same parts
             panel.choose(int(model.geom_bodyid[geoms[copy]]))
             self.bring_forward(event.client, PartsPanel.title)
@@ -76,7 +76,7 @@ class ClickSelect:
         return act
 
     def _choose_muscle(self, panel: MusclesPanel) -> Callable[[Any], None]:
-        def act(event: Any) -> None:
+        def act(event: viser.SceneNodePointerEvent) -> None:
             ((_, tendons),) = self._scene.clickable_muscles()
             copy = event.instance_index or 0
             name = self._tendons.get(int(tendons[copy])) if 0 <= copy < len(tendons) else None
@@ -86,7 +86,7 @@ class ClickSelect:
 
         return act
 
-    def bring_forward(self, client: Any, title: str) -> None:
+    def bring_forward(self, client: viser.ClientHandle, title: str) -> None:
         """Bring a tab to the front in one browser; the page's script reads which from this element."""
         element = self._fronts.get(client.client_id)
         if element is None:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import viser
 
 from motorgrad._errors import check
 from timsim.film import read_activations
@@ -39,7 +40,7 @@ class MuscleFinder:
         self._seen: tuple[str, ...] = ()
         self._due = 0.0
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the elements if the body has many muscles."""
         names = self._panel.session.muscles
         if len(names) < MANY:
@@ -93,7 +94,7 @@ class DriveFolder:
         self._panel, self._finder, self._chosen = panel, finder, chosen
         self._slider: Any = None
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the elements."""
         panel = self._panel
         self._limits = control_limits(panel.model)
@@ -109,7 +110,9 @@ class DriveFolder:
             buttons.on_click(panel.guarded(lambda event: self._drive(event.target.value)))
             hint = "In the working folder: .csv, .mot, .sto, .npz or .npy, with the names of muscles."
             self._path = gui.add_text("Recorded", "", hint=hint)
-            gui.add_button("Play the recorded activations", icon="player-play").on_click(panel.guarded(self._recorded))
+            gui.add_button("Play the recorded activations", icon=viser.Icon.PLAYER_PLAY).on_click(
+                panel.guarded(self._recorded)
+            )
 
     def follow(self) -> None:
         """Show the drive of another muscle."""
@@ -123,7 +126,7 @@ class DriveFolder:
         self._slider.step = (high - low) / 200
         self._slider.value = float(np.clip(now, low, high))
 
-    def _control(self, event: Any) -> None:
+    def _control(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._panel.order(Control(self._chosen(), float(self._slider.value)))
 
@@ -135,7 +138,7 @@ class DriveFolder:
         else:
             self._panel.order(Drive(rows, self._pattern.value, self._amplitude.value, self._pace.value))
 
-    def _recorded(self, _: Any) -> None:
+    def _recorded(self, _: viser.GuiEvent) -> None:
         path = confined(self._path.value.strip(), self._panel.session.folders)
         seconds, rows, values = read_activations(path, self._panel.model)
         self._panel.order(DriveRecorded(tuple(rows), seconds, values))

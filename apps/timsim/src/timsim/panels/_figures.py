@@ -12,7 +12,7 @@ from motorgrad._errors import check
 from timsim.live import Session, Trail
 from timsim.panels import _charts
 from timsim.panels._joints import joints_of
-from timsim.scene import BODY_COLOURS, main_reading, with_unit
+from timsim.scene import BODY_COLOURS, main_metric, with_unit
 
 SCALE = 1.25  # pixels of a unit of a chart, whose letters are then 13 pixels high
 POINTS = 700  # of a line, at most
@@ -47,8 +47,8 @@ class Figures:
         self._decision = 0  # up to which figures are drawn
         found: list[Figure] = []
         if session.agent is not None:
-            best = main_reading(session.readings)
-            names = [best, *(name for name in ("reward", *session.readings) if name != best)]
+            best = main_metric(session.metrics)
+            names = [best, *(name for name in ("reward", *session.metrics) if name != best)]
             for name in names:
                 words = with_unit("reward of a decision, mean" if name == "reward" else name)
                 found.append(Figure(words, "Learning", lambda row, name=name: self._curve(row, name), True))

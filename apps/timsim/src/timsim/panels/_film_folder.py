@@ -7,8 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import viser
+
 from timsim.film import Viewpoint
-from timsim.panels._film_recorder import CHOICES, HEIGHT, WIDTH, FilmRecorder, SlowFilmRecorder
+from timsim.panels._film_painting import CHOICES
+from timsim.panels._film_recorder import HEIGHT, WIDTH, FilmRecorder, SlowFilmRecorder
 from timsim.panels._panel import Panel, brief, notify, send
 from timsim.panels._watcher import Annotating, no_annotations
 from timsim.scene import viewpoint_of
@@ -34,7 +37,7 @@ class FilmFolder:
         self._film: FilmRecorder | SlowFilmRecorder | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the elements."""
         session = self._panel.session
         bodies = session.model is not None
@@ -51,7 +54,7 @@ class FilmFolder:
                 self._ground = gui.add_dropdown("Ground", ("marked", "plain"), initial_value="marked")
             self._titles = gui.add_checkbox("Name and time", True)
             self._plots = [gui.add_checkbox(f"Plot: {name}", False) for name in CHOICES] if bodies else []
-            self._button = gui.add_button(BUTTON[0], icon="video")
+            self._button = gui.add_button(BUTTON[0], icon=viser.Icon.VIDEO)
             self._button.on_click(self._panel.guarded(self._toggle))
 
     @property
@@ -78,8 +81,9 @@ class FilmFolder:
         if self._folder is not None:
             self._folder.cleanup()
 
-    def _toggle(self, event: Any) -> None:
+    def _toggle(self, event: viser.GuiEvent) -> None:
         if self._film is None:
+            assert event.client is not None  # a button is pressed in a browser
             self._begin(event.client)
             return
         film = self._film
@@ -93,7 +97,7 @@ class FilmFolder:
             self._film = None
             self._folder.cleanup()
 
-    def _begin(self, client: Any) -> None:
+    def _begin(self, client: viser.ClientHandle) -> None:
         kind = self._format.value
         (width, height) = (int(each.value) for each in (self._width, self._height))
 

@@ -2,54 +2,40 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import os
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable
-from motorgrad.plane import has_local_units
 from timsim.film import (
     ENDINGS,
     GAP,
-    Arrow,
+    Camera,
     Ground,
-    Painter,
-    Plot,
-    PlotStrip,
-    Viewpoint,
     annotate,
-    caption,
     check_picture,
     output_path,
     rate_of,
     write_film,
     write_frames,
 )
-from timsim.live import Session, Snapshot
-from timsim.panels._motion_recorder import PLOTS, MotionRecorder, path_until, trail_plots
+from timsim.live import Session
+from timsim.panels._film_painting import CHOICES, LiveStrip, Painting, PictureOptions, painting_of
+from timsim.panels._motion_recorder import MotionRecorder
 from timsim.panels._watcher import Annotating, Watcher, no_annotations
-from timsim.plane import PlanePicture
-from timsim.scene import Pose
 
 FPS = 30.0
 WIDTH = 640
 HEIGHT = 480
-RENEW = 1.0  # s between two drawings of the plots beside a film, each of which takes about 0.1 s for a plot
-RECENT = 8.0  # s of simulated time that they show
 ROOM = 400_000_000  # bytes of the pictures of a GIF or WebP, which are kept until it ends
-CURVE = "learning curve"
-CHOICES = (*PLOTS, CURVE)
-"""What can be plotted beside a film."""
-Looking = str | float | Viewpoint | Callable[[float], Viewpoint] | None
 
 
 class FilmRecorder:
@@ -94,7 +80,7 @@ class FilmRecorder:
         fps: float = FPS,
         width: int = WIDTH,
         height: int = HEIGHT,
-        camera: Looking = None,
+        camera: Camera = None,
         ground: Ground = "marked",
         plots: Sequence[str] = (),
         titles: bool = True,
@@ -103,12 +89,12 @@ class FilmRecorder:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         self._session = session
         self._fps = rate_of(self.path, fps)
-        self._picture_options = width, height, camera, ground, titles
+        self._options = PictureOptions(width, height, camera, ground, titles)
         painting = painting_of(session)
         if painting is None:
             raise ValueError(f"{session.name}: has neither a body nor local units, so there is nothing to film")
         self._painting = painting
-        self._strip = _LiveStrip(session, plots, height) if plots else None
+        self._strip = LiveStrip(session, plots, height) if plots else None
         self._annotations = annotations
         self.frames = self.painted = 0
         self.busy = 0.0
@@ -144,7 +130,7 @@ class FilmRecorder:
     def _run(self) -> None:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            painting = self._painting(self._session, self._session.snapshot(), *self._picture_options)
+            painting = self._painting(self._session, self._session.snapshot(), self._options)
             try:
                 first = self._paint(painting)
                 size = (first.shape[1], first.shape[0])
@@ -205,14 +191,14 @@ class SlowFilmRecorder:
         fps: float = FPS,
         width: int = WIDTH,
         height: int = HEIGHT,
-        camera: Looking = None,
+        camera: Camera = None,
         ground: Ground = "marked",
         plots: Sequence[str] = (),
         annotations: Annotating = no_annotations,
     ) -> None:
         self.path = _checked(path, fps, width, height, camera, ground, plots, session)
         check(math.isfinite(speed) and speed > 0, "speed", speed, "a number above 0")
-        self._picture_options: dict[str, Any] = {
+        self._options: dict[str, Any] = {
             "fps": fps,
             "width": width,
             "height": height,
@@ -254,172 +240,11 @@ class SlowFilmRecorder:
             plots=[found[name] for name in self._plots if name in found],
             annotations=lambda at: watcher.annotations(moment(at)),
             progress=self._note,
-            **self._picture_options,
+            **self._options,
         )
 
     def _note(self, made: int, of: int) -> None:
         self.done = made / of
-
-
-class _LiveStrip:
-    """The plots beside a film of a live run."""
-
-    def __init__(self, session: Session, names: Sequence[str], height: int) -> None:
-        self._session, self._names, self._height = session, names, height
-        self._strip: PlotStrip | None = None
-        self._due = 0.0
-        self._resets = -1
-
-    def paint(self, moment: Snapshot) -> np.ndarray:
-        """The picture of a moment."""
-        now = time.monotonic()
-        if now >= self._due or moment.reset_count != self._resets:
-            self._due = now + RENEW
-            self._resets = moment.reset_count
-            plots = self._present(moment)
-            if self._strip is None:
-                self._strip = PlotStrip(plots, self._height)
-            else:
-                self._strip.show(plots)
-        assert self._strip is not None
-        return self._strip.at(math.nan)
-
-    def _present(self, moment: Snapshot) -> list[Plot]:
-        session = self._session
-        trail = self._session.trail()
-        end = moment.seconds
-        recent = (trail.seconds > end - RECENT) & (trail.decision <= moment.decision)
-        shown = type(trail)(*(column[recent] for column in trail))
-        known = trail_plots(session, shown, shown.seconds) if recent.any() else {}
-        curve = session.curve().until(moment.decision) if session.agent is not None else None
-        if curve is not None and len(curve.seconds) > 1:
-            name = next((each for each in ("return", *session.readings) if each in curve.values), "reward")
-            known[CURVE] = Plot(f"{CURVE}: {name}", curve.seconds, curve.values[name])
-        found = [known[name] for name in self._names if name in known]
-        return found or [Plot("nothing yet", np.array([end]), np.array([np.nan]))]
-
-
-class Painting(Protocol):
-    """Paints pictures of a session's moments. Use it from one thread only."""
-
-    def __init__(
-        self,
-        session: Session,
-        snapshot: Snapshot,
-        width: int,
-        height: int,
-        camera: Looking,
-        ground: Ground,
-        titles: bool,
-    ) -> None: ...
-
-    def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
-        """The picture `(height, width, 3)`, uint8."""
-        ...
-
-    def close(self) -> None:
-        """Free the resources of the graphics driver."""
-
-
-class _Bodies(Painting):
-    """Pictures of the bodies side by side; with a viewpoint, one picture with all of them, as on the page."""
-
-    def __init__(
-        self,
-        session: Session,
-        snapshot: Snapshot,
-        width: int,
-        height: int,
-        camera: Looking,
-        ground: Ground,
-        titles: bool,
-    ) -> None:
-        self._pose = Pose(session.model)
-        self._camera: Any = camera
-        self._together = callable(camera) or isinstance(camera, Viewpoint)
-        count = 1 if self._together else len(snapshot.position)
-        self._picture_options: Any = {"width": width, "height": height, "camera": None if callable(camera) else camera}
-        self._picture_options["ground"] = ground
-        self._painters: list[Painter] = []
-        self._open(count)
-        self._name = session.name
-        self._canvas = np.full((height, count * (width + GAP) - GAP, 3), 255, np.uint8)
-        self._width, self._titles = width, titles
-
-    def _open(self, count: int) -> None:
-        """Open painters of the body as it is now; they keep a copy of its model."""
-        self.close()
-        model: Any = copy.copy(self._pose.model)
-        model.vis.quality.offsamples = 0  # multisampling would more than double the time of a software renderer
-        self._painters = [Painter(model, **self._picture_options) for _ in range(count)]
-        self._edits = self._pose.edits
-
-    def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
-        self._pose.place(snapshot)
-        if self._pose.edits != self._edits:
-            self._open(len(self._painters))
-        marks = snapshot.marks.reshape(len(snapshot.marks), -1, 4)
-        pose = self._pose
-        clock = f"{snapshot.seconds:.2f} s" if self._titles else ""
-        viewpoint: Any = self._camera(snapshot.seconds) if callable(self._camera) else None
-        beside = []
-        if self._together:
-            others = zip(pose.bodies[1:], pose.activation[1:], pose.offset[1:], strict=True)
-            beside = [(data.qpos, activation, shift) for data, activation, shift in others]
-        labels = snapshot.labels if len(self._painters) > 1 else (self._name,)
-        self._canvas[:] = 255  # a body that was filmed may be there no more
-        shown = zip(self._painters, pose.bodies, pose.activation, labels, marks, strict=False)
-        for index, (painter, data, activation, label, marked) in enumerate(shown):
-            left = index * (self._width + GAP)
-            label = label if self._titles else ""
-            added = arrows if index == 0 else ()
-            picture = painter.paint(data.qpos, activation, label, clock, marked, viewpoint, beside, added)
-            self._canvas[:, left : left + self._width] = picture
-        return self._canvas.copy()
-
-    def close(self) -> None:
-        for painter in self._painters:
-            painter.close()
-
-
-class _Plane(Painting):
-    """Pictures of a particle's plane with the units of its policy."""
-
-    def __init__(
-        self,
-        session: Session,
-        snapshot: Snapshot,
-        width: int,
-        height: int,
-        camera: Looking,
-        ground: Ground,
-        titles: bool,
-    ) -> None:
-        del camera, ground
-        self._session, self._titles = session, titles
-        side = min(width, height)
-        self._picture = PlanePicture(session.task, session.policy(snapshot), side)
-        self._canvas = np.full((height, width, 3), 255, np.uint8)
-        self._corner = (height - side) // 2, (width - side) // 2
-
-    def paint(self, snapshot: Snapshot, arrows: Sequence[Arrow] = ()) -> np.ndarray:
-        del arrows  # the plane has none
-        policy = self._session.policy(snapshot)
-        if policy is not None:
-            drawn = self._picture.paint(policy, path_until(self._session.trail(), snapshot))
-            top, left = self._corner
-            self._canvas[top : top + len(drawn), left : left + len(drawn)] = drawn
-        if not self._titles:
-            return self._canvas.copy()
-        return caption(self._canvas, self._session.name, f"{snapshot.decision:,}")
-
-
-def painting_of(session: Session) -> type[Painting] | None:
-    """What paints a session: its bodies, or the plane of a particle with local units; None for any other."""
-    if session.model is not None:
-        return _Bodies
-    policy = session.policy(session.snapshot())
-    return _Plane if has_local_units(session.task, policy) else None
 
 
 def _checked(
@@ -427,7 +252,7 @@ def _checked(
     fps: float,
     width: int,
     height: int,
-    camera: Looking,
+    camera: Camera,
     ground: str,
     plots: Sequence[str],
     session: Session,

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
+import viser
 
 from motorgrad.bodies import (
     LEGS,
@@ -149,7 +150,7 @@ class GaitPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return is_hexapod(session.model) and {f"contact_{leg}" for leg in LEGS} <= set(session.feet)
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         self._summary = gui.add_html("")
         self._diagram = gui.add_html("")
         self._reader = GaitReader(self.model, self.session.period, self.session.feet)

@@ -8,10 +8,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import mujoco
 import numpy as np
+import viser
 
 from timsim.live import Session, Snapshot
 from timsim.panels import _charts
@@ -43,7 +44,7 @@ class Joint(NamedTuple):
     effort: str
 
 
-def joints_of(model: Any) -> dict[str, Joint]:
+def joints_of(model: mujoco.MjModel) -> dict[str, Joint]:
     """The hinges and slides of a model, by name."""
     found = {}
     kinds = mujoco.mjtJoint
@@ -56,7 +57,7 @@ def joints_of(model: Any) -> dict[str, Joint]:
     return found
 
 
-def moment_arms(model: Any, position: np.ndarray, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+def moment_arms(model: mujoco.MjModel, position: np.ndarray, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
     """The moment arms of all actuators about a joint, over its range, all other joints as they are.
 
     The moment arm is the change of an actuator's length with the angle, negative where it shortens (An et al., 1984),
@@ -119,7 +120,7 @@ class JointsPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.model is not None and bool(joints_of(session.model))
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         self._joints = joints_of(self.model)
         self._which = gui.add_dropdown("Joint", (*self._joints,), initial_value=next(iter(self._joints)))
         self._which.on_update(self.renew)
@@ -175,7 +176,7 @@ class JointsPanel(Panel):
         return {"decision": trail.decision, "seconds": trail.seconds, **columns}
 
 
-def joint_table(model: Any, data: Any, joint: Joint) -> list[tuple[str, str]]:
+def joint_table(model: mujoco.MjModel, data: mujoco.MjData, joint: Joint) -> list[tuple[str, str]]:
     """Position, speed and limits of a joint and what acts on it, with units."""
     factor, unit, effort, freedom = joint.factor, joint.unit, joint.effort, joint.freedom
     gap = "" if unit == "°" else " "

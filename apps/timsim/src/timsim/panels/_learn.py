@@ -9,24 +9,25 @@ import math
 import shlex
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import tomli_w
+import viser
 
 from motorgrad._errors import check
 from motorgrad._files import write_atomically
 from motorgrad._limits import MAX_SETTINGS_BYTES
-from motorgrad._presets import PRESETS
 from motorgrad._reading import content_of
 from motorgrad._settings import table
 from motorgrad.bodies import Anatomy
 from motorgrad.tasks import Composed, compose, suggestions
-from motorgrad.training import agent_for
-from timsim.live import Session, Setup, confined, setup_of, succeed
+from motorgrad.training import PRESETS, agent_for
+from timsim.live import Session, Setup, Snapshot, confined, setup_of, succeed
 from timsim.panels._panel import REFUSED, Panel
 from timsim.panels._term_forms import PLACES, TermList
+from timsim.scene import Pose
 
 OWN = "the task's own"
 AS_IT_IS = "as it is"
@@ -48,7 +49,7 @@ class LearnPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return body_of(session) is not None and bool(session.muscles)
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         session = self.session
         self._body = body_of(session)
         self._busy = threading.Lock()
@@ -61,11 +62,13 @@ class LearnPanel(Panel):
         first = next(iter(self._goals))
         gui.add_markdown("Choose what is to be learned, change what you like, and press Learn.")
         self._goal = gui.add_dropdown("Goal", tuple(self._goals), initial_value=first)
-        self._learn = gui.add_button("Learn", icon="player-play", hint="Starts a learner in place of this run.")
+        self._learn = gui.add_button(
+            "Learn", icon=viser.Icon.PLAYER_PLAY, hint="Starts a learner in place of this run."
+        )
         self._said = gui.add_html("")
         self._back: Any = None
         if session.task is not None:
-            self._back = gui.add_button("Back to the body alone", icon="arrow-back-up", color="gray")
+            self._back = gui.add_button("Back to the body alone", icon=viser.Icon.ARROW_BACK_UP, color="gray")
             self._back.on_click(lambda _: self._start(self._bare))
         with gui.add_folder("Muscles that act"):
             self._which = gui.add_text("Muscles", "*", hint="Names, or patterns such as *_r or flexor*; with commas.")
@@ -81,13 +84,15 @@ class LearnPanel(Panel):
             self._seed = gui.add_number("Seed", session.setup.seed, min=0, step=1)
         with gui.add_folder("Task in a file"):
             self._path = gui.add_text("Save as", f"{session.name.partition(':')[2] or session.name}-task.toml")
-            save = gui.add_button("Save as TOML", icon="device-floppy", hint="`motorgrad train FILE` then repeats it.")
+            save = gui.add_button(
+                "Save as TOML", icon=viser.Icon.DEVICE_FLOPPY, hint="`motorgrad train FILE` then repeats it."
+            )
         self._take(self._goals[first])
         self._goal.on_update(self._choose)
         self._learn.on_click(lambda _: self._start(self._setup))
         save.on_click(lambda _: self._tried(self._save))
 
-    def update(self, snapshot: Any, pose: Any) -> None:
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Count the seconds while another run starts; the panel does not change with the current run."""
         del snapshot, pose
         if self._doing and time.monotonic() > self._due:
@@ -136,7 +141,7 @@ class LearnPanel(Panel):
             self._which.value = ", ".join(each)
             self._units.value = EACH if single else TOGETHER
 
-    def _choose(self, event: Any) -> None:
+    def _choose(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._take(self._goals[event.target.value])
 
@@ -155,7 +160,7 @@ class LearnPanel(Panel):
         found = setup_of(self._body, stage=self.session.setup.stage)
         return dataclasses.replace(found, name=self.session.name)
 
-    def _start(self, make: Any) -> None:
+    def _start(self, make: Callable[[], Setup]) -> None:
         """Start another run, report its progress here, and show it on the page."""
         if not self._busy.acquire(blocking=False):
             return
@@ -187,7 +192,7 @@ class LearnPanel(Panel):
         name = shlex.quote(path.name)  # for a shell, into which it is copied
         self._tell(f"Saved. It is repeated by: motorgrad train {name} --steps {steps} --seeds 8{preset}")
 
-    def _tried(self, act: Any) -> None:
+    def _tried(self, act: Callable[[], object]) -> None:
         """Do something, and show an error here, where it was made."""
         self._tell("checking the task …")
         try:
@@ -242,7 +247,7 @@ def _is_ours(path: Path) -> bool:
     return content == _marked(content.partition(b"\n")[2])
 
 
-def _without_none(value: Any) -> Any:
+def _without_none(value: object) -> Any:
     if isinstance(value, dict):
         return {name: _without_none(item) for name, item in value.items() if item is not None}
     if isinstance(value, list | tuple):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import html
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+import viser
 
 from timsim.panels._charts import CurvePlot, TracePlot
 from timsim.panels._figures import Figures
@@ -34,14 +35,13 @@ class LearningPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.agent is not None
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         self._log: deque[str] = deque(maxlen=200)
         self._moments: deque[tuple[float, ...]] = deque(maxlen=KEPT)
         self._said = gui.add_html("")
-        names = ("reward", *self.session.readings)
-        self._which = gui.add_dropdown(
-            "Curve", names, initial_value=_first_of(names), hint="Of a decision, mean; of the task."
-        )
+        names = ("reward", *self.session.metrics)
+        first = "return" if "return" in names else "reward"
+        self._which = gui.add_dropdown("Curve", names, initial_value=first, hint="Of a decision, mean; of the task.")
         self._which.on_update(self.renew)
         self._curve = CurvePlot(gui)
         self._several = gui.add_html("", visible=False)
@@ -126,11 +126,6 @@ class LearningPanel(Panel):
 
         path = str(confined(self._path.value.strip(), self.session.folders))
         self.order(Save(path) if button == "Save" else Load(path))
-
-
-def _first_of(names: tuple[str, ...]) -> str:
-    """The curve shown first: the return of episodes if the task reports it."""
-    return "return" if "return" in names else names[0]
 
 
 def _lines(lines: list[str] | tuple[str, ...]) -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import html
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
+import viser
 
-from timsim.live import Scrub, Session, Setup, confined, setup_of, succeed, with_motion
+from timsim.live import Scrub, Session, Setup, Snapshot, confined, setup_of, succeed, with_motion
 from timsim.panels._panel import REFUSED, Following, Panel, brief, table
+from timsim.scene import Pose
 
 FILES = "In the working folder: .mot, .sto, .csv, .npz or .npy, with the names of joints."
 
@@ -24,7 +27,7 @@ class MotionPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.task is None and session.model is not None and session.model.nq > 0
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         motion: Any = self.session.setup.motion
         self._summary = gui.add_html("")
         self._slider = None
@@ -41,20 +44,22 @@ class MotionPanel(Panel):
                 False,
                 hint="Ignore columns without a joint; other joints keep their place.",
             )
-            gui.add_button("Play this motion", icon="player-play").on_click(lambda _: self._start(self._of_file))
+            gui.add_button("Play this motion", icon=viser.Icon.PLAYER_PLAY).on_click(
+                lambda _: self._start(self._of_file)
+            )
             self._said = gui.add_html("")
             if motion is not None:
-                back = gui.add_button("Back to the simulated body", icon="arrow-back-up", color="gray")
+                back = gui.add_button("Back to the simulated body", icon=viser.Icon.ARROW_BACK_UP, color="gray")
                 back.on_click(lambda _: self._start(self._bare))
 
-    def update(self, snapshot: Any, pose: Any) -> None:
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
         if self._wanted is not None:  # at most once a frame, however fast the slider moves
             wanted = self._wanted
             self._wanted = None
             self.guarded(lambda _: self.order(Scrub(wanted[0])))(wanted[1])
         super().update(snapshot, pose)
 
-    def show(self, snapshot: Any, pose: Any) -> None:
+    def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
         motion: Any = self.session.setup.motion
         if motion is None or self._slider is None:
@@ -71,7 +76,7 @@ class MotionPanel(Panel):
         )
         self._following.show(float(np.clip(at, 0, motion.seconds)))
 
-    def _move(self, event: Any) -> None:
+    def _move(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._following.moved()
             self._wanted = round(float(event.target.value) / self.session.period), event
@@ -86,7 +91,7 @@ class MotionPanel(Panel):
             return dataclasses.replace(setup, motion=None)
         return dataclasses.replace(setup_of(setup.body, stage=setup.stage), name=setup.name, key=setup.key)
 
-    def _start(self, make: Any) -> None:
+    def _start(self, make: Callable[[], Setup]) -> None:
         """Start another run in place of this one, and show an error here."""
         self._tell("reading …")
         try:

@@ -1,16 +1,22 @@
 """Record every decision of a live run, as a motion with its numbers."""
 
+# pyright: reportAttributeAccessIssue=false
+# (MuJoCo's bindings carry no types)
+
 from __future__ import annotations
 
 import threading
 import warnings
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from motorgrad._errors import check
 from timsim.film import Motion, Plot
 from timsim.live import Session, Snapshot, Trail
+
+if TYPE_CHECKING:
+    import mujoco
 
 EVERY = 0.25  # s between two readings of the trail, which holds about 20 s
 MAX_RECORDING_SECONDS = 120.0  # of simulated time; what comes later is not recorded
@@ -164,7 +170,7 @@ def trail_plots(session: Session, trail: Trail, time: np.ndarray) -> dict[str, P
     return found
 
 
-def _sizes(model: Any) -> np.ndarray:
+def _sizes(model: mujoco.MjModel) -> np.ndarray:
     """The numbers of a model that may be edited and change its shape."""
     return np.concatenate([model.geom_size.ravel(), model.hfield_size.ravel()])
 

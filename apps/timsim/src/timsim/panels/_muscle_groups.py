@@ -23,7 +23,7 @@ ARM = 1e-3  # m, the least moment arm of a muscle that counts as crossing a join
 FEW = 2  # muscles that make a group by name
 
 
-def groups_of(model: Any, names: Sequence[str]) -> dict[str, list[int]]:
+def groups_of(model: mujoco.MjModel, names: Sequence[str]) -> dict[str, list[int]]:
     """Groups of actuators by name: all, each side, those across each joint at the start, and families of names that
     differ in a number, such as `glmax1_r` and `glmax2_r`.
 
@@ -43,7 +43,7 @@ def groups_of(model: Any, names: Sequence[str]) -> dict[str, list[int]]:
     return {name: rows for name, rows in found.items() if name == ALL or FEW <= len(rows) < len(names)}
 
 
-def _across(model: Any) -> dict[str, list[int]]:
+def _across(model: mujoco.MjModel) -> dict[str, list[int]]:
     """The actuators that turn or move each joint in the start posture."""
     data: Any = mujoco.MjData(model)
     if model.nkey:
@@ -74,14 +74,12 @@ def chosen_rows(
     matches; `order`, of `ORDERS`; `force` and `activation`: return those of all actuators, `(nu,)`; the greatest first.
     """
     words = [word.lower() for word in re.split(r"[,\s]+", search.strip()) if word]
-    rows = [row for row in group if not words or any(_matches(names[row].lower(), word) for word in words)]
+    patterns = [word if any(mark in word for mark in "*?[") else f"*{word}*" for word in words]
+    known = [name.lower() for name in names]
+    rows = [row for row in group if not patterns or any(fnmatch.fnmatchcase(known[row], each) for each in patterns)]
     if order == "name":
         return sorted(rows, key=lambda row: names[row].lower())
     if order in ("force", "activation"):
         level = np.abs(force() if order == "force" else activation())
         return sorted(rows, key=lambda row: -float(level[row]))
     return rows
-
-
-def _matches(name: str, word: str) -> bool:
-    return fnmatch.fnmatchcase(name, word) if any(mark in word for mark in "*?[") else word in name

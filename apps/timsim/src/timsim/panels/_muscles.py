@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import mujoco
 import numpy as np
+import viser
 
 from motorgrad._errors import counted
 from timsim.film import muscle_colour
@@ -133,7 +134,7 @@ def draw_operating(
     return _charts.document(_charts.WIDTH, 190, parts, "force against length and against velocity")
 
 
-def units_of(model: Any, actuator: int) -> tuple[str, str]:
+def units_of(model: mujoco.MjModel, actuator: int) -> tuple[str, str]:
     """The units of an actuator's length and force: of a path m and N, about a hinge rad and N·m."""
     # NumPy's integers are in no tuple of MuJoCo's enumerations
     kind = int(model.actuator_trntype[actuator])
@@ -159,7 +160,7 @@ class MusclesPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.model is not None and bool(session.muscles)
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         session = self.session
         self._pose: Pose | None = None
         self._finder = MuscleFinder(self, self._levels)
@@ -257,7 +258,7 @@ class MusclesPanel(Panel):
         """Choose a muscle by its name."""
         self._which.value = muscle
 
-    def _select(self, _: Any) -> None:
+    def _select(self, _: viser.GuiEvent) -> None:
         self._range = _fresh()
         if self._editable:
             self._form.point_at(self._settings_of(self._which.value))

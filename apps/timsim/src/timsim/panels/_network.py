@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import viser
 
 from motorgrad.policies import Policy
 from timsim.live import Session, Snapshot
@@ -26,7 +27,7 @@ class NetworkPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.agent is not None and bool(_layers(session, session.snapshot()))
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         session = self.session
         sizes = [len(layer) for layer in _layers(session, session.snapshot())]
         self._starts = np.cumsum([0, *sizes])

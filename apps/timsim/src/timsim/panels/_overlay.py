@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import inspect
 import itertools
+import re
 import threading
 import time
 from collections import deque
@@ -16,12 +17,13 @@ import viser
 
 from motorgrad._docstrings import description_of
 from motorgrad._errors import check
+from motorgrad.tasks import Task
 from timsim.film import FIRING, SILENT, Annotations, Arrow, Curve
 from timsim.live import Session, Snapshot
 from timsim.panels import _charts
 from timsim.panels._panel import brief
 from timsim.panels._run import weight_of
-from timsim.scene import BODY_COLOURS, Pose, main_reading, weight_arrow, with_unit
+from timsim.scene import BODY_COLOURS, Pose, main_metric, weight_arrow, with_unit
 
 Moment = Snapshot
 Text = str | Callable[[Moment], str]
@@ -141,7 +143,8 @@ class Overlay:
         """
         check(isinstance(name, str) and bool(name), "name", name, "a text that is not empty")
         check(text is None or callable(text) or isinstance(text, str), "text", text, "a text or a function")
-        check(_is_colour(colour), "colour", colour, 'six hexadecimal digits, as in "#d9730d"')
+        valid = isinstance(colour, str) and re.fullmatch("#[0-9a-fA-F]{6}", colour)
+        check(valid, "colour", colour, 'six hexadecimal digits, as in "#d9730d"')
         if plot is not None and not callable(plot):
             sizes = [np.shape(part) for part in plot]
             check(len(sizes) == 2 and sizes[0] == sizes[1] and len(sizes[0]) == 1, "plot", sizes, "x and y, alike long")
@@ -236,7 +239,7 @@ class Overlay:
     def _curve(self, snapshot: Snapshot) -> str:
         if self._session.agent is None:
             return ""
-        name = main_reading(self._session.readings)
+        name = main_metric(self._session.metrics)
         lines = []
         for row in range(len(snapshot.labels)):
             curve = self._session.curve(row).until(snapshot.decision)
@@ -290,7 +293,7 @@ class Overlay:
 _numbers = itertools.count()
 
 
-def goal_of(task: Any) -> str:
+def goal_of(task: Task) -> str:
     """What a task is about: the first sentence of its documentation, without remarks in brackets."""
     if hasattr(task, "env_id"):
         return "Gather the reward of a Gymnasium environment"
@@ -336,7 +339,7 @@ def _card(words: str) -> str:
     return f'<div class="card">{words}</div>'
 
 
-def _tried(item: Item, act: Callable[..., Any], *arguments: Any) -> Any:
+def _tried(item: Item, act: Callable[..., Any], *arguments: object) -> Any:
     """The result of an entry's function; None once it has failed."""
     if item.failed:
         return act(*arguments) if act == item.html else None
@@ -359,7 +362,7 @@ def _arrows(items: dict[str, Item], snapshot: Snapshot) -> dict[str, tuple[np.nd
     return found
 
 
-def _ends(arrow: Any) -> np.ndarray:
+def _ends(arrow: Sequence[Sequence[float]]) -> np.ndarray:
     """Start and end of an arrow, `(2, 3)` m."""
     check(len(arrow) == 2, "arrow", arrow, "two triples: from where, and how far")
     start, way = (np.asarray(part, float) for part in arrow)
@@ -371,9 +374,3 @@ def _ends(arrow: Any) -> np.ndarray:
 def _linear(colour: str) -> np.ndarray:
     """A colour in linear light, which viser expects of arrows, as RGB from 0 to 255."""
     return np.round(255 * (np.array([*bytes.fromhex(colour[1:])]) / 255) ** 2.2).astype(np.uint8)
-
-
-def _is_colour(text: Any) -> bool:
-    return (
-        isinstance(text, str) and len(text) == 7 and text[0] == "#" and set(text[1:]) <= set("0123456789abcdefABCDEF")
-    )

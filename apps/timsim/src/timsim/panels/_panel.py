@@ -8,7 +8,7 @@ import io
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import viser
@@ -70,6 +70,7 @@ Numbers = Mapping[str, np.ndarray]
 TABLE: Any = "table-export"
 REFUSED = (ValueError, TypeError, RuntimeError, OSError)
 """Errors that the user is told in one line; any other is a bug."""
+NotificationColour = Literal["red", "green", "blue", "orange"]
 
 
 class Panel:
@@ -123,12 +124,12 @@ class Panel:
         self.show(snapshot, pose)
         self.spent += time.monotonic() - now
 
-    def renew(self, _: Any = None) -> None:
+    def renew(self, _: object = None) -> None:
         """Update at the next frame, even if the run has not advanced."""
         self._due = 0.0
         self._seen = ()
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the elements."""
         raise NotImplementedError
 
@@ -151,7 +152,7 @@ class Panel:
     def guarded(self, action: Callable[[Any], object]) -> Callable[[Any], None]:
         """Wrap a callback so that errors of the user are shown in one line."""
 
-        def run(event: Any) -> None:
+        def run(event: viser.GuiEvent) -> None:
             try:
                 action(event)
             except REFUSED as error:
@@ -159,7 +160,7 @@ class Panel:
 
         return run
 
-    def _download(self, event: Any) -> None:
+    def _download(self, event: viser.GuiEvent) -> None:
         name = f"{self.session.name}-{self.title.lower()}.csv".replace("/", "-").replace(" ", "-")
         send(self.server, event.client, name, csv_of(self.numbers()))
 
@@ -176,7 +177,7 @@ class Following:
         self._last = slider.value
         self._moved = -math.inf
 
-    def show(self, value: Any) -> None:
+    def show(self, value: float | tuple[float, ...]) -> None:
         """Set the slider, unless a user has just moved it."""
         if not self.is_moved:
             self._last = value
@@ -194,18 +195,22 @@ class Following:
 
 
 def notify(
-    server: viser.ViserServer, text: str, title: str = "Refused", color: Any = "red", client: Any = None
+    server: viser.ViserServer,
+    text: str,
+    title: str = "Refused",
+    color: NotificationColour = "red",
+    client: viser.ClientHandle | None = None,
 ) -> None:
     """Show one line to one browser, or to all, for ten seconds."""
     for each in [client] if client is not None else list(server.get_clients().values()):
         each.add_notification(title, text, auto_close_seconds=10.0, color=color)
 
 
-def send(server: viser.ViserServer, client: Any, name: str, content: bytes) -> None:
+def send(server: viser.ViserServer, client: viser.ClientHandle | None, name: str, content: bytes) -> None:
     """Let one browser, or all of them, save a file."""
     (client if client is not None else server).send_file_download(name, content, save_immediately=True)
 
 
-def command(gui: Any, label: str, key: str, action: Any) -> None:
+def command(gui: viser.GuiApi, label: str, key: Any, action: Callable[[viser.CommandEvent], None]) -> None:
     """Add an entry with a key to the page's command palette."""
     gui.add_command(label, hotkey=key).on_trigger(action)

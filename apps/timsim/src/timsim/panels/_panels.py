@@ -16,7 +16,7 @@ from timsim.panels._learning import LearningPanel
 from timsim.panels._motion import MotionPanel
 from timsim.panels._muscles import MusclesPanel
 from timsim.panels._network import NetworkPanel
-from timsim.panels._panel import Panel, notify
+from timsim.panels._panel import NotificationColour, Panel, notify
 from timsim.panels._parts import PartsPanel
 from timsim.panels._policy import PolicyPanel
 from timsim.panels._run import RunPanel
@@ -37,7 +37,7 @@ PANELS: tuple[type[Panel], ...] = (
     CapturePanel,
 )
 """All panels, in the order of their tabs."""
-NOTIFIED = {
+NOTIFIED: dict[str, tuple[str, NotificationColour]] = {
     "saved": ("Saved", "green"),
     "loaded": ("Loaded", "green"),
     "error": ("Refused", "red"),
@@ -63,11 +63,11 @@ class TabsInFront:
         """Whether a browser may show this tab."""
         return any(self._titles.get(client, title) == title for client in self._server.get_clients())
 
-    def _ask(self, client: Any) -> None:
+    def _ask(self, client: viser.ClientHandle) -> None:
         field = own(client.gui.add_text(FIELD, "", order=2e6))
         field.on_update(lambda event: self._titles.__setitem__(client.client_id, event.target.value))
 
-    def _forget(self, client: Any) -> None:
+    def _forget(self, client: viser.ClientHandle) -> None:
         self._titles.pop(client.client_id, None)
 
 

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import mujoco
 import numpy as np
+import viser
 
 from motorgrad._errors import counted
 from timsim.live import WORLD, Event, Session, Snapshot, owned
@@ -43,7 +44,7 @@ class PartsPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.model is not None and session.model.nbody > 1
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         model = self.model
         moving = [body for body in range(1, model.nbody) if model.body_weldid[body] != 0]
         self._bodies = {model.body(body).name or str(body): body for body in moving} | {WORLD: 0}
@@ -77,7 +78,7 @@ class PartsPanel(Panel):
         if any(event.kind == "error" for event in events):
             self._form.refused()
 
-    def _facts(self, body: int, data: Any) -> Rows:
+    def _facts(self, body: int, data: mujoco.MjData) -> Rows:
         muscles = [self.session.muscles[row] for row in self._muscles.get(body, ())]
         more = f" and {len(muscles) - LISTED} more" if len(muscles) > LISTED else ""
         attached = [("muscles", ", ".join(muscles[:LISTED]) + more)] if muscles else []
@@ -86,13 +87,13 @@ class PartsPanel(Panel):
     def _settings_of(self, name: str) -> list[str]:
         return owned(self.session.settings, name)
 
-    def _select(self, _: Any) -> None:
+    def _select(self, _: viser.GuiEvent) -> None:
         self.chosen = self._bodies[self._which.value]
         self._form.point_at(self._settings_of(self._which.value))
         self.renew()
 
 
-def part_facts(model: Any, data: Any, body: int) -> Rows:
+def part_facts(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Rows:
     """Mass, shapes, friction, place, speed and forces of a part, after `mj_forward`, with their units."""
     mass = float(model.body_mass[body])
     total = float(np.sum(model.body_mass[model.body_weldid != 0])) or 1.0
@@ -118,7 +119,7 @@ def part_facts(model: Any, data: Any, body: int) -> Rows:
     return rows
 
 
-def world_facts(model: Any, data: Any) -> Rows:
+def world_facts(model: mujoco.MjModel, data: mujoco.MjData) -> Rows:
     """Gravity, weight, time step and contacts."""
     gravity = float(np.linalg.norm(model.opt.gravity))
     return [
@@ -129,7 +130,7 @@ def world_facts(model: Any, data: Any) -> Rows:
     ]
 
 
-def shape_words(model: Any, geom: int) -> str:
+def shape_words(model: mujoco.MjModel, geom: int) -> str:
     """A geom's shape and sizes in words; empty if it has none."""
     kind = int(model.geom_type[geom])
     size = 1e3 * np.array(model.geom_size[geom])
@@ -145,7 +146,7 @@ def shape_words(model: Any, geom: int) -> str:
     return f"{SHAPES[kind]}, {' × '.join(brief(float(2 * side)) for side in size)} mm"
 
 
-def contact_force(model: Any, data: Any, body: int) -> tuple[float, int]:
+def contact_force(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[float, int]:
     """The size in N of the sum of all contact forces on a part, and the number of contacts under pressure."""
     total = np.zeros(3)
     count = 0
@@ -162,7 +163,7 @@ def contact_force(model: Any, data: Any, body: int) -> tuple[float, int]:
     return float(np.linalg.norm(total)), count
 
 
-def joint_facts(model: Any, data: Any, number: int) -> Rows:
+def joint_facts(model: mujoco.MjModel, data: mujoco.MjData, number: int) -> Rows:
     """Position, limits and speed of a joint, and the force of its actuators."""
     name = model.joint(number).name or f"joint {number}"
     joint = joints_of(model).get(name)
@@ -173,7 +174,7 @@ def joint_facts(model: Any, data: Any, number: int) -> Rows:
     return [(name, f"{facts[joint.what]}{limits}, {facts['speed']}"), ("by actuators", facts["by actuators"])]
 
 
-def muscles_of(model: Any) -> dict[int, list[int]]:
+def muscles_of(model: mujoco.MjModel) -> dict[int, list[int]]:
     """The actuators whose path runs over each body, by the body's number."""
     found: dict[int, list[int]] = {}
     for row in range(model.nu):

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
+import viser
 
 from motorgrad.plane import has_local_units
+from motorgrad.tasks import ParticleTask
 from timsim.live import Session, Snapshot
 from timsim.panels._motion_recorder import path_until
 from timsim.panels._panel import Numbers, Panel, columns_of
@@ -32,12 +34,14 @@ class PolicyPanel(Panel):
     def applies(cls, session: Session) -> bool:
         return session.agent is not None and len(session.observations) > 0
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         session = self.session
         policy = session.policy(session.snapshot())
         units = (*session.actions,)
         self._units = None
         if has_local_units(session.task, policy):
+            assert isinstance(session.task, ParticleTask)
+            assert policy is not None
             self._units = PlanePicture(session.task, policy)
             with gui.add_folder("Units in the plane"):
                 self._plane = gui.add_image(self._units.blank, format="png")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from motorgrad._errors import counted
 from motorgrad.policies import Policy
@@ -45,7 +45,9 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
         weight = float(weights[unit, sense])
         share = abs(weight) / largest if largest else 0.0
         y = float(left[sense])
-        v = float(right[unit]) + _fan(int(sense), len(senses))
+        v = float(right[unit])
+        if len(senses) > 1:  # the ends of arrows into one unit, in the order of their origins
+            v += (int(sense) / (len(senses) - 1) - 0.5) * NODE * 0.7
         colour = POSITIVE if weight > 0 else NEGATIVE
         arrows.append(_arrow(start + 1, y, end - 2, v, 0.4 + MAX_ARROW_WIDTH * share, colour))
         if weights.size <= LABELLED:
@@ -62,11 +64,6 @@ def draw_arrows(weights: np.ndarray, senses: Sequence[str], units: Sequence[str]
 
 def _places(count: int, height: float, step: float) -> np.ndarray:
     return height / 2 + (np.arange(count) - (count - 1) / 2) * min(step * 1.5, height / max(count, 1))
-
-
-def _fan(sense: int, count: int) -> float:
-    """Spread the ends of arrows into one unit, in the order of their origins."""
-    return 0.0 if count < 2 else (sense / (count - 1) - 0.5) * NODE * 0.7
 
 
 def _arrow(x: float, y: float, u: float, v: float, width: float, colour: str) -> str:
@@ -119,7 +116,7 @@ Seeing = Callable[[Policy, jax.Array], jax.Array]
 """A function of a policy and of what its units see, such as `motorgrad.policies.Policy.prob`."""
 
 
-def present(policy: Policy, memory: Any, observation: Any) -> tuple[Policy, jax.Array]:
+def present(policy: Policy, memory: PyTree, observation: jax.Array) -> tuple[Policy, jax.Array]:
     """The policy without noise that lasts, and what its units see of an observation with a memory of a snapshot."""
     acting = policy.marginal
     return acting, acting.perceive(memory, observation)
@@ -244,10 +241,11 @@ def _signed(share: np.ndarray) -> np.ndarray:
     return np.concatenate([255 + strength * (colour - 255), opaque], axis=-1).round().astype(np.uint8)
 
 
-def weights_of(policy: Any) -> np.ndarray | None:
+def weights_of(policy: Policy) -> np.ndarray | None:
     """Weights `(units, observations + 1)` of pools that have them, the last column being the biases; None for others,
-    and where units do not see the observation alone: they draw one after the other, or remember."""
-    if policy.hides or policy.has_memory:
+    and where units do not see the observation alone: they draw one after the other, or remember. None for units with
+    real-valued actions, too, whose mean is not the probability that fills a unit's drawing."""
+    if policy.hides or policy.has_memory or "graded" in policy.actions:
         return None
     rows = []
     for pool in getattr(policy, "pools", (policy,)):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+import viser
 
 from motorgrad.policies import Policy
 from timsim.live import Snapshot
@@ -22,7 +21,7 @@ class Portrait:
     def __init__(self, panel: Panel, field: Field):
         self._panel, self._field = panel, field
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the picture and the choice of the two observations."""
         senses = (*self._panel.session.observations,)
         moving = senses[-2:]

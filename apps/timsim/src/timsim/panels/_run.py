@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 import viser
 
 from timsim.live import Pause, Play, Push, Reset, Scrub, Session, Snapshot, Speed, Step, Undo
@@ -39,7 +40,7 @@ class PushFolder:
     def __init__(self, panel: Panel) -> None:
         self._panel = panel
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         """Add the elements."""
         model = self._panel.model
         names = [model.body(index).name for index in range(1, model.nbody)]
@@ -55,16 +56,16 @@ class PushFolder:
             strength = float(f"{SHARE * weight:.1g}")
             self._strength = gui.add_number("Force (N)", strength, min=0.0, step=strength / 10)
             self._seconds = gui.add_number("For (s)", 0.1, min=0.01, max=60.0, step=0.01)
-            button = gui.add_button("Push", icon="hand-finger")
+            button = gui.add_button("Push", icon=viser.Icon.HAND_FINGER)
             button.on_click(self._panel.guarded(self._push))
         command(gui, "Push", "P", self._panel.guarded(self._push))
 
-    def _push(self, _: Any) -> None:
+    def _push(self, _: viser.GuiEvent) -> None:
         x, y, z = (self._strength.value * part for part in DIRECTIONS[self._way.value])
         self._panel.order(Push(self._body.value, (x, y, z), self._seconds.value))
 
 
-def movable(model: Any, part: str) -> str:
+def movable(model: mujoco.MjModel, part: str) -> str:
     """The first direction in which a part can move at the start; some bodies cannot move in all directions."""
     data = mujoco.MjData(model)
     if model.nkey:
@@ -76,7 +77,7 @@ def movable(model: Any, part: str) -> str:
     return free[0] if free else next(iter(DIRECTIONS))
 
 
-def weight_of(model: Any) -> float:
+def weight_of(model: mujoco.MjModel) -> float:
     """The weight of everything that moves, in N; 1 without mass."""
     moving = np.asarray(model.body_weldid) != 0
     pull = float(np.linalg.norm(model.opt.gravity)) or 9.81
@@ -108,12 +109,12 @@ class DragPush:
                 self._held[id(handle)] = handle
                 self._hold(handle, geoms, pose.size)
 
-    def _hold(self, handle: Any, geoms: np.ndarray, size: float) -> None:
+    def _hold(self, handle: viser.SceneNodeHandle, geoms: np.ndarray, size: float) -> None:
         model: Any = self._session.model
         bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
         names = [model.body(body).name if model.body_weldid[body] else "" for body in bodies]
 
-        async def pull(event: Any) -> None:
+        async def pull(event: viser.SceneNodeDragEvent) -> None:
             copy = event.instance_index or 0
             if event.phase == "end" or copy >= len(names) or not names[copy]:  # beyond: the untrained body
                 return
@@ -126,7 +127,9 @@ class DragPush:
         handle.on_drag("left", modifier="cmd/ctrl")(pull)
 
 
-def drag_force(model: Any, start: Any, end: Any, size: float) -> tuple[float, float, float]:
+def drag_force(
+    model: mujoco.MjModel, start: npt.ArrayLike, end: npt.ArrayLike, size: float
+) -> tuple[float, float, float]:
     """The force of a drag in N, as of a spring, at most ten times the weight.
 
     **Arguments:** `model`; `start`: where the body was grabbed, and `end`: where the pointer is, (3,) in m; `size` of
@@ -150,7 +153,7 @@ class RunPanel(Panel):
     title: ClassVar[str] = "Run"
     rate: ClassVar[float] = 8.0
 
-    def fill(self, gui: Any) -> None:
+    def fill(self, gui: viser.GuiApi) -> None:
         self._summary = gui.add_html("")
         buttons = gui.add_button_group(
             "Run", ("Play", "Pause", "Step"), hint="Keys: space plays and pauses, N makes one decision."
@@ -176,18 +179,20 @@ class RunPanel(Panel):
                 hint="Restores body and learner. What followed is kept, as a branch where something is changed.",
             )
             self._back.on_update(self._scrub)
-            go = gui.add_button("Continue from here", icon="player-play")
+            go = gui.add_button("Continue from here", icon=viser.Icon.PLAYER_PLAY)
             go.on_click(self.guarded(lambda _: self._press("Play")))
         self._branches = BranchFolder(self)
         self._branches.fill(gui)
         self._undo = gui.add_button(
             "Undo the last change",
-            icon="arrow-back-up",
+            icon=viser.Icon.ARROW_BACK_UP,
             color="gray",
             hint="Goes back to before the last push or edit. Key: U.",
         )
         self._undo.on_click(self.guarded(lambda _: self.order(Undo())))
-        reset = gui.add_button("Reset", icon="rotate-2", color="gray", hint="Returns body and learner to the start.")
+        reset = gui.add_button(
+            "Reset", icon=viser.Icon.ROTATE_2, color="gray", hint="Returns body and learner to the start."
+        )
         reset.on_click(self.guarded(lambda _: self._press("Reset")))
         self._following_speed = Following(self._speed)
         self._following_past = Following(self._back)
@@ -253,19 +258,19 @@ class RunPanel(Panel):
     def _press(self, button: str) -> None:
         self.order({"Play": Play, "Pause": Pause, "Step": Step, "Reset": Reset}[button]())
 
-    def _set_speed(self, event: Any) -> None:
+    def _set_speed(self, event: viser.GuiEvent) -> None:
         if event.client is None:  # this panel itself
             return
         self._following_speed.moved()
         factor = 10 ** event.target.value[0]
         self.order(Speed(math.inf if factor > MAX_SLIDER_SPEED * 0.97 else max(factor, MARKS[0])))
 
-    def _scrub(self, event: Any) -> None:
+    def _scrub(self, event: viser.GuiEvent) -> None:
         if event.client is not None:  # not by this panel itself
             self._following_past.moved()
             self._wanted = (float(event.target.value), event)
 
-    def _go_to(self, seconds: float, event: Any) -> None:
+    def _go_to(self, seconds: float, event: viser.GuiEvent) -> None:
         del event
         now = self.session.snapshot()
         decision = now.newest + round(seconds / self.session.period)

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import viser
+
 from motorgrad._docstrings import descriptions
 from motorgrad._tree import Part
 from timsim.live import field_of, geom_of
 
 if TYPE_CHECKING:
+    from motorgrad.learning import Agent
     from timsim.panels._panel import Panel
 
 SETTING_LABELS = {
@@ -54,14 +57,14 @@ class SettingsForm:
         self._names: list[str] = []
         self._shown: dict[str, float] = {}
 
-    def fill(self, gui: Any, names: Sequence[str]) -> None:
+    def fill(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
         """Add the form, with a field for each setting."""
         self._names = list(names)
         with gui.add_form(self._label) as form:
             for name in names:
                 label, hint = self._words(name)
                 self._fields.append(gui.add_text(label, self._text(name), hint=f"{hint} {name}".strip()))
-            button = gui.add_button(self._button, icon="check")
+            button = gui.add_button(self._button, icon=viser.Icon.CHECK)
         button.on_click(lambda _: form.submit())
         form.on_submit(self._panel.guarded(self._submit))
 
@@ -88,7 +91,7 @@ class SettingsForm:
         self._shown[name] = value
         return f"{value:.6g}"
 
-    def _submit(self, _: Any) -> None:
+    def _submit(self, _: viser.GuiEvent) -> None:
         from timsim.live import Edit
 
         try:
@@ -109,7 +112,7 @@ class SettingsForm:
         self.refresh()
 
 
-def words_of(name: str, agent: Any = None) -> tuple[str, str]:
+def words_of(name: str, agent: Agent | None = None) -> tuple[str, str]:
     """A setting's label and what it means; of a learner's number, what its part's docstring says."""
     if name.startswith(AGENT):
         return _agent_words(name.removeprefix(AGENT).split("."), agent)
@@ -122,7 +125,7 @@ def words_of(name: str, agent: Any = None) -> tuple[str, str]:
     return name.split(".", 1)[-1].replace("_", " "), ""
 
 
-def _agent_words(path: list[str], agent: Any) -> tuple[str, str]:
+def _agent_words(path: list[str], agent: Agent | None) -> tuple[str, str]:
     part = agent
     hint = ""
     label = []

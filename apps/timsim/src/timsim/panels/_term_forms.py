@@ -7,6 +7,8 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import viser
+
 from motorgrad._docstrings import descriptions, field_texts
 from motorgrad._settings import default_of
 from motorgrad._tree import fields_of, hints_of, options_of
@@ -17,7 +19,7 @@ LEFT_OUT: dict[str, tuple[str, ...]] = {
     "observe": ("weight", "above", "below", "name", "at_end"),
     "reward": ("above", "below", "name", "at_end"),
     "terminate": ("weight", "name", "at_end"),
-    "readings": ("weight", "above", "below"),
+    "metrics": ("weight", "above", "below"),
 }
 """Settings of terms that mean nothing, or cannot be typed, in a place."""
 PLACES: dict[str, tuple[str, tuple[type, ...]]] = {
@@ -26,7 +28,7 @@ PLACES: dict[str, tuple[str, tuple[type, ...]]] = {
     "reward": ("What is rewarded", (terms.Quantity,)),
     "terminate": ("What ends an episode", (terms.Quantity,)),
     "reset": ("How an episode starts", (terms.Reset,)),
-    "readings": ("What is recorded", (terms.Quantity,)),
+    "metrics": ("What is recorded", (terms.Quantity,)),
 }
 """The lists of a composed task: their headings, and the terms that they take."""
 ADD = "add …"
@@ -44,7 +46,9 @@ class TermForm:
     `kind`; `removed`: called with the form.
     """
 
-    def __init__(self, gui: Any, place: str, table: Mapping[str, Any], removed: Callable[[TermForm], None]) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, place: str, table: Mapping[str, Any], removed: Callable[[TermForm], None]
+    ) -> None:
         self.kind = str(table["kind"])
         self._class = kinds_for(place)[table["kind"]]
         self._fields: dict[str, tuple[Any, Any]] = {}
@@ -61,7 +65,7 @@ class TermForm:
                 unit = units.get(name, ("", ""))[0].strip()
                 label = f"{name} {unit}".replace("_", " ").strip()
                 self._fields[name] = default, _field(gui, label, hint, value, words.get(name, ""))
-            gui.add_button("Remove", icon="trash", color="gray").on_click(lambda _: removed(self))
+            gui.add_button("Remove", icon=viser.Icon.TRASH, color="gray").on_click(lambda _: removed(self))
 
     def table(self) -> dict[str, Any]:
         """The term as a table: its kind, and the settings that differ from the defaults. **Raises** `ValueError`."""
@@ -83,7 +87,7 @@ class TermList:
     **Arguments:** `gui`; `place`: the list.
     """
 
-    def __init__(self, gui: Any, place: str) -> None:
+    def __init__(self, gui: viser.GuiApi, place: str) -> None:
         self._gui = gui
         self.place = place
         self._forms = list[TermForm]()
@@ -109,7 +113,7 @@ class TermList:
         with self._folder:
             self._forms.append(TermForm(self._gui, self.place, table, self._removed))
 
-    def _add(self, event: Any) -> None:
+    def _add(self, event: viser.GuiEvent) -> None:
         kind = event.target.value
         if event.client is not None and kind != ADD:
             self._append({"kind": kind})
@@ -120,7 +124,7 @@ class TermList:
         form.remove()
 
 
-def _field(gui: Any, label: str, hint: Any, value: Any, words: str) -> Any:
+def _field(gui: viser.GuiApi, label: str, hint: object, value: object, words: str) -> Any:
     """The form field for a setting of this type."""
     if hint is bool:
         return gui.add_checkbox(label, bool(value), hint=words)
@@ -129,7 +133,7 @@ def _field(gui: Any, label: str, hint: Any, value: Any, words: str) -> Any:
     return gui.add_text(label, _text(value), hint=words)
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if value is None or value == "none":
         return ""
     if isinstance(value, tuple | list):
@@ -137,7 +141,7 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _value(where: str, hint: Any, given: Any) -> Any:
+def _value(where: str, hint: object, given: object) -> Any:
     """The setting in a field; None for an empty text. **Raises** `ValueError`."""
     if not isinstance(given, str) or typing.get_origin(hint) is typing.Literal:
         return given
@@ -159,5 +163,5 @@ def _value(where: str, hint: Any, given: Any) -> Any:
     return words if len(words) > 1 else words[0]
 
 
-def _listed(value: Any) -> Any:
+def _listed(value: object) -> Any:
     return list(value) if isinstance(value, tuple) else value

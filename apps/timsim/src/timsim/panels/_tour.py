@@ -63,21 +63,21 @@ class Waiting:
             return "" if self.open else UNTIL[step.wait]
         value = self._value(snapshot)
         now = "–" if value is None else brief(value)
-        if step.wait == "reading":
-            return f"Continues when {step.reading} reaches {step.amount:g}; now {now}."
+        if step.wait == "metric":
+            return f"Continues when {step.metric} reaches {step.amount:g}; now {now}."
         unit = "s" if step.wait == "seconds" else "decisions"
         paused = "" if snapshot.playing else " The run is paused."
         return f"Continues after {step.amount:g} {unit}; now {now}.{paused}"
 
     def _value(self, snapshot: Snapshot) -> float | None:
-        """The quantity that a step with an amount measures; None for a reading that is not known yet."""
+        """The quantity that a step with an amount measures; None for a metric that is not known yet."""
         if self._step.wait == "decisions":
             return float(snapshot.decision - self._first.decision)
         if self._step.wait == "seconds":
             return snapshot.seconds - self._first.seconds
-        if self._step.reading is None:
+        if self._step.metric is None:
             return None
-        curve = self._session.curve().until(snapshot.decision).values[self._step.reading]
+        curve = self._session.curve().until(snapshot.decision).values[self._step.metric]
         known = curve[np.isfinite(curve)]
         return float(known[-1]) if len(known) else None
 
@@ -103,7 +103,7 @@ class Guide:
     **Arguments:** `client`, the browser's handle; `field`, by which its page answers.
     """
 
-    def __init__(self, client: Any, field: Any) -> None:
+    def __init__(self, client: viser.ClientHandle, field: viser.GuiTextHandle) -> None:
         self.client, self.field = client, field
         self.steps: tuple[TourStep, ...] = ()
         self.at = 0
@@ -175,7 +175,7 @@ class Tours:
     def __call__(self, steps: Iterable[TourStep | Mapping[str, Any]]) -> None:
         """Set the page's steps, or tables of their arguments; tours that have begun keep theirs.
 
-        **Raises** `ValueError` that names the step, for an unknown camera, tab, reading or event.
+        **Raises** `ValueError` that names the step, for an unknown camera, tab, metric or event.
         """
         found = read_tour(list(steps))
         check_tour(found, self._session, self._cameras.names, self._tabs)
@@ -196,21 +196,21 @@ class Tours:
         folder = self._server.gui.add_folder("Guided tour")
 
         @self._server.on_client_connect
-        async def _(client: Any) -> None:
+        async def _(client: viser.ClientHandle) -> None:
             with folder:
                 button = own(
-                    client.gui.add_button("Tour", icon="map-2", hint=f"What there is to see here. Key: {KEY}.")
+                    client.gui.add_button("Tour", icon=viser.Icon.MAP_2, hint=f"What there is to see here. Key: {KEY}.")
                 )
             field = own(client.gui.add_text("Tour", "", visible=False))
             number = client.client_id
             self._guides[number] = Guide(client, field)
             button.on_click(lambda _: self._asked.append((number, BEGIN)))
             field.on_update(lambda event: self._asked.append((number, event.target.value)))
-            key = own(client.gui.add_command("Guided tour", hotkey=KEY, icon="map-2"))
+            key = own(client.gui.add_command("Guided tour", hotkey=KEY, icon=viser.Icon.MAP_2))
             key.on_trigger(lambda _: self._asked.append((number, BEGIN)))
 
         @self._server.on_client_disconnect
-        async def _(client: Any) -> None:
+        async def _(client: viser.ClientHandle) -> None:
             self._guides.pop(client.client_id, None)
 
     def update(self, snapshot: Snapshot, pose: Pose) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 from motorgrad._errors import check, unknown
@@ -24,24 +24,24 @@ class TourStep:
     - `tab`: by its title; None leaves it.
     - `wait`: until when the step stays. "next" is the button; "play" and "pause" are those of the run; "push"; "edit":
       any other change of body, learner or muscle; "decisions" and "seconds": `amount` of them, simulated, since the
-      step began; "reading": until a reading of the task is at least `amount`. The button goes on from every step.
+      step began; "metric": until a metric of the task is at least `amount`. The button goes on from every step.
     - `amount`: above 0 for decisions and seconds.
-    - `reading`: "reward", or the name of one of the task's readings.
+    - `metric`: "reward", or the name of one of the task's metrics.
 
-    **Raises** `ValueError` for an unknown `wait`, and for an amount or a reading that is missing or not meant.
+    **Raises** `ValueError` for an unknown `wait`, and for an amount or a metric that is missing or not meant.
 
     ```py
     TourStep("Push it.", camera="side", tab="Run", wait="push")
-    TourStep("It learns to hop.", wait="reading", reading="apex", amount=0.3)
+    TourStep("It learns to hop.", wait="metric", metric="apex", amount=0.3)
     ```
     """
 
     text: str
     camera: str | None = None
     tab: str | None = None
-    wait: Literal["next", "play", "pause", "push", "edit", "decisions", "seconds", "reading"] = "next"
+    wait: Literal["next", "play", "pause", "push", "edit", "decisions", "seconds", "metric"] = "next"
     amount: float | None = None
-    reading: str | None = None
+    metric: str | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -54,17 +54,17 @@ class TourStep:
         if self.wait in ("decisions", "seconds"):
             fine = self.amount is not None and math.isfinite(self.amount) and self.amount > 0
             check(fine, "amount", self.amount, f"a number of {self.wait} above 0")
-        elif self.wait == "reading":
+        elif self.wait == "metric":
             check(self.amount is not None and math.isfinite(self.amount), "amount", self.amount, "the value to reach")
         else:
             check(self.amount is None, "amount", self.amount, f"left out where the step waits for {self.wait!r}")
-        if self.wait == "reading":
-            check(bool(self.reading), "reading", self.reading, "the name of a reading")
+        if self.wait == "metric":
+            check(bool(self.metric), "metric", self.metric, "the name of a metric")
         else:
-            check(self.reading is None, "reading", self.reading, "left out where the step waits for no reading")
+            check(self.metric is None, "metric", self.metric, "left out where the step waits for no metric")
 
 
-def read_tour(rows: Any, where: str = "tour") -> tuple[TourStep, ...]:
+def read_tour(rows: Sequence[TourStep | Mapping[str, Any]], where: str = "tour") -> tuple[TourStep, ...]:
     """The steps of a list of tables, as in a scene file. **Raises** `ValueError` that names the step."""
     check(isinstance(rows, list | tuple) and len(rows) > 0, where, rows, "a list of steps, [[tour]], at least one")
     steps = []
@@ -85,17 +85,17 @@ def check_tour(steps: Iterable[TourStep], session: Session, cameras: Sequence[st
                 camera_named(step.camera, list(cameras))
             if step.tab is not None and step.tab.lower() not in map(str.lower, tabs):
                 raise unknown("tab", step.tab, tabs)
-            if step.reading is not None and step.reading not in (known := readings_of(session)):
-                check(bool(known), "reading", step.reading, "left out: nothing learns here")
-                raise unknown("reading", step.reading, known)
+            if step.metric is not None and step.metric not in (known := metrics_of(session)):
+                check(bool(known), "metric", step.metric, "left out: nothing learns here")
+                raise unknown("metric", step.metric, known)
             check(step.wait != "push" or session.model is not None, "wait", step.wait, "another: there is no body here")
         except ValueError as error:
             raise ValueError(f"tour[{number}]: {error}") from None
 
 
-def readings_of(session: Session) -> tuple[str, ...]:
+def metrics_of(session: Session) -> tuple[str, ...]:
     """What a step can wait for in the learning curve."""
-    return () if session.agent is None else ("reward", *session.readings)
+    return () if session.agent is None else ("reward", *session.metrics)
 
 
 def tour_of(session: Session, cameras: Sequence[str], tabs: Sequence[str]) -> tuple[TourStep, ...]:
@@ -169,7 +169,7 @@ HOPPER: tuple[TourStep, ...] = (
     ),
     TourStep("Push the load with Push, or P, and see whether it lands on its foot.", tab="Run", wait="push"),
     TourStep(
-        'Now the learning. Its readings are plotted in simulated time: choose "apex", the height of the foot in a hop. '
+        'Now the learning. Its metrics are plotted in simulated time: choose "apex", the height of the foot in a hop. '
         'Set the speed to "max" in the tab "Run" to see it rise within a minute.',
         tab="Learning",
         wait="seconds",

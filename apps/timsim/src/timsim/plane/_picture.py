@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from motorgrad.policies import Policy
+    from motorgrad.tasks import ParticleTask
 
 Pixels = UInt8[np.ndarray, "height width 3"]
 # pixels, and pixels per inch
@@ -60,7 +61,7 @@ class PlanePicture:
     **Arguments:** `task`; `policy`, with as many units as every policy that will be shown; `side` in pixels.
     """
 
-    def __init__(self, task: Any, policy: Any, side: int = SIDE) -> None:
+    def __init__(self, task: ParticleTask, policy: Policy, side: int = SIDE) -> None:
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(side / DPI, side / DPI), dpi=DPI)

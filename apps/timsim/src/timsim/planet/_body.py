@@ -5,11 +5,12 @@
 
 import copy
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check
@@ -129,7 +130,7 @@ class PlanetBatch(BodyBatch):
     def _root(self) -> Float[np.ndarray, " 3"]:
         return self._qpos[self._places[0] : self._places[0] + 3].copy()
 
-    def step(self, control: Any) -> None:
+    def step(self, control: npt.ArrayLike) -> None:
         """Advance by one decision; as `BodyBatch.step`."""
         if np.isfinite(self._root).all():
             self.recentre()
@@ -143,13 +144,13 @@ class PlanetBatch(BodyBatch):
             self._carry(frame, frame.levelled(self._ellipsoid, root))
         self._update_patch()
 
-    def reset(self, rows: Any = None) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def reset(self, rows: Sequence[int] | np.ndarray | None = None) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return the body to its start; as `BodyBatch.reset`."""
         self._update_patch(self.body.planet.start)
         super().reset(rows)
         self._update_patch()
 
-    def restore(self, snapshot: Any) -> None:
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
         """Restore a snapshot; as `BodyBatch.restore`."""
         super().restore(snapshot)
         self._update_patch()

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motorgrad._errors import check
-from timsim.planet._geometry import Ellipsoid
+from timsim.planet._geometry import Ellipsoid, Points
 
-Points = Float[np.ndarray, "*any 3"]
 Heights = Float[np.ndarray, "*any"]
 _PRIMES = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 _CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])

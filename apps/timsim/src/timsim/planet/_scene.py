@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,10 +16,18 @@ from timsim.planet._geometry import Ellipsoid, Frame, quaternion
 from timsim.planet._planet import FIELD, Planet
 from timsim.planet._tiles import CELLS, TRIANGLES, Key, make_tile, mesh_errors, tile_glb
 
+if TYPE_CHECKING:
+    import mujoco
+    import viser
+
+    from motorgrad.tasks import Task
+    from timsim.live import Session, Snapshot
+    from timsim.scene import Pose
+
 GroundAt = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def ground_finder(task: Any, model: Any, pose: Any) -> GroundAt | None:
+def ground_finder(task: Task | None, model: mujoco.MjModel | None, pose: Pose) -> GroundAt | None:
     """For a task on a planet, a function from a place `(3,)` to the point of the ground under it and the upward
     direction there, in the coordinates of the scene; None for others.
     """
@@ -65,7 +73,7 @@ class PlanetScene:
         """Whether there is a planet, after `build`."""
         return self._planet is not None
 
-    def build(self, server: Any, session: Any) -> None:
+    def build(self, server: viser.ViserServer, session: Session) -> None:
         """Add the planet's node, and a folder "Planet" that shows its cost."""
         body = getattr(session.task, "dynamics", None)
         if session.model is None or not isinstance(body, OnPlanet) or not has_planet(session.model):
@@ -83,12 +91,13 @@ class PlanetScene:
             self._time = server.gui.add_text("Update", "", disabled=True)
         self._read = 0.0
 
-    def update(self, snapshot: Any, pose: Any) -> None:
+    def update(self, snapshot: Snapshot, pose: Pose) -> None:
         """Place the planet under the body and send what the cameras need, within the budget."""
         if self._planet is None or not pose.bodies:
             return
         begin = time.perf_counter()
         model = pose.model
+        assert model is not None
         data = pose.bodies[0]
         address = int(model.joint(PLANET).qposadr[0])
         frame = Frame.of_pose(data.qpos[address : address + 7])
@@ -154,7 +163,7 @@ def deepest(planet: Planet) -> int:
     return max(0, int(np.ceil(np.log2(2.0 * longest / planet.cell))))
 
 
-def _camera(client: Any, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid) -> Camera | None:
+def _camera(client: viser.ClientHandle, frame: Frame, offset: np.ndarray, ellipsoid: Ellipsoid) -> Camera | None:
     """A browser's camera in the planet's coordinates; None until it has reported its position."""
     import viser.transforms as vt
 

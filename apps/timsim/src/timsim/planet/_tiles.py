@@ -13,11 +13,10 @@ from PIL import Image
 from scipy.ndimage import zoom
 
 from timsim.planet._elevation import Surface, hills
-from timsim.planet._geometry import unit
+from timsim.planet._geometry import Points, unit
 
 CELLS = 16  # cells along a side of a tile
 Tiles = Int[np.ndarray, "tiles 3"]  # tiles of one level: face, column, row
-Points = Float[np.ndarray, "*any 3"]
 # along the columns, along the rows, outwards: right-handed, so that triangles face outwards
 _AXES = np.array(
     [
@@ -98,16 +97,6 @@ def caps(level: int, tiles: Tiles) -> tuple[Points, Float[np.ndarray, " tiles"]]
     corners = found[:, 1:]
     chords = np.linalg.norm(corners - middle, axis=-1).max(axis=1)
     return middle[:, 0], 2.0 * np.arcsin(chords / 2.0)
-
-
-def tile_of(level: int, points: Points) -> Tiles:
-    """The tile of a level at each direction (n, 3) of any length."""
-    along = np.einsum("fad,nd->nfa", _AXES, points)
-    face = np.argmax(along[..., 2], axis=1)
-    found = along[np.arange(len(points)), face]
-    place = np.arctan(found[:, :2] / found[:, 2:]) * 4.0 / np.pi
-    cell = np.clip(((place + 1.0) / 2.0 * 2**level).astype(int), 0, 2**level - 1)
-    return np.concatenate([face[:, None], cell], axis=1)
 
 
 HEM = 2  # cells beyond each side

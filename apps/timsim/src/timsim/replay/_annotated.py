@@ -36,7 +36,10 @@ def annotated(
     for frame, row in zip(added, places, strict=True):
         for arrow in frame.arrows:
             row[list(arrows).index(arrow.name)] = arrow.ends.ravel()
-    styles = [{"name": each.name, "colour": _rgb(each.colour), "radius": each.radius} for each in arrows.values()]
+    styles = [
+        {"name": each.name, "colour": [x / 255 for x in bytes.fromhex(each.colour[1:])], "radius": each.radius}
+        for each in arrows.values()
+    ]
     plots = [
         Plot(title, np.array([*known]), np.array([*known.values()]))
         for title, known in curves.items()
@@ -44,7 +47,3 @@ def annotated(
     ]
     columns = {"text": np.array(spoken, np.uint32), "arrow": places.reshape(len(added), -1)} if added else {}
     return {"texts": list(texts), "arrows": styles}, columns, plots
-
-
-def _rgb(colour: str) -> list[float]:
-    return [value / 255 for value in bytes.fromhex(colour[1:])]

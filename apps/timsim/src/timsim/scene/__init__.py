@@ -1,6 +1,6 @@
 """The three-dimensional scene of TimSim's page and the cameras that look at it, drawn in the browser by viser."""
 
-from timsim.scene._beside import BODY_COLOURS, main_reading
+from timsim.scene._beside import BODY_COLOURS, main_metric
 from timsim.scene._cameras import Cameras, camera_named, viewpoint_of
 from timsim.scene._contacts import touches, weight_arrow
 from timsim.scene._guard import Guard
@@ -19,7 +19,7 @@ __all__ = [
     "Scene",
     "View",
     "camera_named",
-    "main_reading",
+    "main_metric",
     "own",
     "own_elements",
     "touches",

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
@@ -45,15 +45,15 @@ def rgb_of_body(row: int) -> np.ndarray:
     return np.array([*bytes.fromhex(BODY_COLOURS[row % len(BODY_COLOURS)][1:])]) / 255
 
 
-def main_reading(names: Any) -> str:
-    """The best measure of a body's performance: the return of episodes, else the task's first reading, else the
+def main_metric(names: Iterable[str]) -> str:
+    """The best measure of a body's performance: the return of episodes, else the task's first metric, else the
     reward."""
     named = [name for name in names if name != "reward"]
     return "return" if "return" in named else named[0] if named else "reward"
 
 
 class Readings:
-    """The performance of each body in view, in words: the task's reading, and the speed of its centre of mass."""
+    """The performance of each body in view, in words: the task's metric, and the speed of its centre of mass."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -89,7 +89,7 @@ class Readings:
     def _reading(self, row: int, decision: int) -> str:
         if self._session.agent is None:
             return ""
-        name = main_reading(self._session.readings)
+        name = main_metric(self._session.metrics)
         curve = self._session.curve(row).until(decision)
         values = curve.values[name]
         known = values[np.isfinite(values)]
@@ -108,6 +108,14 @@ class Readings:
         return [f"{each:.2f} m/s" if np.isfinite(each) else "" for each in away]
 
 
+def label_each(scene: viser.SceneApi, labels: list[viser.LabelHandle], names: Sequence[str]) -> None:
+    """Add labels, or remove some, until there is one for each name."""
+    while len(labels) > len(names):
+        labels.pop().remove()
+    for row in range(len(labels), len(names)):
+        labels.append(scene.add_label(f"/labels/{row}", names[row], anchor="bottom-center"))
+
+
 class Labels(Layer):
     """Labels each body with its name and performance, if there are several."""
 
@@ -115,7 +123,7 @@ class Labels(Layer):
         self.applies = session.model is not None
         self._scene = server.scene
         self._readings = Readings(session)
-        self._texts: list[Any] = []
+        self._texts: list[viser.LabelHandle] = []
 
     def renew(self, pose: Pose) -> int:
         """The last words while it plays are older than the moment at which it is paused."""
@@ -125,10 +133,7 @@ class Labels(Layer):
     def draw(self, pose: Pose) -> None:
         assert pose.snapshot is not None
         names = pose.snapshot.labels if len(pose.bodies) > 1 else ()
-        while len(self._texts) > len(names):
-            self._texts.pop().remove()
-        for row in range(len(self._texts), len(names)):
-            self._texts.append(self._scene.add_label(f"/labels/{row}", names[row], anchor="bottom-center"))
+        label_each(self._scene, self._texts, names)
         if not names:
             return
         readings = self._readings.words(pose)

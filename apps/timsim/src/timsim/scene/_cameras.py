@@ -242,7 +242,7 @@ class Fixed(CameraMode):
         camera.fov = self._fov
 
 
-def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
+def aim(camera: viser.CameraHandle, place: np.ndarray, target: np.ndarray) -> None:
     """Place a camera and let it look at a target. Nothing is sent if the values are unusable or unchanged."""
     distance = float(np.linalg.norm(place - target))
     if not (np.isfinite(place).all() and np.isfinite(target).all()) or distance < 1e-6:
@@ -270,12 +270,12 @@ def aim(camera: Any, place: np.ndarray, target: np.ndarray) -> None:
     send(SetCameraLookAtMessage(tuple(target.tolist())))
 
 
-def has_picture(camera: Any) -> bool:
+def has_picture(camera: viser.CameraHandle) -> bool:
     """Whether a browser shows anything; a hidden one reports a picture without size."""
     return min(camera.image_width, camera.image_height) > 0
 
 
-def viewpoint_of(camera: Any, aspect: float | None = None) -> Viewpoint:
+def viewpoint_of(camera: viser.CameraHandle, aspect: float | None = None) -> Viewpoint:
     """The viewpoint of a browser's camera; for a picture with this `aspect` (width over height) wide enough to show
     what the browser shows.
     """
@@ -308,7 +308,7 @@ TALLEST = 3.0
 class Viewer:
     """One browser's camera: its mode, and what it needs to change it."""
 
-    def __init__(self, client: Any, wanted: str, height: float) -> None:
+    def __init__(self, client: viser.ClientHandle, wanted: str, height: float) -> None:
         self.client, self.height = client, height
         self.mode = CameraMode()
         self.name = ""
@@ -436,7 +436,7 @@ class Cameras:
             first.look_at = pose.centre
             first.position = pose.centre + self._away
 
-    def _connect(self, client: Any) -> None:
+    def _connect(self, client: viser.ClientHandle) -> None:
         """Give a browser its list, its slider and its keys."""
         viewer = Viewer(client, self._first, self._tall)
         with self._lock, self._folder:  # one at a time: several browsers may connect at once
@@ -446,8 +446,8 @@ class Cameras:
         viewer.choice.on_update(lambda event: self._want(viewer, event.target.value))
         height.on_update(lambda event: setattr(viewer, "height", float(event.target.value)))
         for number, name in enumerate(self.names):
-            key = KEYS.get(name, str(number - 2) if number < 12 else None)
-            command = own(client.gui.add_command(f"Camera: {name.lower()}", hotkey=key, icon="camera"))
+            key: Any = KEYS.get(name, str(number - 2) if number < 12 else None)
+            command = own(client.gui.add_command(f"Camera: {name.lower()}", hotkey=key, icon=viser.Icon.CAMERA))
             command.on_trigger(lambda _, name=name: self.select(client.client_id, name))
         with self._lock:
             self._viewers[client.client_id] = viewer
@@ -456,7 +456,7 @@ class Cameras:
     def _want(viewer: Viewer, name: str) -> None:
         viewer.wanted = name
 
-    def _leave(self, client: Any) -> None:
+    def _leave(self, client: viser.ClientHandle) -> None:
         with self._lock:
             self._viewers.pop(client.client_id, None)
 

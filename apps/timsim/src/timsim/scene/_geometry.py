@@ -94,11 +94,11 @@ def smooth_shaded(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     return Shape(np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32))
 
 
-def _shape(mesh: Any) -> Shape:
+def _shape(mesh: trimesh.Trimesh) -> Shape:
     return smooth_shaded(mesh.vertices, mesh.faces)
 
 
-def textured_glb(mesh: Any, uv: np.ndarray, picture: np.ndarray, *, glows: bool = False) -> bytes:
+def textured_glb(mesh: trimesh.Trimesh, uv: np.ndarray, picture: np.ndarray, *, glows: bool = False) -> bytes:
     """A `trimesh.Trimesh` with a texture, as GLB.
 
     **Arguments:** `uv` `(vertices, 2)`, from the picture's lower left corner, repeated beyond 1; `picture` `(height,
@@ -111,4 +111,5 @@ def textured_glb(mesh: Any, uv: np.ndarray, picture: np.ndarray, *, glows: bool 
         colour = {"baseColorFactor": [0, 0, 0, 255], "emissiveTexture": image, "emissiveFactor": [1.0, 1.0, 1.0]}
     material = PBRMaterial(**colour, metallicFactor=0.0, roughnessFactor=0.95)
     mesh.visual = TextureVisuals(uv=uv, material=material)
-    return mesh.export(file_type="glb")
+    found: Any = mesh.export(file_type="glb")
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 import viser
 from viser._messages import SetOrientationMessage, SetPositionMessage
 
@@ -100,13 +101,13 @@ class MeshPool:
                 setattr(self._handle._impl.props, f"batched_{name}", values)
                 self._handle._queue_update(f"batched_{name}", values)
 
-    def show_balls(self, position: np.ndarray, radius: Any, colour: Any) -> None:
+    def show_balls(self, position: np.ndarray, radius: npt.ArrayLike, colour: npt.ArrayLike) -> None:
         """Show copies of a unit sphere; `radius` `(n,)` and `colour` `(n, 3)` may be the same for all."""
         count = len(position)
         size = np.broadcast_to(np.reshape(radius, (-1, 1)), (count, 3))
         self.show(position, None, size, np.broadcast_to(colour, (count, 3)))
 
-    def show_rods(self, start: np.ndarray, end: np.ndarray, radius: Any, colour: np.ndarray) -> None:
+    def show_rods(self, start: np.ndarray, end: np.ndarray, radius: npt.ArrayLike, colour: np.ndarray) -> None:
         """Show copies of a unit rod from `start` `(n, 3)` to `end` `(n, 3)`, of `radius` `(n,)` or one for all."""
         along = end - start
         radius = np.broadcast_to(radius, len(along))
@@ -171,7 +172,7 @@ def _linear(colour: np.ndarray) -> np.ndarray:
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
 
 
-def _filled(rows: np.ndarray, shape: tuple[int, ...], rest: Any) -> np.ndarray:
+def _filled(rows: np.ndarray, shape: tuple[int, ...], rest: npt.ArrayLike) -> np.ndarray:
     """The rows, then `rest` up to the shape, as float32; values that are not finite become 0."""
     filled = np.empty(shape, np.float32)
     filled[: len(rows)] = rows

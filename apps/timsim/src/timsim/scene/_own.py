@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any
+from typing import Any, TypeVar
 
 import viser
 
 _own: weakref.WeakKeyDictionary[viser.ClientHandle, set[str]] = weakref.WeakKeyDictionary()
 """viser's identifiers of these elements, by their browser."""
+H = TypeVar("H")
 
 
 def watches(server: viser.ViserServer, client_id: int) -> bool:
@@ -17,16 +18,17 @@ def watches(server: viser.ViserServer, client_id: int) -> bool:
     return getattr(connection, "watches", True)
 
 
-def own(handle: Any) -> Any:
+def own(handle: H) -> H:
     """Mark an element that belongs to one browser and changes only what that browser sees. **Returns** it.
 
     Nothing else that a watching browser presses or sends is heard. **Raises** `TypeError` for an element of the server,
     which all browsers share.
     """
-    client = handle._impl.gui_api._owner
+    element: Any = handle
+    client = element._impl.gui_api._owner
     if not isinstance(client, viser.ClientHandle):
         raise TypeError("own: an element that all browsers share")
-    _own[client] = {*own_elements(client), handle._impl.uuid}  # without those that were removed
+    _own[client] = {*own_elements(client), element._impl.uuid}  # without those that were removed
     return handle
 
 

@@ -15,7 +15,7 @@ from motorgrad.tasks import ParticleTask
 from motorgrad.worlds import Walls
 from timsim.live import Session, Snapshot
 from timsim.plane import Animation
-from timsim.scene._beside import rgb_of_body
+from timsim.scene._beside import label_each, rgb_of_body
 from timsim.scene._geometry import arrow, ball, quaternions_from_z, ring, rod, textured_glb
 from timsim.scene._layer import AWAY, Layer, MeshPool
 from timsim.scene._pose import Pose
@@ -56,13 +56,13 @@ class Board:
         ways = np.asarray(ways, float).reshape(-1, 2)
         return np.stack([ways[:, 0], np.zeros(len(ways)), ways[:, 1]], axis=1)
 
-    def glb(self, task: Any) -> bytes:
+    def glb(self, task: ParticleTask) -> bytes:
         """The board with the task's reward painted on it, in its own coordinates: flat, seen along z."""
         corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * self.half
         mesh = trimesh.Trimesh(np.c_[corners, np.zeros(4)], [(0, 1, 2), (0, 2, 3)], process=False)
         return textured_glb(mesh, (corners / self.half + 1) / 2, self._picture(task), glows=True)
 
-    def _picture(self, task: Any) -> np.ndarray:
+    def _picture(self, task: ParticleTask) -> np.ndarray:
         from matplotlib.figure import Figure
 
         sides = 2 * self.half / self.half.max() / 2
@@ -108,7 +108,7 @@ class Plane(Layer):
             MeshPool(scene, "/plane/trail", rod(), 2 * TRAIL, shadow=False),
         ]
         self._scene = scene
-        self._texts: list[Any] = []
+        self._texts: list[viser.LabelHandle] = []
         self._trails: list[deque[np.ndarray]] = []
         self._began = -1
 
@@ -136,10 +136,7 @@ class Plane(Layer):
     def _name(self, labels: tuple[str, ...], here: np.ndarray) -> None:
         """Label each particle with its name, if there are several."""
         names = labels if len(here) > 1 else ()
-        while len(self._texts) > len(names):
-            self._texts.pop().remove()
-        for row in range(len(self._texts), len(names)):
-            self._texts.append(self._scene.add_label(f"/labels/{row}", names[row], anchor="bottom-center"))
+        label_each(self._scene, self._texts, names)
         for text, name, place in zip(self._texts, names, here, strict=False):
             text.position = np.add(place, (0.0, 0.0, 2 * BALL))
             if text.text != name:

@@ -116,17 +116,17 @@ KEYS = {
 }
 
 
-def add_help(client: Any) -> None:
+def add_help(client: viser.ClientHandle) -> None:
     """Show a browser the list of keys on `?`, and by a button in the open container."""
     rows = "\n".join(f"| `{key}` | {meaning} |" for key, meaning in KEYS.items())
     shown: list[Any] = []
 
     # coroutines, as viser's threads are for all browsers, and one that asks again and again must not fill them
-    async def close(_: Any) -> None:
+    async def close(_: object) -> None:
         while shown:
             shown.pop().close()
 
-    async def show(event: Any) -> None:
+    async def show(event: object) -> None:
         await close(event)  # viser does not hear that a browser has closed a list, and would keep them all
         with client.gui.add_modal("Keys and mouse") as modal:
             shown.append(modal)
@@ -135,8 +135,8 @@ def add_help(client: Any) -> None:
 
     # missing in viser's type, but its client knows it: the character typed, which takes shift on most keyboards
     hotkey: Any = "?"
-    own(client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon="keyboard")).on_trigger(show)
-    own(client.gui.add_button("Keys (?)", icon="keyboard")).on_click(show)
+    own(client.gui.add_command("Keys", hotkey=hotkey, modifier="shift", icon=viser.Icon.KEYBOARD)).on_trigger(show)
+    own(client.gui.add_button("Keys (?)", icon=viser.Icon.KEYBOARD)).on_click(show)
 
 
 class View:
@@ -169,7 +169,7 @@ class View:
         folder = server.gui.add_folder("Help")
 
         @server.on_client_connect
-        def _(client: Any) -> None:
+        def _(client: viser.ClientHandle) -> None:
             with one_at_a_time, folder:  # several browsers may connect at once
                 add_help(client)
 

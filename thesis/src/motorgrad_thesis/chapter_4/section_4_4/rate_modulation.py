@@ -71,7 +71,7 @@ class RateModulation(Experiment):
                 run = work.train(task, agent_for(task, **changes), self.steps, self.seeds)
                 found["decision"], found[f"{units} {kind} error"] = run.curve("error")
                 found[f"{units} {kind} end"] = run.final("error", LAST)
-                found[f"{units} {kind} without noise"] = evaluate(run, mode="mode").readings["error"]
+                found[f"{units} {kind} without noise"] = evaluate(run, mode="mode").metrics["error"]
                 for name in ("threshold", "gain"):
                     found[f"{units} {kind} {name}"] = np.asarray(getattr(run.policies, name))
                 if kind == "graded":

@@ -99,7 +99,7 @@ class MuscleStudy(Experiment):
 
         def watch(mode: Literal["mode", "sample"]) -> dict[str, Any]:
             outcome = evaluate(run, round(self.watched / run.task.period), mode=mode, threads=work.threads)
-            return {**outcome.readings, **outcome.measures}
+            return {**outcome.metrics, **outcome.motion_metrics}
 
         found: Values = {}
         for mode in MODES:

@@ -123,7 +123,7 @@ class FoundSynergies(MuscleStudy):
         run = self.trained(work)
         outcome = evaluate(run, round(self.watched / run.task.period), mode="mode", threads=work.threads)
         assert outcome.control is not None
-        best = np.argsort(-np.nan_to_num(outcome.readings["net"]), kind="stable")[: self.gaits]
+        best = np.argsort(-np.nan_to_num(outcome.metrics["net"]), kind="stable")[: self.gaits]
         groups = self.task().dynamics.groups
         random = np.random.default_rng(0)
         synergies = [find_synergies(outcome.control[row], UNITS) for row in best]
@@ -137,7 +137,7 @@ class FoundSynergies(MuscleStudy):
             "groups": np.array(groups),
             "weights": np.stack([each.weights for each in synergies]),
             "explained": np.array([each.explained for each in synergies]),
-            "walked": outcome.readings["net"][best],
+            "walked": outcome.metrics["net"][best],
             "hand": synergy_matrix(TRIPOD_SYNERGIES, groups),
             "found words": np.array(words),
             "by lot words": np.array(mixed),

@@ -94,11 +94,11 @@ class Forces(Experiment):
         return {
             "speed": reading.speed[:, late].mean(axis=1),
             "net": np.linalg.norm(place[:, -1] - place[:, 0], axis=-1) / seconds,
-            "duty": outcome.measures["duty"],
+            "duty": outcome.motion_metrics["duty"],
             "airborne": (~feet & ~belly).mean(axis=1),
             "belly": belly.mean(axis=1),
-            "falls": outcome.readings["falls"] * self.watched,
-            "gait": outcome.measures["gait"],
+            "falls": outcome.metrics["falls"] * self.watched,
+            "gait": outcome.motion_metrics["gait"],
             "diverged": run.curve("diverged")[1].sum(axis=1),
         }
 

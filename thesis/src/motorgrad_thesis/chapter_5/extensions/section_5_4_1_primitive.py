@@ -75,10 +75,10 @@ class LearnedPrimitives(Experiment):
         rates: dict[str, float] = dict(self.task.learner["learning_rate"])
         changes: dict[str, Any] = {}
         if kind == "precondition":
-            rates |= {"level": 0.0}
+            rates |= {"movement.bias": 0.0}
             changes = {"policy.deviation": STILL}
         elif kind == "movement":
-            rates |= {"weights": 0.0, "bias": 0.0}
+            rates |= {"precondition.weights": 0.0, "precondition.bias": 0.0}
         return agent_for(self.task, learning_rate=rates, **changes)
 
     def run(self, work: Workspace) -> Values:
@@ -103,7 +103,7 @@ class LearnedPrimitives(Experiment):
     def _learned(self, policies: Any, middle: int) -> Values:
         """Parameters of all seeds; and, for the median one, the preconditions."""
         weights = np.asarray(policies.precondition.weights)
-        level = jnp.asarray(policies.movement.level)
+        level = jnp.asarray(policies.movement.bias)
         lasting = self.task.lasting(jnp.concatenate([jnp.zeros((len(level), len(TRIPODS))), level], axis=1))
         own = np.stack([weights[:, each][:, MEMBERS[each]].sum(1) for each in range(len(TRIPODS))], axis=1)
         other = np.stack([weights[:, each][:, ~MEMBERS[each]].sum(1) for each in range(len(TRIPODS))], axis=1)

@@ -70,7 +70,7 @@ class StridePeriod(Experiment):
         """The task's own learner, with parameters averaged over the second half of the practice; for `"constant"`, the
         pitch has no effect."""
         rates = dict(self.task.learner["learning_rate"])
-        rates = rates if kind == "slope" else rates | {"slope": 0.0}
+        rates = rates if kind == "slope" else rates | {"weights": 0.0}
         return agent_for(self.task, learning_rate=rates, averaging={"start": self.decisions // 2})
 
     @property
@@ -170,7 +170,7 @@ def _clocks(task: HexapodStride, periods: np.ndarray, starts: int) -> GradedHype
     one = graded_hyperplanes(task)
     levels = jnp.repeat(jnp.asarray(task.start / periods - 1.0, jnp.float32), starts)[:, None]
     many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(levels), *leaf.shape)), one)
-    return eqx.tree_at(lambda policy: policy.level, many, levels)
+    return eqx.tree_at(lambda policy: policy.bias, many, levels)
 
 
 def _learning(axes: Axes, values: Values) -> None:

@@ -92,7 +92,7 @@ def controller_speeds(work: Workspace, seconds: float) -> Values:
 def gait_readings(outcome: Evaluation) -> dict[str, np.ndarray]:
     """Results of an evaluation for each seed: `speed`, `net`, `stalls` and `falls` as the task reports them, `gait` and
     its measures."""
-    return {**outcome.readings, **outcome.measures}
+    return {**outcome.metrics, **outcome.motion_metrics}
 
 
 def jittered_hexapods(count: int) -> list[Hexapod]:

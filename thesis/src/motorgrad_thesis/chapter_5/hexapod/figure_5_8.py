@@ -64,9 +64,9 @@ class TwoGaits(SynergyStudy):
         period = float(outcome.time[1] - outcome.time[0])
         down = debounced(np.swapaxes(contact[:, late] > TOUCH, 0, 1), period)
         return {
-            **{name: outcome.measures[name] for name in ("gait", "phase", "correlation")},
-            "speed": outcome.readings["speed"],
-            "feet": outcome.measures["contact_correlation"],
+            **{name: outcome.motion_metrics[name] for name in ("gait", "phase", "correlation")},
+            "speed": outcome.metrics["speed"],
+            "feet": outcome.motion_metrics["contact_correlation"],
             **movement(lateral[:, late], np.swapaxes(down, 0, 1)),
             "time": outcome.time[part] - middle,
             "lateral": lateral[:, part],

@@ -160,14 +160,14 @@ def arrival_shares(metrics: Any, seeds: int) -> np.ndarray:
 def frozen_outcome(outcome: Evaluation) -> Values:
     """Results of frozen policies for each seed; the number of decisions to the goal is the time limit
     if none arrived."""
-    ended, arrived = (outcome.metrics[name].to_numpy() for name in ("episodes", "arrival_count"))
+    ended, arrived = (outcome.records[name].to_numpy() for name in ("episodes", "arrival_count"))
     decisions = len(outcome.time)
     return {
         "reward": outcome.reward,
         "share": per_case(arrived, ended),
-        "arrival": np.nan_to_num(outcome.readings["arrival"], nan=float(ParticleNavigation().time_limit)),
-        "cost": outcome.readings["cost"],
-        "cost per episode": per_case(outcome.readings["cost"] * decisions, ended),
+        "arrival": np.nan_to_num(outcome.metrics["arrival"], nan=float(ParticleNavigation().time_limit)),
+        "cost": outcome.metrics["cost"],
+        "cost per episode": per_case(outcome.metrics["cost"] * decisions, ended),
     }
 
 

@@ -6,7 +6,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning, policies
 from motorgrad._errors import check
@@ -64,18 +65,18 @@ class TraceBlock(PartBlock):
         help = "the newest score, with the weight that the trace gives it"
         return trace | ({"newest": Port((self.size,), help=help)} if self.newest else {})
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+    def init(self, uniforms: Float[Array, " 0"]) -> PyTree[Array]:
         empty = self.bound_part.init(jnp.zeros(self.size))
         return (empty, jnp.zeros(self.size)) if self.newest else empty
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         trace: learning.Trace = self.bound_part
         if not self.newest:
             return {"trace": trace.value(state)}
         alone = trace.update(trace.init(jnp.zeros(self.size)), state[1])
         return {"trace": trace.value(state[0]), "newest": trace.value(alone)}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         trace: learning.Trace = self.bound_part
         score = inputs["score"]
         if self._learns:
@@ -128,32 +129,34 @@ class BaselineBlock(PartBlock):
     def init_uniforms(self) -> int:
         return int(self.part.starts_at_random)  # type: ignore[attr-defined]
 
-    def _start(self, baseline: learning.Baseline, dtype: Any, uniforms: Any) -> Any:
+    def _start(self, baseline: learning.Baseline, dtype: DTypeLike, uniforms: Array) -> PyTree[Array]:
         if not self.init_uniforms:
             return baseline.init(self._policy, dtype)
         return baseline.start(self._policy, dtype, key_from(uniforms))
 
-    def _inner(self, state: Any) -> Any:
+    def _inner(self, state: PyTree[Array]) -> PyTree[Array]:
         """The state of the baseline within that of the block."""
         return state
 
-    def _transition(self, state: Any, inputs: Signals) -> learning.Transition:
+    def _transition(self, state: PyTree[Array], inputs: Signals) -> learning.Transition:
         return learning.Transition(None, None, inputs["reward"], None, False, ~inputs["valid"])  # type: ignore[arg-type]
 
-    def _update(self, baseline: learning.Baseline, state: Any, inputs: Signals) -> tuple[learning.Advantage, Any]:
+    def _update(
+        self, baseline: learning.Baseline, state: PyTree[Array], inputs: Signals
+    ) -> tuple[learning.Advantage, Any]:
         return baseline.update(self._inner(state), self._policy, self._transition(state, inputs))
 
-    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> PyTree[Array]:
         return self._start(self.bound_part, jnp.result_type(float), uniforms)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         baseline = self.bound_part
         counts = is_paid(inputs, now)
         advantage = self._update(baseline, state, inputs)[0]
         found = {"error": jnp.where(counts, advantage.trace, 0), "baseline": baseline.level(self._inner(state))}
         return found if advantage.newest is None else found | {"newest": jnp.where(counts, advantage.newest, 0)}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         baseline = self.bound_part
         after = where(now.tick > 0, self._update(baseline, state, inputs)[1], self._inner(state))
         if "ended" in self.inputs:
@@ -209,11 +212,11 @@ class ObservingBaselineBlock(BaselineBlock):
     def _policy(self) -> policies.Policy:
         return policies.hyperplanes(self.observed, self.acted)
 
-    def _start(self, baseline: learning.Baseline, dtype: Any, uniforms: Any) -> Recalled:
+    def _start(self, baseline: learning.Baseline, dtype: DTypeLike, uniforms: Array) -> Recalled:
         started = super()._start(baseline, dtype, uniforms)
         return Recalled(started, jnp.zeros(self.observed, dtype), jnp.zeros(self.acted, dtype))
 
-    def _inner(self, state: Recalled) -> Any:
+    def _inner(self, state: Recalled) -> PyTree[Array]:
         return state.baseline
 
     def _transition(self, state: Recalled, inputs: Signals) -> learning.Transition:
@@ -264,10 +267,10 @@ class EligibilityBaselineBlock(BaselineBlock):
     def _policy(self) -> Any:
         return Vector(jnp.zeros(self.size))
 
-    def _transition(self, state: Any, inputs: Signals) -> learning.Transition:
+    def _transition(self, state: PyTree[Array], inputs: Signals) -> learning.Transition:
         return super()._transition(state, inputs)._replace(eligibility=Vector(inputs["trace"]))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         baseline: Any = self.bound_part
         error = self._update(baseline, state, inputs)[0].trace
         sample = (error.parameters if isinstance(error, Vector) else error) * inputs["trace"]
@@ -295,14 +298,14 @@ class NormalizationBlock(PartBlock):
     def outputs(self) -> Ports:
         return {"error": Port(), "newest": Port()}
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+    def init(self, uniforms: Float[Array, " 0"]) -> PyTree[Array]:
         return self.bound_part.init(jnp.result_type(float))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         factor = self.bound_part.factor(self.update(state, inputs, now))
         return {"error": factor * inputs["error"], "newest": factor * inputs["newest"]}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         advantage = inputs["error"] + inputs["newest"]
         return where(is_paid(inputs, now), self.bound_part.update(state, advantage), state)
 
@@ -335,7 +338,7 @@ class GradientSample(Block):
     def outputs(self) -> Ports:
         return {"gradient": Port((self.size,))}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         newest = inputs["newest_error"] * inputs["newest_score"]
         return {"gradient": inputs["error"] * inputs["trace"] + newest}
 
@@ -369,18 +372,18 @@ class GradientMean(Block):
     def init(self, uniforms: Float[Array, " 0"]) -> learning.RunningMean:
         return learning.running_mean(jnp.zeros(self.size))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         running = self._collected(state, inputs, now)
         size = running.count.astype(running.mean.dtype) if self.batch == "sum" else 1.0
         due = self._is_full(running, inputs, now)
         return {"gradient": jnp.where(due, size * running.mean, 0), "due": due}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         running = self._collected(state, inputs, now)
         return where(self._is_full(running, inputs, now), learning.running_mean(running.mean), running)
 
-    def _collected(self, state: Any, inputs: Signals, now: Moment) -> learning.RunningMean:
+    def _collected(self, state: PyTree[Array], inputs: Signals, now: Moment) -> learning.RunningMean:
         return where(is_paid(inputs, now), learning.add_sample(state, inputs["gradient"]), state)
 
-    def _is_full(self, running: learning.RunningMean, inputs: Signals, now: Moment) -> Any:
+    def _is_full(self, running: learning.RunningMean, inputs: Signals, now: Moment) -> Array:
         return is_paid(inputs, now) & (running.count >= self.samples)

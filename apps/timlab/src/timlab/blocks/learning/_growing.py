@@ -1,11 +1,11 @@
 """A pool of local units that grows while it learns, as a block."""
 
 import dataclasses
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning, policies
 from motorgrad.policies import Policy, split
@@ -55,15 +55,15 @@ class _GrowingGaussians(PartBlock, Gaussians):
     def init(self, uniforms: Float[Array, " numbers"]) -> Growing:
         return self._begin(self.bound_part, uniforms)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         units = jnp.sum(self.acting(self.moved(state, inputs, now)).active, dtype=jnp.int32)
         return {**super().output(state, inputs, now), "units": units}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Growing:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Growing:
         after = self.moved(state, inputs, now)
         return after._replace(growth=self.bound_part.observe(after.growth, inputs["observation"]))
 
-    def moved(self, state: Any, inputs: Signals, now: Moment) -> Growing:
+    def moved(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Growing:
         rule: learning.Growth = self.bound_part
         growth = where(is_paid(inputs, now), rule.reinforce(state.growth, inputs["reward"]), state.growth)
         parameters, settings = split(state.policy)
@@ -73,7 +73,7 @@ class _GrowingGaussians(PartBlock, Gaussians):
         grown, policy_after, _ = rule.advance(growth, policy)
         return where(now.tick > 0, Growing(policy_after, grown), Growing(policy, growth))
 
-    def acting(self, state: Any) -> policies.Masked:
+    def acting(self, state: PyTree[Array]) -> policies.Masked:
         return state.policy
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
@@ -63,10 +63,6 @@ class Learner(Block):
         return agent_for(Sizes(self.observed, self.actions), read_table("settings", self.settings))
 
     @functools.cached_property
-    def _precision(self) -> Any:
-        return self._agent.precision
-
-    @functools.cached_property
     def _state(self) -> Any:
         return jax.eval_shape(self._agent.init, jax.random.key(0))
 
@@ -91,7 +87,7 @@ class Learner(Block):
         agent = self._agent
         for path, number in numbers.items():
             agent = with_number(agent, path, number)
-        check_rounded(agent, self._precision)
+        check_rounded(agent, self._agent.precision)
         block = copy.copy(self)
         table = _with_numbers(read_table("settings", self.settings), numbers)
         block.__dict__.update(settings=as_text("settings", table), _agent=agent, **_numbers_of(agent))
@@ -132,17 +128,17 @@ class Learner(Block):
         )
         return bound.with_policy(self._agent.policy)
 
-    def init(self, uniforms: Float[Array, " 1"]) -> Any:
+    def init(self, uniforms: Float[Array, " 1"]) -> PyTree[Array]:
         return self._bound_agent.init(key_from(uniforms))
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         after, action = self._acted(state, inputs, now)
         return {"action": action, "parameters": flat(trainable(after.policy))}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._acted(state, inputs, now)[0]
 
-    def _acted(self, state: Any, inputs: Signals, now: Moment) -> tuple[Any, Array]:
+    def _acted(self, state: PyTree[Array], inputs: Signals, now: Moment) -> tuple[Any, Array]:
         """Learn from the reward of the last action, then choose the next."""
         agent = self._bound_agent
         terminated = inputs["terminated"]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
 from timlab.blocks._base import as_text, read_table
@@ -102,7 +102,7 @@ class Network(NamedPolicy):
     def outputs(self) -> Ports:
         return {**super().outputs, "hidden": Port((sum(self.hidden),), help="activations of the hidden units")}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         policy, seen, _ = self._acted(state, inputs, now)
         layers = policy.hidden_activations(seen)[: len(self.hidden)]  # what `unit_length` scales comes after them
         return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}

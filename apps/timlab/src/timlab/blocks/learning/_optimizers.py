@@ -2,11 +2,12 @@
 
 import dataclasses
 import functools
+from collections.abc import Hashable
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
@@ -112,7 +113,7 @@ class OptimizerBlock(PartBlock):
 class _Structure:
     """An optimizer that equals all of its structure."""
 
-    def __init__(self, optimizer: learning.Optimizer, key: Any):
+    def __init__(self, optimizer: learning.Optimizer, key: Hashable):
         self.optimizer, self.key = optimizer, key
 
     def __eq__(self, other: object) -> bool:
@@ -164,14 +165,14 @@ class WeightDecay(Block):
     def outputs(self) -> Ports:
         return {"step": Port((self.size,))}
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+    def init(self, uniforms: Float[Array, " 0"]) -> PyTree[Array]:
         return jnp.zeros(self.size)
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         rule = learning.SGD(1.0, jnp.asarray(self.decay))  # type: ignore[arg-type]
         policy: Any = Vector(state)
         moves, _ = rule.update(Vector(-inputs["step"]), rule.init(policy), policy, None, True)
         return {"step": moves.parameters}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return inputs["parameters"]

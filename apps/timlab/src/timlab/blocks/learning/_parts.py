@@ -195,7 +195,7 @@ def _title(name: str, part: type[Part]) -> str:
     return "".join(word[:1].upper() + word[1:] for word in re.split(r"\W+", name))
 
 
-def number_parameters(tree: Any) -> dict[str, Parameter]:
+def number_parameters(tree: Part) -> dict[str, Parameter]:
     """The declarations of all numbers in a tree of parts, by path."""
     found = {}
     for path, part in parts_by_path(tree):
@@ -225,7 +225,7 @@ def _fields(part: type[Part], is_taken: Callable[[str], bool]) -> Iterator[Block
         yield dataclasses.replace(field, name=name)
 
 
-def _tree_fields(part: type[Part], path: str, default_kind: str, default: Any) -> Iterator[BlockField]:
+def _tree_fields(part: type[Part], path: str, default_kind: str, default: Part | None) -> Iterator[BlockField]:
     for name, field in fields_of(part).items():
         hint = hints_of(part)[name]
         place = f"{path}.{name}" if path else name
@@ -268,12 +268,12 @@ def _built(part: type[Part], path: str, values: Mapping[str, Any]) -> Part:
     return part(**given)
 
 
-def _kinds_in(hint: Any) -> dict[str, type[Part]]:
+def _kinds_in(hint: object) -> dict[str, type[Part]]:
     """The parts that may stand in a field of this type, by name."""
     return {name: cls for kind in parts_in(hint) for name, cls in (kind.kinds() or {kind.__name__: kind}).items()}
 
 
-def _parameter(part: type, name: str, field: Any, optional: bool, about: str = "") -> Parameter:
+def _parameter(part: type, name: str, field: dataclasses.Field[Any], optional: bool, about: str = "") -> Parameter:
     allowed = field.metadata.get("range", Range())
     more, _ = field_texts(part).get(name, ("", ""))
     unit = more.strip(" ()") if more.startswith(" (") else ""
@@ -288,17 +288,17 @@ def _text(part: type, name: str) -> str:
     return " ".join(text.split()).rstrip(".")
 
 
-def check_count(name: str, value: Any, most: int = MAX_UNITS) -> None:
+def check_count(name: str, value: int, most: int = MAX_UNITS) -> None:
     """Check a number of units, inputs or parameters."""
     whole = isinstance(value, int) and not isinstance(value, bool)
     check(whole and 1 <= value <= most, name, value, f"an integer from 1 to {most}")
 
 
-def is_paid(inputs: Signals, now: Moment, port: str = "valid") -> Any:
+def is_paid(inputs: Signals, now: Moment, port: str = "valid") -> Array:
     """Whether the reward of this tick counts: it is valid, and an action came before it."""
     return inputs[port] & (now.tick > 0)
 
 
-def where(condition: Any, yes: T, no: T) -> T:
+def where(condition: Array, yes: T, no: T) -> T:
     """The leaves of one tree or of the other."""
     return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)

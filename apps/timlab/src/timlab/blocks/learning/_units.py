@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jax.typing import ArrayLike, DTypeLike
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
 from motorgrad._errors import check
@@ -115,11 +116,11 @@ class Units(Block, abc.ABC):
     def uniforms(self) -> int:
         return self._shapes.policy.uniforms
 
-    def init(self, uniforms: Float[Array, " init_uniforms"]) -> Any:
+    def init(self, uniforms: Float[Array, " init_uniforms"]) -> PyTree[Array]:
         policy = self.start(uniforms)
         return Remembering(policy, policy.initial_memory()) if policy.has_memory else policy
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         policy, seen, action = self._acted(state, inputs, now)
         shown: dict[str, Any] = {
             "action": policy.emit(action),
@@ -133,12 +134,12 @@ class Units(Block, abc.ABC):
             shown["memory"] = policy.remember(seen, action)
         return shown
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         policy, seen, action = self._acted(state, inputs, now)
         after = where(jnp.all(self.frozen), policy, policy.adapted(seen))
         return Remembering(after, policy.remember(seen, action)) if policy.has_memory else after
 
-    def _acted(self, state: Any, inputs: Signals, now: Moment) -> tuple[Policy, Array, Array]:
+    def _acted(self, state: PyTree[Array], inputs: Signals, now: Moment) -> tuple[Policy, Array, Array]:
         """The policy, what its units see, and what they draw."""
         policy = self.acting(self.moved(state, inputs, now))
         memory = None
@@ -149,7 +150,7 @@ class Units(Block, abc.ABC):
         likely = policy.mode(seen)
         return policy, seen, jnp.where(self.greedy, likely, drawn)
 
-    def moved(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def moved(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Any:
         """The state after the step of this tick."""
         if isinstance(state, Remembering):
             return state._replace(policy=self.moved(state.policy, inputs, now))
@@ -159,7 +160,7 @@ class Units(Block, abc.ABC):
         step = self.thawed(state, state.allowed(unflat(parameters, inputs["step"])))
         return eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
 
-    def thawed(self, policy: Policy, step: Any) -> Any:
+    def thawed(self, policy: Policy, step: PyTree[Array]) -> PyTree[Array]:
         """A step without that of frozen units."""
         rows = policy.blocks(step)
         start = 0
@@ -170,7 +171,7 @@ class Units(Block, abc.ABC):
             start += len(row)
         return jax.tree.map(lambda x, free: jnp.where(free > 0, x, 0), step, policy.from_blocks(tuple(moving)))
 
-    def acting(self, state: Any) -> Policy:
+    def acting(self, state: PyTree[Array]) -> Policy:
         """The policy in a state."""
         return state.policy if isinstance(state, Remembering) else state
 
@@ -332,10 +333,10 @@ class Sizes(Task):
     def action_size(self) -> int:
         return self.acted
 
-    def observe(self, memory: Any, state: Any, uniforms: Any) -> Any:
+    def observe(self, memory: PyTree[Array], state: PyTree[Array], uniforms: Array) -> Any:
         raise NotImplementedError("the diagram observes")
 
-    def reward(self, memory: Any, state: Any, action: Any) -> Any:
+    def reward(self, memory: PyTree[Array], state: PyTree[Array], action: Array) -> Any:
         raise NotImplementedError("the diagram rewards")
 
 
@@ -344,27 +345,27 @@ def key_from(uniforms: Float[Array, " 1"]) -> jax.Array:
     return jax.random.key((uniforms[0] * 2**24).astype(jnp.uint32))
 
 
-def kind_of(dtype: Any) -> Kind:
+def kind_of(dtype: DTypeLike) -> Kind:
     """The kind of signal that arrays of a type are."""
     return "bool" if np.dtype(dtype) == np.dtype(bool) else "float" if jnp.issubdtype(dtype, jnp.floating) else "int"
 
 
-def flat(tree: Any) -> Float[Array, " parameters"]:
+def flat(tree: PyTree[Array]) -> Float[Array, " parameters"]:
     """The numbers of a score or of parameters as one vector."""
     return ravel_pytree(tree)[0]
 
 
-def size_of(policy: Any) -> int:
+def size_of(policy: Policy) -> int:
     """The number of trainable numbers of a policy, from its shapes alone."""
     return jax.eval_shape(lambda each: flat(trainable(each)), policy).size
 
 
-def unflat(like: Any, vector: Float[Array, " parameters"]) -> Any:
+def unflat(like: PyTree[Array], vector: Float[Array, " parameters"]) -> PyTree[Array]:
     """The inverse of `flat`, in the structure of `like`."""
     return ravel_pytree(like)[1](vector)
 
 
-def spread(level: Any, width: Any, uniforms: Float[Array, " numbers"], shape: tuple[int, ...]) -> Array:
+def spread(level: ArrayLike, width: ArrayLike, uniforms: Float[Array, " numbers"], shape: tuple[int, ...]) -> Array:
     """Numbers drawn from `level` ± `width`."""
     level = jnp.broadcast_to(jnp.asarray(level, uniforms.dtype), shape)
     return level + jnp.asarray(width, uniforms.dtype) * (2 * uniforms.reshape(shape) - 1)

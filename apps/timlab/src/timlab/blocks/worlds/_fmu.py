@@ -10,7 +10,7 @@ import shutil
 import xml.parsers.expat as expat
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +21,9 @@ from motorgrad._reading import content_of, entries_in, error_message, unpacked
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.worlds._fmu_instance import CoSimulation, Instance, ModelExchange, fmpy_module
 from timlab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, nested
+
+if TYPE_CHECKING:
+    from fmpy.model_description import ModelDescription, ModelVariable  # pyright: ignore[reportMissingImports]
 
 SIGNAL_KINDS = {
     "Real": "float",
@@ -53,10 +56,10 @@ class FmuHost(Host):
             raise
         self._read()
 
-    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+    def output(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
         return self._outputs
 
-    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+    def update(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         for n, instance in enumerate(self._instances):
             given = [(variable, inputs[name][n]) for name, variable in self._ports_in.items()]
             instance.step(given, now.time, now.step)
@@ -267,7 +270,7 @@ def _check_unpacked(content: bytes) -> None:
                 parser.Parse(unpacked(packed, name, MAX_FMU_DESCRIPTION_BYTES), True)
 
 
-def _check_description(unit: Any) -> None:
+def _check_description(unit: "ModelDescription") -> None:
     """Refuse a unit whose description lacks what running it needs, or whose inputs start with no numbers."""
     choice("version of the unit", str(unit.fmiVersion).partition("-")[0], ("2.0", "3.0"))
     interfaces = [each for each in (unit.coSimulation, unit.modelExchange) if each is not None]
@@ -282,7 +285,7 @@ def _check_description(unit: Any) -> None:
             _port(variable, variable.start, True)
 
 
-def _port(variable: Any, start: Any, is_input: bool) -> Port:
+def _port(variable: "ModelVariable", start: object, is_input: bool) -> Port:
     """The port of a variable, with its start value, if any."""
     kind: Any = SIGNAL_KINDS.get(variable.type, "float")
     shape = tuple(int(size) for size in variable.shape or ())
@@ -296,7 +299,7 @@ def _port(variable: Any, start: Any, is_input: bool) -> Port:
     )
 
 
-def _default(name: str, start: Any, shape: tuple[int, ...]) -> Any:
+def _default(name: str, start: object, shape: tuple[int, ...]) -> Any:
     """What an input is where no wire leads to it: its start value, as a unit's description says it, or one that is
     given; 0 without any.
     """
@@ -312,6 +315,6 @@ def _default(name: str, start: Any, shape: tuple[int, ...]) -> Any:
     return nested((numbers.reshape(shape) if numbers.size == size else numbers[0]).tolist())
 
 
-def _elements(value: Any) -> list[Any]:
+def _elements(value: object) -> list[Any]:
     """The elements of nested lists, or a single value, as one list."""
     return [each for part in value for each in _elements(part)] if isinstance(value, list) else [value]

@@ -3,8 +3,8 @@
 import abc
 import ctypes
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,10 @@ from motorgrad._errors import check
 from motorgrad._extras import missing
 from motorgrad._reading import error_message
 
+if TYPE_CHECKING:
+    from fmpy.model_description import ModelDescription, ModelVariable  # pyright: ignore[reportMissingImports]
+
+Result = TypeVar("Result")
 MAX_EVENTS_PER_TICK = 1000
 BISECTIONS = 50
 MIN_STEP_SHARE = 1e-12  # what is shorter is not integrated
@@ -39,7 +43,7 @@ class Instance(abc.ABC):
 
     kind: str
 
-    def __init__(self, unit: Any, folder: str, start: Sequence[tuple[Any, Any]], substeps: int):
+    def __init__(self, unit: "ModelDescription", folder: str, start: Sequence[tuple[Any, Any]], substeps: int):
         self.unit, self.substeps, self.next_event = unit, substeps, math.inf
         self._time = 0.0
         self.old = unit.fmiVersion == "2.0"
@@ -104,7 +108,7 @@ class Instance(abc.ABC):
         """Free the instance."""
         self.fmu.freeInstance()
 
-    def _call(self, function: Any, *arguments: Any) -> Any:
+    def _call(self, function: Callable[..., Result], *arguments: object) -> Result:
         """Call the unit; an error says which unit refuses which call, when, and with which status."""
         try:
             return function(*arguments)
@@ -113,11 +117,11 @@ class Instance(abc.ABC):
                 f"the unit {self.unit.modelName} at {self._time:.6g} s: {error_message(error)}"
             ) from None
 
-    def _check_goes_on(self, over: Any) -> None:
+    def _check_goes_on(self, over: bool) -> None:
         if over:
             raise RuntimeError("it asks to end the simulation")
 
-    def _value(self, variable: Any) -> np.ndarray:
+    def _value(self, variable: "ModelVariable") -> np.ndarray:
         size = int(np.prod(variable.shape or ()))
         shape = tuple(variable.shape or ())
         get = getattr(self.fmu, f"get{_kind(variable)}")
@@ -130,7 +134,7 @@ class Instance(abc.ABC):
             getattr(self.fmu, f"set{_kind(variable)}")([variable.valueReference], whole.tolist())
 
 
-def _kind(variable: Any) -> str:
+def _kind(variable: "ModelVariable") -> str:
     """The kind of a variable in the names of functions."""
     return "Integer" if variable.type == "Enumeration" else variable.type
 
@@ -225,7 +229,7 @@ class ModelExchange(Instance):
     def _signs(self) -> np.ndarray:
         return self._array(self.fmu.getEventIndicators, self._indicators) > 0
 
-    def _array(self, get: Any, size: int) -> np.ndarray:
+    def _array(self, get: Callable[..., object], size: int) -> np.ndarray:
         values = (ctypes.c_double * size)()
         if size:
             get(values, size)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad.bodies import CURVES, hill_in_jax
@@ -64,10 +64,10 @@ class HillMuscle(Block):
             "fiber": Port(self.shape, help="its length as a multiple of the optimal length"),
         }
 
-    def init(self, uniforms: Float[Array, " 0"]) -> Any:
+    def init(self, uniforms: Float[Array, " 0"]) -> PyTree[Array]:
         return jnp.zeros(self.shape), jnp.zeros(self.shape)  # of the fiber, which then is at rest, and the activation
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         hill = hill_in_jax(self.curves)
         activation = state[1]
         length = inputs["length"]
@@ -83,7 +83,7 @@ class HillMuscle(Block):
         shaped = {"tension": tension, "activation": activation, "fiber": fiber}
         return {name: jnp.broadcast_to(value, self.shape) for name, value in shaped.items()}
 
-    def update(self, state: Any, inputs: Signals, now: Moment) -> Any:
+    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         hill = hill_in_jax(self.curves)
         activation = state[1]
         rise, fall = self.activation_time_constant, self.deactivation_time_constant
@@ -100,7 +100,7 @@ class HillMuscle(Block):
     def _stiffness(self) -> Any:
         return hill_in_jax(self.curves).tendon_stiffness(self.tendon_strain)
 
-    def _fiber(self, state: Any, length: Any) -> Any:
+    def _fiber(self, state: PyTree[Array], length: Array) -> Array:
         """The fiber's length; where none is set, that of one at rest."""
         numbers = (getattr(self, name) for name in _NUMBERS[1:])
         rest = hill_in_jax(self.curves).steady_fiber(state[1], length, 0.0, *numbers, self._stiffness)

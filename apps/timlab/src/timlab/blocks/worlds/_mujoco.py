@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float, PyTree
 from mujoco import batch as mujoco_batch
 
 from motorgrad._errors import check
@@ -51,7 +51,7 @@ class MujocoHost(Host):
         self._diverged = np.zeros(seeds, bool)
         self._reset(np.arange(seeds))
 
-    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+    def output(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
         if self._substeps == 0:  # the first call
             self._substeps = steps_in("tick of the block", now.step, self._timestep)
         readings = self._readings
@@ -62,7 +62,7 @@ class MujocoHost(Host):
         state = {name: readings[name] for name in ("qpos", "qvel") if readings[name].shape[1]}
         return {**sensors, **state, "diverged": self._diverged}
 
-    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+    def update(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         for place, name in enumerate(self._actuators):
             self._control[:, place] = inputs[name]
         failed: Any = []
@@ -262,6 +262,6 @@ class MuscleLaw(Block):
     def outputs(self) -> Ports:
         return {"tension": Port(self.shape, unit="N", help="positive for a pull")}
 
-    def output(self, state: Any, inputs: Signals, now: Moment) -> Signals:
+    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         moved = (jnp.clip(inputs["activation"], 0, 1), inputs["length"], inputs["velocity"])
         return {"tension": _tension(*moved, self.strength, self.rest_length, self.curve, self.damping)}

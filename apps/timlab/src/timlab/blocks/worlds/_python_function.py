@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -30,6 +30,7 @@ class PythonHost(Host):
 
     def __init__(self, block: "PythonFunction", seeds: int):
         self._gives = [(name, shape) for name, shape in zip(block.gives, block.gives_shapes, strict=True)]
+        self._takes = block.takes
         names: dict[str, Any] = {"np": np, "math": math, "__name__": "python_function"}
         self._call(exec, block.compiled(), names)
         self._step = names.get("step")
@@ -37,11 +38,11 @@ class PythonHost(Host):
         start = names.get("start")
         self._memories = [dict(self._call(start)) if callable(start) else {} for _ in range(seeds)]
 
-    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+    def output(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
         assert self._step is not None
         rows = []
         for n, memory in enumerate(self._memories):
-            given = [inputs[name][n] for name in block.takes]
+            given = [inputs[name][n] for name in self._takes]
             made = self._call(self._step, *(x.item() if x.ndim == 0 else x for x in given), memory, now.time)
             parts = made if len(self._gives) != 1 else (made,)
             right = isinstance(parts, tuple | list) and len(parts) == len(self._gives)
@@ -49,7 +50,7 @@ class PythonHost(Host):
             rows.append([self._shaped(x, *port) for x, port in zip(parts, self._gives, strict=True)])
         return {name: np.stack([row[k] for row in rows]) for k, (name, _) in enumerate(self._gives)}
 
-    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+    def update(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         """Nothing: the memory changed when the outputs were computed."""
 
     def snapshot(self) -> dict[str, np.ndarray]:
@@ -76,7 +77,7 @@ class PythonHost(Host):
             for n in range(len(self._memories))
         ]
 
-    def _shaped(self, value: Any, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    def _shaped(self, value: object, name: str, shape: tuple[int, ...]) -> np.ndarray:
         try:
             array = np.asarray(value, float)
         except (TypeError, ValueError):
@@ -84,7 +85,7 @@ class PythonHost(Host):
         check(array is not None and array.shape == shape, name, value, f"numbers of shape {shape}")
         return np.asarray(array)
 
-    def _call(self, function: Any, *arguments: Any) -> Any:
+    def _call(self, function: Callable[..., Any], *arguments: object) -> Any:
         """Call the user's code; an error names its line."""
         try:
             return function(*arguments)

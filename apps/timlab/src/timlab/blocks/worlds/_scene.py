@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad.tasks import HostBatch, HostTask, Task, outcome
-from timlab.diagram import Host, HostMoment, Port, Ports, Signals
+from timlab.diagram import Host, HostBlock, HostMoment, Port, Ports, Signals
 
 
 class Scene(NamedTuple):
@@ -24,7 +24,7 @@ class Scene(NamedTuple):
     - `terminated`, `truncated`: how the episode ended, if it did.
     - `valid`: whether the reward counts: not before the first action, nor after the dynamics diverged.
     - `elapsed`: decisions in this episode, or `None`.
-    - `readings`: the last value of each of the task's readings.
+    - `metrics`: the last value of each of the task's metrics.
     """
 
     memory: Any
@@ -35,7 +35,7 @@ class Scene(NamedTuple):
     truncated: Bool[Array, ""]
     valid: Bool[Array, ""]
     elapsed: Int[Array, ""] | None
-    readings: dict[str, Float[Array, ""]]
+    metrics: dict[str, Float[Array, ""]]
 
 
 def action_port(task: Task) -> Port:
@@ -57,11 +57,11 @@ def scene_ports(task: Task) -> Ports:
         "ended": Port((), "bool", help="whether a new episode begins at this tick, for any reason"),
         "valid": Port((), "bool", help="whether the reward counts: not at the first tick, nor after divergence"),
         "next_observation": Port(size, help="observation after the previous action, before any reset"),
-        **{name: Port(help="last value") for name in task.reports},
+        **{name: Port(help="last value") for name in task.metric_names},
     }
 
 
-def scene_outputs(scene: Scene, started: Any) -> Signals:
+def scene_outputs(scene: Scene, started: Array | np.ndarray | bool) -> Signals:
     """The outputs for a scene, of one seed or many; `started` is whether an action has been taken."""
     diverged = ~scene.valid & started
     return {
@@ -72,39 +72,49 @@ def scene_outputs(scene: Scene, started: Any) -> Signals:
         "ended": scene.terminated | scene.truncated | diverged,
         "valid": scene.valid,
         "next_observation": scene.reached,
-        **scene.readings,
+        **scene.metrics,
     }
 
 
-def initial_scene(task: Task, state: Any, init: Float[Array, " _"], observe: Float[Array, " _"]) -> Scene:
+def initial_scene(task: Task, state: PyTree[Array], init: Float[Array, " _"], observe: Float[Array, " _"]) -> Scene:
     """The scene before the first action, with the dynamics in `state`."""
     memory, observation = task.observe(task.init(init), state, observe)
     no = jnp.zeros((), bool)
     zero = jnp.zeros(())
     elapsed = jnp.zeros((), jnp.int32) if task.episode_limit else None
-    readings = dict.fromkeys(task.reports, zero)
-    return Scene(memory, observation, observation, zero, no, no, no, elapsed, readings)
+    metrics = dict.fromkeys(task.metric_names, zero)
+    return Scene(memory, observation, observation, zero, no, no, no, elapsed, metrics)
 
 
 def advance_scene(
-    task: Task, scene: Scene, state: Any, action: Array, observe: Float[Array, " _"], diverged: Any = False
+    task: Task,
+    scene: Scene,
+    state: PyTree[Array],
+    action: Array,
+    observe: Float[Array, " _"],
+    diverged: Array | bool = False,
 ) -> tuple[Scene, Bool[Array, ""]]:
     """The scene after an action moved the dynamics to `state`, and whether a new episode must begin."""
     led = outcome(task, scene.memory, state, action, observe, scene.elapsed)
     terminated, truncated, diverged = (jnp.asarray(flag, bool) for flag in (led.terminated, led.truncated, diverged))
-    named = task.readings(led.memory, state)
-    readings = {
+    named = task.metrics(led.memory, state)
+    metrics = {
         name: jnp.where(jnp.logical_and(named[name][1], ~diverged), named[name][0], last)
-        for name, last in scene.readings.items()
+        for name, last in scene.metrics.items()
     }
     reward = jnp.where(diverged, 0.0, led.reward)
     seen = led.observation
-    after = Scene(led.memory, seen, seen, reward, terminated, truncated, ~diverged, led.elapsed, readings)
+    after = Scene(led.memory, seen, seen, reward, terminated, truncated, ~diverged, led.elapsed, metrics)
     return after, terminated | truncated | diverged
 
 
 def restart_scene(
-    task: Task, scene: Scene, state: Any, where: Bool[Array, ""], init: Float[Array, " _"], uniforms: Float[Array, " _"]
+    task: Task,
+    scene: Scene,
+    state: PyTree[Array],
+    where: Bool[Array, ""],
+    init: Float[Array, " _"],
+    uniforms: Float[Array, " _"],
 ) -> Scene:
     """Begin a new episode `where` one has ended, with the dynamics reset to `state`."""
     memory, observation = task.observe(task.renew(scene.memory, init), state, uniforms)
@@ -125,13 +135,13 @@ def functions(task: HostTask, unpack: Callable[[Any], Any]) -> Functions:
     """The functions of a task that reads its dynamics through `unpack`."""
     observing, init = task.uniforms, task.init_uniforms
 
-    def begin(packed: Any, numbers: Any) -> Scene:
+    def begin(packed: Array, numbers: Array) -> Scene:
         return initial_scene(task, unpack(packed), numbers[:init], numbers[init:])
 
-    def advance(scene: Scene, action: Any, packed: Any, numbers: Any) -> Any:
+    def advance(scene: Scene, action: Array, packed: Array, numbers: Array) -> Any:
         return advance_scene(task, scene, unpack(packed), action, numbers[:observing], packed[-1] > 0)
 
-    def restart(scene: Scene, packed: Any, ended: Any, numbers: Any) -> Scene:
+    def restart(scene: Scene, packed: Array, ended: Array, numbers: Array) -> Scene:
         rest = numbers[observing:]
         return restart_scene(task, scene, unpack(packed), ended, rest[:init], rest[init:])
 
@@ -148,10 +158,10 @@ class TaskHost(Host):
             batch.reset(None, **start)
         self._scene = _to_numpy(compiled.begin(batch.packed.copy(), numbers))
 
-    def output(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
+    def output(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> dict[str, np.ndarray]:
         return {name: np.asarray(value) for name, value in scene_outputs(self._scene, now.tick > 0).items()}
 
-    def update(self, block: Any, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
+    def update(self, block: HostBlock, inputs: dict[str, np.ndarray], now: HostMoment) -> None:
         action = inputs["action"]
         numbers = now.uniforms
         control = np.asarray(self.task.control(action, self._scene.memory), np.float32)
