@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-HEAVY = ("jax", "mujoco", "matplotlib", "pyarrow", "numba", "equinox", "optax", "tyro", "rich", "numpy", "onnx", "fmpy")
+HEAVY = ("jax", "mujoco", "matplotlib", "pyarrow", "numba", "equinox", "optax", "rich", "numpy", "onnx", "fmpy")
 TELL = f"; import sys; print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
 
 

@@ -20,6 +20,11 @@ SYMBOLS = {
 }  # fmt: skip
 
 
+def name_in_words(cls: type) -> str:
+    """The name of a class in words, such as "critic fit"."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
+
+
 def description_of(cls: type) -> str:
     """What a docstring says before its list of arguments and its example."""
     return _without_formulas(summary_of(cls)).replace("`", "")

@@ -11,6 +11,7 @@ import numpy as np
 
 from motorgrad._errors import check, shown, unknown
 from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in
+from motorgrad._words import Words
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -60,7 +61,7 @@ def convert(cls: type, values: Mapping[str, Any], where: str = "", base: object 
     for key, value in expanded(cls, values).items():
         if key not in fields:
             known = [*fields, *getattr(cls, "aliases", {})]
-            raise unknown(f"setting of {where or cls.__name__.lower()}", key, known, _deeper(cls, key, base))
+            raise unknown(f"setting of {where or cls.__name__.lower()}", key, known, deeper(cls, key, base))
         default = default_of(fields[key]) if base is None else getattr(base, key)
         given[key] = as_hinted(hints[key], value, _place(where, key), default)
     return given
@@ -115,7 +116,7 @@ def expanded(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _deeper(cls: type, key: str, base: object = None) -> list[str]:
+def deeper(cls: type, key: str, base: object = None) -> list[str]:
     """Where tables within the table have a setting of this name."""
     hints = hints_of(cls)
     found = []
@@ -127,7 +128,7 @@ def _deeper(cls: type, key: str, base: object = None) -> list[str]:
         elif dataclasses.is_dataclass(inner):
             found += [f"{name}.{key}"] if key in fields_of(inner) else []
             made = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
-            found += [f"{name}.{deeper}" for deeper in _deeper(typing.cast(type, inner), key, made)]
+            found += [f"{name}.{deeper}" for deeper in deeper(typing.cast(type, inner), key, made)]
     return found
 
 
@@ -157,6 +158,7 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     **Raises** `ValueError` that says where, the value and what it must be.
     """
     value = value.item() if isinstance(value, np.generic) else value
+    value = value.read(hint, where) if isinstance(value, Words) else value
     if hasattr(default, "with_setting") and isinstance(value, str | Mapping):
         return default.with_setting(value, where)
     if (kinds := parts_in(hint)) and (_is_kind(hint, value) or _is_part_table(hint, value, default)):
@@ -179,7 +181,8 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     if isinstance(origin, type) and issubclass(origin, Mapping):
         check(isinstance(value, Mapping), where, value, "a table")
         value = {**default, **value} if isinstance(value, _Changes) and isinstance(default, Mapping) else value
-        return {name: as_hinted(options[1], item, _place(where, str(name))) for name, item in value.items()}
+        inner = {name: hint if isinstance(item, Mapping) else options[1] for name, item in value.items()}
+        return {name: as_hinted(inner[name], item, _place(where, str(name))) for name, item in value.items()}
     if hint is types.NoneType:
         check(value is None or value == "none", where, value, "none")
         return None
@@ -246,6 +249,7 @@ def _part(
     optional = type(None) in typing.get_args(hint)
     settings = {"kind": value} if isinstance(value, str) else dict(value)
     name = settings.pop("kind", None)
+    name = name.read(str, _place(where, "kind")) if isinstance(name, Words) else name
     check(name is None or isinstance(name, str), _place(where, "kind"), name, "the name of a kind")
     if optional and name == "none":
         check(not settings, where, value, "'none' without settings")

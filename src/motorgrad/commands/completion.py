@@ -5,20 +5,18 @@ import dataclasses
 import io
 import re
 import shlex
-from typing import Literal, NamedTuple
-
-import tyro
+from typing import Annotated, Literal, NamedTuple
 
 from motorgrad._applications import LISTS, entries
 from motorgrad._extras import MissingExtra
 from motorgrad.commands import COMMANDS, command_named
 from motorgrad.learning import Agent
-from motorgrad.options import HELP_ALL, parse
+from motorgrad.options import HELP_ALL, Positional, parse
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 
 Shell = Literal["bash", "zsh", "fish"]
-OPTION = re.compile(r"^[│ ]+((?:--?[\w.-]+,? ?)+)", re.MULTILINE)
+OPTION = re.compile(r"^ +((?:--?[\w.-]+,? ?)+)", re.MULTILINE)
 ABOUT_TASK = ("train", "sim")
 POLICY = "--agent.policy"
 """The option whose values are completed, too."""
@@ -32,7 +30,7 @@ class Completion:
     fish: motorgrad completion fish > ~/.config/fish/completions/motorgrad.fish
     """
 
-    shell: tyro.conf.Positional[Shell]
+    shell: Annotated[Shell, Positional("SHELL")]
     """The shell: bash, zsh or fish."""
 
 

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-import tyro
 
 from motorgrad._applications import film_maker
 from motorgrad._errors import check, check_integer, counted, plain
 from motorgrad._extras import MissingExtra
 from motorgrad._files import check_writable
 from motorgrad._settings import table
-from motorgrad.options import finite_table, read_arguments, resolve, summary, summary_text, write_json
+from motorgrad.options import Positional, finite_table, read_arguments, resolve, summary, summary_text, write_json
 from motorgrad.tasks import BodyTask
 from motorgrad.training import (
     MAX_EPISODES,
@@ -40,7 +39,7 @@ class Evaluate:
     Settings of the run's task can be changed after RUN: motorgrad evaluate RUN --task.time-limit None.
     """
 
-    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
+    run: Annotated[Path, Positional("RUN")]
     """The run directory."""
     steps: int | None = None
     """Decisions per seed, by default 2000. With --episodes: decisions after which an episode is cut."""

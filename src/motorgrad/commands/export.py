@@ -4,11 +4,9 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from motorgrad._applications import offered
 from motorgrad._errors import check, plain
-from motorgrad.options import parse
+from motorgrad.options import Positional, parse
 from motorgrad.training import load
 
 
@@ -17,9 +15,9 @@ class Export:
     """Write the learned policy of a run as C source, as an ONNX model, as arrays for NumPy, or as a Functional Mock-up
     Unit."""
 
-    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
+    run: Annotated[Path, Positional("RUN")]
     """The run directory."""
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    file: Annotated[Path, Positional("FILE")]
     """The file to write: .c, .onnx, .npz or .fmu."""
     seed: int | None = None
     """The seed whose policy is exported; by default the first."""

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from motorgrad._applications import LISTS
 from motorgrad._applications import entries as offers
+from motorgrad._docstrings import name_in_words
 from motorgrad._tree import PART_CLASSES
 from motorgrad.learning import Estimator
-from motorgrad.options import name_in_words, parse, write_json
+from motorgrad.options import parse, write_json
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
 

@@ -1,16 +1,13 @@
 """`motorgrad plot RUN…`: learning curves, and films of learning."""
 
 import dataclasses
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
-
-import tyro
 
 from motorgrad._applications import PICTURES, film_maker, offered
 from motorgrad._errors import check, plain
 from motorgrad._files import check_writable
-from motorgrad.options import parse, write_json
+from motorgrad.options import Positional, parse, write_json
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
 from motorgrad.training.plots import figure_file
 
@@ -19,7 +16,7 @@ from motorgrad.training.plots import figure_file
 class Plot:
     """Draw the learning curves of one run, or of several in one figure: medians, and quartiles over the seeds."""
 
-    runs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RUN ...")]
+    runs: Annotated[tuple[Path, ...], Positional("RUN ...")]
     """Run directories."""
     quantity: tuple[str, ...] = ("reward",)
     """Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each."""
@@ -34,9 +31,9 @@ class Plot:
     """The file of the figure (.png, .svg, .pdf); by default figures/QUANTITY.png in the directory of the first run."""
     format: Literal["svg", "png", "pdf"] | None = None
     """The figure's format, where --out has no suffix."""
-    tensorboard: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[DIR]")] = None
+    tensorboard: Annotated[tuple[Path, ...] | None, Positional("[DIR]", named=True)] = None
     """Also write TensorBoard event files to this folder, by default to tensorboard/ of each run."""
-    animate: Annotated[tuple[Path, ...] | None, tyro.conf.arg(metavar="[FILE]")] = None
+    animate: Annotated[tuple[Path, ...] | None, Positional("[FILE]", named=True)] = None
     """Also film the learning of a run of a particle task: to this file (.mp4, .gif), by default figures/learning.mp4 of
     the run."""
     seed: int | None = None
@@ -63,10 +60,10 @@ class Plot:
         alone = self.seed is not None and self.animate is None
         check(not alone, "seed", self.seed, "given with --animate: the curves are of all seeds")
 
-    @staticmethod
-    def figure(values: Mapping[str, Any]) -> Path:
-        """The file of the figure, by the values of the options."""
-        return figure_file(values["out"], values.get("quantity", Plot.quantity), values.get("format"))[0]
+    @property
+    def figure(self) -> Path:
+        """The file of the figure."""
+        return figure_file(self.out, self.quantity, self.format)[0]
 
 
 def run(arguments: list[str]) -> int:

@@ -9,17 +9,14 @@ A command is a frozen dataclass of its options and a function of the words of th
 
 from motorgrad.options._configuration import (
     ASKED,
-    HELP,
-    HELP_ALL,
     Arguments,
-    name_in_words,
     naming,
     parse,
-    parse_values,
     pop_option,
     read_arguments,
     resolve,
 )
+from motorgrad.options._line import HELP, HELP_ALL, Positional
 from motorgrad.options._outputs import (
     MARK,
     OUTPUTS,
@@ -48,16 +45,15 @@ __all__ = [
     "MARK",
     "OUTPUTS",
     "Arguments",
+    "Positional",
     "changes_from_task",
     "check_outputs",
     "command_with_learner",
     "finite_table",
     "is_task_word",
     "listed_failures",
-    "name_in_words",
     "naming",
     "parse",
-    "parse_values",
     "pop_option",
     "print_outcome",
     "print_place",

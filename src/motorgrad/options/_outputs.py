@@ -1,7 +1,7 @@
 """What a file of options may not choose: it may be a stranger's, and is not to replace what others wrote."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,26 +12,24 @@ MARK = "motorgrad"
 """The key of the version in every result that a command writes as JSON."""
 
 
-def check_outputs(cls: type, named: Mapping[str, Any], values: Mapping[str, Any], words: Sequence[str]) -> None:
+def check_outputs(options: Any, named: Mapping[str, Any], line: Container[str]) -> None:
     """Refuse paths to write to that a file names, where something is that motorgrad did not write.
 
-    **Arguments:** the class of the options; those that the file `named`; the `values` with the command line, and its
-    `words`.
+    **Arguments:** the `options`; those that the file `named`; the names of those on the command `line`.
 
     **Raises** `ValueError` that names the option.
     """
     for name, is_ours in OUTPUTS.items():
-        flag = f"--{name.replace('_', '-')}"
-        given = any(word == flag or word.startswith(f"{flag}=") for word in words)
-        if name not in named or given or values[name] != named[name] or name in getattr(cls, "opened", ()):
+        if name not in named or name in line or name in getattr(options, "opened", ()):
             continue
+        flag = f"--{name.replace('_', '-')}"
         allowed = f"new, or written by motorgrad, where a file names it; {flag} on the command line replaces it"
         for path in named[name] if isinstance(named[name], tuple) else (named[name],):
             if isinstance(path, Path) and str(path) != "-" and os.path.lexists(path):
                 check(is_ours(path), name, str(path), allowed)
         # a figure is a file in the folder, or has an ending that is added
-        if name == "out" and named[name] is not None and hasattr(cls, "figure"):
-            figure = cls.figure(values)
+        if name == "out" and named[name] is not None and hasattr(options, "figure"):
+            figure = options.figure
             check(not os.path.lexists(figure), name, str(figure), allowed)
 
 

@@ -6,12 +6,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-import tyro
-
 from motorgrad._errors import check, choice
 from motorgrad._extras import require
 from motorgrad._files import check_writable
 from motorgrad._processes import IMPORTED
+from motorgrad.options._line import Positional
 from motorgrad.studies import EXECUTORS
 
 
@@ -71,7 +70,7 @@ def _parameter(word: str) -> tuple[str, Any]:
 class StudyFile(ExecutorOptions, abc.ABC):
     """Options of a command that runs the study or comparison of a TOML file in a folder."""
 
-    study: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
+    study: Annotated[Path | None, Positional("[FILE]")] = None
     """The TOML file of the study; without it, that of the folder --out."""
     out: Path | None = None
     """The folder of the study, by default runs/NAME for NAME.toml."""

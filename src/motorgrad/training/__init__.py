@@ -9,6 +9,7 @@ from motorgrad.training._agents import (
     changed,
     changes_named,
     policy_settings,
+    with_changes,
 )
 from motorgrad.training._arguments import check_training
 from motorgrad.training._callbacks import EarlyStopping, Report
@@ -102,5 +103,6 @@ __all__ = [
     "sweepable",
     "train",
     "training_stepper_for",
+    "with_changes",
     "write_tensorboard",
 ]

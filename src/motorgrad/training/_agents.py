@@ -15,6 +15,7 @@ from motorgrad._errors import check, choice, unknown
 from motorgrad._natural import STEPS, Learnable, PolicyTable
 from motorgrad._settings import as_hinted, build, full_path, table
 from motorgrad._tree import PART_CLASSES, Part, check_rounded, parts_by_path
+from motorgrad._words import Words
 from motorgrad.learning import Agent, Estimator, Optax
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
@@ -82,6 +83,7 @@ class NamedPolicy:
         """
         settings = {"kind": value} if isinstance(value, str) else dict(value)
         kind = settings.pop("kind", self.kind)
+        kind = kind.read(str, f"{where}.kind") if isinstance(kind, Words) else kind
         check(isinstance(kind, str), f"{where}.kind", kind, "the name of an initial policy")
         kept = self.settings if kind == self.kind else {}
         try:
@@ -191,6 +193,19 @@ def preset(name: str) -> Callable[[Table], PresetAgent]:
         return agent
 
     return registered
+
+
+def with_changes(agent: Agent, changes: Mapping[str, Any]) -> Agent:
+    """The agent with some settings changed, and with what a policy among them implies.
+
+    **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
+    """
+    if not changes:
+        return agent
+    policy = changes.get("policy", changes.get("policy.kind", ""))
+    kind = policy.read(str, "policy") if isinstance(policy, Words) else policy
+    implied = policies.IMPLIED.get(kind, {}) if isinstance(kind, str) else {}
+    return as_hinted(Agent, {**implied, **changes}, "agent", agent)
 
 
 def changes_named(name: str, where: str = "agent") -> dict[str, Any]:

@@ -5,10 +5,8 @@ import sys
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-import tyro
-
 from motorgrad._errors import check, choice
-from motorgrad.options import parse
+from motorgrad.options import Positional, parse
 from timlab import gallery, load
 
 
@@ -16,7 +14,7 @@ from timlab import gallery, load
 class Lab:
     """Build diagrams of blocks, run them and retune them while they run, in a browser on this machine."""
 
-    file: Annotated[tyro.conf.Positional[Path | None], tyro.conf.arg(metavar="[FILE]")] = None
+    file: Annotated[Path | None, Positional("[FILE]")] = None
     """A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder."""
     gallery: str | None = None
     """Open a diagram of the gallery, such as chain or hopper, in place of a file."""

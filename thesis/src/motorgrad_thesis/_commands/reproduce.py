@@ -4,14 +4,13 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-
-import tyro
+from typing import Annotated
 
 from motorgrad._errors import check, plain
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._signals import unfinished
-from motorgrad.options import Arguments, read_arguments, resolve, write_json
+from motorgrad.options import Arguments, Positional, read_arguments, resolve, write_json
 from motorgrad.options.executors import ExecutorOptions
 from motorgrad_thesis import (
     EXPERIMENTS,
@@ -32,7 +31,7 @@ class Reproduce(ExecutorOptions):
     folder. Finished experiments are not run again; interrupted ones continue. A failing experiment is tried again, then
     set aside, and the others continue. motorgrad reproduce NAME --help shows the settings of one experiment."""
 
-    experiments: tyro.conf.Positional[tuple[str, ...]]
+    experiments: Annotated[tuple[str, ...], Positional("NAME ...")]
     """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
     out: Path | None = None
     """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke test."""

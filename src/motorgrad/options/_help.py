@@ -1,0 +1,213 @@
+"""The help of a command: its words, its options, and those of a task and a learner, from what their fields declare."""
+
+import dataclasses
+import inspect
+import shutil
+import textwrap
+import types
+import typing
+from collections.abc import Container, Iterator
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from motorgrad._docstrings import attribute_texts, description_of, descriptions, name_in_words
+from motorgrad._settings import default_of
+from motorgrad._tree import PART_CLASSES, Part, fields_of, hints_of, kind_of, parts_in
+from motorgrad._words import options_in
+from motorgrad.options._line import Positional, flag_of, positional_of
+from motorgrad.policies import INITIAL
+from motorgrad.training import NamedPolicy, policy_settings
+
+COLUMN = 26  # characters, where the texts begin
+USUAL_WIDTH = 100  # where there is no terminal
+SCALARS = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
+COMMON = (
+    ("-h, --help", "", "Show this help and exit."),
+    ("--config", "PATH", "A TOML file of options. The command line overrides it."),
+    ("--check", "", "Only check the options, and print them as TOML."),
+)
+
+
+class Option(NamedTuple):
+    """An option: its path, the type of its value, its default (`dataclasses.MISSING` if it must be given), its text,
+    and what stands for its value where that is not said by the type."""
+
+    path: str
+    hint: Any
+    default: Any
+    text: str
+    metavar: str | None = None
+
+    @property
+    def flag(self) -> str:
+        """The option as one types it: `--agent.decay`; of a flag that is on, what turns it off."""
+        *outer, name = self.path.split(".")
+        return flag_of(".".join([*outer, f"no_{name}"])) if self.default is True else flag_of(self.path)
+
+    @property
+    def group(self) -> str:
+        """The path of the thing that it is a setting of, empty for the command itself."""
+        return self.path.rpartition(".")[0]
+
+
+def options_of_command(cls: type) -> list[Option]:
+    """All options of a command, in order, with those of the task and of the learner among its defaults."""
+    return list(_of_dataclass(cls, None, ""))
+
+
+def help_text(cls: type, prog: str, only: Container[str] | None = None) -> str:
+    """The help of a command whose options are the fields of `cls`; of those, `only` some where the rest is too long."""
+    known = options_of_command(cls)
+    named = positional_of(cls)
+    words = [_word(option, named[option.path]) for option in known if option.path in named]
+    usage = f"usage: motorgrad {prog} [-h] [OPTIONS] {' '.join(word for word, _ in words)}".rstrip()
+    lines = [usage, "", *(_wrapped(each) for each in description_of(cls).split("\n\n")), ""]
+    if words:
+        lines += ["words:", *(line for word, text in words for line in _entry(word, "", text)), ""]
+    groups: dict[str, list[Option]] = {"": []}
+    for option in known:
+        if option.path not in named and (only is None or option.path in only):
+            groups.setdefault(option.group, []).append(option)
+    for group, members in groups.items():
+        lines.append(f"options of {group}:" if group else "options:")
+        for flag, metavar, text in () if group else COMMON:
+            lines += _entry(flag, metavar, text)
+        for option in members:
+            metavar = option.metavar or metavar_of(option.hint)
+            lines += _entry(option.flag, metavar, f"{option.text}{_default_text(option)}")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def metavar_of(hint: Any) -> str:
+    """What the help shows for a value: INT, {a,b}, FLOAT | NAME VALUE ...; nothing for a flag."""
+    found = []
+    options = options_in(hint)
+    for option in options:
+        origin, inner = typing.get_origin(option), typing.get_args(option)
+        if option is bool:
+            found += ["{true,false}"] if len(options) > 1 else []
+        elif origin is Literal:
+            found.append("{" + ",".join(map(str, inner)) + "}")
+        elif origin is tuple:
+            many = inner[1:] == (Ellipsis,)
+            found.append(" ".join([metavar_of(each) for each in (inner[:1] if many else inner)] + ["..."] * many))
+        elif kinds := parts_in(option):
+            names = [name for kind in kinds for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
+            found += ["{" + ",".join(names) + "}"] if names else []
+        elif origin is not None:
+            found.append("NAME VALUE ...")
+        elif option is not types.NoneType:
+            found.append(SCALARS.get(option, "VALUE"))
+    return " | ".join(word for word in dict.fromkeys(filter(None, found)) if f"{word} ..." not in found)
+
+
+def _of_dataclass(cls: type, instance: Any, path: str) -> Iterator[Option]:
+    """The options of a dataclass, and of those within it, whose values in the `instance` are the defaults."""
+    texts = {**attribute_texts(cls), **descriptions(cls)}
+    hints = typing.get_type_hints(cls, include_extras=True)
+    for name, field in fields_of(cls).items():
+        default = default_of(field) if instance is None else getattr(instance, name)
+        place = f"{path}.{name}" if path else name
+        if field.metadata.get("option") is False:  # too much for a command line: it is given in a file
+            continue
+        if isinstance(default, Part):
+            yield from _of_part(default, place)
+        elif dataclasses.is_dataclass(default) and not isinstance(default, type):
+            yield from _of_dataclass(type(default), default, place)
+        else:
+            metavar = next((each.metavar for each in getattr(hints[name], "__metadata__", ())), None)
+            yield Option(place, hints[name], default, texts.get(name, ""), metavar)
+
+
+def _of_part(part: Part, path: str, optional: bool = False) -> Iterator[Option]:
+    """The options of a part of a learner and of the parts within it; first its kind, where there are several."""
+    cls = type(part)
+    family = next(((base, kinds) for base, kinds in PART_CLASSES.items() if cls in kinds.values()), None)
+    if family is not None and len(family[1]) > 1:
+        base, kinds = family
+        keeps = "keeps the settings that both have" if hasattr(base, "aliases") else "starts from its own defaults"
+        names = [*(["none"] if optional else []), *kinds]
+        text = f"The kind of {name_in_words(base)}. Another kind {keeps}."
+        yield Option(f"{path}.kind", Literal[tuple(names)], kind_of(part), text)
+    texts = descriptions(cls)
+    for name, hint in hints_of(cls).items():
+        if name not in fields_of(cls) or (name == "transformations" and not getattr(part, name)):
+            continue
+        value = getattr(part, name)
+        place = f"{path}.{name}"
+        if isinstance(value, NamedPolicy):
+            yield from _of_policy(value, place)
+        else:
+            yield from _of_setting(hint, value, place, texts.get(name, ""))
+
+
+def _of_setting(hint: Any, value: Any, place: str, text: str) -> Iterator[Option]:
+    """The options of a field of a part: those of the part that it holds, or its own."""
+    if isinstance(value, Part):
+        yield from _of_part(value, place, types.NoneType in options_in(hint))
+        return
+    if parts_in(hint) and float not in options_in(hint):  # absent: a choice among the kinds
+        yield Option(place, Literal[(*("none", *_names(hint)),)], "none", text)
+        return
+    plain = [option for option in options_in(hint) if not parts_in(option)]  # a number may be annealed
+    yield Option(place, typing.Union[tuple(plain)], np.asarray(value).tolist() if np.ndim(value) else value, text)  # noqa: UP007
+
+
+def _of_policy(policy: NamedPolicy, place: str) -> Iterator[Option]:
+    """The options of an initial policy."""
+    text = "The initial policy. Another kind starts from its own defaults."
+    yield Option(f"{place}.kind", Literal[tuple(INITIAL)], policy.kind, text)
+    known = inspect.signature(INITIAL[policy.kind]).parameters
+    texts = descriptions(INITIAL[policy.kind])
+    for name, hint in policy_settings(policy.kind).items():
+        value = policy.settings.get(name, known[name].default)
+        yield from _of_setting(hint, value, f"{place}.{name}", texts.get(name, ""))
+
+
+def _names(hint: Any) -> list[str]:
+    """The names of the kinds that a field of this type may hold."""
+    return [name for kind in parts_in(hint) for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
+
+
+def _word(option: Option, about: Positional) -> tuple[str, str]:
+    """A positional word of the command with its text."""
+    return about.metavar or option.path.upper(), f"{option.text}{_default_text(option)}"
+
+
+def _default_text(option: Option) -> str:
+    """What leaving an option out gives; nothing where the text says it."""
+    default = option.default
+    if default is dataclasses.MISSING:
+        return " (required)"
+    if isinstance(default, bool) or default is None or (isinstance(default, str | tuple) and not default):
+        return ""
+    shown = default if isinstance(default, str | int | float) else _in_words(default)
+    return f" (default: {shown})"
+
+
+def _in_words(default: Any) -> str:
+    """A list or a table as the words that one would type."""
+    if isinstance(default, dict):
+        return " ".join(f"{name} {value}" for name, value in default.items())
+    if isinstance(default, tuple | list):
+        return " ".join(map(_in_words, default))
+    return str(default)
+
+
+def _entry(flag: str, metavar: str, text: str) -> list[str]:
+    """The lines of an option: flag and value, then the text, beside them where there is room."""
+    head = f"  {flag} {metavar}".rstrip()
+    width = shutil.get_terminal_size((USUAL_WIDTH, 24)).columns
+    lines = textwrap.wrap(" ".join(text.split()), max(20, width - COLUMN), break_on_hyphens=False) or [""]
+    indent = " " * COLUMN
+    if len(head) < COLUMN - 1:
+        return [f"{head:<{COLUMN}}{lines[0]}".rstrip(), *(f"{indent}{line}" for line in lines[1:])]
+    return [head, *(f"{indent}{line}" for line in lines)]
+
+
+def _wrapped(paragraph: str) -> str:
+    width = shutil.get_terminal_size((USUAL_WIDTH, 24)).columns
+    return textwrap.fill(" ".join(paragraph.split()), width, break_on_hyphens=False) + "\n"

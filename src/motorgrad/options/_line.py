@@ -1,0 +1,124 @@
+"""The words of a command line as a table of settings, whose values are still words."""
+
+import types
+import typing
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from motorgrad._errors import check, unknown
+from motorgrad._tree import fields_of
+from motorgrad._words import Words, options_in
+
+HELP = {"-h", "--help"}
+HELP_ALL = "--help-all"
+
+
+class Positional(NamedTuple):
+    """Declares a field that is given as a word without a name, in the type of the field:
+    `file: Annotated[Path, Positional("FILE")]`.
+
+    `metavar` is what the help shows. With `named`, the field is an option all the same, and only shown so.
+    """
+
+    metavar: str
+    named: bool = False
+
+
+def positional_of(cls: type) -> dict[str, Positional]:
+    """The fields of a command that are words without a name, in order."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    declared = {name: getattr(hints[name], "__metadata__", ()) for name in fields_of(cls)}
+    return {
+        name: each
+        for name, about in declared.items()
+        for each in about
+        if isinstance(each, Positional) and not each.named
+    }
+
+
+def flag_of(path: str) -> str:
+    """The option that names the setting at a path: `--agent.learning-rate`."""
+    return f"--{path.replace('_', '-')}"
+
+
+def is_flag(word: str) -> bool:
+    """Whether a word names an option; `-0.5` and `-` are values."""
+    return word.startswith("--") and len(word) > 2
+
+
+def read_line(cls: type, words: Sequence[str]) -> dict[str, Any]:
+    """The words of a command line by field of the command `cls`, as `Words`.
+
+    An option takes as many words as its field needs: none for a flag, all up to the next option for a list, else one.
+    A setting within another, such as `--task.body.load-mass`, takes all, and stands under its whole path.
+
+    **Raises** `ValueError` for an option that is given twice, and for a word that belongs to none.
+    """
+    fields = fields_of(cls)
+    hints = typing.get_type_hints(cls)
+    found: dict[str, Any] = {}
+    loose = []
+    left = [word for word in words if word not in {*HELP, HELP_ALL}]
+    while left:
+        word = left.pop(0)
+        if not is_flag(word):
+            loose.append(word)
+            continue
+        flag, equals, value = word.partition("=")
+        path = flag[2:].replace("-", "_")
+        turned_off = path not in fields and path.startswith("no_") and path[3:] in fields
+        path = path[3:] if turned_off else path
+        check(path not in found, flag, " ".join([value, *left[:1]]).strip(), "given once")
+        if turned_off:
+            found[path] = Words(("false",))
+        elif equals:
+            found[path] = Words((value,))
+        else:
+            found[path] = Words(_taken(left, _room(hints.get(path))))
+    return {**found, **_placed(cls, loose, hints)}
+
+
+def _room(hint: Any) -> int | None:
+    """How many words an option with a field of this type takes: none, one, or, as `None`, all that there are."""
+    if hint is None:
+        return None
+    options = options_in(hint)
+    if bool in options and set(options) <= {bool, types.NoneType}:
+        return 0
+    return None if any(typing.get_origin(option) is tuple for option in options) else 1
+
+
+def _taken(left: list[str], room: int | None) -> list[str]:
+    """The next words that an option takes, out of those that are left."""
+    end = next((place for place, word in enumerate(left) if is_flag(word)), len(left))
+    end = end if room is None else min(room, end)
+    taken = left[:end]
+    del left[:end]
+    return taken
+
+
+def _placed(cls: type, loose: list[str], hints: dict[str, Any]) -> dict[str, Words]:
+    """The words without a name by field: one for each, and the rest for one that takes many."""
+    found = {}
+    names = list(positional_of(cls))
+    for name in names:
+        room = _room(hints[name])
+        taken = loose if room is None else loose[:room]
+        loose = loose[len(taken) :]
+        if taken:
+            found[name] = Words(taken)
+    if loose:
+        raise unknown("word", loose[0], [flag_of(name) for name in fields_of(cls)])
+    return found
+
+
+def nested(line: dict[str, Any]) -> dict[str, Any]:
+    """The table with paths as tables within tables."""
+    found: dict[str, Any] = {}
+    for path, words in line.items():
+        *outer, last = path.split(".")
+        node = found
+        for name in outer:
+            node = node.setdefault(name, {})
+        node[last] = words
+    return found
