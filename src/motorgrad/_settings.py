@@ -30,6 +30,7 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | No
     **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type, or the key
     that is missing.
     """
+    base = None if any(name in values for name in getattr(cls, "restarts", ())) else base
     given = convert(cls, values, where, base)
     fields = fields_of(cls)
     for name, field in fields.items():
@@ -123,9 +124,7 @@ def deeper(cls: type, key: str, base: object = None) -> list[str]:
     for name, field in fields_of(cls).items():
         default = default_of(field) if base is None else getattr(base, name)
         inner = type(default) if dataclasses.is_dataclass(default) else hints[name]
-        if (names := getattr(default, "setting_names", None)) is not None:
-            found += [f"{name}.{key}"] if key in names else []
-        elif dataclasses.is_dataclass(inner):
+        if dataclasses.is_dataclass(inner):
             found += [f"{name}.{key}"] if key in fields_of(inner) else []
             made = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
             found += [f"{name}.{deeper}" for deeper in deeper(typing.cast(type, inner), key, made)]
@@ -139,6 +138,8 @@ def table(instance: "DataclassInstance") -> dict[str, Any]:
     names its `kind`, and all that it is without as `"none"`.
     """
     values = {name: getattr(instance, name) for name in fields_of(type(instance))}
+    if getattr(instance, "brief", False):
+        values = {name: v for name, v in values.items() if v != default_of(fields_of(type(instance))[name])}
     if isinstance(instance, Part):
         return {"kind": kind_of(instance)} | {name: _plain("none" if v is None else v) for name, v in values.items()}
     fields = fields_of(type(instance))
@@ -159,8 +160,6 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     """
     value = value.item() if isinstance(value, np.generic) else value
     value = value.read(hint, where) if isinstance(value, Words) else value
-    if hasattr(default, "with_setting") and isinstance(value, str | Mapping):
-        return default.with_setting(value, where)
     if (kinds := parts_in(hint)) and (_is_kind(hint, value) or _is_part_table(hint, value, default)):
         return _part(kinds, hint, value, where, default)
     origin = typing.get_origin(hint)
@@ -297,8 +296,6 @@ def _place(where: str, key: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    if hasattr(value, "as_setting"):
-        return _plain(value.as_setting())
     if isinstance(value, np.ndarray):
         return value.tolist()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

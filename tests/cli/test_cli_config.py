@@ -14,7 +14,7 @@ from motorgrad._tree import PART_CLASSES, fields_of
 from motorgrad.cli import COMMANDS, main
 from motorgrad.policies import INITIAL
 from motorgrad.tasks import TASKS
-from motorgrad.training import agent_for, policy_settings
+from motorgrad.training import agent_for
 
 PARTS = {cls: None for kinds in PART_CLASSES.values() for cls in kinds.values()}
 PAGE = Path(__file__).parents[2] / "docs" / "configuration.md"
@@ -199,11 +199,11 @@ REFUSED = [
     ("train hopper", "[agent]\nunits = 7", "policy Hyperplanes: outputs = 7"),
     ("train hopper", "[agent]\nimprove = 'episod'", "must be an integer or 'episode' or 'never'"),
     ("train hopper", "[agent]\nimprove = 3000000000", "improve = 3000000000"),
-    ("train hopper", "[agent]\npolicy = {widht = 1}", "unknown setting of policy 'hyperplanes': 'widht'"),
+    ("train hopper", "[agent]\npolicy = {widht = 1}", "unknown setting of agent.policy 'widht'"),
     (
         "train hopper",
         "[agent]\npolicy = {kind = 'gaussians', widht = 1}",
-        "unknown setting of policy 'gaussians': 'widht': did you mean 'width'?",
+        "unknown setting of agent.policy 'widht': did you mean 'width'?",
     ),
     (
         "train hopper",
@@ -223,7 +223,7 @@ REFUSED = [
     ),
     ("train particle", "[agent]\npolicy = 'growing'\ngrowth = 'none'", "agent.growth = None: must be set"),
     ("train particle", "[agent]\npolicy = 'growing'\ngrowth.width = -1", "agent.growth.width = -1.0: must be positive"),
-    ("train hopper", "[agent.policy]\nkind = 'x'", "unknown policy 'x'"),
+    ("train hopper", "[agent.policy]\nkind = 'x'", "unknown agent.policy 'x'"),
     ("train hopper", "[agent.policy]\nkind = 'given'", "agent.policy was made in Python"),
     ("train hopper", "agent = 3", "agent = 3: must be a table of changes"),
     ("train hopper", "[agent]\ndecai = 0.5", "unknown setting of agent 'decai': did you mean 'decay'?"),
@@ -296,7 +296,7 @@ def test_every_setting_is_explained(cls):
 @pytest.mark.parametrize("kind", INITIAL)
 def test_every_setting_of_an_initial_policy_is_explained(kind):
     helps = descriptions(INITIAL[kind])
-    assert [name for name in policy_settings(kind) if len(helps.get(name, "")) <= 10] == []
+    assert [name for name in fields_of(INITIAL[kind]) if len(helps.get(name, "")) <= 10] == []
 
 
 def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys, monkeypatch):

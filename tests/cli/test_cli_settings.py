@@ -105,7 +105,7 @@ def test_changes_go_through_the_table():
 
 REFUSED = [
     ({"polcy": "softmax"}, "unknown setting of agent 'polcy': did you mean 'policy'"),
-    ({"policy": "softmx"}, "unknown policy 'softmx': did you mean 'softmax'"),
+    ({"policy": "softmx"}, "unknown agent.policy 'softmx': did you mean 'softmax'"),
     ({"estimator": "olgarp"}, "'olgarp': did you mean 'olgarb'"),
     ({"trace": "windows"}, "'windows': did you mean 'window'"),
     ({"baseline": "means"}, "'means': did you mean 'mean'"),
@@ -145,7 +145,7 @@ def test_what_may_be_absent_is_taken_away_by_none_or_its_word(name):
     for value in (None, "none"):
         agent = agent_for("hopper", {name: value})
         assert agent == agent_for("hopper", {name: None})
-    assert "units" not in agent_for("hopper", units=None).policy.settings
+    assert agent_for("hopper", units=None).policy.units is None
 
 
 @pytest.mark.parametrize("name", Estimator.presets)

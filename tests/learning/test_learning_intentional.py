@@ -190,7 +190,7 @@ def test_the_preset_has_the_networks_of_stream_ac():
     stream: Any
     intentional: Any
     stream, intentional = mg.presets.stream_ac("hopper"), mg.presets.intentional_ac("hopper")
-    assert intentional.policy.settings == stream.policy.settings
+    assert intentional.policy == stream.policy
     critic = intentional.estimator.baseline
     assert (critic.network, critic.discount, critic.decay) == (
         stream.estimator.baseline.network,

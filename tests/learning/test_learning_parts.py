@@ -45,10 +45,10 @@ from motorgrad.learning import (
     number,
     register,
 )
-from motorgrad.policies import Architecture, FeatureMap
+from motorgrad.policies import INITIAL, Architecture, FeatureMap, InitialPolicy
 from motorgrad.tasks import Composed, LinearRecruitment, ThreeState
 from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
-from motorgrad.training import NamedPolicy, agent_from_table, agent_table, clear_programs, stepper_for
+from motorgrad.training import agent_from_table, agent_table, clear_programs, stepper_for
 
 DECISIONS = 8
 BATCH = Estimator(improve=2)
@@ -77,7 +77,7 @@ class Accumulating(Trace):
 # a part of one's own is tested as ours are
 EVERY = [*((base, name) for base, parts in PART_CLASSES.items() for name in parts), (Trace, "test-accumulating")]
 # composed tasks have tests of their own
-PARTS = [(base, name) for base, name in EVERY if base not in (Observation, Quantity, Reset, Target)]
+PARTS = [(base, name) for base, name in EVERY if base not in (InitialPolicy, Observation, Quantity, Reset, Target)]
 FEW = ("Trace-test-accumulating",)
 SHARE = ("Baseline-critic", "Growth-constructive", "Agent-sparse", "Metric-fisher")  # of those that compile
 every_part_and_term = pytest.mark.parametrize(
@@ -134,21 +134,21 @@ def agent_with(base, name):
     cls = PART_CLASSES[base][name]
     recruitment = LinearRecruitment(units=3)
     if base in (Growth, Criterion, Visited):
-        policy = NamedPolicy(recruitment, "growing", {"units": 3})
+        policy = INITIAL["growing"](units=3).bound(recruitment)
         field = {Growth: None, Criterion: "criterion", Visited: "placement"}[base]
         growth = made(cls) if field is None else Growth(**{field: made(cls)})
         return recruitment, Agent(policy, growth=growth)
     if base is SpatialIndex or cls is SparseAgent:
-        return recruitment, SparseAgent(NamedPolicy(recruitment, "gaussians"))
+        return recruitment, SparseAgent(INITIAL["gaussians"]().bound(recruitment))
     if base is FeatureMap:
         features = {"squares": True, "products": True, "nonlinear": 3}
-        return ThreeState(), Agent(NamedPolicy(ThreeState(), "softmax", {"features": features}))
+        return ThreeState(), Agent(INITIAL["softmax"](features=features).bound(ThreeState()))
     if base is Hindsight:
         task = Composed(scaling="none")
         replay = Replay(capacity=40, start=4, batch=3, hindsight=made(cls))
-        return task, Agent(NamedPolicy(task, "bounded-hyperplanes"), narrow_soft(replay=replay))
+        return task, Agent(INITIAL["bounded-hyperplanes"]().bound(task), narrow_soft(replay=replay))
     if base is Architecture:
-        return ThreeState(), Agent(NamedPolicy(ThreeState(), "softmax", {"network": made(cls)}))
+        return ThreeState(), Agent(INITIAL["softmax"](network=made(cls)).bound(ThreeState()))
     inner = {
         Trace: lambda: {"estimator": Estimator(trace=made(cls))},
         Baseline: lambda: {"estimator": Estimator(baseline=made(cls))},
@@ -172,12 +172,12 @@ def agent_with(base, name):
     }[base]()
     of_values = (ActionValues, ActionValueEnsemble, EntropyTarget, Replay)
     if base in of_values or cls in (ActionValueGradient, SoftActorCritic):
-        return recruitment, Agent(NamedPolicy(recruitment, "graded-motoneurons"), **inner)
+        return recruitment, Agent(INITIAL["graded-motoneurons"]().bound(recruitment), **inner)
     task = ThreeState()
-    agent = Agent(NamedPolicy(task, "softmax"), **inner)
+    agent = Agent(INITIAL["softmax"]().bound(task), **inner)
     if agent.needs_episodes():
         task = ThreeState(time_limit=5)
-        agent = Agent(NamedPolicy(task, "softmax"), **inner)
+        agent = Agent(INITIAL["softmax"]().bound(task), **inner)
     return task, agent
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, Features, Growth, StationaryMetric, olgarb
-from motorgrad.policies import Hyperplanes, Softmax
+from motorgrad.policies import INITIAL, Hyperplanes, Softmax
 from motorgrad.tasks import Chain, LinearRecruitment, ThreeState
-from motorgrad.training import NamedPolicy, stepper_for
+from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
@@ -129,7 +129,7 @@ def test_it_finds_the_best_policy():
         ),
         (
             lambda: Agent(
-                NamedPolicy(LinearRecruitment(units=3), "growing", {"units": 3}),
+                INITIAL["growing"](units=3).bound(LinearRecruitment(units=3)),
                 growth=Growth(),
                 metric=StationaryMetric(),
             ),

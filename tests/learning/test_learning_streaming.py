@@ -10,6 +10,7 @@ import pytest
 from compiled_learner import started, told
 
 import motorgrad as mg
+from motorgrad._tree import kind_of
 from motorgrad.learning import (
     SGD,
     Agent,
@@ -145,7 +146,7 @@ def test_policies_of_several_parts_adapt_those_that_see_the_same():
 def test_the_preset_is_that_of_the_paper(task, policy):
     agent = mg.presets.stream_ac(task)
     estimator, critic = agent.estimator, agent.estimator.baseline
-    assert (agent.policy.kind, agent.policy.settings["network"].standardise) == (policy, True)
+    assert (kind_of(agent.policy), agent.policy.network.standardise) == (policy, True)
     assert (estimator.trace.decay, critic.discount, critic.decay) == (0.99 * 0.8, 0.99, 0.8)
     assert (estimator.bound.scaling, critic.fit.scaling, critic.fit.learning_rate) == (3.0, 2.0, 1.0)
     assert (agent.optimizer.learning_rate, estimator.entropy, estimator.entropy_in) == (1.0, 0.01, "trace")

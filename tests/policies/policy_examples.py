@@ -36,6 +36,7 @@ from motorgrad.policies import (
     SoftBoxes,
     Softmax,
     SoftSpheres,
+    initial,
     split,
 )
 from motorgrad.worlds import AdmissionThresholds
@@ -291,7 +292,7 @@ def _start(name: str, precision: Any) -> Policy | Callable[[jax.Array], Policy]:
     del precision  # in which arrays are made
     for inputs, units in ((2, 3), (1, 3), (3, 6)):
         with contextlib.suppress(ValueError):  # some policies need a single input, or several
-            return INITIAL[name](inputs, units)
+            return initial(name, inputs, units=units)
     raise ValueError(f"{name}: no size will do")
 
 

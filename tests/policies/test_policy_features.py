@@ -10,6 +10,7 @@ import pytest
 from policy_examples import compiled, drawn_scores
 
 import motorgrad as mg
+from motorgrad._settings import table
 from motorgrad.learning import Features
 from motorgrad.policies import (
     Featured,
@@ -138,11 +139,12 @@ def test_the_features_are_no_parameters_and_survive_storing():
 def test_settings_name_the_features_of_policies_and_critics(tmp_path):
     task = mg.make("hopper")
     agent = mg.agent_for(task, {"policy.features.nonlinear": 16, "policy.features.seed": 3})
-    assert agent.policy.settings == {"features": FeatureMap(nonlinear=16, seed=3)}
-    changed = agent.policy.with_setting({"features": {"scale": 2.0}})
-    assert changed.settings["features"] == FeatureMap(nonlinear=16, scale=2.0, seed=3)
-    again = mg.agent_for(task, policy=changed.as_setting())
-    assert again.policy.settings == changed.settings
+    assert agent.policy.features == FeatureMap(nonlinear=16, seed=3)
+    scaled = {"policy.features.nonlinear": 16, "policy.features.seed": 3, "policy.features.scale": 2.0}
+    changed = mg.agent_for(task, scaled).policy
+    assert changed.features == FeatureMap(nonlinear=16, scale=2.0, seed=3)
+    again = mg.agent_for(task, policy=table(changed))
+    assert again.policy == changed
     assert initial("hyperplanes", task, features=FeatureMap(nonlinear=16)).inputs == 3
     for bad, told in {
         "nonlineer": "did you mean 'nonlinear'",
@@ -178,7 +180,7 @@ def test_a_run_with_features_is_stored_and_continues(tmp_path):
         (lambda: FeatureMap(shape="tan"), "unknown shape 'tan': did you mean 'tanh'"),
         (lambda: FeatureMap(scale=0.0), "scale = 0.0: must be a number above 0"),
         (lambda: FeatureMap(nonlinear=-1), "nonlinear = -1: must be"),
-        (lambda: hyperplanes(3, 2, 64), "features = 64: must be a FeatureMap"),
+        (lambda: hyperplanes(3, 2, 64), "features = 64: must be a table of the settings of FeatureMap"),
         (lambda: Featured(Hyperplanes([[1.0]], [0.0]), RICH, 3), "pool.inputs = 1: must be 16, the number of features"),
     ],
 )

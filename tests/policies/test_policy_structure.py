@@ -22,11 +22,14 @@ from policy_examples import (
 )
 
 from motorgrad import policies
+from motorgrad._settings import as_hinted, table
+from motorgrad._tree import fields_of
 from motorgrad.policies import (
     INITIAL,
     Factored,
     FreeGaussians,
     Hyperplanes,
+    InitialPolicy,
     LocalGaussians,
     Mirrored,
     Motoneurons,
@@ -246,23 +249,41 @@ def test_initial_policies_fit_the_task(name):
     assert (policy.observation_size, policy.outputs) == (inputs, outputs)
 
 
+@pytest.mark.parametrize("name", INITIAL)
+def test_the_settings_of_an_initial_policy_are_stored_and_read(name):
+    plain = INITIAL[name]()
+    assert table(plain) == {"kind": name}  # which says nothing that goes without saying
+    hidden = 4 if name == "recurrent" else [4]
+    changed = {"units": 5, "hidden": hidden, "floor": 0.01, "width": 0.3, "cells": 7, "binary": 2, "explore": 0.2}
+    changed |= {"features": {"kind": "map", "squares": True}, "copies": 2}
+    given = {key: value for key, value in changed.items() if key in fields_of(INITIAL[name])}
+    policy = as_hinted(InitialPolicy, {"kind": name, **given}, "policy")
+    assert type(policy) is INITIAL[name]
+    assert as_hinted(InitialPolicy, table(policy), "policy") == policy != plain
+
+
+def test_an_initial_policy_without_a_task_says_what_is_missing():
+    with pytest.raises(ValueError, match=r"policy = InitialHyperplanes\(\): must be bound to a task first"):
+        INITIAL["hyperplanes"]()(jax.random.key(0))
+
+
 @pytest.mark.parametrize("name", sorted(without_task()))
 def test_initial_policies_can_be_made_from_sizes_alone(name):
     inputs, outputs = SIZES.get(name, (1, 4))
-    policy = shapes_of(INITIAL[name](inputs, outputs))
+    policy = shapes_of(initial(name, inputs, units=outputs))
     assert (policy.observation_size, policy.outputs) == (inputs, outputs)
 
 
 @pytest.mark.parametrize("name", ["hyperplanes", "softmax"])
 def test_zero_weights_are_the_policy_of_most_entropy(name):
-    policy = started(INITIAL[name](2, 3))
+    policy = started(initial(name, 2, units=3))
     log_count = np.log(len(Compiled(policy).enumerate()))
     assert Compiled(policy).entropy(np.array([0.3, -7.0])) == pytest.approx(log_count, rel=1e-6)  # float32
 
 
 @pytest.mark.parametrize("name", ["gaussians", "motoneurons"])
 def test_random_initial_policies_are_functions_of_the_key(name):
-    make = INITIAL[name](1, 5)
+    make = initial(name, 1, units=5)
     assert eqx.tree_equal(make(jax.random.key(1)), make(jax.random.key(1)))
     assert not eqx.tree_equal(make(jax.random.key(1)), make(jax.random.key(2)))
 
@@ -303,7 +324,7 @@ def test_a_task_whose_size_cannot_be_told_says_why():
             return self.body.sensors
 
     with pytest.raises(ValueError, match=r"task = .*: must be a task.*; 'Broken' object has no attribute 'body'"):
-        INITIAL["hyperplanes"](Broken())
+        initial("hyperplanes", Broken())
 
 
 def test_tiles_take_the_range_of_the_task_and_share_places():
@@ -373,7 +394,11 @@ def test_a_new_kind_of_policy_in_the_registry_is_tested_without_another_list(mon
 
     assert INITIAL.keys() >= KNOWN
     assert not unlisted(KNOWN)
-    start = lambda task, units=None: Steep(np.zeros((units, task)), np.zeros(units))  # noqa: E731
-    monkeypatch.setitem(INITIAL, "steep", start)
+
+    class InitialSteep(InitialPolicy):
+        def start(self, task):
+            return Steep(np.zeros((self.units, task)), np.zeros(self.units))
+
+    monkeypatch.setitem(INITIAL, "steep", InitialSteep)
     assert without_task() - KNOWN == {"steep"}
     assert isinstance(unlisted(without_task() - KNOWN)["steep"](np.random.default_rng(0)), Steep)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._tree import numbers_of
+from motorgrad._tree import kind_of, numbers_of
 from motorgrad.cli import main
 from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
 from motorgrad.tasks import from_gymnasium
@@ -67,7 +67,7 @@ def test_divergence_and_entropy_go_with_the_number_of_units():
 )
 def test_the_policy_goes_with_the_actions_or_is_the_tasks_own(env_id, policy):
     task = from_gymnasium(env_id) if "-v" in env_id else mg.make(env_id)
-    assert mg.presets.natural(task).policy.kind == policy
+    assert kind_of(mg.presets.natural(task).policy) == policy
 
 
 @pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1"])
@@ -199,8 +199,8 @@ def test_every_preset_fits_its_kinds_of_action_and_is_saved(preset, make, policy
             mg.agent_for(task, preset=preset, steps=20_000)
         return
     agent = mg.agent_for(task, preset=preset, steps=20_000)
-    assert agent.policy.kind == policy
-    assert ("network" in agent.policy.settings) == (preset != "natural")
+    assert kind_of(agent.policy) == policy
+    assert (agent.policy.network is not None) == (preset != "natural")
     assert agent_from_table(task, json.loads(json.dumps(agent_table(agent)))) == agent
     assert agent_table(agent) == agent_table(getattr(mg.presets, preset.replace("-", "_"))(task, 20_000))
     checked = check_training(task, agent, 20_000)
@@ -221,11 +221,11 @@ def test_hidden_layers_stand_before_the_tasks_own_policy_or_another_that_takes_t
     stride = mg.make("hexapod-stride")
     own = stride.learner_for(1_000)["policy"]
     policy = mg.presets.ppo(stride).policy
-    assert (policy.kind, policy.settings["deviation"]) == (own["kind"], own["deviation"])
-    with pytest.raises(ValueError, match=r"policy 'tiles': 'network'|setting of policy 'tiles'"):
+    assert (kind_of(policy), policy.deviation) == (own["kind"], own["deviation"])
+    with pytest.raises(ValueError, match=r"unknown setting of agent.policy 'network'"):
         mg.presets.ppo("particle")
     chosen = mg.presets.ppo("particle", policy={"kind": "hyperplanes", "network": {"hidden": [32]}}).policy
-    assert (chosen.kind, chosen.settings["network"].hidden) == ("hyperplanes", (32,))
+    assert (kind_of(chosen), chosen.network.hidden) == ("hyperplanes", (32,))
 
 
 @pytest.mark.parametrize(("steps", "batch"), [(1_000, 256), (20_000, 384), (1_000_000, 2048)])

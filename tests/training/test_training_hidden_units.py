@@ -132,7 +132,7 @@ def test_a_critic_and_the_natural_gradient_work_with_what_units_see(kind):
 @pytest.mark.parametrize("engine", ["world", "host", "body"])
 def test_a_table_keeps_hidden_units(engine, kind, signal):
     task, agent = agent_of(engine, kind, signal)
-    assert agent_from_table(task, agent_table(agent)).policy.settings == agent.policy.settings
+    assert agent_from_table(task, agent_table(agent)).policy == agent.policy
 
 
 @pytest.mark.ci
@@ -142,7 +142,7 @@ def test_a_stored_run_has_the_learner_and_its_policies(kind, tmp_path):
     run = mg.train(task, agent, 300, 2, tmp_path / "run", progress=False)
     loaded = mg.load(tmp_path / "run")
     same(run.policies, loaded.policies)
-    assert agent_from_table(task, loaded.config["agent"]).policy.settings == agent.policy.settings
+    assert agent_from_table(task, loaded.config["agent"]).policy == agent.policy
     found = evaluate(loaded, steps=50)
     assert found.reward.shape[-1] >= 1
 

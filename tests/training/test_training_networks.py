@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad._settings import table
 from motorgrad.cli import main
 from motorgrad.policies import MultilayerPerceptron, Network
 
@@ -25,12 +26,12 @@ def leaves(run):
 def test_tables_name_the_hidden_layers_of_policy_and_critic():
     task = mg.make("hopper")
     agent = mg.agent_for(task, LEARNER)
-    assert agent.policy.settings == {"network": MultilayerPerceptron((6, 5))}
+    assert agent.policy.network == MultilayerPerceptron((6, 5))
     assert agent.estimator.baseline.network == MultilayerPerceptron((6, 5))
-    changed = agent.policy.with_setting({"network": {"activation": "tanh"}})
-    assert changed.settings["network"] == MultilayerPerceptron((6, 5), "tanh")
-    assert mg.agent_for(task, policy=changed.as_setting()).policy == changed
-    assert changed.with_setting({"network": "none"}).settings == {}
+    changed = mg.agent_for(task, {**LEARNER, "policy.network.activation": "tanh"}).policy
+    assert changed.network == MultilayerPerceptron((6, 5), "tanh")
+    assert mg.agent_for(task, policy=table(changed)).policy == changed
+    assert mg.agent_for(task, policy={**table(changed), "network": "none"}).policy.network is None
     for bad, told in {
         "hiden": "did you mean 'hidden'",
         "hidden": "must be one or more whole",

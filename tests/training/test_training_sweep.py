@@ -12,6 +12,7 @@ from training_examples import assert_differ, assert_same, assert_same_run, colum
 import motorgrad as mg
 from motorgrad._tree import with_number
 from motorgrad.cli import main
+from motorgrad.policies import INITIAL
 from motorgrad.training import RunDirectoryError, agent_for, clear_programs, evaluate, load, stepper_for
 from motorgrad.training.engines import _programs
 
@@ -410,12 +411,12 @@ def test_a_number_that_cannot_be_is_refused_and_nothing_changes():
 
 def test_changing_one_of_a_tasks_settings_keeps_the_others():
     own, changed = (agent_for("particle", changes) for changes in ({}, {"policy.p_max": 0.5}))
-    assert own.policy.settings == {"copies": 2}
-    assert changed.policy.settings == {"copies": 2, "p_max": 0.5}
+    assert own.policy == INITIAL["tiles"](copies=2).bound(own.policy.task)
+    assert (changed.policy.copies, changed.policy.p_max) == (2, 0.5)
     assert changed.optimizer == own.optimizer
     whole = agent_for("particle", policy={"p_max": 0.5})
     assert whole == changed
-    assert agent_for("particle", policy="gaussians").policy.settings == {}
+    assert repr(agent_for("particle", policy="gaussians").policy) == "InitialGaussians()"
 
 
 @pytest.mark.ci

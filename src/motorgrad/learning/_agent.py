@@ -28,7 +28,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
-from motorgrad.policies import Policy, split, trainable, with_frozen_functions, with_interface
+from motorgrad.policies import InitialPolicy, Policy, split, trainable, with_frozen_functions, with_interface
 
 
 class Decision(NamedTuple):
@@ -116,7 +116,7 @@ class Agent(Part):
     }
     """Short names of the settings that everyone types, for options, TOML and `agent_for`."""
 
-    policy: Any = eqx.field(converter=_ready)
+    policy: InitialPolicy | Any = eqx.field(converter=_ready)
     estimator: Estimator = Estimator()
     optimizer: Optimizer = eqx.field(default=SGD(1e-3), converter=as_transformation)
     metric: Metric | None = None

@@ -1,7 +1,6 @@
 """The help of a command: its words, its options, and those of a task and a learner, from what their fields declare."""
 
 import dataclasses
-import inspect
 import shutil
 import textwrap
 import types
@@ -17,8 +16,6 @@ from motorgrad._settings import default_of
 from motorgrad._tree import PART_CLASSES, Part, fields_of, hints_of, kind_of, parts_in
 from motorgrad._words import options_in
 from motorgrad.options._line import Positional, flag_of, positional_of
-from motorgrad.policies import INITIAL
-from motorgrad.training import NamedPolicy, policy_settings
 
 COLUMN = 26  # characters, where the texts begin
 USUAL_WIDTH = 100  # where there is no terminal
@@ -138,10 +135,7 @@ def _of_part(part: Part, path: str, optional: bool = False) -> Iterator[Option]:
             continue
         value = getattr(part, name)
         place = f"{path}.{name}"
-        if isinstance(value, NamedPolicy):
-            yield from _of_policy(value, place)
-        else:
-            yield from _of_setting(hint, value, place, texts.get(name, ""))
+        yield from _of_setting(hint, value, place, texts.get(name, ""))
 
 
 def _of_setting(hint: Any, value: Any, place: str, text: str) -> Iterator[Option]:
@@ -154,17 +148,6 @@ def _of_setting(hint: Any, value: Any, place: str, text: str) -> Iterator[Option
         return
     plain = [option for option in options_in(hint) if not parts_in(option)]  # a number may be annealed
     yield Option(place, typing.Union[tuple(plain)], np.asarray(value).tolist() if np.ndim(value) else value, text)  # noqa: UP007
-
-
-def _of_policy(policy: NamedPolicy, place: str) -> Iterator[Option]:
-    """The options of an initial policy."""
-    text = "The initial policy. Another kind starts from its own defaults."
-    yield Option(f"{place}.kind", Literal[tuple(INITIAL)], policy.kind, text)
-    known = inspect.signature(INITIAL[policy.kind]).parameters
-    texts = descriptions(INITIAL[policy.kind])
-    for name, hint in policy_settings(policy.kind).items():
-        value = policy.settings.get(name, known[name].default)
-        yield from _of_setting(hint, value, f"{place}.{name}", texts.get(name, ""))
 
 
 def _names(hint: Any) -> list[str]:

@@ -38,10 +38,10 @@ from motorgrad.policies._parameters import fixed, split, trainable
 from motorgrad.policies._policy import Policy, Regions, with_interface
 from motorgrad.policies._querying import Querying, querying_motoneurons
 from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
-from motorgrad.policies._registry import INITIAL, Initial, initial
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
 from motorgrad.policies._softmax import Softmax, softmax
 from motorgrad.policies._standardisation import Standardisation, adapted
+from motorgrad.policies._starting import INITIAL, Initial, InitialPolicy, initial
 from motorgrad.policies._structure import describe, rebuild
 
 __all__ = [
@@ -68,6 +68,7 @@ __all__ = [
     "GradedUnits",
     "Hyperplanes",
     "Initial",
+    "InitialPolicy",
     "Interface",
     "Layered",
     "LocalGaussians",

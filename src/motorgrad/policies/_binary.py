@@ -1,8 +1,8 @@
 """Pools of independent binary units: the contract, sigmoid units, hyperplanes and motoneurons."""
 
 import abc
-from collections.abc import Callable, Sequence
-from typing import Any, Self
+from collections.abc import Sequence
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -12,12 +12,14 @@ from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import in_structure, outer, outer_sum, per_unit, with_fields
 from motorgrad.policies._policy import Policy, has_rows, unit_rows
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class BinaryUnits(Policy):
@@ -216,21 +218,26 @@ class Motoneurons(SigmoidUnits):
         return with_fields(self, gain=self.gain / factor)
 
 
-def hyperplanes(
-    task: SizedTask | int, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
-) -> Any:
+class InitialHyperplanes(InitialPolicy):
     """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `features`: what the units see beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
       function from a key to a `Network`.
     """
-    inputs, outputs = sizes(task, units)
-    return featured(features, inputs, lambda count: zero_hyperplanes(count, outputs), network)
+
+    features: FeatureMap = static(INPUTS)
+    network: Architecture | None = static(None)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        return featured(self.features, inputs, lambda count: zero_hyperplanes(count, outputs), self.network)
+
+
+hyperplanes = function_of(InitialHyperplanes)
 
 
 def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
@@ -238,24 +245,31 @@ def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
     return Hyperplanes(np.zeros((outputs, inputs)), np.zeros(outputs))
 
 
-def motoneurons(
-    task: SizedTask | int, units: int | None = None, low: float = 0.0, high: float = 1.0
-) -> Callable[[jax.Array], Motoneurons]:
+class InitialMotoneurons(InitialPolicy):
     """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis).
 
     **Arguments:**
 
-    - `task`: a task, or 1, the number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `low`: the lower end of the range of the thresholds.
     - `high`: its upper end.
     """
-    outputs = single_input_units("motoneurons", task, units, low, high)
 
-    def initial(key: jax.Array) -> Motoneurons:
-        return Motoneurons(jax.random.uniform(key, (outputs,), minval=low, maxval=high), jnp.zeros(outputs))
+    low: float = static(0.0)
+    high: float = static(1.0)
 
-    return initial
+    def start(self, task: SizedTask | int) -> Initial:
+        outputs = single_input_units("motoneurons", task, self.units, self.low, self.high)
+
+        def initial(key: jax.Array) -> Motoneurons:
+            return Motoneurons(
+                jax.random.uniform(key, (outputs,), minval=self.low, maxval=self.high), jnp.zeros(outputs)
+            )
+
+        return initial
+
+
+motoneurons = function_of(InitialMotoneurons)
 
 
 def single_input_units(name: str, task: SizedTask | int, units: int | None, low: float, high: float) -> int:

@@ -1,7 +1,7 @@
 """Graded units that act between two bounds."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
+from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import autoregressive
@@ -18,6 +19,7 @@ from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
 from motorgrad.policies._parameters import fixed
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 Shape = Literal["squashed", "clipped", "truncated", "beta"]
 
@@ -148,18 +150,7 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
             check(bounded, "low, high", (low.tolist(), high.tolist()), "finite, low < high")
 
 
-def bounded_hyperplanes(
-    task: SizedTask | int,
-    units: int | None = None,
-    density: Shape = "squashed",
-    level: float = 0.0,
-    deviation: float = 0.5,
-    floor: float = 0.02,
-    features: FeatureMap = INPUTS,
-    network: Architecture | None = None,
-    autocorrelation: float = 0.0,
-    filtered: bool = True,
-) -> Any:
+class InitialBoundedHyperplanes(InitialPolicy):
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
 
@@ -167,7 +158,6 @@ def bounded_hyperplanes(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `density`: density of an activation: squashed, clipped or truncated normal, or beta.
     - `level`: the most probable activation at the start, as a fraction of half the range from its middle.
@@ -180,14 +170,36 @@ def bounded_hyperplanes(
       `Autoregressive`, and the density squashed or clipped.
     - `filtered`: whether the mean action is filtered like such noise, which keeps the score exact.
     """
-    inputs, outputs = sizes(task, units)
-    ranges = bounds_of(task, outputs)
-    normal = isinstance(DENSITIES.get(density, Clipped()), Clipped)
-    check(normal or not autocorrelation, "density", density, "'squashed' or 'clipped' with an autocorrelation")
-    made = featured(
-        features, inputs, lambda count: start_bounded(count, ranges, density, level, deviation, floor), network
-    )
-    return autoregressive(made, autocorrelation, filtered)
+
+    density: Shape = static("squashed")
+    level: float = static(0.0)
+    deviation: float = static(0.5)
+    floor: float = static(0.02)
+    features: FeatureMap = static(INPUTS)
+    network: Architecture | None = static(None)
+    autocorrelation: float = static(0.0)
+    filtered: bool = static(True)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        ranges = bounds_of(task, outputs)
+        normal = isinstance(DENSITIES.get(self.density, Clipped()), Clipped)
+        check(
+            normal or not self.autocorrelation,
+            "density",
+            self.density,
+            "'squashed' or 'clipped' with an autocorrelation",
+        )
+        made = featured(
+            self.features,
+            inputs,
+            lambda count: start_bounded(count, ranges, self.density, self.level, self.deviation, self.floor),
+            self.network,
+        )
+        return autoregressive(made, self.autocorrelation, self.filtered)
+
+
+bounded_hyperplanes = function_of(InitialBoundedHyperplanes)
 
 
 def bounds_of(task: SizedTask | int, outputs: int) -> Sequence[tuple[float, float]]:

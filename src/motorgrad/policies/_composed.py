@@ -12,12 +12,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
 from motorgrad.policies._features import lattice
 from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
 from motorgrad.policies._parameters import in_structure
 from motorgrad.policies._policy import Composed, Policy, Regions, check_plain
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class Pools(Composed):
@@ -280,22 +282,13 @@ def _joined_regions(pools: Sequence[BinaryUnits]) -> Regions | None:
     return Regions(*(np.concatenate(arrays) for arrays in zip(*regions, strict=True)))
 
 
-def mixture(
-    task: SizedTask | int,
-    units: int | None = None,
-    hyperplanes: int = 2,
-    copies: int = 1,
-    width: float = 0.16,
-    p_max: float = 1.0,
-    bias: float = 0.0,
-) -> Factored:
+class InitialMixture(InitialPolicy):
     """Local units laid out by `tiles`, plus global units (section 6.5.2 of the thesis).
 
     The last `hyperplanes` units of the action are global, with zero weights and one common `bias`.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `hyperplanes`: how many of them are global.
     - `copies`: consecutive local units that share a centre.
@@ -303,22 +296,26 @@ def mixture(
     - `p_max`: the probability of firing at a unit's centre, in (0, 1].
     - `bias`: the common bias of the global units.
     """
-    inputs, outputs = sizes(task, units)
-    valid = isinstance(hyperplanes, int) and 1 <= hyperplanes < outputs
-    check(valid, "hyperplanes", hyperplanes, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
-    check(-math.inf < bias < math.inf, "bias", bias, "a finite number")
-    everywhere = Hyperplanes(jnp.zeros((hyperplanes, inputs)), jnp.full(hyperplanes, bias))
-    return Factored([tiles(task, outputs - hyperplanes, copies, width, p_max), everywhere])
+
+    hyperplanes: int = static(2)
+    copies: int = static(1)
+    width: float = static(0.16)
+    p_max: float = static(1.0)
+    bias: float = static(0.0)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        valid = isinstance(self.hyperplanes, int) and 1 <= self.hyperplanes < outputs
+        check(valid, "hyperplanes", self.hyperplanes, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
+        check(-math.inf < self.bias < math.inf, "bias", self.bias, "a finite number")
+        everywhere = Hyperplanes(jnp.zeros((self.hyperplanes, inputs)), jnp.full(self.hyperplanes, self.bias))
+        return Factored([tiles(task, outputs - self.hyperplanes, self.copies, self.width, self.p_max), everywhere])
 
 
-def gated(
-    task: SizedTask | int,
-    units: int | None = None,
-    gates: int = 1,
-    levels: int = 1,
-    width: float = 0.3,
-    p_max: float = 1.0,
-) -> Gated:
+mixture = function_of(InitialMixture)
+
+
+class InitialGated(InitialPolicy):
     """Local Gaussian gates over the range of the inputs, with hyperplanes behind each (section 6.5.4 of the thesis).
 
     The hyperplanes start with zero weights. The gates are laid out like the places of `tiles`. With more than one of
@@ -328,31 +325,40 @@ def gated(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, the gates included, by default one for each action of the task.
     - `gates`: the number of gates on each level.
     - `levels`: the number of levels of gates, one behind the other.
     - `width`: a standard deviation, as a fraction of the range.
     - `p_max`: the probability of firing at a unit's centre, in (0, 1].
     """
-    inputs, outputs = sizes(task, units)
-    for name, value in (("gates", gates), ("levels", levels)):
-        check(isinstance(value, int) and value >= 1, name, value, "an integer of at least 1")
-    check(0 < width < math.inf, "width", width, "positive")
-    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
-    ranges = input_ranges(task, inputs)
-    places = lattice(gates, inputs)
 
-    def pool(low: np.ndarray, extent: np.ndarray, count: int, level: int) -> Gated:
-        wanted = f"more than the {gates} gates of each pool: at least one unit behind every gate"
-        check(count >= 2 * gates, "outputs", outputs, wanted)
-        centre = low + extent * places
-        widths = width * extent
-        shares = [len(part) for part in np.array_split(np.arange(count - gates), gates)]
-        gate = LocalGaussians(centre, np.log(np.broadcast_to(widths, centre.shape)), p_max=jnp.asarray(p_max))
-        below = zip(centre, shares, strict=True)
-        if level == 1:
-            return Gated(gate, [zero_hyperplanes(inputs, share) for _, share in below])
-        return Gated(gate, [pool(middle - widths, 2 * widths, share, level - 1) for middle, share in below])
+    gates: int = static(1)
+    levels: int = static(1)
+    width: float = static(0.3)
+    p_max: float = static(1.0)
 
-    return pool(ranges[:, 0], ranges[:, 1] - ranges[:, 0], outputs, levels)
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        for name, value in (("gates", self.gates), ("levels", self.levels)):
+            check(isinstance(value, int) and value >= 1, name, value, "an integer of at least 1")
+        check(0 < self.width < math.inf, "width", self.width, "positive")
+        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
+        ranges = input_ranges(task, inputs)
+        places = lattice(self.gates, inputs)
+
+        def pool(low: np.ndarray, extent: np.ndarray, count: int, level: int) -> Gated:
+            wanted = f"more than the {self.gates} gates of each pool: at least one unit behind every gate"
+            check(count >= 2 * self.gates, "outputs", outputs, wanted)
+            centre = low + extent * places
+            widths = self.width * extent
+            shares = [len(part) for part in np.array_split(np.arange(count - self.gates), self.gates)]
+            gate = LocalGaussians(centre, np.log(np.broadcast_to(widths, centre.shape)), p_max=jnp.asarray(self.p_max))
+            below = zip(centre, shares, strict=True)
+            if level == 1:
+                return Gated(gate, [zero_hyperplanes(inputs, share) for _, share in below])
+            return Gated(gate, [pool(middle - widths, 2 * widths, share, level - 1) for middle, share in below])
+
+        return pool(ranges[:, 0], ranges[:, 1] - ranges[:, 0], outputs, self.levels)
+
+
+gated = function_of(InitialGated)

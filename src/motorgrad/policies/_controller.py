@@ -1,18 +1,18 @@
 """Finite-state controllers: a memory of a few internal states, whose transitions are drawn and learned."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_finite, check_integer
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._layered import Draws, Sequential
+from motorgrad.policies._output_units import output_units
 from motorgrad.policies._policy import Policy, check_plain
-from motorgrad.policies._registry import output_units
 from motorgrad.policies._softmax import Softmax
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class FiniteStateController(Sequential):
@@ -109,14 +109,7 @@ class FiniteStateController(Sequential):
         return jax.nn.one_hot(state, self.states, dtype=dtype)
 
 
-def finite_state_controller(
-    task: SizedTask | int,
-    units: int | None = None,
-    states: int = 4,
-    links: int = 1,
-    strength: float = 3.0,
-    output: str = "",
-) -> Callable[[jax.Array], FiniteStateController]:
+class InitialFiniteStateController(InitialPolicy):
     r"""A controller with internal states, of which each at first leads to few others.
 
     From every internal state, `links` next states are drawn for every observed number. Their weights start at
@@ -126,24 +119,33 @@ def finite_state_controller(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of output units, by default one for each action of the task.
     - `states`: the number of internal states.
     - `links`: how many next states are favoured at first, from every state and on every input.
     - `strength`: how strongly they are favoured, as a difference of weights.
     - `output`: the output units, a name of an initial policy; by default as of `layered`.
     """
-    inputs, _ = sizes(task, units)
-    check_integer("states", states, 1, 10_000)
-    check_integer("links", links, 0, states)
-    check_finite("strength", strength)
-    make, _ = output_units(task, units, output)
 
-    def made(key: jax.Array) -> FiniteStateController:
-        chance = jax.random.uniform(key, (states, states * inputs))
-        rank = jnp.argsort(jnp.argsort(chance, axis=0), axis=0)
-        transition = Softmax(jnp.where(rank < links, strength, 0.0))
-        return FiniteStateController(transition, make(states * inputs, jax.random.fold_in(key, 1)))
+    states: int = static(4)
+    links: int = static(1)
+    strength: float = static(3.0)
+    output: str = static("")
 
-    made(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
-    return made
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, _ = sizes(task, self.units)
+        check_integer("states", self.states, 1, 10_000)
+        check_integer("links", self.links, 0, self.states)
+        check_finite("strength", self.strength)
+        make, _ = output_units(task, self.units, self.output)
+
+        def made(key: jax.Array) -> FiniteStateController:
+            chance = jax.random.uniform(key, (self.states, self.states * inputs))
+            rank = jnp.argsort(jnp.argsort(chance, axis=0), axis=0)
+            transition = Softmax(jnp.where(rank < self.links, self.strength, 0.0))
+            return FiniteStateController(transition, make(self.states * inputs, jax.random.fold_in(key, 1)))
+
+        made(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
+        return made
+
+
+finite_state_controller = function_of(InitialFiniteStateController)

@@ -2,8 +2,7 @@
 
 import abc
 import math
-from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -14,6 +13,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._random import MIN_UNIFORM
+from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import autoregressive
@@ -22,6 +22,7 @@ from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import fixed, in_structure, outer, outer_sum, per_unit, trainable, with_fields
 from motorgrad.policies._policy import Policy, has_rows, unit_rows
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class GradedUnits(Policy):
@@ -253,55 +254,46 @@ class GradedHyperplanes(GradedUnits):
         return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}
 
 
-def graded_motoneurons(
-    task: SizedTask | int,
-    units: int | None = None,
-    low: float = 0.0,
-    high: float = 1.0,
-    deviation: float = 0.3,
-    floor: float = 0.02,
-) -> Callable[[jax.Array], GradedMotoneurons]:
+class InitialGradedMotoneurons(InitialPolicy):
     """Graded motoneurons of gain 0 (mean activation one half) with thresholds drawn from U[`low`, `high`].
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
 
     **Arguments:**
 
-    - `task`: a task, or 1, the number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `low`: the lower end of the range of the thresholds.
     - `high`: its upper end.
     - `deviation`: the standard deviation of the noise at the start.
     - `floor`: the least standard deviation that learning may reach.
     """
-    outputs = single_input_units("graded-motoneurons", task, units, low, high)
-    noise = log_deviations(outputs, deviation, floor)
 
-    def initial(key: jax.Array) -> GradedMotoneurons:
-        threshold = jax.random.uniform(key, (outputs,), minval=low, maxval=high)
-        return GradedMotoneurons(threshold, jnp.zeros(outputs), noise, jnp.asarray(floor, noise.dtype))
+    low: float = static(0.0)
+    high: float = static(1.0)
+    deviation: float = static(0.3)
+    floor: float = static(0.02)
 
-    return initial
+    def start(self, task: SizedTask | int) -> Initial:
+        outputs = single_input_units("graded-motoneurons", task, self.units, self.low, self.high)
+        noise = log_deviations(outputs, self.deviation, self.floor)
+
+        def initial(key: jax.Array) -> GradedMotoneurons:
+            threshold = jax.random.uniform(key, (outputs,), minval=self.low, maxval=self.high)
+            return GradedMotoneurons(threshold, jnp.zeros(outputs), noise, jnp.asarray(self.floor, noise.dtype))
+
+        return initial
 
 
-def graded_hyperplanes(
-    task: SizedTask | int,
-    units: int | None = None,
-    level: float = 0.0,
-    deviation: float = 0.3,
-    floor: float = 0.02,
-    features: FeatureMap = INPUTS,
-    network: Architecture | None = None,
-    autocorrelation: float = 0.0,
-    filtered: bool = True,
-) -> Any:
+graded_motoneurons = function_of(InitialGradedMotoneurons)
+
+
+class InitialGradedHyperplanes(InitialPolicy):
     """Graded hyperplanes with zero weights: their mean is `level` for every observation.
 
     Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `level`: the mean activation at the start, for every observation.
     - `deviation`: the standard deviation of the noise at the start.
@@ -313,9 +305,27 @@ def graded_hyperplanes(
       `Autoregressive`.
     - `filtered`: whether the mean action is filtered like such noise, which keeps the score exact.
     """
-    inputs, outputs = sizes(task, units)
-    made = featured(features, inputs, lambda count: start_graded(count, outputs, level, deviation, floor), network)
-    return autoregressive(made, autocorrelation, filtered)
+
+    level: float = static(0.0)
+    deviation: float = static(0.3)
+    floor: float = static(0.02)
+    features: FeatureMap = static(INPUTS)
+    network: Architecture | None = static(None)
+    autocorrelation: float = static(0.0)
+    filtered: bool = static(True)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        made = featured(
+            self.features,
+            inputs,
+            lambda count: start_graded(count, outputs, self.level, self.deviation, self.floor),
+            self.network,
+        )
+        return autoregressive(made, self.autocorrelation, self.filtered)
+
+
+graded_hyperplanes = function_of(InitialGradedHyperplanes)
 
 
 def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check, choice
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
@@ -20,6 +21,7 @@ from motorgrad.policies._local import LocalUnits, Pair, local_gaussians
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_unit, with_fields
 from motorgrad.policies._policy import Composed, Policy, Regions, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 T = TypeVar("T")
 AnyPolicy = TypeVar("AnyPolicy", bound=Policy)
@@ -95,21 +97,13 @@ class Masked(Composed, BinaryUnits):
         return None if regions is None else regions._replace(active=regions.active & np.asarray(self.active))
 
 
-def growing(
-    task: SizedTask | int,
-    units: int | None = None,
-    shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = "gaussians",
-    p_max: float = 0.5,
-    hardness: float = 10.0,
-    pair: Pair = "exact",
-) -> Masked:
+class InitialGrowing(InitialPolicy):
     """A pool of local units that are all switched off, for a learner that grows (`motorgrad.learning.Growth`).
 
     The learner places the units and switches them on. `p_max` applies to Gaussians, `hardness` to the other kinds.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the size of the pool, by default one unit for each action of the task.
     - `shape`: the kind of local units.
     - `p_max`: the probability of firing at a unit's centre, in (0, 1]; of Gaussians only.
@@ -117,19 +111,31 @@ def growing(
     - `pair`: `"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`); of Gaussians
       only.
     """
-    inputs, outputs = sizes(task, units)
-    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
-    check(0 < hardness < math.inf, "hardness", hardness, "positive")
-    kinds: dict[str, Callable[[], LocalUnits]] = {
-        "gaussians": lambda: local_gaussians(pair)(centre, jnp.zeros_like(centre), p_max=jnp.asarray(p_max)),
-        "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), log_hardness),
-        "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), log_hardness),
-    }
-    choice("shape", shape, kinds)
-    check(pair == "exact" or shape == "gaussians", "pair", pair, f"exact for {shape}")
-    centre = jnp.zeros((outputs, inputs))
-    log_hardness = jnp.full(outputs, math.log(hardness))
-    return Masked(kinds[shape](), jnp.zeros(outputs, bool))
+
+    shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = static("gaussians")
+    p_max: float = static(0.5)
+    hardness: float = static(10.0)
+    pair: Pair = static("exact")
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
+        check(0 < self.hardness < math.inf, "hardness", self.hardness, "positive")
+        kinds: dict[str, Callable[[], LocalUnits]] = {
+            "gaussians": lambda: local_gaussians(self.pair)(
+                centre, jnp.zeros_like(centre), p_max=jnp.asarray(self.p_max)
+            ),
+            "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), log_hardness),
+            "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), log_hardness),
+        }
+        choice("shape", self.shape, kinds)
+        check(self.pair == "exact" or self.shape == "gaussians", "pair", self.pair, f"exact for {self.shape}")
+        centre = jnp.zeros((outputs, inputs))
+        log_hardness = jnp.full(outputs, math.log(self.hardness))
+        return Masked(kinds[self.shape](), jnp.zeros(outputs, bool))
+
+
+growing = function_of(InitialGrowing)
 
 
 def grow(pool: AnyPolicy, more: AnyPolicy) -> AnyPolicy:

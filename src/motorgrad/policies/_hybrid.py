@@ -9,12 +9,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
 from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
 from motorgrad.policies._local import tiles
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, outer, per_unit, trainable
 from motorgrad.policies._policy import Composed, Policy, has_rows
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 P = TypeVar("P", bound=Policy)
 
@@ -292,16 +294,7 @@ def _masked_rows(mask: Float[Array, " units"], score: P) -> P:
     return jax.tree.map(lambda x: jnp.where(per_unit(mask, x) > 0, x, 0), score)
 
 
-def graded_tiles(
-    task: SizedTask | int,
-    units: int | None = None,
-    copies: int = 1,
-    width: float = 0.16,
-    p_max: float = 1.0,
-    strength: float = 0.0,
-    deviation: float = 0.5,
-    floor: float = 0.05,
-) -> GradedPool:
+class InitialGradedTiles(InitialPolicy):
     """Local Gaussian units laid out by `tiles`, which act with a learned `strength` when they fire.
 
     A negative strength acts against the force of the unit. The strength is drawn with a standard deviation that starts
@@ -309,7 +302,6 @@ def graded_tiles(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `copies`: consecutive units that share a centre.
     - `width`: a standard deviation, as a fraction of the range.
@@ -318,15 +310,25 @@ def graded_tiles(
     - `deviation`: the standard deviation of the strength at the start.
     - `floor`: the least standard deviation that learning may reach.
     """
-    check(-math.inf < strength < math.inf, "strength", strength, "a finite number")
-    pool = tiles(task, units, copies, width, p_max)
-    noise = log_deviations(pool.outputs, deviation, floor)
-    return GradedPool(pool, jnp.full_like(noise, strength), noise, jnp.asarray(floor, noise.dtype))
+
+    copies: int = static(1)
+    width: float = static(0.16)
+    p_max: float = static(1.0)
+    strength: float = static(0.0)
+    deviation: float = static(0.5)
+    floor: float = static(0.05)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        check(-math.inf < self.strength < math.inf, "strength", self.strength, "a finite number")
+        pool = tiles(task, self.units, self.copies, self.width, self.p_max)
+        noise = log_deviations(pool.outputs, self.deviation, self.floor)
+        return GradedPool(pool, jnp.full_like(noise, self.strength), noise, jnp.asarray(self.floor, noise.dtype))
 
 
-def primitives(
-    task: SizedTask | int, units: int | None = None, count: int = 2, deviation: float = 0.3, floor: float = 0.02
-) -> Primitives:
+graded_tiles = function_of(InitialGradedTiles)
+
+
+class InitialPrimitives(InitialPolicy):
     """`count` motor primitives, each of which starts with probability one half whenever it can.
 
     The movement parameters have mean 0, and a standard deviation that starts at `deviation`; learning keeps it above
@@ -334,17 +336,31 @@ def primitives(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the length of an action, `count` plus equally many parameters for each primitive, by default the
       task's.
     - `count`: the number of primitives.
     - `deviation`: the standard deviation of the movement parameters at the start.
     - `floor`: the least standard deviation that learning may reach.
     """
-    inputs, outputs = sizes(task, units)
-    whole = isinstance(count, int) and not isinstance(count, bool) and count >= 1
-    check(whole and outputs % count == 0 and outputs > count, "count", count, f"a divisor of {outputs}, below it")
-    check(inputs > count, "inputs", inputs, f"more than the {count} flags of primitives that can start")
-    return Primitives(
-        zero_hyperplanes(inputs - count, count), start_graded(inputs - count, outputs - count, 0.0, deviation, floor)
-    )
+
+    count: int = static(2)
+    deviation: float = static(0.3)
+    floor: float = static(0.02)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        whole = isinstance(self.count, int) and not isinstance(self.count, bool) and self.count >= 1
+        check(
+            whole and outputs % self.count == 0 and outputs > self.count,
+            "count",
+            self.count,
+            f"a divisor of {outputs}, below it",
+        )
+        check(inputs > self.count, "inputs", inputs, f"more than the {self.count} flags of primitives that can start")
+        return Primitives(
+            zero_hyperplanes(inputs - self.count, self.count),
+            start_graded(inputs - self.count, outputs - self.count, 0.0, self.deviation, self.floor),
+        )
+
+
+primitives = function_of(InitialPrimitives)

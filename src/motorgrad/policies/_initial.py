@@ -1,45 +1,45 @@
 """The initial policies that the library has, by name."""
 
-from motorgrad.policies._binary import hyperplanes, motoneurons
-from motorgrad.policies._bounded import bounded_hyperplanes
-from motorgrad.policies._composed import gated, mixture
-from motorgrad.policies._controller import finite_state_controller
-from motorgrad.policies._graded import graded_hyperplanes, graded_motoneurons
-from motorgrad.policies._grow_and_prune import growing
-from motorgrad.policies._hybrid import graded_tiles, primitives
-from motorgrad.policies._layered import layered
-from motorgrad.policies._local import gaussians, tiles
-from motorgrad.policies._mirrored import mirrored
-from motorgrad.policies._mixed import mixed
-from motorgrad.policies._querying import querying_motoneurons
-from motorgrad.policies._recurrent import recurrent
-from motorgrad.policies._registry import INITIAL
-from motorgrad.policies._soft_shapes import soft_boxes, soft_spheres
-from motorgrad.policies._softmax import softmax
+from motorgrad.policies._binary import InitialHyperplanes, InitialMotoneurons
+from motorgrad.policies._bounded import InitialBoundedHyperplanes
+from motorgrad.policies._composed import InitialGated, InitialMixture
+from motorgrad.policies._controller import InitialFiniteStateController
+from motorgrad.policies._graded import InitialGradedHyperplanes, InitialGradedMotoneurons
+from motorgrad.policies._grow_and_prune import InitialGrowing
+from motorgrad.policies._hybrid import InitialGradedTiles, InitialPrimitives
+from motorgrad.policies._layered import InitialLayered
+from motorgrad.policies._local import InitialGaussians, InitialTiles
+from motorgrad.policies._mirrored import InitialMirrored
+from motorgrad.policies._mixed import InitialMixed
+from motorgrad.policies._querying import InitialQueryingMotoneurons
+from motorgrad.policies._recurrent import InitialRecurrent
+from motorgrad.policies._soft_shapes import InitialSoftBoxes, InitialSoftSpheres
+from motorgrad.policies._softmax import InitialSoftmax
+from motorgrad.policies._starting import INITIAL
 
 INITIAL.update(
     {
-        "bounded-hyperplanes": bounded_hyperplanes,
-        "finite-state-controller": finite_state_controller,
-        "gated": gated,
-        "gaussians": gaussians,
-        "graded-hyperplanes": graded_hyperplanes,
-        "graded-motoneurons": graded_motoneurons,
-        "graded-tiles": graded_tiles,
-        "growing": growing,
-        "hyperplanes": hyperplanes,
-        "layered": layered,
-        "mirrored": mirrored,
-        "mixed": mixed,
-        "mixture": mixture,
-        "motoneurons": motoneurons,
-        "primitives": primitives,
-        "querying-motoneurons": querying_motoneurons,
-        "recurrent": recurrent,
-        "soft-boxes": soft_boxes,
-        "soft-spheres": soft_spheres,
-        "softmax": softmax,
-        "tiles": tiles,
+        "bounded-hyperplanes": InitialBoundedHyperplanes,
+        "finite-state-controller": InitialFiniteStateController,
+        "gated": InitialGated,
+        "gaussians": InitialGaussians,
+        "graded-hyperplanes": InitialGradedHyperplanes,
+        "graded-motoneurons": InitialGradedMotoneurons,
+        "graded-tiles": InitialGradedTiles,
+        "growing": InitialGrowing,
+        "hyperplanes": InitialHyperplanes,
+        "layered": InitialLayered,
+        "mirrored": InitialMirrored,
+        "mixed": InitialMixed,
+        "mixture": InitialMixture,
+        "motoneurons": InitialMotoneurons,
+        "primitives": InitialPrimitives,
+        "querying-motoneurons": InitialQueryingMotoneurons,
+        "recurrent": InitialRecurrent,
+        "soft-boxes": InitialSoftBoxes,
+        "soft-spheres": InitialSoftSpheres,
+        "softmax": InitialSoftmax,
+        "tiles": InitialTiles,
     }
 )
 

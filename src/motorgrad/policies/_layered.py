@@ -13,13 +13,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import Hyperplanes, product
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._output_units import output_units
 from motorgrad.policies._parameters import trainable, with_parts
 from motorgrad.policies._policy import Composed, Policy, check_plain
-from motorgrad.policies._registry import output_units
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 MAX_EXACT_PATTERNS = 256  # of hidden units, over which a mean is an exact sum
 Draws = Sequence[Array]
@@ -258,15 +260,7 @@ class Layered(Sequential):
         return jnp.pad(shown, (0, self.pools[len(drawn)].inputs - shown.size), constant_values=1)
 
 
-def layered(
-    task: SizedTask | int,
-    units: int | None = None,
-    hidden: tuple[int, ...] = (8,),
-    output: str = "",
-    scale: float = 2.0,
-    skip: bool = False,
-    features: FeatureMap = INPUTS,
-) -> Callable[[jax.Array], Any]:
+class InitialLayered(InitialPolicy):
     r"""Hidden layers of hyperplanes under output units, each of which learns by its own score.
 
     Hidden weights are drawn from a normal distribution of standard deviation `scale` $/\sqrt{\text{inputs}}$; their
@@ -274,7 +268,6 @@ def layered(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of output units, by default one for each action of the task.
     - `hidden`: the number of hidden units in each layer, the one next to the inputs first.
     - `output`: the output units, a name of an initial policy; by default `"softmax"` for discrete actions,
@@ -283,24 +276,41 @@ def layered(
     - `skip`: whether further layers see the observation too.
     - `features`: what the first layer sees beside the inputs; by default nothing.
     """
-    inputs, _ = sizes(task, units)
-    make, constant = output_units(task, units, output)
-    check(len(hidden) > 0, "hidden", hidden, "at least one layer, such as (8,)")
-    for count in hidden:
-        check_integer("hidden", count, 1)
-    check(0 < scale < math.inf, "scale", scale, "positive")
 
-    def made(key: jax.Array) -> Any:
-        def pools(count: int) -> Layered:
-            found = []
-            shown = count
-            for layer, width in enumerate(hidden):
-                drawn = scale / math.sqrt(shown) * jax.random.normal(jax.random.fold_in(key, layer), (width, shown + 1))
-                found.append(Hyperplanes(drawn[:, :-1], drawn[:, -1]))
-                shown = width + skip * count
-            return Layered(found, make(shown + constant, key), skip)
+    hidden: tuple[int, ...] = static((8,))
+    output: str = static("")
+    scale: float = static(2.0)
+    skip: bool = static(False)
+    features: FeatureMap = static(INPUTS)
 
-        return featured(features, inputs, pools)
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, _ = sizes(task, self.units)
+        make, constant = output_units(task, self.units, self.output)
+        check(len(self.hidden) > 0, "hidden", self.hidden, "at least one layer, such as (8,)")
+        for count in self.hidden:
+            check_integer("hidden", count, 1)
+        check(0 < self.scale < math.inf, "scale", self.scale, "positive")
 
-    jax.eval_shape(lambda: made(jax.random.key(0)))  # refuses impossible settings at once, not only when a key arrives
-    return made
+        def made(key: jax.Array) -> Any:
+            def pools(count: int) -> Layered:
+                found = []
+                shown = count
+                for layer, width in enumerate(self.hidden):
+                    drawn = (
+                        self.scale
+                        / math.sqrt(shown)
+                        * jax.random.normal(jax.random.fold_in(key, layer), (width, shown + 1))
+                    )
+                    found.append(Hyperplanes(drawn[:, :-1], drawn[:, -1]))
+                    shown = width + self.skip * count
+                return Layered(found, make(shown + constant, key), self.skip)
+
+            return featured(self.features, inputs, pools)
+
+        jax.eval_shape(
+            lambda: made(jax.random.key(0))
+        )  # refuses impossible settings at once, not only when a key arrives
+        return made
+
+
+layered = function_of(InitialLayered)

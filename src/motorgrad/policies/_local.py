@@ -2,7 +2,6 @@
 
 import abc
 import math
-from collections.abc import Callable
 from typing import ClassVar, Literal, Self
 
 import equinox as eqx
@@ -13,11 +12,13 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
 from motorgrad.policies._parameters import fixed, in_structure
 from motorgrad.policies._policy import Regions
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
 Limits = tuple[float, float] | None
@@ -233,48 +234,39 @@ def _check_shapes(units: GaussianUnits) -> None:
     check(limits is None or limits[0] < limits[1], "log_width_limits", limits, "None, or two numbers, low < high")
 
 
-def gaussians(
-    task: SizedTask | int,
-    units: int | None = None,
-    width: float = 0.5,
-    p_max: float = 1.0,
-    low: float = -1.0,
-    high: float = 1.0,
-) -> Callable[[jax.Array], LocalGaussians]:
+class InitialGaussians(InitialPolicy):
     """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `width`: the standard deviation of every unit, in the units of the inputs.
     - `p_max`: the probability of firing at a unit's centre, in (0, 1].
     - `low`: the lower end of the range of the centres in every input.
     - `high`: its upper end.
     """
-    inputs, outputs = sizes(task, units)
-    check_random_layout({"width": width}, low, high)
-    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
 
-    def initial(key: jax.Array) -> LocalGaussians:
-        centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
-        return LocalGaussians(centre, jnp.full_like(centre, jnp.log(width)), p_max=jnp.asarray(p_max))
+    width: float = static(0.5)
+    p_max: float = static(1.0)
+    low: float = static(-1.0)
+    high: float = static(1.0)
 
-    return initial
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        check_random_layout({"width": self.width}, self.low, self.high)
+        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
+
+        def initial(key: jax.Array) -> LocalGaussians:
+            centre = jax.random.uniform(key, (outputs, inputs), minval=self.low, maxval=self.high)
+            return LocalGaussians(centre, jnp.full_like(centre, jnp.log(self.width)), p_max=jnp.asarray(self.p_max))
+
+        return initial
 
 
-def tiles(
-    task: SizedTask | int,
-    units: int | None = None,
-    copies: int = 1,
-    width: float = 0.16,
-    p_max: float = 1.0,
-    low: float | None = None,
-    high: float | None = None,
-    least_log_width: float = -4.0,
-    most_log_width: float = 2.0,
-    pair: Pair = "exact",
-) -> LocalGaussians:
+gaussians = function_of(InitialGaussians)
+
+
+class InitialTiles(InitialPolicy):
     """Local Gaussian units laid out evenly over the range of the inputs (section 6.3 of the thesis).
 
     The range is the task's `observation_range`, [0, 1] for a task without one, or [`low`, `high`] in every input. The
@@ -284,7 +276,6 @@ def tiles(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `copies`: consecutive units that share a centre.
     - `width`: a standard deviation, as a fraction of the range.
@@ -301,19 +292,38 @@ def tiles(
     tiles(2, units=18, copies=2).centre.shape  # (18, 2): nine places in the unit square
     ```
     """
-    inputs, outputs = sizes(task, units)
-    check(isinstance(copies, int) and 1 <= copies <= outputs, "copies", copies, f"from 1 to the {outputs} units")
-    check(0 < width < math.inf, "width", width, "positive")
-    check(0 < p_max <= 1, "p_max", p_max, "in (0, 1]")
-    limits = (least_log_width, most_log_width)
-    ranges = input_ranges(task, inputs, low, high)
-    check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
-    extent = ranges[:, 1] - ranges[:, 0]
-    places = ranges[:, 0] + extent * lattice(-(-outputs // copies), inputs)
-    log_width = np.clip(np.log(width * extent), *limits)
-    centre = jnp.asarray(np.repeat(places, copies, axis=0)[:outputs], jnp.result_type(float))
-    widths = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
-    return local_gaussians(pair)(centre, widths, p_max=jnp.asarray(p_max), log_width_limits=limits)
+
+    copies: int = static(1)
+    width: float = static(0.16)
+    p_max: float = static(1.0)
+    low: float | None = static(None)
+    high: float | None = static(None)
+    least_log_width: float = static(-4.0)
+    most_log_width: float = static(2.0)
+    pair: Pair = static("exact")
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        check(
+            isinstance(self.copies, int) and 1 <= self.copies <= outputs,
+            "copies",
+            self.copies,
+            f"from 1 to the {outputs} units",
+        )
+        check(0 < self.width < math.inf, "width", self.width, "positive")
+        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
+        limits = (self.least_log_width, self.most_log_width)
+        ranges = input_ranges(task, inputs, self.low, self.high)
+        check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
+        extent = ranges[:, 1] - ranges[:, 0]
+        places = ranges[:, 0] + extent * lattice(-(-outputs // self.copies), inputs)
+        log_width = np.clip(np.log(self.width * extent), *limits)
+        centre = jnp.asarray(np.repeat(places, self.copies, axis=0)[:outputs], jnp.result_type(float))
+        widths = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
+        return local_gaussians(self.pair)(centre, widths, p_max=jnp.asarray(self.p_max), log_width_limits=limits)
+
+
+tiles = function_of(InitialTiles)
 
 
 def input_ranges(task: SizedTask | int, inputs: int, low: float | None = None, high: float | None = None) -> np.ndarray:

@@ -1,6 +1,5 @@
 """Units that act for both sides of a symmetric body and share their parameters."""
 
-from collections.abc import Callable
 from typing import Any, Self
 
 import equinox as eqx
@@ -11,6 +10,7 @@ from jaxtyping import Array, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
@@ -19,6 +19,7 @@ from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Composed, Policy
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 def _python_numbers(values: ArrayLike) -> Any:
@@ -167,16 +168,13 @@ def _sum(one: PyTree, other: PyTree) -> PyTree:
     return jax.tree.map(jnp.add, one, other)
 
 
-def mirrored(
-    task: SizedTask | int, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
-) -> Mirrored | Callable[[jax.Array], Mirrored]:
+class InitialMirrored(InitialPolicy):
     """Hyperplanes with zero weights that act for both sides of a symmetric body (see `Mirrored`).
 
     There is one unit for every two actions that are mirror images of each other, as given by the `mirror` of the task.
 
     **Arguments:**
 
-    - `task`: a task with a mirror.
     - `units`: the number of units on both sides together, by default one for each action of the task.
     - `features`: what the units see beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
@@ -185,20 +183,30 @@ def mirrored(
     **Raises:** `ValueError` for a task without a mirror, for an action that is its own mirror image, and for a number
     of inputs in place of a task.
     """
-    inputs, outputs = sizes(task, units)
-    mirror = getattr(task, "mirror", None)
-    name = repr(getattr(task, "name", type(task).__name__))
-    if mirror is None:
-        given = f"there is none of {task} inputs" if isinstance(task, int) else f"task {name} has none"
-        raise ValueError(f"policy = 'mirrored': needs a task with a mirror of left and right, {given}")
-    check(outputs == len(mirror.outputs), "units", outputs, f"{len(mirror.outputs)}, as the task's mirror has them")
-    middle = [i for i, image in enumerate(mirror.outputs) if i == image]
-    if middle:
-        raise ValueError(f"policy = 'mirrored': actions {middle} of task {name} are their own mirror image, of no side")
-    left = [i for i, image in enumerate(mirror.outputs) if i < image]
-    pool: Any = featured(features, inputs, lambda count: zero_hyperplanes(count, len(left)), network)
 
-    def both(pool: Policy) -> Mirrored:
-        return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])
+    features: FeatureMap = static(INPUTS)
+    network: Architecture | None = static(None)
 
-    return both(pool) if isinstance(pool, Policy) else lambda key: both(pool(key))
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        mirror = getattr(task, "mirror", None)
+        name = repr(getattr(task, "name", type(task).__name__))
+        if mirror is None:
+            given = f"there is none of {task} inputs" if isinstance(task, int) else f"task {name} has none"
+            raise ValueError(f"policy = 'mirrored': needs a task with a mirror of left and right, {given}")
+        check(outputs == len(mirror.outputs), "units", outputs, f"{len(mirror.outputs)}, as the task's mirror has them")
+        middle = [i for i, image in enumerate(mirror.outputs) if i == image]
+        if middle:
+            raise ValueError(
+                f"policy = 'mirrored': actions {middle} of task {name} are their own mirror image, of no side"
+            )
+        left = [i for i, image in enumerate(mirror.outputs) if i < image]
+        pool: Any = featured(self.features, inputs, lambda count: zero_hyperplanes(count, len(left)), self.network)
+
+        def both(pool: Policy) -> Mirrored:
+            return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])
+
+        return both(pool) if isinstance(pool, Policy) else lambda key: both(pool(key))
+
+
+mirrored = function_of(InitialMirrored)

@@ -1,12 +1,12 @@
 """Binary and graded units side by side in one policy."""
 
 import itertools
-from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import zero_hyperplanes
@@ -15,6 +15,7 @@ from motorgrad.policies._composed import Pools
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Policy
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class Mixed(Pools):
@@ -54,22 +55,11 @@ class Mixed(Pools):
         raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
 
 
-def mixed(
-    task: SizedTask | int,
-    units: int | None = None,
-    binary: int = 1,
-    density: Shape = "squashed",
-    level: float = 0.0,
-    deviation: float = 0.5,
-    floor: float = 0.02,
-    features: FeatureMap = INPUTS,
-    network: Architecture | None = None,
-) -> Any:
+class InitialMixed(InitialPolicy):
     """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero weights.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `binary`: how many of the first units are binary, where the task does not tell the kind of each action.
     - `density`: density of a graded activation: squashed, clipped or truncated normal, or beta.
@@ -80,26 +70,44 @@ def mixed(
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
       function from a key to a `Network`.
     """
-    inputs, outputs = sizes(task, units)
-    kinds = getattr(task, "actions", None)
-    if not isinstance(kinds, tuple):
-        check(0 < binary < outputs, "binary", binary, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
-        kinds = ("binary",) * binary + ("graded",) * (outputs - binary)
-    check(len(kinds) == outputs, "units", outputs, f"{len(kinds)}, one for each action of the task")
-    ranges = bounds_of(task, outputs)
 
-    def pools(inputs: int) -> Mixed:
-        start = 0
-        found = []
-        for kind, run in itertools.groupby(kinds):
-            own = ranges[start : start + len(list(run))]
-            graded = kind == "graded"
-            found.append(
-                start_bounded(inputs, own, density, level, deviation, floor)
-                if graded
-                else zero_hyperplanes(inputs, len(own))
+    binary: int = static(1)
+    density: Shape = static("squashed")
+    level: float = static(0.0)
+    deviation: float = static(0.5)
+    floor: float = static(0.02)
+    features: FeatureMap = static(INPUTS)
+    network: Architecture | None = static(None)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        kinds = getattr(task, "actions", None)
+        if not isinstance(kinds, tuple):
+            check(
+                0 < self.binary < outputs,
+                "binary",
+                self.binary,
+                f"from 1 to {outputs - 1}, fewer than the {outputs} units",
             )
-            start += len(own)
-        return Mixed(found)
+            kinds = ("binary",) * self.binary + ("graded",) * (outputs - self.binary)
+        check(len(kinds) == outputs, "units", outputs, f"{len(kinds)}, one for each action of the task")
+        ranges = bounds_of(task, outputs)
 
-    return featured(features, inputs, pools, network)
+        def pools(inputs: int) -> Mixed:
+            start = 0
+            found = []
+            for kind, run in itertools.groupby(kinds):
+                own = ranges[start : start + len(list(run))]
+                graded = kind == "graded"
+                found.append(
+                    start_bounded(inputs, own, self.density, self.level, self.deviation, self.floor)
+                    if graded
+                    else zero_hyperplanes(inputs, len(own))
+                )
+                start += len(own)
+            return Mixed(found)
+
+        return featured(self.features, inputs, pools, self.network)
+
+
+mixed = function_of(InitialMixed)

@@ -1,6 +1,5 @@
 """Active learning: policies that also request the next input."""
 
-from collections.abc import Callable
 from typing import Self
 
 import equinox as eqx
@@ -11,10 +10,12 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask
 from motorgrad.policies._binary import BinaryUnits, motoneurons, single_input_units
 from motorgrad.policies._parameters import fixed, in_structure
 from motorgrad.policies._policy import Composed
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class Querying(Composed):
@@ -123,14 +124,7 @@ class Querying(Composed):
         raise ValueError("Querying: has infinitely many actions: the query is a real number; enumerate its policy's")
 
 
-def querying_motoneurons(
-    task: SizedTask | int,
-    units: int | None = None,
-    low: float = 0.0,
-    high: float = 1.0,
-    explore: float = 0.1,
-    cells: int = 32,
-) -> Callable[[jax.Array], Querying]:
+class InitialQueryingMotoneurons(InitialPolicy):
     """The units of `motoneurons` for all actions but the last, which requests the next input.
 
     They request inputs from [`low`, `high`] in proportion to their entropy in each of `cells`, and a fraction `explore`
@@ -138,20 +132,31 @@ def querying_motoneurons(
 
     **Arguments:**
 
-    - `task`: a task, or 1, the number of inputs.
     - `units`: the length of an action, the request included, by default the task's.
     - `low`: the lower end of the range of the thresholds and of the requests.
     - `high`: its upper end.
     - `explore`: the share of requests that are uniform.
     - `cells`: the number of cells in which entropy is measured.
     """
-    outputs = single_input_units("querying-motoneurons", task, units, low, high)
-    check(outputs > 1, "outputs", outputs, "at least 2: the last is the requested input")
-    pool = motoneurons(1, outputs - 1, low, high)
 
-    def initial(key: jax.Array) -> Querying:
-        start, end, share = (jnp.asarray(value, jnp.result_type(float)) for value in (low, high, explore))
-        return Querying(pool(key), start, end, share, cells)
+    low: float = static(0.0)
+    high: float = static(1.0)
+    explore: float = static(0.1)
+    cells: int = static(32)
 
-    initial(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
-    return initial
+    def start(self, task: SizedTask | int) -> Initial:
+        outputs = single_input_units("querying-motoneurons", task, self.units, self.low, self.high)
+        check(outputs > 1, "outputs", outputs, "at least 2: the last is the requested input")
+        pool = motoneurons(1, outputs - 1, self.low, self.high)
+
+        def initial(key: jax.Array) -> Querying:
+            start, end, share = (
+                jnp.asarray(value, jnp.result_type(float)) for value in (self.low, self.high, self.explore)
+            )
+            return Querying(pool(key), start, end, share, self.cells)
+
+        initial(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
+        return initial
+
+
+querying_motoneurons = function_of(InitialQueryingMotoneurons)

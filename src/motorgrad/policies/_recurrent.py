@@ -1,7 +1,6 @@
 """Units that remember with a diagonal linear recurrence, and learn online by its exact gradient."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple, Self
 
 import equinox as eqx
@@ -10,11 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check, check_integer, check_positive
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._delegating import Delegating
+from motorgrad.policies._output_units import output_units
 from motorgrad.policies._parameters import outer, trainable, with_fields
 from motorgrad.policies._policy import Composed, Policy
-from motorgrad.policies._registry import output_units
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class Recurrence(NamedTuple):
@@ -176,15 +177,7 @@ class Recurrent(Delegating, Composed):
         return Recurrence(h, rate, rest[:-units].reshape(units, observed), rest[-units:])
 
 
-def recurrent(
-    task: SizedTask | int,
-    units: int | None = None,
-    hidden: int = 8,
-    shortest: float = 1.0,
-    longest: float = 30.0,
-    scale: float = 1.0,
-    output: str = "",
-) -> Callable[[jax.Array], Recurrent]:
+class InitialRecurrent(InitialPolicy):
     r"""Output units on the observation and on recurrent units, which remember.
 
     The time constants of recurrent units are spread evenly on a logarithmic scale. Their weights are drawn from a
@@ -192,7 +185,6 @@ def recurrent(
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of output units, by default one for each action of the task.
     - `hidden`: the number of recurrent units.
     - `shortest` (decisions): the shortest time constant at the start, above 0.
@@ -200,16 +192,34 @@ def recurrent(
     - `scale`: the size of the initial weights of the recurrent units.
     - `output`: the output units, a name of an initial policy; by default as of `layered`.
     """
-    inputs, _ = sizes(task, units)
-    check_integer("hidden", hidden, 1)
-    check_positive("scale", scale)
-    check(0 < shortest <= longest < 1e6, "shortest, longest", (shortest, longest), "0 < shortest <= longest < 1e6")
-    make, _ = output_units(task, units, output)
 
-    def made(key: jax.Array) -> Recurrent:
-        weights = scale / math.sqrt(inputs) * jax.random.normal(key, (hidden, inputs))
-        log_rate = -jnp.linspace(math.log(shortest), math.log(longest), hidden)
-        return Recurrent(log_rate, weights, jnp.zeros(hidden), make(inputs + hidden, jax.random.fold_in(key, 1)))
+    hidden: int = static(8)
+    shortest: float = static(1.0)
+    longest: float = static(30.0)
+    scale: float = static(1.0)
+    output: str = static("")
 
-    made(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
-    return made
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, _ = sizes(task, self.units)
+        check_integer("hidden", self.hidden, 1)
+        check_positive("scale", self.scale)
+        check(
+            0 < self.shortest <= self.longest < 1e6,
+            "shortest, longest",
+            (self.shortest, self.longest),
+            "0 < shortest <= longest < 1e6",
+        )
+        make, _ = output_units(task, self.units, self.output)
+
+        def made(key: jax.Array) -> Recurrent:
+            weights = self.scale / math.sqrt(inputs) * jax.random.normal(key, (self.hidden, inputs))
+            log_rate = -jnp.linspace(math.log(self.shortest), math.log(self.longest), self.hidden)
+            return Recurrent(
+                log_rate, weights, jnp.zeros(self.hidden), make(inputs + self.hidden, jax.random.fold_in(key, 1))
+            )
+
+        made(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
+        return made
+
+
+recurrent = function_of(InitialRecurrent)

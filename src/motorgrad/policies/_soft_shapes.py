@@ -1,7 +1,6 @@
 """Local units with a soft boundary: spheres and boxes."""
 
 import math
-from collections.abc import Callable
 from typing import ClassVar, Self
 
 import equinox as eqx
@@ -10,10 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import SigmoidUnits
 from motorgrad.policies._local import CappedUnits, LocalUnits, check_random_layout
 from motorgrad.policies._parameters import in_structure, with_fields
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class SoftSpheres(LocalUnits, SigmoidUnits):
@@ -113,63 +114,69 @@ class SoftBoxes(CappedUnits):
         )
 
 
-def soft_spheres(
-    task: SizedTask | int,
-    units: int | None = None,
-    radius: float = 0.5,
-    hardness: float = 10.0,
-    low: float = -1.0,
-    high: float = 1.0,
-) -> Callable[[jax.Array], SoftSpheres]:
+class InitialSoftSpheres(InitialPolicy):
     """Soft spheres of equal `radius` and `hardness`, with centres drawn from U[`low`, `high`] in every input.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `radius`: radius of every sphere, in the units of the inputs.
     - `hardness`: how steeply the probability falls at a unit's surface.
     - `low`: the lower end of the range of the centres in every input.
     - `high`: its upper end.
     """
-    inputs, outputs = sizes(task, units)
-    check_random_layout({"radius": radius, "hardness": hardness}, low, high)
 
-    def initial(key: jax.Array) -> SoftSpheres:
-        centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
-        log_radius, log_hardness = (jnp.full(outputs, math.log(value), centre.dtype) for value in (radius, hardness))
-        return SoftSpheres(centre, log_radius, log_hardness)
+    radius: float = static(0.5)
+    hardness: float = static(10.0)
+    low: float = static(-1.0)
+    high: float = static(1.0)
 
-    return initial
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        check_random_layout({"radius": self.radius, "hardness": self.hardness}, self.low, self.high)
+
+        def initial(key: jax.Array) -> SoftSpheres:
+            centre = jax.random.uniform(key, (outputs, inputs), minval=self.low, maxval=self.high)
+            log_radius, log_hardness = (
+                jnp.full(outputs, math.log(value), centre.dtype) for value in (self.radius, self.hardness)
+            )
+            return SoftSpheres(centre, log_radius, log_hardness)
+
+        return initial
 
 
-def soft_boxes(
-    task: SizedTask | int,
-    units: int | None = None,
-    width: float = 0.5,
-    hardness: float = 10.0,
-    low: float = -1.0,
-    high: float = 1.0,
-) -> Callable[[jax.Array], SoftBoxes]:
+soft_spheres = function_of(InitialSoftSpheres)
+
+
+class InitialSoftBoxes(InitialPolicy):
     """Soft boxes of equal `hardness`, with centres drawn from U[`low`, `high`] in every input.
 
     `width` is the distance from the centre to each wall.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of units, by default one for each action of the task.
     - `width`: the distance from the centre to each wall, in the units of the inputs.
     - `hardness`: how steeply the probability falls at a unit's surface.
     - `low`: the lower end of the range of the centres in every input.
     - `high`: its upper end.
     """
-    inputs, outputs = sizes(task, units)
-    check_random_layout({"width": width, "hardness": hardness}, low, high)
 
-    def initial(key: jax.Array) -> SoftBoxes:
-        centre = jax.random.uniform(key, (outputs, inputs), minval=low, maxval=high)
-        log_hardness = jnp.full(outputs, math.log(hardness), centre.dtype)
-        return SoftBoxes(centre, jnp.full_like(centre, math.log(width)), log_hardness)
+    width: float = static(0.5)
+    hardness: float = static(10.0)
+    low: float = static(-1.0)
+    high: float = static(1.0)
 
-    return initial
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        check_random_layout({"width": self.width, "hardness": self.hardness}, self.low, self.high)
+
+        def initial(key: jax.Array) -> SoftBoxes:
+            centre = jax.random.uniform(key, (outputs, inputs), minval=self.low, maxval=self.high)
+            log_hardness = jnp.full(outputs, math.log(self.hardness), centre.dtype)
+            return SoftBoxes(centre, jnp.full_like(centre, math.log(self.width)), log_hardness)
+
+        return initial
+
+
+soft_boxes = function_of(InitialSoftBoxes)

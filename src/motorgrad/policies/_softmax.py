@@ -1,6 +1,6 @@
 """A discrete choice among several alternatives."""
 
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -8,12 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
+from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Policy
+from motorgrad.policies._starting import Initial, InitialPolicy, function_of
 
 
 class Softmax(Policy):
@@ -92,18 +94,23 @@ class Softmax(Policy):
         return jnp.arange(self.outputs, dtype=jnp.int32)
 
 
-def softmax(
-    task: SizedTask | int, units: int | None = None, features: FeatureMap = INPUTS, network: Architecture | None = None
-) -> Any:
+class InitialSoftmax(InitialPolicy):
     """A softmax policy with zero weights: all actions are equally probable.
 
     **Arguments:**
 
-    - `task`: a task, or a number of inputs.
     - `units`: the number of actions to choose from, by default the task's.
     - `features`: what it sees beside the inputs; by default nothing.
     - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
       function from a key to a `Network`.
     """
-    inputs, outputs = sizes(task, units)
-    return featured(features, inputs, lambda count: Softmax(jnp.zeros((outputs, count))), network)
+
+    features: FeatureMap = static(INPUTS)
+    network: Architecture | None = static(None)
+
+    def start(self, task: SizedTask | int) -> Initial:
+        inputs, outputs = sizes(task, self.units)
+        return featured(self.features, inputs, lambda count: Softmax(jnp.zeros((outputs, count))), self.network)
+
+
+softmax = function_of(InitialSoftmax)

@@ -17,7 +17,7 @@ from motorgrad._goal import Goal
 from motorgrad._interface import ObservationCode
 from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean, counted_on
-from motorgrad._settings import build, check_fields
+from motorgrad._settings import check_fields
 from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
 from motorgrad.tasks._composed_goal import goal_of
@@ -136,6 +136,8 @@ class Composed(BodyTask):
     name: ClassVar[str] = "composed"
     clips_actions: ClassVar[bool] = True
 
+    restarts: ClassVar[tuple[str, ...]] = ("body",)
+    """Settings with which the others start from their defaults: terms belong to a body."""
     aliases: ClassVar[Mapping[str, str]] = {
         "observe": "observations",
         "reward": "rewards",
@@ -184,12 +186,6 @@ class Composed(BodyTask):
 
     def __reduce__(self) -> tuple[Any, ...]:  # bound terms are functions, so they are made again
         return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
-
-    def with_setting(self, value: Mapping[str, Any], where: str = "task") -> "Composed":
-        """The task with some settings changed. Terms belong to a body, so another body takes none of them over."""
-        known = isinstance(value, Mapping)
-        check(known, where, value, "a table of the settings of a composed task")
-        return build(Composed, value, where, None if "body" in value else self)
 
     @classmethod
     def in_folder(cls, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:

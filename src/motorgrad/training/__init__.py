@@ -2,13 +2,12 @@
 
 from motorgrad._errors import NotTrusted
 from motorgrad.training._agents import (
-    NamedPolicy,
     agent_for,
     agent_from_table,
     agent_table,
+    bound_to,
     changed,
     changes_named,
-    policy_settings,
     with_changes,
 )
 from motorgrad.training._arguments import check_training
@@ -59,7 +58,6 @@ __all__ = [
     "EvaluationCallback",
     "HostStepper",
     "KeepBest",
-    "NamedPolicy",
     "NotSaved",
     "NotTrusted",
     "PolicyScore",
@@ -74,6 +72,7 @@ __all__ = [
     "agent_for",
     "agent_from_table",
     "agent_table",
+    "bound_to",
     "changed",
     "changes_named",
     "check_imports",
@@ -91,7 +90,6 @@ __all__ = [
     "interface_of",
     "learning_curves",
     "load",
-    "policy_settings",
     "provenance",
     "provenance_changes",
     "resume",

@@ -1,11 +1,10 @@
 """Agents for tasks: the task's own learner with some settings changed, and agents as tables and back."""
 
 import dataclasses
-import inspect
 import math
 import numbers
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol, get_type_hints
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -14,109 +13,17 @@ from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._natural import STEPS, Learnable, PolicyTable
 from motorgrad._settings import as_hinted, build, full_path, table
-from motorgrad._tree import PART_CLASSES, Part, check_rounded, parts_by_path
+from motorgrad._tree import PART_CLASSES, check_rounded, kind_of, parts_by_path
 from motorgrad._words import Words
 from motorgrad.learning import Agent, Estimator, Optax
+from motorgrad.policies import InitialPolicy
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
 
-MAX_POLICY_WEIGHTS = 100_000_000
 Table = Callable[[Learnable, int, PolicyTable | None], dict[str, Any]]
 """A learner as a table of settings: for a task, the decisions of a training, and the task's own policy or `None`."""
 PRESETS: dict[str, Table] = {}
 """The presets by name, as `preset` registers them."""
-
-
-@dataclasses.dataclass(frozen=True)
-class NamedPolicy:
-    """An initial policy by its name and settings, as configurations and the command line give it.
-
-    Call it with the key of a seed to make the policy.
-
-    **Arguments:** the `task`; the `kind`, a name in `motorgrad.policies.INITIAL`; `settings`, the keyword arguments of
-    its function, of which defaults are dropped.
-
-    **Raises:** `ValueError` for an unknown kind or setting, and for settings that are impossible for the task.
-    """
-
-    task: Any = dataclasses.field(repr=False)
-    kind: str
-    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.kind not in policies.INITIAL:
-            raise unknown("policy", self.kind, policies.INITIAL, registered=True)
-        hints = policy_settings(self.kind)
-        for name in self.settings:
-            if name not in hints:
-                raise unknown(f"setting of policy {self.kind!r}:", name, hints)
-        given = {
-            name: as_hinted(hints[name], value, f"policy.{name}")
-            for name, value in self.settings.items()
-            if value is not None
-        }
-        known = inspect.signature(policies.INITIAL[self.kind]).parameters
-        # one description for one policy, whether or not a default was written out
-        given = {name: value for name, value in given.items() if value != known[name].default}
-        object.__setattr__(self, "settings", given)
-        units = given.get("units") or 1
-        most = MAX_POLICY_WEIGHTS // self.task.observation_size
-        check(units <= most, "policy.units", units, f"at most {most} here")
-        try:
-            made = policies.initial(self.kind, self.task, **given)
-        except ValueError as error:
-            named = str(error).split()[0].strip(",") in given
-            raise ValueError(f"policy.{error}" if named else str(error)) from None
-        object.__setattr__(self, "_made", made)
-
-    def __call__(self, key: jax.Array) -> policies.Policy:
-        made: Any = self._made  # type: ignore[attr-defined]
-        return made if isinstance(made, policies.Policy) else made(key)
-
-    def __hash__(self) -> int:
-        return hash((self.kind, repr(sorted(self.settings.items()))))
-
-    def with_setting(self, value: str | Mapping[str, Any], where: str = "policy") -> "NamedPolicy":
-        """The policy with a setting applied: the name of another kind, or a table of changes.
-
-        Settings that the table leaves out are kept, unless it names another kind.
-        """
-        settings = {"kind": value} if isinstance(value, str) else dict(value)
-        kind = settings.pop("kind", self.kind)
-        kind = kind.read(str, f"{where}.kind") if isinstance(kind, Words) else kind
-        check(isinstance(kind, str), f"{where}.kind", kind, "the name of an initial policy")
-        kept = self.settings if kind == self.kind else {}
-        try:
-            return NamedPolicy(self.task, kind, {**kept, **{n: _merged(kept.get(n), v) for n, v in settings.items()}})
-        except ValueError as error:
-            outer = where.removesuffix("policy") if str(error).startswith("policy.") else ""
-            raise ValueError(f"{outer}{error}") from None
-
-    @property
-    def setting_names(self) -> list[str]:
-        """The names of the settings of this kind of policy."""
-        return list(policy_settings(self.kind))
-
-    def as_setting(self) -> dict[str, Any]:
-        """The inverse of `with_setting`."""
-        plain = {name: table(value) if isinstance(value, Part) else value for name, value in self.settings.items()}
-        return {"kind": self.kind, **plain}
-
-
-def _merged(part: object, value: object) -> Any:
-    """A setting of a policy that is a part of its own, with the changes of a table."""
-    if not isinstance(part, Part) or not isinstance(value, Mapping):
-        return value
-    own = table(part)
-    return {**own, **value} if value.get("kind", own["kind"]) == own["kind"] else value
-
-
-def policy_settings(kind: str) -> dict[str, Any]:
-    """The settings of an initial policy with their types, by name."""
-    function = policies.INITIAL[kind]
-    known = inspect.signature(function).parameters
-    hints = get_type_hints(function)
-    return {name: hints.get(name, Any) for name in known if name not in ("task", "self")}
 
 
 def agent_for(
@@ -200,12 +107,33 @@ def with_changes(agent: Agent, changes: Mapping[str, Any]) -> Agent:
 
     **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
     """
-    if not changes:
+    task = agent.policy.task if isinstance(agent.policy, InitialPolicy) else None
+    implied = policies.IMPLIED.get(_kind_of_policy(changes), {})  # such as growth, for a policy that grows
+    changed = as_hinted(Agent, {**implied, **changes}, "agent", agent)
+    return changed if task is None else bound_to(changed, task)
+
+
+def bound_to(agent: Agent, task: Task) -> Agent:
+    """The agent with its initial policy for this task.
+
+    **Raises** `ValueError` for a policy that is impossible for it.
+    """
+    if not isinstance(agent.policy, InitialPolicy):
         return agent
+    try:
+        return dataclasses.replace(agent, policy=agent.policy.bound(task))
+    except ValueError as error:
+        raise ValueError(f"{'agent.' * str(error).startswith('policy.')}{error}") from None
+
+
+def _kind_of_policy(changes: Mapping[str, Any]) -> str:
+    """The kind of initial policy that changes name; empty where they name none."""
     policy = changes.get("policy", changes.get("policy.kind", ""))
-    kind = policy.read(str, "policy") if isinstance(policy, Words) else policy
-    implied = policies.IMPLIED.get(kind, {}) if isinstance(kind, str) else {}
-    return as_hinted(Agent, {**implied, **changes}, "agent", agent)
+    policy = policy.get("kind", "") if isinstance(policy, Mapping) else policy
+    if isinstance(policy, InitialPolicy):
+        return kind_of(policy)
+    policy = policy.read(str, "agent.policy") if isinstance(policy, Words) else policy
+    return policy if isinstance(policy, str) else ""
 
 
 def changes_named(name: str, where: str = "agent") -> dict[str, Any]:
@@ -227,19 +155,17 @@ def changed(changes: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, An
 
 
 def _built(task: Task, own: dict[str, Any], given: Mapping[str, Any]) -> Agent:
-    changed = given.get("policy", given.get("policy.kind"))
-    kind = changed.get("kind") if isinstance(changed, Mapping) else changed
+    wanted = _kind_of_policy(given)
     own_policy = own.pop("policy", "hyperplanes")
-    own_kind = own_policy if isinstance(own_policy, str) else own_policy["kind"]
-    if isinstance(kind, str) and kind in policies.INITIAL and kind != own_kind:
-        own_policy = kind  # the settings of a policy do not pass to another kind
-    named = NamedPolicy(task, "hyperplanes").with_setting(own_policy)
-    wanted = kind if isinstance(kind, str) else named.kind
-    implied = policies.IMPLIED.get(wanted, {})  # such as growth, for a policy that grows
-    agent = as_hinted(Agent, {**own, **implied}, "agent", Agent(named))
-    agent = as_hinted(Agent, given, "agent", agent)
-    for name, value in policies.IMPLIED.get(getattr(agent.policy, "kind", ""), {}).items():
-        needed = f"set, such as {value!r}, for the policy {agent.policy.kind!r}"
+    if wanted in policies.INITIAL and wanted != _kind_of_policy({"policy": own_policy}):
+        own_policy = wanted  # the settings of a policy do not pass to another kind, which may refuse them
+    policy = as_hinted(InitialPolicy, own_policy, "agent.policy")
+    kind = wanted or kind_of(policy)
+    agent = as_hinted(Agent, {**own, **policies.IMPLIED.get(kind, {})}, "agent", Agent(policy))
+    agent = bound_to(as_hinted(Agent, given, "agent", agent), task)
+    kind = kind_of(agent.policy) if isinstance(agent.policy, InitialPolicy) else ""
+    for name, value in policies.IMPLIED.get(kind, {}).items():
+        needed = f"set, such as {value!r}, for the policy {kind!r}"
         check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
     try:
         jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
@@ -255,7 +181,7 @@ def agent_table(agent: Agent) -> dict[str, Any]:
     found = table(agent)
     if found["kind"] == "dense":
         del found["kind"]
-    if not isinstance(agent.policy, NamedPolicy):
+    if not isinstance(agent.policy, InitialPolicy):
         state = jax.eval_shape(agent.init, jax.random.key(0))
         found["policy"] = {"kind": "given", "structure": policies.describe(state.policy)}
     for name, part in parts_by_path(agent):
@@ -277,15 +203,14 @@ def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agen
     made = _unregistered(settings, where)
     if made:
         raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
-    given = dict(settings)
-    policy = NamedPolicy(task, given["policy"]["kind"]).with_setting(given.pop("policy"), f"{where}.policy")
-    kind = PART_CLASSES[Agent][given.pop("kind", "dense")]
-    return build(kind, given, where, kind(policy))
+    kind = PART_CLASSES[Agent][settings.get("kind", "dense")]
+    agent = build(kind, {name: value for name, value in settings.items() if name != "kind"}, where)
+    return bound_to(agent, task)
 
 
 def _unregistered(settings: object, where: str) -> list[str]:
     """The parts of a saved table that are not registered, by path."""
-    known = {name for kinds in PART_CLASSES.values() for name in kinds} | set(policies.INITIAL)
+    known = {name for kinds in PART_CLASSES.values() for name in kinds}
     if isinstance(settings, Mapping):
         found = [where] if settings.get("kind", "dense") not in known else []
         return found + [p for name, value in settings.items() for p in _unregistered(value, f"{where}.{name}")]

@@ -229,7 +229,7 @@ def test_any_body_leads_a_learner_to_where_training_does(name):
     policy = {"binary": "hyperplanes", "graded": "graded-hyperplanes"}[task.actions]
     settings = {"policy": policy, "decay": 0.9, "baseline": "none", "learning_rate": 1e-3}
     assert task.uniforms == task.init_uniforms == 0
-    initial = mg.training.NamedPolicy(task, policy)
+    initial = mg.policies.INITIAL[policy]().bound(task)
     theirs = stepper(task, mg.Agent(initial, learning.olpomdp(0.9), learning.SGD(1e-3)))
     theirs.advance(40)
     made = timlab.Diagram(tick=task.period)

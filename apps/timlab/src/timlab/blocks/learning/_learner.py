@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad._settings import expanded
+from motorgrad._settings import expanded, table
 from motorgrad._tree import PART_CLASSES, Numbers, check_rounded, numbers_of, path_of, with_number
 from motorgrad.policies import trainable
 from timlab.blocks._base import as_text, read_table
@@ -72,7 +72,7 @@ class Learner(Block):
 
     @property
     def structure(self) -> Any:
-        policy = repr(self._agent.policy.as_setting())
+        policy = repr(table(self._agent.policy))
         return self.observed, self.actions, policy, Numbers(self._agent.hyperparameters).key
 
     def retuned(self, values: Mapping[str, Any]) -> Self:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import inspect
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
@@ -11,6 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
+from motorgrad._settings import as_hinted
+from motorgrad._tree import fields_of
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.learning._parts import check_count
 from timlab.blocks.learning._units import Sizes, Units, key_from
@@ -19,7 +20,7 @@ from timlab.diagram import Moment, Port, Ports, Setting, Signals
 # growing and mirrored ones need more than sizes
 POLICY_NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))
 
-LINEAR = tuple(name for name in POLICY_NAMES if "network" in inspect.signature(policies.INITIAL[name]).parameters)
+LINEAR = tuple(name for name in POLICY_NAMES if "network" in fields_of(policies.INITIAL[name]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,9 +51,12 @@ class NamedPolicy(Units):
 
     @functools.cached_property
     def _initial(self) -> Any:
-        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
+        return self._bound({})
 
-        return Initial(Sizes(self.observed, self.units), self.policy, read_table("settings", self.settings))
+    def _bound(self, further: Mapping[str, Any]) -> policies.InitialPolicy:
+        """The initial policy with the settings of the block and `further` ones, for its sizes."""
+        settings = {**read_table("settings", self.settings), **further, "kind": self.policy}
+        return as_hinted(policies.InitialPolicy, settings, "policy").bound(Sizes(self.observed, self.units))
 
     @property
     def init_uniforms(self) -> int:
@@ -89,14 +93,11 @@ class Network(NamedPolicy):
 
     @functools.cached_property
     def _initial(self) -> Any:
-        from motorgrad.training import NamedPolicy as Initial  # which takes a while to load
-
         activation: Any = self.activation
         network = policies.MultilayerPerceptron(
             self.hidden, activation, self.layer_norm, self.sparsity, self.standardise, self.unit_length
         )
-        settings = {**read_table("settings", self.settings), "network": network}
-        return Initial(Sizes(self.observed, self.units), self.policy, settings)
+        return self._bound({"network": network})
 
     @property
     def outputs(self) -> Ports:
