@@ -63,7 +63,9 @@ def _left_as_found(tmp_path, monkeypatch):
     mujoco.set_mjcb_act_gain(callback)
     TASKS.clear()
     TASKS.update(tasks)
-    PART_CLASSES.update(kinds)
+    for base, known in kinds.items():
+        PART_CLASSES[base].clear()
+        PART_CLASSES[base].update(known)
 
 
 def check_bodies(names):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
-from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in
+from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in, with_article
 from motorgrad._words import Words
 
 if TYPE_CHECKING:
@@ -316,4 +316,6 @@ def _name(hint: Any) -> str:
         return " or ".join(map(_name, options))
     if isinstance(typing.get_origin(hint), type):
         return "a table" if issubclass(typing.get_origin(hint), Mapping) else "a list"  # type: ignore[arg-type]
-    return names.get(hint) or getattr(hint, "__name__", str(hint))
+    if hint in names:
+        return names[hint]
+    return with_article(hint.__name__) if isinstance(hint, type) else str(hint)

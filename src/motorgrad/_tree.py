@@ -396,7 +396,7 @@ def _check_field(part: Part, name: str, field: dataclasses.Field[Any]) -> None:
     elif hint is float:
         check(not isinstance(value, bool) and Range().allows(value), name, value, str(Range()))
     elif kinds := parts_in(hint):
-        wanted = " or ".join(_article(kind.__name__) for kind in kinds)
+        wanted = " or ".join(with_article(kind.__name__) for kind in kinds)
         wanted = f"None or {wanted}" if type(None) in options else wanted
         functions = Any in options or any(typing.get_origin(option) is Callable for option in options)
         check(functions or isinstance(value, kinds), name, value, wanted)
@@ -416,7 +416,7 @@ def _check_number(name: str, value: object, allowed: Range, groups: bool, option
     if type(None) in options:
         words = f"None or {words}"
     if schedules:
-        words = f"{words}, or {' or '.join(_article(kind.__name__) for kind in schedules)}"
+        words = f"{words}, or {' or '.join(with_article(kind.__name__) for kind in schedules)}"
     if groups:
         words = f"{words}, or a mapping from groups of parameters to such numbers"
     check(single and allowed.allows(value), name, value, words)
@@ -433,5 +433,5 @@ def _whole_words(low: int, high: int, options: tuple[Any, ...]) -> str:
     return " or ".join([words, *literals, *(["None"] if type(None) in options else [])])
 
 
-def _article(name: str) -> str:
+def with_article(name: str) -> str:
     return f"{'an' if name[:1] in 'AEIOU' else 'a'} {name}"

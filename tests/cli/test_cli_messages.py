@@ -94,7 +94,7 @@ def test_what_is_required_has_no_empty_default(capsys):
     ("words", "wrong"),
     [
         ((), "= 'nothing': must be names and values in turn"),
-        (("weights",), "= 'weights': must be a number or a table"),
+        (("weights",), "= 'weights': must be a number or a table or an Annealed"),
         (("weights", "0.1", "bias"), "= 'bias': must be names and values in turn: it has no value"),
     ],
 )

@@ -221,7 +221,7 @@ def test_a_function_of_ones_own_is_never_looked_up_for_a_stored_network():
         (lambda: MultilayerPerceptron(hidden=(3, 0)), "hidden = (3, 0)"),
         (lambda: MultilayerPerceptron(sparsity=1.0), "sparsity = 1.0: must be in [0, 1)"),
         (lambda: MultilayerPerceptron(activation="rely"), "unknown activation 'rely': did you mean 'relu'"),
-        (lambda: hyperplanes(3, 2, network=(5, 5)), "network = (5, 5): must be None or an Architecture"),
+        (lambda: hyperplanes(3, 2, network=(5, 5)), "network = (5, 5): must be an Architecture"),
         (lambda: MAKE["bounded"](network=SMALL, deviation=-1.0), "floor, deviation"),
     ],
 )

@@ -63,7 +63,7 @@ class Plot:
     @property
     def figure(self) -> Path:
         """The file of the figure."""
-        return figure_file(self.out, self.quantity, self.format)[0]
+        return figure_file(self.out or self.runs[0] / "figures", self.quantity, self.format)[0]
 
 
 def run(arguments: list[str]) -> int:

@@ -83,7 +83,8 @@ def metavar_of(hint: Any) -> str:
     found = []
     options = options_in(hint)
     for option in options:
-        origin, inner = typing.get_origin(option), typing.get_args(option)
+        origin = typing.get_origin(option)
+        inner = typing.get_args(option)
         if option is bool:
             found += ["{true,false}"] if len(options) > 1 else []
         elif origin is Literal:

@@ -102,7 +102,7 @@ PART_CLASSES[InitialPolicy] = INITIAL
 def function_of(kind: type[InitialPolicy]) -> Callable[..., Any]:
     """The initial policy of a kind as a function of a task and the settings: `tiles(task, units=8, copies=2)`."""
 
-    def function(task: Any, *values: object, **settings: object) -> Any:
+    def function(task: Any, *values: Any, **settings: Any) -> Any:
         return kind(*values, **settings).start(task)
 
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in kind.__name__.removeprefix("Initial")).lstrip("_")
@@ -116,7 +116,7 @@ def function_of(kind: type[InitialPolicy]) -> Callable[..., Any]:
     return function
 
 
-def initial(name: str, task: SizedTask | int, **settings: object) -> Any:
+def initial(name: str, task: SizedTask | int, **settings: Any) -> Any:
     """The initial policy called `name` for a task.
 
     **Arguments:**
