@@ -34,7 +34,8 @@ class Words(tuple[str, ...]):
             return self._pairs(where, one)
         if rows and (len(self) != 1 or not one):
             return self._row(typing.get_args(rows[0]), where)
-        check(len(self) == 1, where, " ".join(self), f"one value{'' if self else ', which is missing'}")
+        check(self, where, "nothing", "followed by a value")
+        check(len(self) == 1, where, " ".join(self), "one value")
         return _value(self[0], options, where)
 
     def _pairs(self, where: str, one: bool) -> dict[str, Any]:

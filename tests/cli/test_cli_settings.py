@@ -236,6 +236,18 @@ def test_the_number_of_one_pool_is_changed_by_its_path(change):
         metadata_at(agent, "optimizer.learning_rate.movement.wieghts")
 
 
+def test_a_flag_of_a_part_is_turned_off_and_on(capsys):
+    network = ("--agent.policy.network", "perceptron")
+    for word, value in (("--agent.policy.network.no-layer-norm", False), ("--agent.policy.network.layer-norm", True)):
+        with pytest.raises(SystemExit, match="0"):
+            main(["train", "hopper", "--check", *network, word, "--steps", "10"])
+        assert tomllib.loads(capsys.readouterr().out)["agent"]["policy"]["network"]["layer_norm"] is value
+    assert main(["train", "hopper", "--check", "--steps", "--seeds", "2"]) == 2
+    assert "steps = 'nothing': must be followed by a value" in capsys.readouterr().err
+    assert main(["train", "hopper", "--check", "--steps", "10", "--steps", "20"]) == 2
+    assert "--steps = '20': must be given once" in capsys.readouterr().err
+
+
 def test_the_number_of_one_pool_is_an_option(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["train", "hexapod-primitive", "--agent.learning-rate.movement.weights", "0.5", "--check"])

@@ -66,15 +66,16 @@ def read_line(cls: type, words: Sequence[str]) -> dict[str, Any]:
             continue
         flag, equals, value = word.partition("=")
         path = flag[2:].replace("-", "_")
-        turned_off = path not in fields and path.startswith("no_") and path[3:] in fields
-        path = path[3:] if turned_off else path
-        check(path not in found, flag, " ".join([value, *left[:1]]).strip(), "given once")
-        if turned_off:
-            found[path] = Words(("false",))
-        elif equals:
-            found[path] = Words((value,))
+        outer, dot, name = path.rpartition(".")
+        # without a value, as another setting may begin with "no"
+        off = name.startswith("no_") and not equals and (bool(dot) or (path not in fields and name[3:] in fields))
+        if off and (not dot or not left or is_flag(left[0])):
+            path = f"{outer}{dot}{name[3:]}"
+            taken = ["false"]
         else:
-            found[path] = Words(_taken(left, _room(hints.get(path))))
+            taken = [value] if equals else _taken(left, _room(hints.get(path)))
+        check(path not in found, flag, " ".join(taken), "given once")
+        found[path] = Words(taken)
     return {**found, **_placed(cls, loose, hints)}
 
 
