@@ -39,9 +39,10 @@ class Option(NamedTuple):
 
     @property
     def flag(self) -> str:
-        """The option as one types it: `--agent.decay`; of a flag that is on, what turns it off."""
+        """The option as one types it: `--agent.decay`; of a flag that is on, also what turns it off."""
         *outer, name = self.path.split(".")
-        return flag_of(".".join([*outer, f"no_{name}"])) if self.default is True else flag_of(self.path)
+        off = f", {flag_of('.'.join([*outer, f'no_{name}']))}" if self.default is True else ""
+        return f"{flag_of(self.path)}{off}"
 
     @property
     def group(self) -> str:

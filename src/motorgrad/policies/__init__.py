@@ -5,10 +5,19 @@ from motorgrad.policies._actor import Actor, decide
 from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._arguments import sizes
 from motorgrad.policies._autoregressive import Autoregressive
-from motorgrad.policies._binary import BinaryUnits, Hyperplanes, Motoneurons, SigmoidUnits, hyperplanes, motoneurons
-from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, bounded_hyperplanes
-from motorgrad.policies._composed import Factored, Gated, gated, mixture
-from motorgrad.policies._controller import FiniteStateController, finite_state_controller
+from motorgrad.policies._binary import (
+    BinaryUnits,
+    Hyperplanes,
+    InitialHyperplanes,
+    InitialMotoneurons,
+    Motoneurons,
+    SigmoidUnits,
+    hyperplanes,
+    motoneurons,
+)
+from motorgrad.policies._bounded import BoundedHyperplanes, BoundedUnits, InitialBoundedHyperplanes, bounded_hyperplanes
+from motorgrad.policies._composed import Factored, Gated, InitialGated, InitialMixture, gated, mixture
+from motorgrad.policies._controller import FiniteStateController, InitialFiniteStateController, finite_state_controller
 from motorgrad.policies._featured import Featured, Network
 from motorgrad.policies._features import FeatureMap
 from motorgrad.policies._frozen import frozen, thawed, with_frozen_functions
@@ -16,30 +25,48 @@ from motorgrad.policies._graded import (
     GradedHyperplanes,
     GradedMotoneurons,
     GradedUnits,
+    InitialGradedHyperplanes,
+    InitialGradedMotoneurons,
     graded_hyperplanes,
     graded_motoneurons,
 )
-from motorgrad.policies._grow_and_prune import Masked, activity, grow, growing, prune, reach
-from motorgrad.policies._hybrid import GradedPool, Primitives, graded_tiles, primitives
+from motorgrad.policies._grow_and_prune import InitialGrowing, Masked, activity, grow, growing, prune, reach
+from motorgrad.policies._hybrid import (
+    GradedPool,
+    InitialGradedTiles,
+    InitialPrimitives,
+    Primitives,
+    graded_tiles,
+    primitives,
+)
 from motorgrad.policies._initial import IMPLIED
-from motorgrad.policies._layered import Layered, Sequential, layered
+from motorgrad.policies._layered import InitialLayered, Layered, Sequential, layered
 from motorgrad.policies._local import (
     FreeGaussians,
     GaussianUnits,
+    InitialGaussians,
+    InitialTiles,
     LocalGaussians,
     LocalUnits,
     PrintedGaussians,
     gaussians,
     tiles,
 )
-from motorgrad.policies._mirrored import Mirrored, mirrored
-from motorgrad.policies._mixed import Mixed, mixed
+from motorgrad.policies._mirrored import InitialMirrored, Mirrored, mirrored
+from motorgrad.policies._mixed import InitialMixed, Mixed, mixed
 from motorgrad.policies._parameters import fixed, split, trainable
 from motorgrad.policies._policy import Policy, Regions, with_interface
-from motorgrad.policies._querying import Querying, querying_motoneurons
-from motorgrad.policies._recurrent import Recurrence, Recurrent, recurrent
-from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres, soft_boxes, soft_spheres
-from motorgrad.policies._softmax import Softmax, softmax
+from motorgrad.policies._querying import InitialQueryingMotoneurons, Querying, querying_motoneurons
+from motorgrad.policies._recurrent import InitialRecurrent, Recurrence, Recurrent, recurrent
+from motorgrad.policies._soft_shapes import (
+    InitialSoftBoxes,
+    InitialSoftSpheres,
+    SoftBoxes,
+    SoftSpheres,
+    soft_boxes,
+    soft_spheres,
+)
+from motorgrad.policies._softmax import InitialSoftmax, Softmax, softmax
 from motorgrad.policies._standardisation import Standardisation, adapted
 from motorgrad.policies._starting import INITIAL, Initial, InitialPolicy, initial
 from motorgrad.policies._structure import describe, rebuild
@@ -68,7 +95,28 @@ __all__ = [
     "GradedUnits",
     "Hyperplanes",
     "Initial",
+    "InitialBoundedHyperplanes",
+    "InitialFiniteStateController",
+    "InitialGated",
+    "InitialGaussians",
+    "InitialGradedHyperplanes",
+    "InitialGradedMotoneurons",
+    "InitialGradedTiles",
+    "InitialGrowing",
+    "InitialHyperplanes",
+    "InitialLayered",
+    "InitialMirrored",
+    "InitialMixed",
+    "InitialMixture",
+    "InitialMotoneurons",
     "InitialPolicy",
+    "InitialPrimitives",
+    "InitialQueryingMotoneurons",
+    "InitialRecurrent",
+    "InitialSoftBoxes",
+    "InitialSoftSpheres",
+    "InitialSoftmax",
+    "InitialTiles",
     "Interface",
     "Layered",
     "LocalGaussians",
