@@ -153,8 +153,8 @@ def test_a_healthy_scope_has_a_line_everywhere(opened):
 
 
 def test_a_compilation_is_stopped_from_the_page(opened):
-    RELEASED.clear()
-    editor = opened(chain(Slow(), timlab.Scope()))
+    block = Slow()
+    editor = opened(chain(block, timlab.Scope()))
     editor.button("Play").click()
     expect(editor.page.get_by_role("status").get_by_text("compiling")).to_be_visible()
     editor.block("scope").click()  # the page answers meanwhile
@@ -162,6 +162,6 @@ def test_a_compilation_is_stopped_from_the_page(opened):
     editor.button("Pause").click()
     editor.told("compilation stopped after")
     expect(editor.button("Play")).to_be_visible()
-    RELEASED.set()
+    RELEASED[block.number].set()
     editor.button("One tick").click()
     editor.wait(lambda: editor.tick == 1)
