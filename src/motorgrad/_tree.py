@@ -434,4 +434,5 @@ def _whole_words(low: int, high: int, options: tuple[Any, ...]) -> str:
 
 
 def with_article(name: str) -> str:
+    """A name with its article."""
     return f"{'an' if name[:1] in 'AEIOU' else 'a'} {name}"

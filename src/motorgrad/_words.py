@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check
+from motorgrad._tree import options_of
 
 
 class Words(tuple[str, ...]):
@@ -22,7 +23,7 @@ class Words(tuple[str, ...]):
 
         **Raises** `ValueError` that names the place, for too many or too few words.
         """
-        options = options_in(hint)
+        options = options_of(hint)
         mapping = next((option for option in options if _is_mapping(option)), None)
         rows = [option for option in options if typing.get_origin(option) is tuple]
         one = any(option is not types.NoneType and option not in rows and option is not mapping for option in options)
@@ -31,19 +32,17 @@ class Words(tuple[str, ...]):
         if len(self) == 1 and self[0].lower() == "none" and types.NoneType in options:
             return None
         if mapping is not None and (len(self) != 1 or not one):
-            return self._pairs(where, one)
+            return self._pairs(where)
         if rows and (len(self) != 1 or not one):
             return self._row(typing.get_args(rows[0]), where)
         check(self, where, "nothing", "followed by a value")
         check(len(self) == 1, where, " ".join(self), "one value")
         return _value(self[0], options, where)
 
-    def _pairs(self, where: str, one: bool) -> dict[str, Any]:
+    def _pairs(self, where: str) -> dict[str, Any]:
         """Names and values in turn as a table."""
         turn = "names and values in turn"
         check(self, where, "nothing", turn)
-        if len(self) == 1 and one:
-            check(False, where, self[0], f"a finite number, or {turn}")
         check(len(self) % 2 == 0, where, self[-1], f"{turn}: it has no value")
         return {name: _guess(value) for name, value in zip(self[::2], self[1::2], strict=True)}
 
@@ -53,17 +52,11 @@ class Words(tuple[str, ...]):
         length = len(typing.get_args(items[0])) if typing.get_origin(items[0]) is tuple else 0
         if length:
             check(len(self) % length == 0, where, " ".join(self), f"{length} values for each entry")
-            options = options_in(typing.get_args(items[0])[0])
+            options = options_of(typing.get_args(items[0])[0])
             values = [_value(word, options, where) for word in self]
             return [values[start : start + length] for start in range(0, len(values), length)]
         each = [items[0]] * len(self) if inner[1:] == (Ellipsis,) else [*items, *[items[-1]] * len(self)]
-        return [_value(word, options_in(hint), where) for word, hint in zip(self, each, strict=False)]
-
-
-def options_in(hint: Any) -> tuple[Any, ...]:
-    """The members of a union, or the type itself, without what `Annotated` adds."""
-    hint = typing.get_args(hint)[0] if typing.get_origin(hint) is typing.Annotated else hint
-    return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+        return [_value(word, options_of(hint), where) for word, hint in zip(self, each, strict=False)]
 
 
 def _is_mapping(option: Any) -> bool:

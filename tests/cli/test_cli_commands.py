@@ -130,6 +130,7 @@ def test_list_names_all_that_is_registered(tmp_path, capsys):
     assert main(["list", "--json", str(tmp_path / "list.json")]) == 0
     said = capsys.readouterr().out
     found = read(tmp_path / "list.json")
+    assert "kinds of initial policy" not in said  # they are the policies
     for kind, registry in (("tasks", TASKS), ("policies", INITIAL), ("estimators", Estimator.presets)):
         assert set(found[kind]) == set(registry)
         for name, what in found[kind].items():

@@ -234,12 +234,12 @@ def _of_episodes(outcome: EpisodeEvaluation, name: str) -> dict[str, Any]:
     over = outcome.over_seeds(name) if len(outcome.seeds) > 1 else outcome.over_episodes(name)[0]
     numbers = finite_table({"mean": over.value, "low": over.low, "high": over.high, "of": over.count})
     means = [float(mean) if np.isfinite(mean) else None for mean in outcome.means(name)]
-    return {"told": outcome.in_words(name), **numbers, "per_seed": means, "episodes": values}
+    return {"in_words": outcome.in_words(name), **numbers, "per_seed": means, "episodes": values}
 
 
 def _text(name: str, value: dict[str, Any] | list[str]) -> str:
-    if isinstance(value, dict) and "told" in value:
-        return f"{name}: {value['told']}"
+    if isinstance(value, dict) and "in_words" in value:
+        return f"{name}: {value['in_words']}"
     if isinstance(value, dict):
         return summary_text(name, value)
     return f"{name}: {', '.join(f'{value.count(kind)} {kind}' for kind in dict.fromkeys(value))}"

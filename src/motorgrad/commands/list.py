@@ -38,7 +38,7 @@ def run(arguments: list[str]) -> int:
         **{
             f"kinds of {name_in_words(place)}": {name: _first_line(kind) for name, kind in kinds.items()}
             for place, kinds in PART_CLASSES.items()
-            if len(kinds) > 1
+            if len(kinds) > 1 and kinds is not INITIAL
         },
         **{name: offer.load()() for name, offer in offers(LISTS).items()},
     }

@@ -1,4 +1,4 @@
-"""The help of a command: its words, its options, and those of a task and a learner, from what their fields declare."""
+"""The help of a command: its arguments and options, those of a task and a learner too, as their fields declare them."""
 
 import dataclasses
 import shutil
@@ -13,9 +13,8 @@ import numpy as np
 
 from motorgrad._docstrings import attribute_texts, description_of, descriptions, name_in_words
 from motorgrad._settings import default_of
-from motorgrad._tree import PART_CLASSES, Part, fields_of, hints_of, kind_of, parts_in
-from motorgrad._words import options_in
-from motorgrad.options._line import Positional, flag_of, positional_of
+from motorgrad._tree import PART_CLASSES, Part, fields_of, hints_of, kind_of, options_of, parts_in
+from motorgrad.options._line import flag_of, positional_of
 
 COLUMN = 26  # characters, where the texts begin
 USUAL_WIDTH = 100  # where there is no terminal
@@ -50,20 +49,19 @@ class Option(NamedTuple):
         return self.path.rpartition(".")[0]
 
 
-def options_of_command(cls: type) -> list[Option]:
-    """All options of a command, in order, with those of the task and of the learner among its defaults."""
-    return list(_of_dataclass(cls, None, ""))
-
-
 def help_text(cls: type, prog: str, only: Container[str] | None = None) -> str:
     """The help of a command whose options are the fields of `cls`; of those, `only` some where the rest is too long."""
-    known = options_of_command(cls)
+    known = list(_of_dataclass(cls, None, ""))
     named = positional_of(cls)
-    words = [_word(option, named[option.path]) for option in known if option.path in named]
-    usage = f"usage: motorgrad {prog} [-h] [OPTIONS] {' '.join(word for word, _ in words)}".rstrip()
+    arguments = [option for option in known if option.path in named]
+    shown = " ".join(named[option.path].metavar for option in arguments)
+    usage = f"usage: motorgrad {prog} [-h] [OPTIONS] {shown}".rstrip()
     lines = [usage, "", *(_wrapped(each) for each in description_of(cls).split("\n\n")), ""]
-    if words:
-        lines += ["words:", *(line for word, text in words for line in _entry(word, "", text)), ""]
+    if arguments:
+        lines.append("arguments:")
+        for option in arguments:
+            lines += _entry(named[option.path].metavar, "", f"{option.text}{_default_text(option)}")
+        lines.append("")
     groups: dict[str, list[Option]] = {"": []}
     for option in known:
         if option.path not in named and (only is None or option.path in only):
@@ -82,7 +80,7 @@ def help_text(cls: type, prog: str, only: Container[str] | None = None) -> str:
 def metavar_of(hint: Any) -> str:
     """What the help shows for a value: INT, {a,b}, FLOAT | NAME VALUE ...; nothing for a flag."""
     found = []
-    options = options_in(hint)
+    options = options_of(hint)
     for option in options:
         origin = typing.get_origin(option)
         inner = typing.get_args(option)
@@ -93,8 +91,8 @@ def metavar_of(hint: Any) -> str:
         elif origin is tuple:
             many = inner[1:] == (Ellipsis,)
             found.append(" ".join([metavar_of(each) for each in (inner[:1] if many else inner)] + ["..."] * many))
-        elif kinds := parts_in(option):
-            names = [name for kind in kinds for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
+        elif parts_in(option):
+            names = _names(option)
             found += ["{" + ",".join(names) + "}"] if names else []
         elif origin is not None:
             found.append("NAME VALUE ...")
@@ -106,7 +104,8 @@ def metavar_of(hint: Any) -> str:
 def _of_dataclass(cls: type, instance: Any, path: str) -> Iterator[Option]:
     """The options of a dataclass, and of those within it, whose values in the `instance` are the defaults."""
     texts = {**attribute_texts(cls), **descriptions(cls)}
-    hints = typing.get_type_hints(cls, include_extras=True)
+    hints = hints_of(cls)
+    declared = typing.get_type_hints(cls, include_extras=True)
     for name, field in fields_of(cls).items():
         default = default_of(field) if instance is None else getattr(instance, name)
         place = f"{path}.{name}" if path else name
@@ -117,7 +116,7 @@ def _of_dataclass(cls: type, instance: Any, path: str) -> Iterator[Option]:
         elif dataclasses.is_dataclass(default) and not isinstance(default, type):
             yield from _of_dataclass(type(default), default, place)
         else:
-            metavar = next((each.metavar for each in getattr(hints[name], "__metadata__", ())), None)
+            metavar = next((each.metavar for each in getattr(declared[name], "__metadata__", ())), None)
             yield Option(place, hints[name], default, texts.get(name, ""), metavar)
 
 
@@ -143,23 +142,18 @@ def _of_part(part: Part, path: str, optional: bool = False) -> Iterator[Option]:
 def _of_setting(hint: Any, value: Any, place: str, text: str) -> Iterator[Option]:
     """The options of a field of a part: those of the part that it holds, or its own."""
     if isinstance(value, Part):
-        yield from _of_part(value, place, types.NoneType in options_in(hint))
+        yield from _of_part(value, place, types.NoneType in options_of(hint))
         return
-    if parts_in(hint) and float not in options_in(hint):  # absent: a choice among the kinds
+    if parts_in(hint) and float not in options_of(hint):  # absent: a choice among the kinds
         yield Option(place, Literal[(*("none", *_names(hint)),)], "none", text)
         return
-    plain = [option for option in options_in(hint) if not parts_in(option)]  # a number may be annealed
+    plain = [option for option in options_of(hint) if not parts_in(option)]  # a number may be annealed
     yield Option(place, typing.Union[tuple(plain)], np.asarray(value).tolist() if np.ndim(value) else value, text)  # noqa: UP007
 
 
 def _names(hint: Any) -> list[str]:
     """The names of the kinds that a field of this type may hold."""
     return [name for kind in parts_in(hint) for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
-
-
-def _word(option: Option, about: Positional) -> tuple[str, str]:
-    """A positional word of the command with its text."""
-    return about.metavar or option.path.upper(), f"{option.text}{_default_text(option)}"
 
 
 def _default_text(option: Option) -> str:
@@ -194,5 +188,6 @@ def _entry(flag: str, metavar: str, text: str) -> list[str]:
 
 
 def _wrapped(paragraph: str) -> str:
+    """A paragraph in the width of the terminal, with an empty line after it."""
     width = shutil.get_terminal_size((USUAL_WIDTH, 24)).columns
     return textwrap.fill(" ".join(paragraph.split()), width, break_on_hyphens=False) + "\n"

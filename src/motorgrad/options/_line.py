@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from motorgrad._errors import check, unknown
-from motorgrad._tree import fields_of
-from motorgrad._words import Words, options_in
+from motorgrad._tree import fields_of, hints_of, options_of
+from motorgrad._words import Words
 
 HELP = {"-h", "--help"}
 HELP_ALL = "--help-all"
@@ -55,7 +55,7 @@ def read_line(cls: type, words: Sequence[str]) -> dict[str, Any]:
     **Raises** `ValueError` for an option that is given twice, and for a word that belongs to none.
     """
     fields = fields_of(cls)
-    hints = typing.get_type_hints(cls)
+    hints = hints_of(cls)
     found: dict[str, Any] = {}
     loose = []
     left = [word for word in words if word not in {*HELP, HELP_ALL}]
@@ -83,7 +83,7 @@ def _room(hint: Any) -> int | None:
     """How many words an option with a field of this type takes: none, one, or, as `None`, all that there are."""
     if hint is None:
         return None
-    options = options_in(hint)
+    options = options_of(hint)
     if bool in options and set(options) <= {bool, types.NoneType}:
         return 0
     return None if any(typing.get_origin(option) is tuple for option in options) else 1
