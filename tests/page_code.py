@@ -15,7 +15,7 @@ import typing
 from typing import Any
 
 import needed
-from motorgrad._tree import fields_of
+from motorgrad.schema import fields_of
 from motorgrad.tasks import TASKS, make
 
 

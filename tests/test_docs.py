@@ -14,7 +14,7 @@ import pytest
 
 import motorgrad as mg
 import timlab
-from motorgrad._tree import PART_CLASSES
+from motorgrad.schema import PART_CLASSES
 from motorgrad.tasks import TASKS
 from page_code import PageCode
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jaxtyping import Array
 
 from motorgrad._errors import check, unknown
-from motorgrad._tree import Range, path_of
+from motorgrad.schema import Range, path_of
 
 P = TypeVar("P")
 

@@ -7,7 +7,6 @@ import time
 import numpy as np
 import pytest
 
-from motorgrad._tree import numbers_of
 from motorgrad.benchmarks import Row
 from motorgrad.benchmarks._bodies import body_row, simulated_row, tendon_rows
 from motorgrad.benchmarks._learners import hand_written
@@ -15,6 +14,7 @@ from motorgrad.benchmarks._loops import recruitment_loop, three_state_loop
 from motorgrad.benchmarks._measure import in_turn
 from motorgrad.cli import main
 from motorgrad.policies import Softmax
+from motorgrad.schema import numbers_of
 from motorgrad.tasks import FallingParticle, HexapodSynergy, Hopper, LinearRecruitment, ThreeState
 from motorgrad.training import agent_for, train
 from motorgrad.worlds import oracle

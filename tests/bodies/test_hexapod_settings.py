@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from motorgrad import bodies
-from motorgrad._settings import build, table
 from motorgrad.bodies import Hexapod, Hinge, LateralPair, Leg, Section, Segment, biomimetic_hexapod
+from motorgrad.schema import build, table
 
 
 def test_settings_by_name_reach_every_number():

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from motorgrad._settings import build, table
 from motorgrad.bodies import Anatomy, BodyBatch, Mjcf, compile_model, to_mjcf
 from motorgrad.bodies.mjcf._mjcf import BUNDLED
+from motorgrad.schema import build, table
 
 ZOO = """
 <mujoco>

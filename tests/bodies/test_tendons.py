@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from motorgrad import bodies
-from motorgrad._settings import build, table
 from motorgrad.bodies import Anatomy, Attachment, BodyBatch, Hill, HillMuscle, Mjcf, contract, read_hill
 from motorgrad.bodies.muscles._hill_dynamics import activation_rate, next_activation, rigid_tension
+from motorgrad.schema import build, table
 
 SOLEUS = Hill(1000.0, optimal_fiber_length=0.1, tendon_slack_length=0.2, pennation_angle=0.3)
 MUSCLES = {name: dataclasses.replace(SOLEUS, curves=name) for name in bodies.CURVES}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._tree import PART_CLASSES
 from motorgrad.cli import main
+from motorgrad.schema import PART_CLASSES
 from motorgrad.tasks import terms
 from timsim._commands.sim import prepared
 

@@ -9,10 +9,9 @@ import pytest
 import tomli_w
 
 import motorgrad as mg
-from motorgrad._docstrings import descriptions
-from motorgrad._tree import PART_CLASSES, fields_of
 from motorgrad.cli import COMMANDS, main
 from motorgrad.policies import INITIAL
+from motorgrad.schema import PART_CLASSES, descriptions, fields_of
 from motorgrad.tasks import TASKS
 from motorgrad.training import agent_for
 

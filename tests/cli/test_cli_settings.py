@@ -11,12 +11,11 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from motorgrad._settings import build, table
-from motorgrad._tree import fields_of, metadata_at, numbers_of, with_number
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.bodies import Muscle
 from motorgrad.cli import main
 from motorgrad.learning import SGD, Adam, Agent, Annealed, Estimator, FisherMetric, Growth, LinearCritic, Window
+from motorgrad.schema import build, declared_at, fields_of, numbers_of, table, with_number
 from motorgrad.tasks import TASKS, HexapodPrimitive, make
 from motorgrad.training import agent_for, agent_from_table, agent_table, load, stepper_for
 
@@ -228,12 +227,12 @@ def test_the_number_of_one_pool_is_changed_by_its_path(change):
     path = "optimizer.learning_rate.movement.weights"
     assert agent.optimizer.learning_rate == {**usual, "movement.weights": 0.5}
     assert numbers_of(agent)[path] == 0.5
-    assert metadata_at(agent, path) == metadata_at(agent, "optimizer.learning_rate")
+    assert declared_at(agent, path) == declared_at(agent, "optimizer.learning_rate")
     assert with_number(agent, path, 0.25).optimizer.learning_rate == {**usual, "movement.weights": 0.25}
     again = agent_from_table(make("hexapod-primitive"), tomllib.loads(tomli_w.dumps(agent_table(agent))))
     assert again.optimizer.learning_rate == agent.optimizer.learning_rate
     with pytest.raises(ValueError, match=r"unknown number 'optimizer\.learning_rate\.movement\.wieghts'"):
-        metadata_at(agent, "optimizer.learning_rate.movement.wieghts")
+        declared_at(agent, "optimizer.learning_rate.movement.wieghts")
 
 
 def test_a_flag_of_a_part_is_turned_off_and_on(capsys):

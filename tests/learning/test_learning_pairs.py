@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from motorgrad._tree import PART_CLASSES
 from motorgrad.learning import Baseline, Centring, CriticFit, Metric, Optimizer, StepBound, Trace
+from motorgrad.schema import PART_CLASSES
 from motorgrad.tasks import ThreeState
 from motorgrad.training import agent_for
 

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from compiled_learner import started
 
-from motorgrad._docstrings import descriptions
-from motorgrad._tree import PART_CLASSES, Numbers, Range, fields_of, metadata_at, numbers_of, with_number
 from motorgrad.learning import (
     ActionValueEnsemble,
     ActionValueGradient,
@@ -46,6 +44,17 @@ from motorgrad.learning import (
     register,
 )
 from motorgrad.policies import INITIAL, Architecture, FeatureMap, InitialPolicy
+from motorgrad.schema import (
+    PART_CLASSES,
+    Numbers,
+    Range,
+    declared_at,
+    declared_by,
+    descriptions,
+    fields_of,
+    numbers_of,
+    with_number,
+)
 from motorgrad.tasks import Composed, LinearRecruitment, ThreeState
 from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
 from motorgrad.training import agent_from_table, agent_table, clear_programs, stepper_for
@@ -184,7 +193,7 @@ def agent_with(base, name):
 def nudged(agent):
     """The learner with every number elsewhere in its range."""
     for path, value in numbers_of(agent.hyperparameters).items():
-        low, high, *_ = metadata_at(agent.hyperparameters, path).get("range", Range())
+        low, high, *_ = declared_at(agent.hyperparameters, path).range or Range()
         if np.ndim(value):
             continue
         far = high if value - low < high - value else low
@@ -218,13 +227,14 @@ def test_a_value_outside_its_range_is_refused(base, name):
     part = None if base is Agent else made(cls)
     for field, declared in fields_of(cls).items():
         bad = []
-        if "range" in declared.metadata:
-            low, high, open_low, open_high = declared.metadata["range"]
+        allowed = declared_by(declared).range
+        if allowed is not None and not allowed.whole:
+            low, high, open_low, open_high, _ = allowed
             bad = [math.nan, math.inf, True, "1"]
             bad += [low if open_low else low - 1] if math.isfinite(low) else []
             bad += [high if open_high else high + 1] if math.isfinite(high) else []
-        elif "whole" in declared.metadata:
-            low, high = declared.metadata["whole"]
+        elif allowed is not None:
+            low, high, *_ = allowed
             bad = [low - 1, high + 1, low + 0.5, True, "1"]
         for value in bad:
             with pytest.raises(ValueError, match=f"^{field} = "):

@@ -10,7 +10,6 @@ import pytest
 from compiled_learner import started, told
 
 import motorgrad as mg
-from motorgrad._tree import kind_of
 from motorgrad.learning import (
     SGD,
     Agent,
@@ -32,6 +31,7 @@ from motorgrad.policies import (
     hyperplanes,
     trainable,
 )
+from motorgrad.schema import kind_of
 from motorgrad.training import stepper_for
 
 LOOK = jnp.array([0.5, -1.0])

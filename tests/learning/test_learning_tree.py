@@ -9,7 +9,6 @@ import optax
 import pytest
 
 import motorgrad as mg
-from motorgrad._tree import Numbers, Range, check_rounded, metadata_at, numbers_of, with_number
 from motorgrad.learning import (
     SGD,
     Adam,
@@ -34,6 +33,7 @@ from motorgrad.learning import (
     static,
 )
 from motorgrad.policies import Softmax, trainable
+from motorgrad.schema import Numbers, Range, check_rounded, declared_at, numbers_of, with_number
 from motorgrad.tasks import ThreeState
 from motorgrad.training import agent_for, agent_from_table, agent_table, stepper_for
 from timsim.live._learner import agent_numbers
@@ -107,7 +107,7 @@ def test_the_key_is_that_of_the_structure(path):
 )
 def test_nought_never_removes_a_part(path, absent):
     """A number of 0 keeps the structure, so that it can be swept and moved live; only `None` is absence."""
-    least = 0.0 if metadata_at(RICH, path).get("range", Range()).allows(0.0) else 1e-6
+    least = 0.0 if (declared_at(RICH, path).range or Range()).allows(0.0) else 1e-6
     outer, name = path.rsplit(".", 1)
 
     def with_value(value):

@@ -10,7 +10,6 @@ import pytest
 from policy_examples import compiled, drawn_scores
 
 import motorgrad as mg
-from motorgrad._settings import table
 from motorgrad.learning import Features
 from motorgrad.policies import (
     Featured,
@@ -26,6 +25,7 @@ from motorgrad.policies import (
     softmax,
     trainable,
 )
+from motorgrad.schema import table
 
 SEEN = np.array([0.5, -1.0, 2.0], np.float32)
 RICH = FeatureMap(squares=True, products=True, nonlinear=7, shape="fourier", scale=0.7, seed=3)

@@ -22,8 +22,6 @@ from policy_examples import (
 )
 
 from motorgrad import policies
-from motorgrad._settings import as_hinted, table
-from motorgrad._tree import fields_of
 from motorgrad.policies import (
     INITIAL,
     Factored,
@@ -40,6 +38,7 @@ from motorgrad.policies import (
     split,
     trainable,
 )
+from motorgrad.schema import as_hinted, fields_of, table
 from motorgrad.worlds import AdmissionThresholds
 
 FIXED = {"p_max", "steepness", "active"}

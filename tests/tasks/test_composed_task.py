@@ -14,9 +14,9 @@ from composed_examples import BODY, MODEL, task
 from gymnasium.utils.env_checker import check_env
 
 import motorgrad as mg
-from motorgrad._settings import table
 from motorgrad.bodies import Hopper, Mjcf
 from motorgrad.environments import TaskEnv
+from motorgrad.schema import table
 from motorgrad.tasks import Composed, terms
 
 REACH = """

@@ -9,11 +9,10 @@ from composed_examples import BODY, MODEL, moved, task
 from scipy.integrate import solve_ivp
 
 import motorgrad as mg
-from motorgrad._settings import build, table
-from motorgrad._tree import PART_CLASSES
 from motorgrad.bodies import Mjcf
 from motorgrad.learning import Agent
 from motorgrad.policies import bounded_hyperplanes
+from motorgrad.schema import PART_CLASSES, build, table
 from motorgrad.tasks import compose, terms
 from motorgrad.tasks.terms._quantities import Compartments
 from motorgrad.tasks.terms._term import norm

@@ -6,7 +6,7 @@ import pytest
 from gymnasium.wrappers import TimeLimit
 
 import motorgrad as mg
-from motorgrad._settings import table
+from motorgrad.schema import table
 from motorgrad.tasks import from_gymnasium
 
 

@@ -13,7 +13,7 @@ import pytest
 from gymnasium_examples import NONE, Told
 
 import motorgrad as mg
-from motorgrad._settings import table
+from motorgrad.schema import table
 from motorgrad.tasks import EnvironmentState, Gymnasium, from_gymnasium
 
 

@@ -14,9 +14,9 @@ import tomli_w
 
 import motorgrad as mg
 from motorgrad._myosuite import composing, environment
-from motorgrad._settings import build, table
 from motorgrad.bodies import Mjcf
 from motorgrad.bodies.mjcf import _mjcf as mjcf
+from motorgrad.schema import build, table
 
 ELBOW, FINGER, REACH = "myoElbowPose1D6MRandom-v0", "myoFingerPoseRandom-v0", "myoFingerReachRandom-v0"
 MOTORS, EXOSKELETON = "motorFingerReachRandom-v0", "myoElbowPose1D6MExoFixed-v0"

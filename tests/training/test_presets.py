@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._tree import kind_of, numbers_of
 from motorgrad.cli import main
 from motorgrad.learning import Annealed, FisherMetric, LinearCritic, MeanReward
+from motorgrad.schema import kind_of, numbers_of
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import PRESETS, agent_from_table, agent_table, check_training
 from motorgrad.worlds import oracle

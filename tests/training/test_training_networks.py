@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._settings import table
 from motorgrad.cli import main
 from motorgrad.policies import MultilayerPerceptron, Network
+from motorgrad.schema import table
 
 SMALL = {"hidden": [6, 5]}
 LEARNER = {

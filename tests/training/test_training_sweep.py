@@ -10,9 +10,9 @@ from jax import monitoring
 from training_examples import assert_differ, assert_same, assert_same_run, columns
 
 import motorgrad as mg
-from motorgrad._tree import with_number
 from motorgrad.cli import main
 from motorgrad.policies import INITIAL
+from motorgrad.schema import with_number
 from motorgrad.training import RunDirectoryError, agent_for, clear_programs, evaluate, load, stepper_for
 from motorgrad.training.engines import _programs
 

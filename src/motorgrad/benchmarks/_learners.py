@@ -7,10 +7,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from motorgrad._tree import numbers_of
 from motorgrad.benchmarks._loops import particle_loop, recruitment_loop, three_state_loop
 from motorgrad.benchmarks._measure import Row, in_turn
 from motorgrad.policies import LocalGaussians
+from motorgrad.schema import numbers_of
 from motorgrad.tasks import FallingParticle, LinearRecruitment, Task, ThreeState
 from motorgrad.training import agent_for, stepper_for, training_stepper_for
 

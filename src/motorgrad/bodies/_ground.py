@@ -14,9 +14,9 @@ import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad._settings import check_fields
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies._body import Body, WrappedBody
+from motorgrad.schema import Settings, number, static
 
 Kind = Literal["bumps", "slopes", "steps", "waves"]
 MIN_CELL = 0.1  # m; MuJoCo finds at most 50 contacts per pair, which a finer grid exhausts on the first triangles
@@ -31,38 +31,40 @@ Points = Float[np.ndarray, "rows columns"]
 
 
 @dataclasses.dataclass(frozen=True)
-class Terrain:
+class Terrain(Settings):
     """Uneven ground, as a grid of heights made from a few numbers and a seed.
-
-    **Arguments:**
-
-    - `kind`: "bumps", a random height at every grid point; "slopes", ramps along x that alternate up and down, each
-      half of `spacing` long, give or take a quarter; "steps", square plateaus at random heights, half of `spacing`
-      wide, with risers one cell wide; "waves", eight sines of random directions and phases, with the wavelength
-      `spacing`.
-    - `height` (m): distance from the lowest to the highest possible point, at full difficulty.
-    - `difficulty`: from 0, level ground, to 1; heights are proportional to it.
-    - `spacing` (m): distance from one ridge, wave or pair of plateaus to the next; without effect on bumps.
-    - `cell` (m): distance between two grid points, at least 0.1.
-    - `size` (m): size of the field along x and y, centred on the origin.
-    - `clearing` (m): radius of the level disc at the origin, on which a body starts; around it the ground rises to its
-      full height within one metre. With 0 the ground is uneven everywhere, with height 0 at the origin.
-    - `seed`: seed of the random numbers; the same seed gives the same ground at every difficulty.
 
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    kind: Kind = "bumps"
-    height: float = 0.1
-    difficulty: float = 1.0
-    spacing: float = 1.0
-    cell: float = 0.1
-    size: tuple[float, float] = (24.0, 12.0)
-    clearing: float = 0.6
-    seed: int = 0
+    kind: Kind = static(
+        "bumps",
+        help='"bumps", a random height at every grid point; "slopes", ramps along x that alternate up and '
+        'down, each half of `spacing` long, give or take a quarter; "steps", square plateaus at random '
+        'heights, half of `spacing` wide, with risers one cell wide; "waves", eight sines of random '
+        "directions and phases, with the wavelength `spacing`",
+    )
+    height: float = number(
+        0.1, unit="m", help="distance from the lowest to the highest possible point, at full difficulty"
+    )
+    difficulty: float = number(1.0, help="from 0, level ground, to 1; heights are proportional to it")
+    spacing: float = number(
+        1.0, unit="m", help="distance from one ridge, wave or pair of plateaus to the next; without effect on bumps"
+    )
+    cell: float = number(0.1, unit="m", help="distance between two grid points, at least 0.1")
+    size: tuple[float, float] = static(
+        (24.0, 12.0), unit="m", help="size of the field along x and y, centred on the origin"
+    )
+    clearing: float = number(
+        0.6,
+        unit="m",
+        help="radius of the level disc at the origin, on which a body starts; around it the ground rises to "
+        "its full height within one metre. With 0 the ground is uneven everywhere, with height 0 at the "
+        "origin",
+    )
+    seed: int = static(0, help="seed of the random numbers; the same seed gives the same ground at every difficulty")
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         for name in ("height", "cell", "spacing"):
             check_positive(name, getattr(self, name))
         check_not_negative("clearing", self.clearing)

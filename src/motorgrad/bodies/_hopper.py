@@ -13,11 +13,11 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad._settings import check_fields
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
 from motorgrad.bodies.muscles._hill import Curves, Hill, HillMuscle, Tendon
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
 from motorgrad.bodies.muscles._wrapping import away_angle, wrapped_length
+from motorgrad.schema import Settings, number, static
 
 SIDES = ("left", "right")
 # Joint positions are relative to this interior angle of the knee, so that 0 everywhere is the start pose.
@@ -29,43 +29,13 @@ _CAPSULE = (0.95, 0.95, 0.98, 0.35)
 
 
 @dataclasses.dataclass(frozen=True)
-class Hopper:
+class Hopper(Settings):
     """A planar hopper whose only controllable degree of freedom is the angle of its knees (thesis, section 5.2).
 
     The load moves on a vertical slide (the harness). Two thighs lead from it to the knees, and two shanks from there to
     the foot. Each knee has a flexor in front (inside the rhombus) and an extensor behind. The two flexors form one
     group and the two extensors another, so an action has two numbers. x points to the right, z up, and the plane is y =
     0.
-
-    **Arguments:**
-
-    - `load_mass` (kg): mass of the load on the slide.
-    - `link_length` (m): length of each of the four links.
-    - `link_mass` (kg): mass of each of the four links.
-    - `foot_mass` (kg): mass of the foot.
-    - `foot_size` (m): half-lengths (x, y, z) of the foot's box.
-    - `knee_range` (degrees): least and greatest interior angle of a knee, with 0 < least < 90 < greatest < 180; the
-      stop is stiff but not rigid.
-    - `armature` (kg m²): armature of every hinge.
-    - `joint_damping` (N m s/rad): damping of every hinge; the slide is free.
-    - `capsule_radius` (m): radius ρ of the sphere around each knee.
-    - `attachment_distance` (m): distance from the knee to a muscle's ends, along the bone.
-    - `flexor_strength` (N): greatest contractile force of a flexor.
-    - `flexor_rest_length` (m): length at which a flexor reaches that force.
-    - `extensor_strength` (N): greatest contractile force of an extensor.
-    - `extensor_rest_length` (m): length at which an extensor reaches that force.
-    - `muscle_damping` (N s/m): damping k_SE of every muscle.
-    - `muscle_shape`: shape k_CE of every muscle; larger values flatten the force–length curve.
-    - `lateral`: "symmetric" holds the foot under the load; "spring" lets the body lean against a spring.
-    - `lateral_stiffness` (N m/rad): stiffness of the lateral spring.
-    - `lateral_damping` (N m s/rad): damping of the lateral spring.
-    - `timestep` (s): time step of the physics.
-    - `muscle_model`: "thesis" (exact law, needs the callback), "native" (MuJoCo's own muscle, an approximation) or
-      "hill": Hill-type muscles of the same strengths, with fibers that suit their paths (`Hill.spanning`); the rest
-      lengths, `muscle_damping` and `muscle_shape` then have no meaning.
-    - `tendon`: the tendons of Hill-type muscles, "compliant" or "rigid".
-    - `curves`: the curves of Hill-type muscles, "de-groote" or "millard".
-    - `extra_muscles`: further muscles; a new group name adds a component to the action.
 
     **Names in the model:** bodies `load`, `thigh_left`, `shank_left`, `foot`, `thigh_right`, `shank_right`, with each
     link's frame at its upper joint and −z along the bone; joints `height`, `hip_left`, `knee_left`, `ankle`,
@@ -77,33 +47,51 @@ class Hopper:
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    load_mass: float = 2.0
-    link_length: float = 0.25
-    link_mass: float = 0.15
-    foot_mass: float = 0.2
-    foot_size: tuple[float, float, float] = (0.07, 0.05, 0.015)
-    knee_range: tuple[float, float] = (40.0, 150.0)
-    armature: float = 5e-4
-    joint_damping: float = 0.005
-    capsule_radius: float = 0.04
-    attachment_distance: float = 0.12
-    flexor_strength: float = 100.0
-    flexor_rest_length: float = 0.13
-    extensor_strength: float = 400.0
-    extensor_rest_length: float = 0.25
-    muscle_damping: float = 8.0
-    muscle_shape: float = 0.5
-    lateral: Literal["symmetric", "spring"] = "symmetric"
-    lateral_stiffness: float = 100.0
-    lateral_damping: float = 1.0
-    timestep: float = 0.001
-    muscle_model: Literal["thesis", "native", "hill"] = "thesis"
-    tendon: Tendon = "compliant"
-    curves: Curves = "de-groote"
-    extra_muscles: tuple[Muscle, ...] = ()
+    load_mass: float = number(2.0, unit="kg", help="mass of the load on the slide")
+    link_length: float = number(0.25, unit="m", help="length of each of the four links")
+    link_mass: float = number(0.15, unit="kg", help="mass of each of the four links")
+    foot_mass: float = number(0.2, unit="kg", help="mass of the foot")
+    foot_size: tuple[float, float, float] = static(
+        (0.07, 0.05, 0.015), unit="m", help="half-lengths (x, y, z) of the foot's box"
+    )
+    knee_range: tuple[float, float] = static(
+        (40.0, 150.0),
+        unit="degrees",
+        help="least and greatest interior angle of a knee, with 0 < least < 90 < greatest < 180; the stop is "
+        "stiff but not rigid",
+    )
+    armature: float = number(5e-4, unit="kg m²", help="armature of every hinge")
+    joint_damping: float = number(0.005, unit="N m s/rad", help="damping of every hinge; the slide is free")
+    capsule_radius: float = number(0.04, unit="m", help="radius ρ of the sphere around each knee")
+    attachment_distance: float = number(
+        0.12, unit="m", help="distance from the knee to a muscle's ends, along the bone"
+    )
+    flexor_strength: float = number(100.0, unit="N", help="greatest contractile force of a flexor")
+    flexor_rest_length: float = number(0.13, unit="m", help="length at which a flexor reaches that force")
+    extensor_strength: float = number(400.0, unit="N", help="greatest contractile force of an extensor")
+    extensor_rest_length: float = number(0.25, unit="m", help="length at which an extensor reaches that force")
+    muscle_damping: float = number(8.0, unit="N s/m", help="damping k_SE of every muscle")
+    muscle_shape: float = number(0.5, help="shape k_CE of every muscle; larger values flatten the force–length curve")
+    lateral: Literal["symmetric", "spring"] = static(
+        "symmetric", help='"symmetric" holds the foot under the load; "spring" lets the body lean against a spring'
+    )
+    lateral_stiffness: float = number(100.0, unit="N m/rad", help="stiffness of the lateral spring")
+    lateral_damping: float = number(1.0, unit="N m s/rad", help="damping of the lateral spring")
+    timestep: float = number(0.001, unit="s", help="time step of the physics")
+    muscle_model: Literal["thesis", "native", "hill"] = static(
+        "thesis",
+        help='"thesis" (exact law, needs the callback), "native" (MuJoCo\'s own muscle, an approximation) '
+        'or "hill": Hill-type muscles of the same strengths, with fibers that suit their paths '
+        "(`Hill.spanning`); the rest lengths, `muscle_damping` and `muscle_shape` then have no "
+        "meaning",
+    )
+    tendon: Tendon = static("compliant", help='the tendons of Hill-type muscles, "compliant" or "rigid"')
+    curves: Curves = static("de-groote", help='the curves of Hill-type muscles, "de-groote" or "millard"')
+    extra_muscles: tuple[Muscle, ...] = static(
+        (), help="further muscles; a new group name adds a component to the action"
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         for name in (
             *("load_mass", "link_length", "link_mass", "foot_mass", "capsule_radius", "attachment_distance"),
             *("flexor_strength", "flexor_rest_length", "extensor_strength", "extensor_rest_length", "muscle_shape"),

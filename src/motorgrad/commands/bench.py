@@ -9,6 +9,7 @@ from motorgrad._applications import entries
 from motorgrad._extras import install
 from motorgrad.benchmarks import ROWS, Row, speed_table
 from motorgrad.options import finite_table, parse, write_json
+from motorgrad.schema import static
 from motorgrad.training import provenance
 
 
@@ -17,10 +18,8 @@ class Bench:
     """Compare the speed of this library, and of the applications that are installed, with bare physics and hand-written
     loops, on this machine."""
 
-    quick: bool = False
-    """A smoke test: small sizes, meaningless numbers."""
-    json: Path | None = None
-    """Also write the table to this file, as JSON; - for the standard output."""
+    quick: bool = static(False, help="A smoke test: small sizes, meaningless numbers")
+    json: Path | None = static(None, help="Also write the table to this file, as JSON; - for the standard output")
 
 
 def run(arguments: list[str]) -> int:

@@ -13,6 +13,7 @@ from motorgrad.commands import COMMANDS, command_named
 from motorgrad.learning import Agent
 from motorgrad.options import HELP_ALL, Positional, parse
 from motorgrad.policies import INITIAL
+from motorgrad.schema import static
 from motorgrad.tasks import TASKS
 
 Shell = Literal["bash", "zsh", "fish"]
@@ -30,8 +31,7 @@ class Completion:
     fish: motorgrad completion fish > ~/.config/fish/completions/motorgrad.fish
     """
 
-    shell: Annotated[Shell, Positional("SHELL")]
-    """The shell: bash, zsh or fish."""
+    shell: Annotated[Shell, Positional("SHELL")] = static(help="The shell: bash, zsh or fish")
 
 
 class Words(NamedTuple):

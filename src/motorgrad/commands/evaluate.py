@@ -12,8 +12,8 @@ from motorgrad._applications import film_maker
 from motorgrad._errors import check, check_integer, counted, plain
 from motorgrad._extras import MissingExtra
 from motorgrad._files import check_writable
-from motorgrad._settings import table
 from motorgrad.options import Positional, finite_table, read_arguments, resolve, summary, summary_text, write_json
+from motorgrad.schema import number, static, table
 from motorgrad.tasks import BodyTask
 from motorgrad.training import (
     MAX_EPISODES,
@@ -39,40 +39,45 @@ class Evaluate:
     Settings of the run's task can be changed after RUN: motorgrad evaluate RUN --task.time-limit None.
     """
 
-    run: Annotated[Path, Positional("RUN")]
-    """The run directory."""
-    steps: int | None = None
-    """Decisions per seed, by default 2000. With --episodes: decisions after which an episode is cut."""
-    episodes: int | None = None
-    """Evaluate so many whole episodes of every seed, in place of a number of decisions: their returns and lengths, with
-    the interval over seeds."""
-    random_seed: int = 0
-    """The seed of the random numbers of the evaluation. Those of learning are others."""
-    best: bool = False
-    """Evaluate the policies that --keep-best kept while training, in place of the last ones."""
-    mode: Literal["sample", "mode", "both"] = "sample"
-    """sample draws every action, mode takes the most probable one; both does each in turn and films the first."""
-    untrained: bool = False
-    """Evaluate the policies as they were before learning."""
-    seed: int | None = None
-    """The seed to film, and to write to a .sto file; by default the first."""
-    video: Path | None = None
-    """The file of the film, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 and the like."""
-    film: bool = True
-    """Whether to film. Without the extra video nothing is filmed, and --video is refused."""
-    seconds: float = 10.0
-    """The length of the film, in seconds."""
-    table: Path | None = None
-    """Also write what happened at every decision to this file, in the first mode: all seeds to .parquet or .csv, or the
-    first episode of one seed to .sto, for OpenSim."""
-    every: Literal["decision", "step"] = "decision"
-    """A row of the table for every decision, or for every physics step of a body."""
-    trust: bool = False
-    """Run code that the run directory names: the module of its task."""
-    allow_changed: bool = False
-    """Evaluate with the settings in config.toml even if they were changed since the run was made."""
-    json: Path | None = None
-    """Also write the result to this file, as JSON; - for the standard output."""
+    run: Annotated[Path, Positional("RUN")] = static(help="The run directory")
+    steps: int | None = static(
+        None, help="Decisions per seed, by default 2000. With --episodes: decisions after which an episode is cut"
+    )
+    episodes: int | None = static(
+        None,
+        help="Evaluate so many whole episodes of every seed, in place of a number of decisions: their returns "
+        "and lengths, with the interval over seeds",
+    )
+    random_seed: int = static(0, help="The seed of the random numbers of the evaluation. Those of learning are others")
+    best: bool = static(
+        False, help="Evaluate the policies that --keep-best kept while training, in place of the last ones"
+    )
+    mode: Literal["sample", "mode", "both"] = static(
+        "sample",
+        help="sample draws every action, mode takes the most probable one; both does each in turn and films the first",
+    )
+    untrained: bool = static(False, help="Evaluate the policies as they were before learning")
+    seed: int | None = static(None, help="The seed to film, and to write to a .sto file; by default the first")
+    video: Path | None = static(
+        None,
+        help="The file of the film, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 "
+        "and the like",
+    )
+    film: bool = static(True, help="Whether to film. Without the extra video nothing is filmed, and --video is refused")
+    seconds: float = number(10.0, help="The length of the film, in seconds")
+    table: Path | None = static(
+        None,
+        help="Also write what happened at every decision to this file, in the first mode: all seeds to "
+        ".parquet or .csv, or the first episode of one seed to .sto, for OpenSim",
+    )
+    every: Literal["decision", "step"] = static(
+        "decision", help="A row of the table for every decision, or for every physics step of a body"
+    )
+    trust: bool = static(False, help="Run code that the run directory names: the module of its task")
+    allow_changed: bool = static(
+        False, help="Evaluate with the settings in config.toml even if they were changed since the run was made"
+    )
+    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
     task: ClassVar[Any] = None
 
     def validate(self) -> None:

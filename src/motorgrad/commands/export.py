@@ -7,6 +7,7 @@ from typing import Annotated
 from motorgrad._applications import offered
 from motorgrad._errors import check, plain
 from motorgrad.options import Positional, parse
+from motorgrad.schema import static
 from motorgrad.training import load
 
 
@@ -15,16 +16,11 @@ class Export:
     """Write the learned policy of a run as C source, as an ONNX model, as arrays for NumPy, or as a Functional Mock-up
     Unit."""
 
-    run: Annotated[Path, Positional("RUN")]
-    """The run directory."""
-    file: Annotated[Path, Positional("FILE")]
-    """The file to write: .c, .onnx, .npz or .fmu."""
-    seed: int | None = None
-    """The seed whose policy is exported; by default the first."""
-    only: tuple[str, ...] | None = None
-    """The functions to write to the file, such as mode; by default all."""
-    allow_changed: bool = False
-    """Export even if config.toml was changed since the run was made."""
+    run: Annotated[Path, Positional("RUN")] = static(help="The run directory")
+    file: Annotated[Path, Positional("FILE")] = static(help="The file to write: .c, .onnx, .npz or .fmu")
+    seed: int | None = static(None, help="The seed whose policy is exported; by default the first")
+    only: tuple[str, ...] | None = static(None, help="The functions to write to the file, such as mode; by default all")
+    allow_changed: bool = static(False, help="Export even if config.toml was changed since the run was made")
 
 
 def run(arguments: list[str]) -> int:

@@ -8,11 +8,10 @@ from pathlib import Path
 
 from motorgrad._applications import LISTS
 from motorgrad._applications import entries as offers
-from motorgrad._docstrings import name_in_words
-from motorgrad._tree import PART_CLASSES
 from motorgrad.learning import Estimator
 from motorgrad.options import parse, write_json
 from motorgrad.policies import INITIAL
+from motorgrad.schema import PART_CLASSES, name_in_words, static
 from motorgrad.tasks import TASKS
 
 
@@ -21,8 +20,7 @@ class List:
     """List every task, policy, estimator, part of a learner and experiment by its name in configurations and
     commands."""
 
-    json: Path | None = None
-    """Also write the list to this file, as JSON; - for the standard output."""
+    json: Path | None = static(None, help="Also write the list to this file, as JSON; - for the standard output")
 
 
 def run(arguments: list[str]) -> int:

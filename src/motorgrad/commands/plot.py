@@ -8,6 +8,7 @@ from motorgrad._applications import PICTURES, film_maker, offered
 from motorgrad._errors import check, plain
 from motorgrad._files import check_writable
 from motorgrad.options import Positional, parse, write_json
+from motorgrad.schema import number, static
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
 from motorgrad.training.plots import figure_file
 
@@ -16,32 +17,43 @@ from motorgrad.training.plots import figure_file
 class Plot:
     """Draw the learning curves of one run, or of several in one figure: medians, and quartiles over the seeds."""
 
-    runs: Annotated[tuple[Path, ...], Positional("RUN ...")]
-    """Run directories."""
-    quantity: tuple[str, ...] = ("reward",)
-    """Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each."""
-    x: Literal["decisions", "simulated", "wall", "cpu"] | None = None
-    """The horizontal axis: decisions, or seconds of simulated, wall or processor (cpu) time; by default simulated
-    seconds where the task has them."""
-    smooth: float | None = None
-    """Each point is the mean over this many units of x before it; by default over one record."""
-    labels: tuple[str, ...] | None = None
-    """Names of the runs; by default the settings in which they differ, or their folders."""
-    out: Path | None = None
-    """The file of the figure (.png, .svg, .pdf); by default figures/QUANTITY.png in the directory of the first run."""
-    format: Literal["svg", "png", "pdf"] | None = None
-    """The figure's format, where --out has no suffix."""
-    tensorboard: Annotated[tuple[Path, ...] | None, Positional("[DIR]", named=True)] = None
-    """Also write TensorBoard event files to this folder, by default to tensorboard/ of each run."""
-    animate: Annotated[tuple[Path, ...] | None, Positional("[FILE]", named=True)] = None
-    """Also film the learning of a run of a particle task: to this file (.mp4, .gif), by default figures/learning.mp4 of
-    the run."""
-    seed: int | None = None
-    """The seed to film; by default the one in the middle, by its reward in the last quarter."""
-    seconds: float = 12.0
-    """The length of the film, in seconds."""
-    json: Path | None = None
-    """Also write the path of the figure and the numbers drawn to this file, as JSON; - for the standard output."""
+    runs: Annotated[tuple[Path, ...], Positional("RUN ...")] = static(help="Run directories")
+    quantity: tuple[str, ...] = static(
+        ("reward",), help="Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each"
+    )
+    x: Literal["decisions", "simulated", "wall", "cpu"] | None = static(
+        None,
+        help="The horizontal axis: decisions, or seconds of simulated, wall or processor (cpu) time; by "
+        "default simulated seconds where the task has them",
+    )
+    smooth: float | None = number(
+        None, help="Each point is the mean over this many units of x before it; by default over one record"
+    )
+    labels: tuple[str, ...] | None = static(
+        None, help="Names of the runs; by default the settings in which they differ, or their folders"
+    )
+    out: Path | None = static(
+        None,
+        help="The file of the figure (.png, .svg, .pdf); by default figures/QUANTITY.png in the directory of "
+        "the first run",
+    )
+    format: Literal["svg", "png", "pdf"] | None = static(None, help="The figure's format, where --out has no suffix")
+    tensorboard: Annotated[tuple[Path, ...] | None, Positional("[DIR]", named=True)] = static(
+        None, help="Also write TensorBoard event files to this folder, by default to tensorboard/ of each run"
+    )
+    animate: Annotated[tuple[Path, ...] | None, Positional("[FILE]", named=True)] = static(
+        None,
+        help="Also film the learning of a run of a particle task: to this file (.mp4, .gif), by default "
+        "figures/learning.mp4 of the run",
+    )
+    seed: int | None = static(
+        None, help="The seed to film; by default the one in the middle, by its reward in the last quarter"
+    )
+    seconds: float = number(12.0, help="The length of the film, in seconds")
+    json: Path | None = static(
+        None,
+        help="Also write the path of the figure and the numbers drawn to this file, as JSON; - for the standard output",
+    )
 
     def validate(self) -> None:
         check(self.runs, "runs", self.runs, "one run directory at least")

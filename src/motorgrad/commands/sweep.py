@@ -10,6 +10,7 @@ from motorgrad._files import read_toml
 from motorgrad._signals import unfinished
 from motorgrad.options import finite_table, listed_failures, parse, print_outcome, print_place, write_json
 from motorgrad.options.executors import StudyFile
+from motorgrad.schema import static
 from motorgrad.studies import Best, Results, Search, SearchResults, Study, broken_text, settings_text
 
 Ranking = list[tuple[dict[str, Any], list[Best]]]
@@ -21,8 +22,9 @@ class Sweep(StudyFile):
     Seeds and numbers of the learner are trained side by side in one compiled call; other settings become separate jobs.
     The same command continues a study that was stopped or killed. Failing jobs are tried again, then set aside."""
 
-    metric: str = "reward"
-    """The metric that ranks the settings, here and on the page index.html of the folder."""
+    metric: str = static(
+        "reward", help="The metric that ranks the settings, here and on the page index.html of the folder"
+    )
 
     def validate(self) -> None:
         super().validate()

@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Literal
 
 from motorgrad._errors import check, counted, plain
 from motorgrad._files import check_writable
-from motorgrad._settings import default_of, table
 from motorgrad._signals import unfinished
 from motorgrad.options import (
     HELP,
@@ -23,6 +22,7 @@ from motorgrad.options import (
     summary_text,
     write_json,
 )
+from motorgrad.schema import default_of, number, static, table
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
     PRESETS,
@@ -44,60 +44,80 @@ from motorgrad.training import (
 class Options:
     """Options of `motorgrad train`, beside those of the task and of the agent."""
 
-    steps: int = 100_000
-    """The number of decisions per seed, summed over its environments. The schedules of a preset scale with it."""
-    preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
-    """The name of a learner to use in place of the task's own, with the task's policy. Gymnasium environments use
-    "natural" by default."""
-    seeds: int | tuple[int, ...] = 1
-    """The number of learners, with seeds from --first-seed on; or a list of two or more seeds."""
-    first_seed: int = 0
-    """The first seed."""
-    out: Path | None = None
-    """The run directory, by default runs/TASK. Training continues an unfinished run that it finds there."""
-    resume: Path | None = None
-    """Continue the run in this directory with its own task, learner, seeds and steps; replaces TASK and --out."""
-    sweep: tuple[str, ...] | None = None
-    """The settings of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2. All combinations learn side
-    by side in one compiled call. In a file: a table of lists, or a list of tables."""
-    window: int | None = None
-    """The number of decisions per record of the metrics; by default a two-hundredth of the steps."""
-    checkpoint_every: float = 30.0
-    """The time between two checkpoints, in seconds of wall time."""
-    threads: int = 0
-    """The number of threads that step bodies; 0 for one per processor."""
-    envs: int = 1
-    """The number of environments that feed the learner of each seed. Steps count the decisions of all."""
-    workers: int = 0
-    """The number of processes that step Gymnasium environments; 0 steps them in this one. The results are the same."""
-    give_up_after: float = 3600.0
-    """End a run that could not be saved for this many seconds; until then it continues to learn and tries again."""
-    trust: bool = False
-    """Run code that the run directory or the file of options names: the module of its task."""
-    allow_changed: bool = False
-    """Continue a run even if its settings or the version of motorgrad changed since it was made."""
-    evaluate_every: int | None = None
-    """Evaluate in whole episodes while training, at the ends of records, each time so many decisions have been made.
-    Training is the same as without."""
-    evaluate_episodes: int = 10
-    """The number of episodes of each evaluation, per seed."""
-    evaluate_seed: int = 1
-    """The seed of the random numbers of these episodes."""
-    evaluate_mode: Literal["sample", "mode"] = "sample"
-    """In these episodes, sample draws every action, mode takes the most probable one."""
-    keep_best: str | None = None
-    """Keep the policy of each seed that did best in these episodes, by return, by length or by a metric of the
-    task."""
-    keep_least: bool = False
-    """The best is the one with the least, not the largest."""
-    tensorboard: bool = False
-    """Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint."""
+    steps: int = static(
+        100_000,
+        help="The number of decisions per seed, summed over its environments. The schedules of a preset scale with it",
+    )
+    preset: Literal[tuple(PRESETS)] | None = static(
+        None,
+        help="The name of a learner to use in place of the task's own, with the task's policy. Gymnasium "
+        'environments use "natural" by default',
+    )
+    seeds: int | tuple[int, ...] = static(
+        1, help="The number of learners, with seeds from --first-seed on; or a list of two or more seeds"
+    )
+    first_seed: int = static(0, help="The first seed")
+    out: Path | None = static(
+        None, help="The run directory, by default runs/TASK. Training continues an unfinished run that it finds there"
+    )
+    resume: Path | None = static(
+        None,
+        help="Continue the run in this directory with its own task, learner, seeds and steps; replaces TASK and --out",
+    )
+    sweep: tuple[str, ...] | None = static(
+        None,
+        help="The settings of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2. All "
+        "combinations learn side by side in one compiled call. In a file: a table of lists, or a list of "
+        "tables",
+    )
+    window: int | None = static(
+        None, help="The number of decisions per record of the metrics; by default a two-hundredth of the steps"
+    )
+    checkpoint_every: float = number(30.0, help="The time between two checkpoints, in seconds of wall time")
+    threads: int = static(0, help="The number of threads that step bodies; 0 for one per processor")
+    envs: int = static(
+        1, help="The number of environments that feed the learner of each seed. Steps count the decisions of all"
+    )
+    workers: int = static(
+        0,
+        help="The number of processes that step Gymnasium environments; 0 steps them in this one. The results "
+        "are the same",
+    )
+    give_up_after: float = number(
+        3600.0,
+        help="End a run that could not be saved for this many seconds; until then it continues to learn and "
+        "tries again",
+    )
+    trust: bool = static(
+        False, help="Run code that the run directory or the file of options names: the module of its task"
+    )
+    allow_changed: bool = static(
+        False, help="Continue a run even if its settings or the version of motorgrad changed since it was made"
+    )
+    evaluate_every: int | None = static(
+        None,
+        help="Evaluate in whole episodes while training, at the ends of records, each time so many decisions "
+        "have been made. Training is the same as without",
+    )
+    evaluate_episodes: int = static(10, help="The number of episodes of each evaluation, per seed")
+    evaluate_seed: int = static(1, help="The seed of the random numbers of these episodes")
+    evaluate_mode: Literal["sample", "mode"] = static(
+        "sample", help="In these episodes, sample draws every action, mode takes the most probable one"
+    )
+    keep_best: str | None = static(
+        None,
+        help="Keep the policy of each seed that did best in these episodes, by return, by length or by a "
+        "metric of the task",
+    )
+    keep_least: bool = static(False, help="The best is the one with the least, not the largest")
+    tensorboard: bool = static(
+        False, help="Write TensorBoard event files to tensorboard/ of the run directory, at every checkpoint"
+    )
     common: ClassVar[tuple[str, ...]] = ("steps", "seeds", "out", "resume", "preset", "sweep", "envs", "tensorboard")
     """The options that `--help` shows; `--help-all` shows all."""
     file_sweep: ClassVar[Any] = None
     """The sweep in the file."""
-    json: Path | None = None
-    """Also write the result to this file, as JSON; - for the standard output."""
+    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
 
     def validate(self: Any) -> None:
         check(self.resume is None, "resume", str(self.resume), "an option of the command line")

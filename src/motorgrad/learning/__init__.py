@@ -2,7 +2,6 @@
 
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
-from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent, AgentState, Decision
@@ -54,6 +53,7 @@ from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Tr
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
 from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
+from motorgrad.schema import Part, count, number, static
 
 __all__ = [
     "NEVER",

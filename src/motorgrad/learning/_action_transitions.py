@@ -20,12 +20,12 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, endless
 from motorgrad.policies import Policy
+from motorgrad.schema import inner, number, static
 
 MAX_ACTIONS = 64
 
@@ -53,17 +53,6 @@ class ActionTransitions(Baseline):
     inexact values it is $\mathbb E \sum_a \nabla\pi(a \mid y)\,Q(y, a)$ for these values. The first action
     of an episode has no predecessor and is compared with the mean over actions.
 
-    **Arguments:**
-
-    - `features`: $\phi$, without the previous action. Features of a constant sum leave the values of the average reward
-      undetermined by a constant, which does not matter here.
-    - `discount`: none for the average reward, with $\gamma = 1$ and $\rho$ the mean of rewards; or $\gamma \in [0, 1]$,
-      with $\rho = 0$; 1 needs a task with episodes.
-    - `decay`: $\lambda \in [0, 1]$ of the trace of the features. 1 for the average reward needs a task with episodes.
-    - `fit`: how $w$ is learned, `LeastSquares` or `TemporalDifference`.
-    - `relative_to`: what $Q(y, a)$ is compared with, the `"previous"` action or the `"mean"` over actions, which
-      makes it the advantage.
-
     **Raises:** `ValueError` for a value out of range, for features that see the previous action and for another fit;
     from `init`, for a policy with more than 64 actions, with real-valued ones, with hidden units or a memory.
 
@@ -77,11 +66,31 @@ class ActionTransitions(Baseline):
     needs_policy: ClassVar[bool] = True
     newest_apart: ClassVar[bool] = True
 
-    features: Features = Features(bias=False)
-    discount: float | None = number(None, 0, 1)
-    decay: float = number(0.0, 0, 1)
-    fit: CriticFit = LeastSquares()
-    relative_to: Literal["previous", "mean"] = static("previous")
+    features: Features = inner(
+        Features(bias=False),
+        help=r"$\phi$, without the previous action. Features of a constant sum leave the values of the average "
+        r"reward undetermined by a constant, which does not matter here",
+    )
+    discount: float | None = number(
+        None,
+        0,
+        1,
+        help=r"none for the average reward, with $\gamma = 1$ and $\rho$ the mean of rewards; or $\gamma \in "
+        r"[0, 1]$, with $\rho = 0$; 1 needs a task with episodes",
+    )
+    decay: float = number(
+        0.0,
+        0,
+        1,
+        help=r"$\lambda \in [0, 1]$ of the trace of the features. 1 for the average reward needs a task with "
+        r"episodes",
+    )
+    fit: CriticFit = inner(LeastSquares(), help="how $w$ is learned, `LeastSquares` or `TemporalDifference`")
+    relative_to: Literal["previous", "mean"] = static(
+        "previous",
+        help='what $Q(y, a)$ is compared with, the `"previous"` action or the `"mean"` over actions, which '
+        "makes it the advantage",
+    )
 
     def validate(self) -> None:
         check(not self.features.actions, "features.actions", True, "False")

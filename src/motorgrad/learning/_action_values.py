@@ -21,7 +21,6 @@ from jaxtyping import Array, Float, PyTree, UInt32
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
-from motorgrad._tree import Part, number
 from motorgrad.learning._baselines import Baseline, Transition
 from motorgrad.learning._branching import Scalar, where
 from motorgrad.learning._chain import adam_scaling
@@ -29,6 +28,7 @@ from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._schedules import Steps, at
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
+from motorgrad.schema import Part, inner, number
 
 MIN_VARIANCE = 1e-4
 
@@ -64,20 +64,16 @@ class ActionValues(Part):
 
     (Schaul et al., 2021), with $\gamma_t = 0$ where an episode terminated and $G$ the undiscounted return of an
     episode; rewards are those with the entropy added.
-
-    **Arguments:**
-
-    - `discount`: $\gamma \in [0, 1)$.
-    - `learning_rate`: learning rate of Adam, at least 0.
-    - `b2`: the decay of Adam's mean of squared gradients, in [0, 1).
-    - `network`: the hidden layers. They see the observation and the action, in one vector. With wide layers the last
-      digits of a seed depend on how many seeds learn side by side.
     """
 
-    discount: float = number(0.99, 0, 1, open_high=True)
-    learning_rate: float = number(1e-3, 0)
-    b2: float = number(0.999, 0, 1, open_high=True)
-    network: Architecture = MultilayerPerceptron(sparsity=0.0, layer_norm=False, standardise=True, unit_length=True)
+    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma \in [0, 1)$")
+    learning_rate: float = number(1e-3, 0, help="learning rate of Adam, at least 0")
+    b2: float = number(0.999, 0, 1, open_high=True, help="the decay of Adam's mean of squared gradients, in [0, 1)")
+    network: Architecture = inner(
+        MultilayerPerceptron(sparsity=0.0, layer_norm=False, standardise=True, unit_length=True),
+        help="the hidden layers. They see the observation and the action, in one vector. With wide layers the "
+        "last digits of a seed depend on how many seeds learn side by side",
+    )
 
     @property
     def _rule(self) -> Any:
@@ -174,8 +170,6 @@ class ActionValueGradient(Estimator):
     **Arguments:** those of `Estimator`, of which `improve`, `batch`, `entropy` ($\alpha$) and `reward_scaling` have an
     effect; `trace` has none, and the others are refused.
 
-    - `values`: the value $Q$ of an action, and how it is learned.
-
     **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
     real numbers.
 
@@ -186,7 +180,7 @@ class ActionValueGradient(Estimator):
     """
 
     baseline: Baseline | None = None
-    values: ActionValues = ActionValues()
+    values: ActionValues = inner(ActionValues(), help="the value $Q$ of an action, and how it is learned")
 
     def validate(self) -> None:
         super().validate()

@@ -20,7 +20,6 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
-from motorgrad._tree import Numbers, Part
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation, as_transformation
@@ -29,6 +28,7 @@ from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.policies import InitialPolicy, Policy, split, trainable, with_frozen_functions, with_interface
+from motorgrad.schema import Numbers, Part, inner
 
 
 class Decision(NamedTuple):
@@ -77,17 +77,6 @@ class Agent(Part):
     It is one tree of parts. Numbers are leaves: they may differ by seed, and change while the learner runs. Structure
     is static: the kinds of parts, lengths, intervals and counts. A part that is absent is `None`.
 
-    **Arguments:**
-
-    - `policy`: the initial policy, or a function from a key to one, so that every seed starts from its own.
-    - `estimator`: how rewards are assigned to decisions: trace, baseline and batch (see `Estimator`, `olgarb`).
-    - `optimizer`: how a gradient moves the parameters: `SGD`, `Adam`, or any optax transformation, which receives minus
-      the gradient.
-    - `metric`: none for the plain gradient; a `FisherMetric` for the natural gradient of each unit.
-    - `transformations`: further gradient transformations after the optimizer, ours or optax's.
-    - `growth`: none for a policy of one size; a `Growth` that adds the units of a `Masked` pool one by one.
-    - `averaging`: none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones.
-
     ```python
     agent = mg.Agent(
         policy=mg.policies.hyperplanes(task),
@@ -116,15 +105,33 @@ class Agent(Part):
     }
     """Short names of the settings that everyone types, for options, TOML and `agent_for`."""
 
-    policy: InitialPolicy | Any = eqx.field(converter=_ready)
-    estimator: Estimator = Estimator()
-    optimizer: Optimizer = eqx.field(default=SGD(1e-3), converter=as_transformation)
-    metric: Metric | None = None
-    transformations: tuple[Transformation, ...] = eqx.field(
-        default=(), converter=lambda stages: tuple(map(as_transformation, stages))
+    policy: InitialPolicy | Any = inner(
+        converter=_ready,
+        help="the initial policy, or a function from a key to one, so that every seed starts from its own",
     )
-    growth: Growth | None = None
-    averaging: PolyakAveraging | None = None
+    estimator: Estimator = inner(
+        Estimator(), help="how rewards are assigned to decisions: trace, baseline and batch (see `Estimator`, `olgarb`)"
+    )
+    optimizer: Optimizer = inner(
+        SGD(1e-3),
+        converter=as_transformation,
+        help="how a gradient moves the parameters: `SGD`, `Adam`, or any optax transformation, which receives minus "
+        "the gradient",
+    )
+    metric: Metric | None = inner(
+        None, help="none for the plain gradient; a `FisherMetric` for the natural gradient of each unit"
+    )
+    transformations: tuple[Transformation, ...] = inner(
+        (),
+        converter=lambda stages: tuple(map(as_transformation, stages)),
+        help="further gradient transformations after the optimizer, ours or optax's",
+    )
+    growth: Growth | None = inner(
+        None, help="none for a policy of one size; a `Growth` that adds the units of a `Masked` pool one by one"
+    )
+    averaging: PolyakAveraging | None = inner(
+        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
+    )
 
     def validate(self) -> None:
         made = isinstance(self.policy, Policy) or callable(self.policy)

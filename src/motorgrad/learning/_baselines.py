@@ -28,9 +28,9 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean, two_sum
-from motorgrad._tree import Part, count, is_tracer, number
 from motorgrad.learning._branching import NEVER, Flag, where
 from motorgrad.policies import Policy
+from motorgrad.schema import Part, count, is_tracer, number
 
 
 class Transition(NamedTuple):
@@ -130,14 +130,9 @@ class ScalarBaseline(Baseline):
 
 
 class Constant(ScalarBaseline):
-    r"""A constant baseline, $b \equiv c$: for a task whose average reward is known. It does not bias the estimate.
+    r"""A constant baseline, $b \equiv c$: for a task whose average reward is known. It does not bias the estimate."""
 
-    **Arguments:**
-
-    - `value`: $c$, in units of reward.
-    """
-
-    value: float = number()
+    value: float = number(help="$c$, in units of reward")
 
     def init(self, policy: Policy, dtype: DTypeLike) -> Float[Array, ""]:
         return jnp.zeros((), dtype)
@@ -163,14 +158,9 @@ class MeanReward(ScalarBaseline):
 
 
 class FixedStep(ScalarBaseline):
-    r"""A mean that forgets, $b \leftarrow b + \gamma\delta$, and so follows a changing task (section 4.4.1).
+    r"""A mean that forgets, $b \leftarrow b + \gamma\delta$, and so follows a changing task (section 4.4.1)."""
 
-    **Arguments:**
-
-    - `rate`: $\gamma \in (0, 1]$, one over the memory in rewards.
-    """
-
-    rate: float = number(0.01, 0, 1, open_low=True)
+    rate: float = number(0.01, 0, 1, open_low=True, help=r"$\gamma \in (0, 1]$, one over the memory in rewards")
 
     def init(self, policy: Policy, dtype: DTypeLike) -> Float[Array, ""]:
         return jnp.zeros((), dtype)
@@ -217,13 +207,11 @@ class LinearBaseline(InputBaseline):
 
     $b(y) = w \cdot \phi(y)$ with $\phi(y) = (y, 1)$ and $w \leftarrow w + \gamma\,(r - b(y))\,\phi/|\phi|^2$. The step
     is relative to the length of the input, so no input is too large for it.
-
-    **Arguments:**
-
-    - `rate`: $\gamma \in (0, 1]$; 1 fits every reward at once and remembers little.
     """
 
-    rate: float = number(0.01, 0, 1, open_low=True)
+    rate: float = number(
+        0.01, 0, 1, open_low=True, help=r"$\gamma \in (0, 1]$; 1 fits every reward at once and remembers little"
+    )
 
     def init(self, policy: Policy, dtype: DTypeLike) -> LinearState:
         inputs = policy.judged(jnp.zeros(policy.inputs)).size
@@ -252,23 +240,20 @@ class BinnedBaseline(InputBaseline):
     The bins have equal widths from `low` to `high`; values below or above belong to the first or the last. A bin
     without a reward yet has the mean of all rewards.
 
-    **Arguments:**
-
-    - `low`: the lower bound, in units of the observed number.
-    - `high`: the upper bound, above `low`.
-    - `bins`: number of bins.
-    - `input`: the index of the observed number, from 0.
-    - `rate`: $\gamma \in [0, 1]$; the n-th reward of a bin moves its mean by $\max(1/n, \gamma)$ of the distance. 0 is
-      the mean of all rewards so far; a larger rate has a memory of $1/\gamma$ rewards.
-
     **Raises:** `ValueError` for a value out of range; from `init`, for an input that the task does not have.
     """
 
-    low: float = number(0.0)
-    high: float = number(1.0)
-    bins: int = count(10, 1, 1_000_000)
-    input: int = count(0)
-    rate: float = number(0.0, 0, 1)
+    low: float = number(0.0, help="the lower bound, in units of the observed number")
+    high: float = number(1.0, help="the upper bound, above `low`")
+    bins: int = count(10, 1, 1_000_000, help="number of bins")
+    input: int = count(0, help="the index of the observed number, from 0")
+    rate: float = number(
+        0.0,
+        0,
+        1,
+        help=r"$\gamma \in [0, 1]$; the n-th reward of a bin moves its mean by $\max(1/n, \gamma)$ of the "
+        r"distance. 0 is the mean of all rewards so far; a larger rate has a memory of $1/\gamma$ rewards",
+    )
 
     def validate(self) -> None:
         known = not (is_tracer(self.low) or is_tracer(self.high))

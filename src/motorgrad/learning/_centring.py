@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._running import RunningMean, add_sample, counted_on, two_sum
-from motorgrad._tree import Part, number
 from motorgrad.learning._branching import Scalar
+from motorgrad.schema import Part, number
 
 
 class Centring(Part):
@@ -49,16 +49,17 @@ class ValueBasedCentring(Centring):
 
     The temporal difference is less noisy than the reward once the values are learned, and it tells the average reward
     of the policy that is learned about where that differs from the one that acts.
-
-    **Arguments:**
-
-    - `rate`: $\kappa \in [0, 1]$. Start from a tenth of the critic's learning rate times the squared length of its
-      features.
     """
 
     reads_errors: ClassVar[bool] = True
 
-    rate: float = number(1e-3, 0, 1)
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"$\kappa \in [0, 1]$. Start from a tenth of the critic's learning rate times the squared length "
+        r"of its features",
+    )
 
     def follow(
         self, level: RunningMean, reward: Float[Array, ""], error: Float[Array, ""], least_rate: Scalar

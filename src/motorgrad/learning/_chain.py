@@ -21,12 +21,12 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import Part, count, number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, Scalar
 from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Policy, split, trainable
+from motorgrad.schema import Part, count, number, static
 
 Updates = PyTree[Array]
 
@@ -140,23 +140,31 @@ class Optimizer(Transformation):
 class SGD(Optimizer):
     r"""Steepest ascent, $\theta \leftarrow \theta + \alpha g - \lambda\theta$.
 
-    **Arguments:**
-
-    - `learning_rate`: $\alpha \ge 0$, one number for all parameters; or a mapping from names of the policy's fields to
-      numbers or arrays that broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of
-      several pools a name stands for that field in every pool, `movement.weights` for that of one; the longest name
-      counts. `Annealed` changes with the steps of the parameters.
-    - `weight_decay`: none, or the share $\lambda \in [0, 1]$ of itself that a parameter loses at every step; a number,
-      or a mapping, in which fields left out do not decay. It is decoupled (Loshchilov & Hutter, 2019): neither learning
-      rate nor metric changes it. Decaying gains keep units stochastic, and so exploring (section 4.4.1 of the thesis).
-      In single precision, a parameter that nothing else moves does not decay by less than some 1e-7 a step.
-
     **Raises:** `ValueError` for a number out of range; from `init`, for a field without a learning rate, a rate without
     a field, or a shape that does not fit.
     """
 
-    learning_rate: float | dict[str, Any] | Annealed = number(1e-3, 0, groups=True)
-    weight_decay: float | dict[str, Any] | None = number(None, 0, 1, groups=True)
+    learning_rate: float | dict[str, Any] | Annealed = number(
+        1e-3,
+        0,
+        groups=True,
+        help="$\\alpha \\ge 0$, one number for all parameters; or a mapping from names of the policy's "
+        'fields to numbers or arrays that broadcast to the field, such as `{"centre": 2e-4, '
+        '"log_width": 8e-4}`. In a policy of several pools a name stands for that field in every '
+        "pool, `movement.weights` for that of one; the longest name counts. `Annealed` changes with "
+        "the steps of the parameters",
+    )
+    weight_decay: float | dict[str, Any] | None = number(
+        None,
+        0,
+        1,
+        groups=True,
+        help=r"none, or the share $\lambda \in [0, 1]$ of itself that a parameter loses at every step; a "
+        r"number, or a mapping, in which fields left out do not decay. It is decoupled (Loshchilov & "
+        r"Hutter, 2019): neither learning rate nor metric changes it. Decaying gains keep units "
+        r"stochastic, and so exploring (section 4.4.1 of the thesis). In single precision, a parameter "
+        r"that nothing else moves does not decay by less than some 1e-7 a step",
+    )
 
     def init(self, policy: Policy) -> PyTree:
         self.learning_rates(trainable(policy))
@@ -195,16 +203,10 @@ def adam_scaling(b1: Scalar, b2: Scalar) -> Any:
 
 
 class Adam(SGD):
-    r"""Adam (Kingma & Ba, 2015), with learning rates and decoupled weight decay as in `SGD`.
+    r"""Adam (Kingma & Ba, 2015), with learning rates and decoupled weight decay as in `SGD`."""
 
-    **Arguments:**
-
-    - `b1`: the decay of the mean of gradients, in [0, 1).
-    - `b2`: the decay of the mean of squared gradients, in [0, 1).
-    """
-
-    b1: float = number(0.9, 0, 1, open_high=True)
-    b2: float = number(0.999, 0, 1, open_high=True)
+    b1: float = number(0.9, 0, 1, open_high=True, help="the decay of the mean of gradients, in [0, 1)")
+    b2: float = number(0.999, 0, 1, open_high=True, help="the decay of the mean of squared gradients, in [0, 1)")
 
     @property
     def _scaling(self) -> Any:
@@ -218,15 +220,12 @@ class Optax(Optimizer):
     that it takes from `optax.inject_hyperparams` are leaves of the tree, `hyperparameters`, which may differ by seed
     and change while the learner runs; those with a schedule of their own stay with optax. Its functions cannot be
     saved: to continue a run, pass the agent again.
-
-    **Arguments:**
-
-    - `transformation`: it receives minus the gradient, as optax minimises.
-    - `hyperparameters`: by default those of `optax.inject_hyperparams`, where the transformation is one.
     """
 
-    transformation: Any = eqx.field(static=True)
-    hyperparameters: dict[str, Any] | None = number(None, groups=True)
+    transformation: Any = static(help="it receives minus the gradient, as optax minimises")
+    hyperparameters: dict[str, Any] | None = number(
+        None, groups=True, help="by default those of `optax.inject_hyperparams`, where the transformation is one"
+    )
 
     def __init__(self, transformation: Any, hyperparameters: dict[str, Any] | None = None):
         if hyperparameters is None:
@@ -260,17 +259,14 @@ class PolyakAveraging(Transformation):
 
     $\bar\theta$ is $\theta$ itself up to `start`. The n-th step after moves it by
     $\bar\theta \leftarrow \bar\theta + \max(1/n, \rho)\,(\theta - \bar\theta)$.
-
-    **Arguments:**
-
-    - `start` (steps of the parameters): how many are left out, at least 0.
-    - `rate`: $\rho \in [0, 1]$; 0 averages all steps since `start`, more has a memory of $1/\rho$ steps.
     """
 
     needs_steps: ClassVar[bool] = True
 
-    start: int = count(0, 0, 2**31 - 2)  # steps are counted up to one more
-    rate: float = number(0.0, 0, 1)
+    start: int = count(0, 0, 2**31 - 2, unit="steps of the parameters", help="how many are left out, at least 0")
+    rate: float = number(
+        0.0, 0, 1, help=r"$\rho \in [0, 1]$; 0 averages all steps since `start`, more has a memory of $1/\rho$ steps"
+    )
 
     def init(self, policy: Policy) -> RunningMean:
         return running_mean(trainable(policy))._replace(mean=trainable(policy))

@@ -14,13 +14,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._running import counted_round
-from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._natural import LimitedMetric
 from motorgrad.learning._schedules import Annealed, Steps
 from motorgrad.policies import Policy, split, trainable
+from motorgrad.schema import count, number
 
 
 class Recent(NamedTuple):
@@ -41,23 +41,27 @@ class ConjugateGradient(LimitedMetric):
     The solution is that of some iterations of conjugate gradients, from 0. After few, it follows those directions along
     which the policy changes most, and leaves out those about which the decisions say little.
 
-    **Arguments:**
-
-    - `memory` (decisions): over how many of the last decisions $F$ is a mean. A learner that improves once a batch
-      should have that of its batch.
-    - `iterations`: greatest number of iterations of conjugate gradients.
-    - `damping`: $d \ge 0$, in the units of $F$.
-    - `kl` (nats): none, or how far one step of the parameters may change the policy, as in `FisherMetric`.
-
     **Raises:** `ValueError` for a value out of range.
     """
 
     needs_decision: ClassVar[bool] = True
 
-    memory: int = count(1000, 1, 1_000_000)
-    iterations: int = count(5, 1, 10_000)
-    damping: float = number(0.1, 0)
-    kl: float | Annealed | None = number(None, 0)
+    memory: int = count(
+        1000,
+        1,
+        1_000_000,
+        unit="decisions",
+        help="over how many of the last decisions $F$ is a mean. A learner that improves once a batch should "
+        "have that of its batch",
+    )
+    iterations: int = count(5, 1, 10_000, help="greatest number of iterations of conjugate gradients")
+    damping: float = number(0.1, 0, help=r"$d \ge 0$, in the units of $F$")
+    kl: float | Annealed | None = number(
+        None,
+        0,
+        unit="nats",
+        help="none, or how far one step of the parameters may change the policy, as in `FisherMetric`",
+    )
 
     def init(self, policy: Policy) -> Recent:
         observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)

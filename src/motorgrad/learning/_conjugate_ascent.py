@@ -13,11 +13,11 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import count, number
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._chain import Learner, Optimizer, Updates, inner
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
+from motorgrad.schema import count, number
 
 DIRECTION, FIRST, OUTWARD, INWARD = range(4)
 
@@ -69,13 +69,6 @@ class ConjugateAscent(Optimizer):
     With a `certainty` above 0 an estimate averages batches until its inner product is that many standard errors away
     from 0, or until there are `most` batches.
 
-    **Arguments:**
-
-    - `initial`: $s_0 > 0$, the first step of a line, in units of the learning rate of a plain ascent.
-    - `certainty` (standard errors): how far from 0 an inner product must be, at least 0.
-    - `most` (batches): the most in an estimate, at least 1.
-    - `trials`: the most on a line, at least 2.
-
     **Raises:** `ValueError` for a value out of range; in an `Agent` that improves at every decision, or that has a
     metric, growth or `reuse` of batches.
 
@@ -84,10 +77,17 @@ class ConjugateAscent(Optimizer):
     ```
     """
 
-    initial: float = number(10.0, 0, open_low=True)
-    certainty: float = number(0.0, 0)
-    most: int = count(10, 1)
-    trials: int = count(12, 2)
+    initial: float = number(
+        10.0,
+        0,
+        open_low=True,
+        help="$s_0 > 0$, the first step of a line, in units of the learning rate of a plain ascent",
+    )
+    certainty: float = number(
+        0.0, 0, unit="standard errors", help="how far from 0 an inner product must be, at least 0"
+    )
+    most: int = count(10, 1, unit="batches", help="the most in an estimate, at least 1")
+    trials: int = count(12, 2, help="the most on a line, at least 2")
 
     def validate_in(self, agent: Learner) -> None:
         improve = agent.estimator.improve

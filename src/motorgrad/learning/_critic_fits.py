@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import Part, count, number
 from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
+from motorgrad.schema import Part, count, number
 
 Weights = Float[Array, " features"]
 
@@ -81,19 +81,23 @@ class TemporalDifference(CriticFit):
 
     $w \leftarrow w + \alpha\,\delta e$ with $e \leftarrow \gamma\lambda e + \nabla_w v(y_t)$; for a linear critic the
     gradient is $\phi$. The value of the next state counts as given.
-
-    **Arguments:**
-
-    - `learning_rate`: $\alpha \ge 0$. Steps of a linear critic are stable where $\alpha$ times the squared length of
-      the features is well below 1.
-    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
-      distance from it.
     """
 
     linear: ClassVar[bool] = False
 
-    learning_rate: float = number(0.01, 0)
-    level_rate: float = number(1e-3, 0, 1)
+    learning_rate: float = number(
+        0.01,
+        0,
+        help=r"$\alpha \ge 0$. Steps of a linear critic are stable where $\alpha$ times the squared length of "
+        r"the features is well below 1",
+    )
+    level_rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
+        r"its distance from it",
+    )
 
     @property
     def mean_rate(self) -> float:
@@ -144,23 +148,27 @@ class LeastSquares(CriticFit):
     weights of the recursion by rank-one updates of $A^{-1}$. That recursion accumulates rounding errors, and while it
     forgets, directions in which nothing happens grow without bounds. So $A$ itself is kept and the system solved every
     `interval` decisions, which the means take in together. Between two solutions the weights do not change.
-
-    **Arguments:**
-
-    - `rate`: rate of forgetting in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, for a policy
-      that does not change.
-    - `initial`: first diagonal of $A$, above 0, of the order of a squared feature.
-    - `damping`: $d \ge 0$, in the same units. It bounds the weights where features hardly vary. Values of the average
-      reward are known only up to a constant; damping chooses small ones.
-    - `interval` (decisions): time from one solution to the next, at least 1.
     """
 
     leaves_errors: ClassVar[bool] = False
 
-    rate: float = number(1e-3, 0, 1)
-    initial: float = number(1.0, 0, open_low=True, at_start=True)
-    damping: float = number(1e-3, 0)
-    interval: int = count(100, 1)
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        help="rate of forgetting in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, "
+        "for a policy that does not change",
+    )
+    initial: float = number(
+        1.0, 0, open_low=True, at_start=True, help="first diagonal of $A$, above 0, of the order of a squared feature"
+    )
+    damping: float = number(
+        1e-3,
+        0,
+        help=r"$d \ge 0$, in the same units. It bounds the weights where features hardly vary. Values of the "
+        r"average reward are known only up to a constant; damping chooses small ones",
+    )
+    interval: int = count(100, 1, unit="decisions", help="time from one solution to the next, at least 1")
 
     @property
     def mean_rate(self) -> float:

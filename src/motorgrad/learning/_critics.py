@@ -18,13 +18,13 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, running_mean
-from motorgrad._tree import Part, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._centring import Centring, SimpleCentring
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, Weights
 from motorgrad.learning._overshooting import BoundedTemporalDifference
 from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, Policy, adapted, frozen, split, thawed
+from motorgrad.schema import Part, inner, number, static
 
 
 class Features(FeatureMap):
@@ -39,14 +39,19 @@ class Features(FeatureMap):
     - `scale`: a factor above 0; the greater, the shorter the distance between inputs that the nonlinear features tell
       apart.
     - `seed`: seed of the random numbers of the nonlinear features.
-    - `actions`: whether the critic also sees the previous action, whose effect the inputs may only hint at; 0 at the
-      start of an episode. A discrete action is one number per alternative, 1 for the one that was taken.
-    - `bias`: whether the critic also has a constant input of 1. It is useless for the average reward of a task without
-      episodes, whose values are known only up to a constant.
     """
 
-    actions: bool = static(False)
-    bias: bool = static(True)
+    actions: bool = static(
+        False,
+        help="whether the critic also sees the previous action, whose effect the inputs may only hint at; 0 at "
+        "the start of an episode. A discrete action is one number per alternative, 1 for the one that "
+        "was taken",
+    )
+    bias: bool = static(
+        True,
+        help="whether the critic also has a constant input of 1. It is useless for the average reward of a "
+        "task without episodes, whose values are known only up to a constant",
+    )
 
     def __call__(self, observation: Float[Array, " inputs"], previous: Float[Array, " action"]) -> Weights:
         parts = [self.expanded(observation)]
@@ -190,17 +195,6 @@ class LinearCritic(Critic):
     A state in which an episode *terminated* has the value 0; one in which it was *truncated* has the critic's value. A
     temporal difference is taken before the critic learns from it.
 
-    **Arguments:**
-
-    - `features`: $\phi$, `Features` or a `Part` of your own, called as `features(observation, previous)` with two
-      vectors, which returns a vector.
-    - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
-    - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. The longer the trace, the less it matters that $\phi$
-      cannot tell all states apart, and the noisier $v$ is. 1 for the average reward needs a task with episodes.
-    - `fit`: how $w$ is learned, `TemporalDifference` or `LeastSquares`.
-    - `centring`: none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or
-      `ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for discounted values.
-
     **Raises:** `ValueError` for a value out of range; from `init`, for features that are no vector.
 
     ```python
@@ -209,11 +203,29 @@ class LinearCritic(Critic):
     ```
     """
 
-    features: Features | Callable[..., Any] = Features()
-    discount: float | None = number(None, 0, 1)
-    decay: float = number(0.9, 0, 1)
-    fit: CriticFit = LeastSquares()
-    centring: Centring | None = None
+    features: Features | Callable[..., Any] = inner(
+        Features(),
+        help=r"$\phi$, `Features` or a `Part` of your own, called as `features(observation, previous)` with two "
+        r"vectors, which returns a vector",
+    )
+    discount: float | None = number(
+        None, 0, 1, help=r"none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes"
+    )
+    decay: float = number(
+        0.9,
+        0,
+        1,
+        help=r"$\lambda \in [0, 1]$ of the critic's own trace. The longer the trace, the less it matters that "
+        r"$\phi$ cannot tell all states apart, and the noisier $v$ is. 1 for the average reward needs a "
+        r"task with episodes",
+    )
+    fit: CriticFit = inner(LeastSquares(), help="how $w$ is learned, `TemporalDifference` or `LeastSquares`")
+    centring: Centring | None = inner(
+        None,
+        help=r"none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or "
+        r"`ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for "
+        r"discounted values",
+    )
 
     def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> Weights:
         return jnp.zeros(features, dtype)
@@ -255,17 +267,6 @@ class NetworkCritic(Critic):
     starts at 0. The steps are those of semi-gradient TD(λ): without bootstrapping ($\gamma\lambda = 1$) they descend
     the squared error; with it, nothing keeps them from diverging, but for the bound of `BoundedTemporalDifference`.
 
-    **Arguments:**
-
-    - `features`: $\phi$, `Features` or a `Part` of your own, as for `LinearCritic`. Their scale should be about 1.
-    - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
-    - `decay`: $\lambda \in [0, 1]$ of the critic's own trace. 1 for the average reward needs a task with episodes.
-    - `fit`: how the parameters are learned: at every decision by `BoundedTemporalDifference` or `TemporalDifference`,
-      batch by batch by `FittedReturns`.
-    - `network`: the hidden layers.
-    - `centring`: none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or
-      `ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for discounted values.
-
     **Raises:** `ValueError` for a value out of range, and for a `fit` that is for linear critics.
 
     ```python
@@ -276,12 +277,32 @@ class NetworkCritic(Critic):
 
     starts_at_random: ClassVar[bool] = True
 
-    features: Features | Callable[..., Any] = Features(bias=False)
-    discount: float | None = number(None, 0, 1)
-    decay: float = number(0.8, 0, 1)
-    fit: CriticFit = BoundedTemporalDifference()
-    network: Architecture = MultilayerPerceptron()
-    centring: Centring | None = None
+    features: Features | Callable[..., Any] = inner(
+        Features(bias=False),
+        help=r"$\phi$, `Features` or a `Part` of your own, as for `LinearCritic`. Their scale should be about 1",
+    )
+    discount: float | None = number(
+        None, 0, 1, help=r"none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes"
+    )
+    decay: float = number(
+        0.8,
+        0,
+        1,
+        help=r"$\lambda \in [0, 1]$ of the critic's own trace. 1 for the average reward needs a task with "
+        r"episodes",
+    )
+    fit: CriticFit = inner(
+        BoundedTemporalDifference(),
+        help="how the parameters are learned: at every decision by `BoundedTemporalDifference` or "
+        "`TemporalDifference`, batch by batch by `FittedReturns`",
+    )
+    network: Architecture = inner(MultilayerPerceptron(), help="the hidden layers")
+    centring: Centring | None = inner(
+        None,
+        help=r"none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or "
+        r"`ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for "
+        r"discounted values",
+    )
 
     def validate(self) -> None:
         super().validate()

@@ -10,7 +10,6 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._baselines import Advantage, Baseline, MeanReward, Transition
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._overshooting import StepBound
@@ -19,6 +18,7 @@ from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._traces import Episodic, Exponential, Trace, credited
 from motorgrad.policies import Policy, split, trainable
+from motorgrad.schema import Part, count, inner, number, static
 
 
 class EstimatorState(NamedTuple):
@@ -43,29 +43,6 @@ class EstimatorState(NamedTuple):
 class Estimator(Part):
     r"""How rewards and scores become gradient samples $g = \delta z$, and how many samples make a step.
 
-    **Arguments:**
-
-    - `trace`: the eligibility trace.
-    - `baseline`: what rewards are compared with, a baseline or a critic; none for the rewards themselves.
-    - `discount`: none where all decisions count alike, as for the average reward; $\gamma \in (0, 1]$ for the
-      discounted return of an episode, $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are
-      $\gamma^t \delta z$. These weights discount later rewards already, so the decay of the trace is $\lambda$ then,
-      and not $\gamma\lambda$; 1, or `Episodic`, leaves no bias.
-    - `improve`: after how many samples the parameters move; `"episode"` for once at the end of each episode, `"never"`
-      for an estimate at fixed parameters.
-    - `batch`: whether a step of several samples uses their `"mean"` or their `"sum"`.
-    - `normalization`: none for advantages $\delta$ as they are, or `RootMeanSquare` to normalize them.
-    - `entropy`: none, or $\kappa \ge 0$, what a nat of entropy is worth in reward, or in normalized advantages. Every
-      sample has $\kappa\,\nabla H(\pi(\cdot \mid y_t))$ added (Williams & Peng, 1991). It may be `Annealed`.
-    - `entropy_in`: `"sample"` as above; or `"trace"`: $\kappa\,\operatorname{sign}(\delta_t)\,\nabla H$ is added to the
-      newest score in the trace, where $\delta$ multiplies it (Elsayed, Vasan & Mahmood, 2024). The bonus then
-      grows with the size of the advantage and decays with the trace.
-    - `reward_scaling`: none, or `RewardScaling` of rewards before anything else sees them.
-    - `bound`: none, or what limits each sample, the entropy's part included: an `OvershootingBound` as a safeguard for
-      networks that learn online, or `IntentionalStep`.
-    - `reuse`: none, so that each batch makes one step of the mean of its samples; or `ClippedSurrogate`, which makes
-      several steps from the decisions of a batch.
-
     **Raises:** `ValueError` for a value out of range, for a `discount` with a critic of differential values, and for
     parts that do not fit a `reuse` or a trace that learns, with those that do.
     """
@@ -89,17 +66,58 @@ class Estimator(Part):
     }
     """Named estimators as changes of settings, for configurations and the command line."""
 
-    trace: Trace = Exponential()
-    baseline: Baseline | None = MeanReward()
-    discount: float | None = number(None, 0, 1, open_low=True)
-    improve: int | Literal["episode", "never"] = count(1, 1)
-    batch: Literal["mean", "sum"] = static("mean")
-    normalization: RootMeanSquare | None = None
-    entropy: float | Annealed | None = number(None, 0)
-    entropy_in: Literal["sample", "trace"] = static("sample")
-    reward_scaling: RewardScaling | None = None
-    bound: StepBound | None = None
-    reuse: ClippedSurrogate | None = None
+    trace: Trace = inner(Exponential(), help="the eligibility trace")
+    baseline: Baseline | None = inner(
+        MeanReward(), help="what rewards are compared with, a baseline or a critic; none for the rewards themselves"
+    )
+    discount: float | None = number(
+        None,
+        0,
+        1,
+        open_low=True,
+        help=r"none where all decisions count alike, as for the average reward; $\gamma \in (0, 1]$ for the "
+        r"discounted return of an episode, $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose "
+        r"samples are $\gamma^t \delta z$. These weights discount later rewards already, so the decay of "
+        r"the trace is $\lambda$ then, and not $\gamma\lambda$; 1, or `Episodic`, leaves no bias",
+    )
+    improve: int | Literal["episode", "never"] = count(
+        1,
+        1,
+        help='after how many samples the parameters move; `"episode"` for once at the end of each episode, '
+        '`"never"` for an estimate at fixed parameters',
+    )
+    batch: Literal["mean", "sum"] = static(
+        "mean", help='whether a step of several samples uses their `"mean"` or their `"sum"`'
+    )
+    normalization: RootMeanSquare | None = inner(
+        None, help=r"none for advantages $\delta$ as they are, or `RootMeanSquare` to normalize them"
+    )
+    entropy: float | Annealed | None = number(
+        None,
+        0,
+        help=r"none, or $\kappa \ge 0$, what a nat of entropy is worth in reward, or in normalized advantages. "
+        r"Every sample has $\kappa\,\nabla H(\pi(\cdot \mid y_t))$ added (Williams & Peng, 1991). It may "
+        r"be `Annealed`",
+    )
+    entropy_in: Literal["sample", "trace"] = static(
+        "sample",
+        help=r'`"sample"` as above; or `"trace"`: $\kappa\,\operatorname{sign}(\delta_t)\,\nabla H$ is added to '
+        r"the newest score in the trace, where $\delta$ multiplies it (Elsayed, Vasan & Mahmood, 2024). "
+        r"The bonus then grows with the size of the advantage and decays with the trace",
+    )
+    reward_scaling: RewardScaling | None = inner(
+        None, help="none, or `RewardScaling` of rewards before anything else sees them"
+    )
+    bound: StepBound | None = inner(
+        None,
+        help="none, or what limits each sample, the entropy's part included: an `OvershootingBound` as a "
+        "safeguard for networks that learn online, or `IntentionalStep`",
+    )
+    reuse: ClippedSurrogate | None = inner(
+        None,
+        help="none, so that each batch makes one step of the mean of its samples; or `ClippedSurrogate`, which "
+        "makes several steps from the decisions of a batch",
+    )
 
     def validate(self) -> None:
         differential = getattr(self.baseline, "discount", self) is None

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from motorgrad._tree import count, number
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._critic_fits import CriticFit, CriticStep
 from motorgrad.policies import split
+from motorgrad.schema import count, number
 
 
 class FittedState(NamedTuple):
@@ -40,24 +40,28 @@ class FittedReturns(CriticFit):
     are computed once, from the last decision back; at the end of an episode and of the batch, $G_{t+1}$ is
     $v(y_{t+1})$. Then each pass takes a step of Adam down the mean of $\frac12 (v(y_t) - G_t)^2$. In between the
     weights do not change.
-
-    **Arguments:**
-
-    - `learning_rate`: learning rate of Adam, at least 0.
-    - `rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its distance from
-      it.
-    - `interval` (decisions): length of a batch, at least 1; its decisions are kept until it is full.
-    - `passes`: number of times that a batch is used, at least 1.
     """
 
     linear: ClassVar[bool] = False
     one_stream: ClassVar[bool] = True
     leaves_errors: ClassVar[bool] = False
 
-    learning_rate: float = number(3e-3, 0)
-    rate: float = number(1e-3, 0, 1)
-    interval: int = count(500, 1, 1_000_000)
-    passes: int = count(20, 1, 100_000)
+    learning_rate: float = number(3e-3, 0, help="learning rate of Adam, at least 0")
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its "
+        r"distance from it",
+    )
+    interval: int = count(
+        500,
+        1,
+        1_000_000,
+        unit="decisions",
+        help="length of a batch, at least 1; its decisions are kept until it is full",
+    )
+    passes: int = count(20, 1, 100_000, help="number of times that a batch is used, at least 1")
 
     @property
     def mean_rate(self) -> float:

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
-from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._chain import Learner, Updates, inner
 from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, first_blocks, identities
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
+from motorgrad.schema import number
 
 
 class CompatibleWeights(Metric):
@@ -32,16 +32,12 @@ class CompatibleWeights(Metric):
     correlations of all parameters count. $w$ is a mean over some $1/\alpha|\psi|^2$ decisions, like a momentum: the
     policy must change more slowly.
 
-    **Arguments:**
-
-    - `rate`: $\alpha \ge 0$. Stable where $\alpha|\psi|^2$ is well below 1.
-
     **Raises:** `ValueError` in an `Agent` that does not improve at every decision.
     """
 
     needs_decision: ClassVar[bool] = True
 
-    rate: float = number(0.02, 0)
+    rate: float = number(0.02, 0, help=r"$\alpha \ge 0$. Stable where $\alpha|\psi|^2$ is well below 1")
 
     def validate_in(self, agent: Learner) -> None:
         wanted = "1, at every decision, with CompatibleWeights; FisherMetric takes batches"
@@ -87,21 +83,28 @@ class ShermanMorrison(Metric):
     takes in the damping of one of the $n$ coordinates too, in turn, by a second update of rank one, $F \leftarrow F +
     \alpha n d\,e_ie_i'$; after all turns it is that of $F + dI$, but for a ripple of the order of $\alpha n$.
 
-    **Arguments:**
-
-    - `rate`: rate $\alpha \in (0, 1)$; the matrix is a mean over about $1/\alpha$ decisions.
-    - `damping`: $d > 0$, in the units of $F$.
-    - `initial`: factor above 0, in the same units, of the identity matrix with which $F$ starts.
-
     **Raises:** `ValueError` for a value out of range; from `init`, for a policy with more than 4,096 parameters in a
     block.
     """
 
     needs_decision: ClassVar[bool] = True
 
-    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True)
-    damping: float = number(0.01, 0, open_low=True)
-    initial: float = number(1.0, 0, open_low=True, at_start=True)
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        open_low=True,
+        open_high=True,
+        help=r"rate $\alpha \in (0, 1)$; the matrix is a mean over about $1/\alpha$ decisions",
+    )
+    damping: float = number(0.01, 0, open_low=True, help="$d > 0$, in the units of $F$")
+    initial: float = number(
+        1.0,
+        0,
+        open_low=True,
+        at_start=True,
+        help="factor above 0, in the same units, of the identity matrix with which $F$ starts",
+    )
 
     def init(self, policy: Policy) -> InverseState:
         rows = policy.blocks(jax.tree.map(jnp.zeros_like, trainable(policy)))

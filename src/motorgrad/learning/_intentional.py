@@ -23,11 +23,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad._tree import number
 from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.learning._chain import inner
 from motorgrad.learning._critic_fits import CriticFit, CriticStep
 from motorgrad.learning._overshooting import StepBound
+from motorgrad.schema import number
 
 
 def towards(old: PyTree, new: PyTree, rate: Scalar) -> PyTree:
@@ -72,22 +72,27 @@ class IntentionalTemporalDifference(CriticFit):
 
     Without a trace, $v(y_t)$ moves by $\eta\delta$: of a linear critic exactly, of a network to first order. With one,
     it moves by no more. Neither the scale of rewards nor that of features matters.
-
-    **Arguments:**
-
-    - `fraction`: the fraction $\eta \in [0, 1]$ of the error that a step takes back.
-    - `rate`: rate in (0, 1]; the running means have a memory of 1/rate decisions.
-    - `clip`: bound above 0 on an error, in multiples of the running mean of the errors' magnitudes.
-    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
-      distance from it.
     """
 
     linear: ClassVar[bool] = False
 
-    fraction: float = number(0.5, 0, 1)
-    rate: float = number(1e-3, 0, 1, open_low=True)
-    clip: float = number(20.0, 0, open_low=True)
-    level_rate: float = number(1e-3, 0, 1)
+    fraction: float = number(0.5, 0, 1, help=r"the fraction $\eta \in [0, 1]$ of the error that a step takes back")
+    rate: float = number(
+        1e-3, 0, 1, open_low=True, help="rate in (0, 1]; the running means have a memory of 1/rate decisions"
+    )
+    clip: float = number(
+        20.0,
+        0,
+        open_low=True,
+        help="bound above 0 on an error, in multiples of the running mean of the errors' magnitudes",
+    )
+    level_rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
+        r"its distance from it",
+    )
 
     @property
     def mean_rate(self) -> float:
@@ -136,15 +141,14 @@ class IntentionalStep(StepBound):
     divergence of the new policy from the old to second order half of that. $\delta$ should be about 1 in size:
     `RootMeanSquare` sees to that, and its rate $\gamma$ lets none count as more than $1/\sqrt\gamma$. For steps of
     this size the learner takes `SGD(1.0)`.
-
-    **Arguments:**
-
-    - `change` (nats): change $\eta \ge 0$ of the log-probability for an advantage of 1.
-    - `rate`: rate in (0, 1]; the running means have a memory of 1/rate decisions.
     """
 
-    change: float = number(0.05, 0)
-    rate: float = number(1e-3, 0, 1, open_low=True)
+    change: float = number(
+        0.05, 0, unit="nats", help=r"change $\eta \ge 0$ of the log-probability for an advantage of 1"
+    )
+    rate: float = number(
+        1e-3, 0, 1, open_low=True, help="rate in (0, 1]; the running means have a memory of 1/rate decisions"
+    )
 
     def init(self, parameters: PyTree[Array]) -> IntentionalState:
         zeros = jax.tree.map(jnp.zeros_like, parameters)

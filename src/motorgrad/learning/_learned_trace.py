@@ -17,8 +17,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import count, number
 from motorgrad.learning._traces import MAX_FILTER_DECISIONS, Trace, credited, latest
+from motorgrad.schema import count, number
 
 
 class LearnedState(NamedTuple):
@@ -43,12 +43,6 @@ class LearnedTrace(Trace):
     It keeps the last scores and their means, four copies of the parameters for each lag. When an episode ends, the
     scores are forgotten and the means are not.
 
-    **Arguments:**
-
-    - `length` (decisions): $n \ge 1$, lags from 0 to $n - 1$.
-    - `rate`: $\kappa \in [0, 1)$; the n-th sample moves the means by $\max(1/n, \kappa)$ of its distance. Choose
-      $1/\kappa$ about as many decisions as the policy needs to change; 0 is for a policy that stays.
-
     **Raises:** `ValueError` for a value out of range. An `Estimator` refuses it with parts that have a use of their own
     for the newest score.
 
@@ -59,8 +53,16 @@ class LearnedTrace(Trace):
 
     learns: ClassVar[bool] = True
 
-    length: int = count(20, 1, MAX_FILTER_DECISIONS)
-    rate: float = number(1e-3, 0, 1, open_high=True)
+    length: int = count(20, 1, MAX_FILTER_DECISIONS, unit="decisions", help=r"$n \ge 1$, lags from 0 to $n - 1$")
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        open_high=True,
+        help=r"$\kappa \in [0, 1)$; the n-th sample moves the means by $\max(1/n, \kappa)$ of its distance. "
+        r"Choose $1/\kappa$ about as many decisions as the policy needs to change; 0 is for a policy that "
+        r"stays",
+    )
 
     def init(self, parameters: PyTree[Array]) -> LearnedState:
         scores = jax.tree.map(lambda p: jnp.zeros((self.length, *p.shape), p.dtype), parameters)

@@ -4,11 +4,11 @@ import dataclasses
 from typing import Literal
 
 from motorgrad._errors import check
-from motorgrad._settings import as_hinted
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._critics import Critic
 from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._traces import Exponential
+from motorgrad.schema import as_hinted
 
 
 def _named(name: str, decay: float) -> Estimator:

@@ -16,12 +16,12 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group
-from motorgrad._tree import count, number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Policy, trainable
+from motorgrad.schema import count, number
 
 MAX_BLOCK_PARAMETERS = 4096
 """The matrix of a block has their square."""
@@ -88,20 +88,6 @@ class FisherMetric(LimitedMetric):
     $F$ starts as `initial` times the identity and forgets that as $(1 - \rho)^t$, so that the first steps are those of
     the plain gradient. The first estimates themselves would be singular, with unbounded inverses.
 
-    **Arguments:**
-
-    - `rate`: rate of forgetting $\rho \in (0, 1]$; the matrix is a mean over about $1/\rho$ decisions.
-    - `damping`: $d \ge 0$, one number, or a mapping from names of the policy's fields to numbers or arrays that
-      broadcast to the field (fields left out have 0). It has the units of $F$, one over the square of the parameter's,
-      and bounds the step along parameters on which the actions hardly depend.
-    - `initial`: first diagonal of $F$, at least 0, in the same units.
-    - `interval` (decisions): how many decisions the matrix takes in at once, each with its own weight. More are faster
-      for units with many parameters. A step of the parameters first takes in the decisions that wait. They enter with
-      the policy of that moment, so the result is the same for a learner that improves once a batch.
-    - `kl` (nats): none, or how far one step of the parameters may change the policy, all units together. A step
-      $\Delta$ of larger $\frac12 \Delta' F \Delta$, to second order the mean Kullback-Leibler divergence of the old
-      policy from the new, is shortened to it after the optimizer. A number of at least 0, or one that is `Annealed`.
-
     A parameter with neither information nor damping does not move. A matrix that is singular otherwise is inverted with
     as much damping, relative to its own diagonal, as rounding errors are worth, so that nothing is infinite.
 
@@ -111,11 +97,41 @@ class FisherMetric(LimitedMetric):
 
     needs_decision: ClassVar[bool] = True
 
-    rate: float = number(1e-3, 0, 1, open_low=True)
-    damping: float | dict[str, Any] = number(0.01, 0, groups=True)
-    initial: float = number(1.0, 0, at_start=True)
-    interval: int = count(1, 1, 100_000)
-    kl: float | Annealed | None = number(None, 0)
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        open_low=True,
+        help=r"rate of forgetting $\rho \in (0, 1]$; the matrix is a mean over about $1/\rho$ decisions",
+    )
+    damping: float | dict[str, Any] = number(
+        0.01,
+        0,
+        groups=True,
+        help=r"$d \ge 0$, one number, or a mapping from names of the policy's fields to numbers or arrays that "
+        r"broadcast to the field (fields left out have 0). It has the units of $F$, one over the square of "
+        r"the parameter's, and bounds the step along parameters on which the actions hardly depend",
+    )
+    initial: float = number(1.0, 0, at_start=True, help="first diagonal of $F$, at least 0, in the same units")
+    interval: int = count(
+        1,
+        1,
+        100_000,
+        unit="decisions",
+        help="how many decisions the matrix takes in at once, each with its own weight. More are faster for "
+        "units with many parameters. A step of the parameters first takes in the decisions that wait. "
+        "They enter with the policy of that moment, so the result is the same for a learner that improves "
+        "once a batch",
+    )
+    kl: float | Annealed | None = number(
+        None,
+        0,
+        unit="nats",
+        help=r"none, or how far one step of the parameters may change the policy, all units together. A step "
+        r"$\Delta$ of larger $\frac12 \Delta' F \Delta$, to second order the mean Kullback-Leibler "
+        r"divergence of the old policy from the new, is shortened to it after the optimizer. A number of "
+        r"at least 0, or one that is `Annealed`",
+    )
 
     def init(self, policy: Policy) -> Blocks | Gathering:
         blocks = first_blocks(policy, jax.eval_shape(self._dampings, policy), self.initial, "ConjugateGradient")

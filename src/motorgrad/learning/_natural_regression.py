@@ -15,7 +15,6 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Learner, Updates
@@ -24,6 +23,7 @@ from motorgrad.learning._critics import Features, endless
 from motorgrad.learning._natural import Metric, zeros_of
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
+from motorgrad.schema import inner, number
 
 
 class RegressionMetric(Metric):
@@ -65,22 +65,20 @@ class LeastSquaresNatural(RegressionMetric):
     with $(\phi_t, \psi_t)$ as features of a decision and $(\phi_{t+1}, 0)$ as those of the next. The step is along $w$,
     the natural gradient. Give the learner an estimator without baseline: its gradient is not read.
 
-    **Arguments:**
-
-    - `features`: $\phi$, without the previous action.
-    - `discount`: none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes.
-    - `decay`: $\lambda \in [0, 1]$, of the trace of the features.
-    - `fit`: `LeastSquares`: their memory, damping and interval. The interval is best that of the learner's steps,
-      and the memory a few of them.
-
     **Raises:** `ValueError` for a value out of range, and for features that see the previous action; from `init`, for a
     policy with more than 4,096 parameters.
     """
 
-    features: Features = Features()
-    discount: float | None = number(None, 0, 1)
-    decay: float = number(0.9, 0, 1)
-    fit: CriticFit = LeastSquares()
+    features: Features = inner(Features(), help=r"$\phi$, without the previous action")
+    discount: float | None = number(
+        None, 0, 1, help=r"none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes"
+    )
+    decay: float = number(0.9, 0, 1, help=r"$\lambda \in [0, 1]$, of the trace of the features")
+    fit: CriticFit = inner(
+        LeastSquares(),
+        help="`LeastSquares`: their memory, damping and interval. The interval is best that of the learner's "
+        "steps, and the memory a few of them",
+    )
 
     def validate(self) -> None:
         check(not self.features.actions, "features.actions", True, "False")
@@ -158,21 +156,23 @@ class EpisodicNatural(RegressionMetric):
     and no values of states. It takes more episodes than there are parameters to know all of $w$; damping makes up for
     what is missing. Give the learner an estimator without baseline: its gradient is not read.
 
-    **Arguments:**
-
-    - `discount`: $\gamma \in (0, 1]$ within an episode.
-    - `rate`: rate in [0, 1], per episode; the n-th episode moves the means by $\max(1/n, \text{rate})$ of its distance.
-    - `damping`: $d > 0$, in the units of the squared sum of scores of an episode.
-
     **Raises:** `ValueError` for a value out of range, for a task without episodes and for several `envs`; from
     `init`, for a policy with more than 4,096 parameters.
     """
 
     one_stream: ClassVar[bool] = True  # its means change with the end of an episode
 
-    discount: float = number(1.0, 0, 1, open_low=True)
-    rate: float = number(0.01, 0, 1)
-    damping: float = number(0.1, 0, open_low=True)
+    discount: float = number(1.0, 0, 1, open_low=True, help=r"$\gamma \in (0, 1]$ within an episode")
+    rate: float = number(
+        0.01,
+        0,
+        1,
+        help=r"rate in [0, 1], per episode; the n-th episode moves the means by $\max(1/n, \text{rate})$ of its "
+        r"distance",
+    )
+    damping: float = number(
+        0.1, 0, open_low=True, help="$d > 0$, in the units of the squared sum of scores of an episode"
+    )
 
     @property
     def needs_episodes(self) -> str | None:

@@ -19,10 +19,10 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import number, static
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import where
 from motorgrad.policies import Policy, trainable
+from motorgrad.schema import number, static
 
 Each = Literal["policy", "unit", "parameter"]
 Rows = tuple[Float[Array, "units parameters"], ...]
@@ -89,19 +89,24 @@ class OptimalBaseline(EligibilityBaseline):
     the last $1/\gamma$. It minimises the mean square of single samples, and ignores that successive samples of a long
     trace are correlated.
 
-    **Arguments:**
-
-    - `rate`: $\gamma \in [0, 1]$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the distance.
-    - `each`: what has a baseline of its own: the `"policy"` as a whole, every `"unit"` (every row of `Policy.blocks`),
-      or every `"parameter"`. Keyword only.
-
     ```python
     estimator = mg.learning.olgarb(0.95, mg.learning.OptimalBaseline(each="unit", rate=1e-4))
     ```
     """
 
-    rate: float = number(0.0, 0, 1)
-    each: Each = static("policy", kw_only=True)
+    rate: float = number(
+        0.0,
+        0,
+        1,
+        help=r"$\gamma \in [0, 1]$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the "
+        r"distance",
+    )
+    each: Each = static(
+        "policy",
+        kw_only=True,
+        help='what has a baseline of its own: the `"policy"` as a whole, every `"unit"` (every row of '
+        '`Policy.blocks`), or every `"parameter"`. Keyword only',
+    )
 
     @property
     def apart(self) -> Each:
@@ -117,13 +122,15 @@ class UnitMean(EligibilityBaseline):
 
     A unit that acts only in a part of the input space compares rewards with those that are usual there. The weight is
     the length of the unit's trace, where `OptimalBaseline` has its square.
-
-    **Arguments:**
-
-    - `rate`: $\gamma \in [0, 1]$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the distance.
     """
 
-    rate: float = number(0.0, 0, 1)
+    rate: float = number(
+        0.0,
+        0,
+        1,
+        help=r"$\gamma \in [0, 1]$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the "
+        r"distance",
+    )
 
     @property
     def apart(self) -> Each:

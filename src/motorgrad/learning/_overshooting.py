@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad._tree import Part, number
 from motorgrad.learning._branching import Scalar
 from motorgrad.learning._critic_fits import TemporalDifference
+from motorgrad.schema import Part, number
 
 
 def overshooting(error: Float[Array, ""], trace: PyTree[Array], scaling: Scalar) -> Float[Array, ""]:
@@ -37,15 +37,10 @@ class BoundedTemporalDifference(TemporalDifference):
 
     $w \leftarrow w + (\alpha/M)\,\delta e$ with $M = \max(1, \alpha\kappa\max(|\delta|, 1)\,\lVert e\rVert_1)$. Rewards
     should be about 1 in size.
-
-    **Arguments:**
-
-    - `learning_rate`: $\alpha \ge 0$, the step size where the bound leaves it.
-    - `scaling`: $\kappa \ge 0$; the greater, the shorter the steps. 0 bounds nothing.
     """
 
-    learning_rate: float = number(1.0, 0)
-    scaling: float = number(2.0, 0)
+    learning_rate: float = number(1.0, 0, help=r"$\alpha \ge 0$, the step size where the bound leaves it")
+    scaling: float = number(2.0, 0, help=r"$\kappa \ge 0$; the greater, the shorter the steps. 0 bounds nothing")
 
     def rate_of(self, error: Float[Array, ""], trace: PyTree) -> Scalar:
         return self.learning_rate / overshooting(error, trace, self.learning_rate * self.scaling)
@@ -76,13 +71,9 @@ class OvershootingBound(StepBound):
     A gradient sample $g = \delta z$ is divided by $M = \max(1, \kappa\max(|\delta|, 1)\,\lVert z\rVert_1)$. With
     `SGD(1.0)` and a batch of one this is the actor's step of Elsayed, Vasan & Mahmood (2024); with another learning
     rate, the bound is as many times wider. Advantages should be about 1 in size; `RootMeanSquare` sees to that.
-
-    **Arguments:**
-
-    - `scaling`: $\kappa \ge 0$; the greater, the shorter the steps. 0 bounds nothing.
     """
 
-    scaling: float = number(3.0, 0)
+    scaling: float = number(3.0, 0, help=r"$\kappa \ge 0$; the greater, the shorter the steps. 0 bounds nothing")
 
     def bounded(
         self, state: PyTree, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]

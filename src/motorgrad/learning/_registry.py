@@ -1,7 +1,5 @@
 """The registry: the parts of a learner by name. One line here gives a part its name in options, TOML and TimLab."""
 
-from motorgrad._tree import PART_CLASSES
-from motorgrad._tree import register as register
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_values import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent
@@ -33,6 +31,8 @@ from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
 from motorgrad.learning.sparse import SparseAgent, SpatialIndex
 from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
+from motorgrad.schema import PART_CLASSES
+from motorgrad.schema import register as register
 
 PART_CLASSES.update(
     {

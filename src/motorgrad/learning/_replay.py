@@ -16,8 +16,8 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad._tree import Part, count, number
 from motorgrad.learning._branching import Flag, where
+from motorgrad.schema import Part, count, inner, number
 
 LAST = 2**31 - 1  # the number of an episode, after which they begin again from 0
 
@@ -67,20 +67,25 @@ class Hindsight(Part):
     $e_t - e_k$; with the target $g'$ in place of $g$ it is $e_t + g' - g$. The reward changes by what depends on the
     error; all other parts of it, and ends of episodes, stay.
 
-    **Arguments:**
-
-    - `share`: the share of decisions that get another target, in [0, 1].
-    - `ahead` (decisions): how much later the body reached it, on average, at least 1. The number is drawn from a
-      geometric distribution. A decision whose episode ends before keeps its own target.
-    - `others`: the share of those that get the target of another decision that is kept, in place of a place reached
-      later, in [0, 1]. They keep their own where observations do not show it: see `Goal.target`.
-
     **Raises:** `ValueError` for a value out of range.
     """
 
-    share: float = number(0.67, 0, 1)
-    ahead: float = number(20.0, 1)
-    others: float = number(0.5, 0, 1)
+    share: float = number(0.67, 0, 1, help="the share of decisions that get another target, in [0, 1]")
+    ahead: float = number(
+        20.0,
+        1,
+        unit="decisions",
+        help="how much later the body reached it, on average, at least 1. The number is drawn from a geometric "
+        "distribution. A decision whose episode ends before keeps its own target",
+    )
+    others: float = number(
+        0.5,
+        0,
+        1,
+        help="the share of those that get the target of another decision that is kept, in place of a place "
+        "reached later, in [0, 1]. They keep their own where observations do not show it: see "
+        "`Goal.target`",
+    )
 
     def relabelled(
         self, experience: Experience, rows: Int[Array, " batch"], drawn: Drawn, goal: Goal, key: jax.Array
@@ -120,22 +125,21 @@ class Hindsight(Part):
 class Replay(Part):
     """A buffer of the newest decisions, from which batches are drawn at random (Lin, 1992).
 
-    **Arguments:**
-
-    - `capacity`: number of observations that are kept, at least 2; the oldest make room for new ones.
-    - `start`: number of observations from which a learner begins to move.
-    - `batch`: number of decisions of a step.
-    - `updates`: number of steps each time that the parameters move, which the estimator's `improve` says.
-    - `hindsight`: none, or `Hindsight` for a task with a target.
-
     **Raises:** `ValueError` for a value out of range.
     """
 
-    capacity: int = count(300_000, 2, 100_000_000)
-    start: int = count(1_000, 2, 100_000_000)
-    batch: int = count(256, 1, 1_000_000)
-    updates: int = count(1, 1, 1_000_000)
-    hindsight: Hindsight | None = None
+    capacity: int = count(
+        300_000,
+        2,
+        100_000_000,
+        help="number of observations that are kept, at least 2; the oldest make room for new ones",
+    )
+    start: int = count(1_000, 2, 100_000_000, help="number of observations from which a learner begins to move")
+    batch: int = count(256, 1, 1_000_000, help="number of decisions of a step")
+    updates: int = count(
+        1, 1, 1_000_000, help="number of steps each time that the parameters move, which the estimator's `improve` says"
+    )
+    hindsight: Hindsight | None = inner(None, help="none, or `Hindsight` for a task with a target")
 
     def validate(self) -> None:
         check(self.start <= self.capacity, "start", self.start, f"at most capacity = {self.capacity}")

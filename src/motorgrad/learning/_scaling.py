@@ -7,7 +7,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from motorgrad._running import RunningMean, add_observation, running_mean
-from motorgrad._tree import Part, number
+from motorgrad.schema import Part, number
 
 
 class ScalingState(NamedTuple):
@@ -25,13 +25,9 @@ class RewardScaling(Part):
     restarts from 0 with every episode (Engstrom et al., 2020; Elsayed, Vasan & Mahmood, 2024). So values, temporal
     differences and advantages have a size of about 1 in any task. Rewards are not centred: they keep their sign. Until
     $u$ has varied, they stay as they are.
-
-    **Arguments:**
-
-    - `discount`: $\gamma \in [0, 1)$, as a rule that of the critic.
     """
 
-    discount: float = number(0.99, 0, 1, open_high=True)
+    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma \in [0, 1)$, as a rule that of the critic")
 
     def init(self, dtype: DTypeLike) -> ScalingState:
         """The state before any reward."""
@@ -68,13 +64,9 @@ class RootMeanSquare(Part):
     as $v \leftarrow v + \gamma\,(\delta^2 - v)$ and is corrected for its start as Adam's is (Kingma & Ba, 2015), so
     that the first advantage counts as one. The mean includes the newest advantage, so none counts as more than
     $1/\sqrt\gamma$; this couples the two, a bias of the order of $\gamma$.
-
-    **Arguments:**
-
-    - `rate`: $\gamma \in (0, 1)$, per reward.
     """
 
-    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True)
+    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True, help=r"$\gamma \in (0, 1)$, per reward")
 
     def init(self, dtype: DTypeLike) -> NormalizationState:
         """The state before any advantage."""

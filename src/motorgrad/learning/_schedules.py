@@ -3,22 +3,15 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from motorgrad._tree import Part, count, number
+from motorgrad.schema import Part, count, number
 
 
 class Annealed(Part):
-    """A number that moves in a straight line from `start` to `end` and stays there.
+    """A number that moves in a straight line from `start` to `end` and stays there."""
 
-    **Arguments:**
-
-    - `start`: the first value, at least 0.
-    - `end`: the last value, at least 0.
-    - `steps` (steps of the parameters): duration of the change from `start` to `end`.
-    """
-
-    start: float = number(low=0)
-    end: float = number(0.0, 0)
-    steps: int = count(1000, 1)
+    start: float = number(low=0, help="the first value, at least 0")
+    end: float = number(0.0, 0, help="the last value, at least 0")
+    steps: int = count(1000, 1, unit="steps of the parameters", help="duration of the change from `start` to `end`")
 
 
 Steps = Int[Array, ""] | None

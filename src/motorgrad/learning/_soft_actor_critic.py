@@ -17,7 +17,6 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad._tree import Part, count, number
 from motorgrad.learning._baselines import Baseline, Transition
 from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.learning._critics import ValueNetwork, value_network
@@ -25,6 +24,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._replay import Drawn, Experience, Replay
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
+from motorgrad.schema import Part, count, inner, number
 
 
 class EnsembleState(NamedTuple):
@@ -44,21 +44,21 @@ class ActionValueEnsemble(Part):
 
     whatever the policy was when the decision was made. $\bar Q$ are slow copies of the networks, which follow them by
     the share `tracking` at every step.
-
-    **Arguments:**
-
-    - `discount`: $\gamma \in [0, 1)$.
-    - `learning_rate`: learning rate of Adam, at least 0. It may be `Annealed`.
-    - `tracking`: the share of the distance to the networks by which their slow copies move at a step, in [0, 1].
-    - `members`: number of networks, at least 1.
-    - `network`: the hidden layers. They see the observation and the action, in one vector.
     """
 
-    discount: float = number(0.99, 0, 1, open_high=True)
-    learning_rate: float | Annealed = number(5e-4, 0)
-    tracking: float = number(0.01, 0, 1)
-    members: int = count(2, 1, 1_000)
-    network: Architecture = MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True)
+    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma \in [0, 1)$")
+    learning_rate: float | Annealed = number(5e-4, 0, help="learning rate of Adam, at least 0. It may be `Annealed`")
+    tracking: float = number(
+        0.01,
+        0,
+        1,
+        help="the share of the distance to the networks by which their slow copies move at a step, in [0, 1]",
+    )
+    members: int = count(2, 1, 1_000, help="number of networks, at least 1")
+    network: Architecture = inner(
+        MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True),
+        help="the hidden layers. They see the observation and the action, in one vector",
+    )
 
     def init(self, inputs: int, dtype: DTypeLike, key: jax.Array) -> EnsembleState:
         """The state before any decision, for this many `inputs`: observation and action."""
@@ -127,18 +127,16 @@ class EntropyTarget(Part):
 
     With each batch, $\log\alpha$ makes a step of Adam: down where the mean entropy of an action is above `target`, up
     where it is below.
-
-    **Arguments:**
-
-    - `target` (nats): the wanted entropy of each number of an action, on average. A number that is uniform between two
-      bounds has the logarithm of their distance.
-    - `start`: the first $\alpha$, in rewards, positive.
-    - `learning_rate`: learning rate of Adam, at least 0.
     """
 
-    target: float = number(-1.0)
-    start: float = number(0.1, 0, open_low=True)
-    learning_rate: float = number(5e-4, 0)
+    target: float = number(
+        -1.0,
+        unit="nats",
+        help="the wanted entropy of each number of an action, on average. A number that is uniform between two "
+        "bounds has the logarithm of their distance",
+    )
+    start: float = number(0.1, 0, open_low=True, help=r"the first $\alpha$, in rewards, positive")
+    learning_rate: float = number(5e-4, 0, help="learning rate of Adam, at least 0")
 
     def init(self, dtype: DTypeLike) -> EntropyState:
         """The state at the start."""
@@ -172,10 +170,6 @@ class SoftActorCritic(Estimator):
     **Arguments:** those of `Estimator`, of which `improve`, `entropy` ($\alpha$) and `reward_scaling` have an effect;
     the others are refused, except for `trace`, which has none.
 
-    - `values`: the values of actions, and how they are learned.
-    - `replay`: how much experience is kept, and how often it is used.
-    - `entropy_target`: none, or the entropy for which $\alpha$ is learned, in place of `entropy`.
-
     **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
     real numbers.
 
@@ -187,9 +181,11 @@ class SoftActorCritic(Estimator):
     """
 
     baseline: Baseline | None = None
-    values: ActionValueEnsemble = ActionValueEnsemble()
-    replay: Replay = Replay()
-    entropy_target: EntropyTarget | None = None
+    values: ActionValueEnsemble = inner(ActionValueEnsemble(), help="the values of actions, and how they are learned")
+    replay: Replay = inner(Replay(), help="how much experience is kept, and how often it is used")
+    entropy_target: EntropyTarget | None = inner(
+        None, help=r"none, or the entropy for which $\alpha$ is learned, in place of `entropy`"
+    )
 
     def validate(self) -> None:
         super().validate()

@@ -23,7 +23,6 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad._tree import number
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Learner, Updates
@@ -31,6 +30,7 @@ from motorgrad.learning._critics import Features
 from motorgrad.learning._natural import Blocks, Metric, identities, zeros_of
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
+from motorgrad.schema import inner, number
 
 
 class Backward(NamedTuple):
@@ -69,20 +69,6 @@ class StationaryMetric(Metric):
     The paper finds the direction by an estimating function, without a gradient estimate. Here the matrix is formed and
     the system solved, so the gradient is that of any estimator.
 
-    **Arguments:**
-
-    - `features`: $\phi$, without the previous action. They should tell the states apart.
-    - `weight`: $\iota \in [0, 1]$, the share of the states. 0 is the natural gradient of actions alone (Kakade, 2001),
-      1 that of the joint distribution (Morimura et al., 2008).
-    - `decay`: $\lambda \in [0, 1)$. The longer, the less it matters that $\phi$ cannot tell all states apart, and the
-      noisier $\xi$ is.
-    - `rate`: rate in [0, 1], per decision; the n-th decision moves the means by $\max(1/n, \text{rate})$ of its
-      distance.
-    - `damping`: $d > 0$, in the units of the Fisher matrix, one over the square of a parameter's.
-    - `ridge`: $\epsilon > 0$, in the units of a squared feature.
-    - `initial`: first diagonal, at least 0, in the units of the Fisher matrix. $F_a$ starts as this times the identity,
-      which counts as one decision.
-
     **Raises:** `ValueError` for a value out of range, for features that see the previous action, for a learner that
     grows and for several `envs`; from `init`, for a policy with more than 4,096 parameters.
 
@@ -95,13 +81,42 @@ class StationaryMetric(Metric):
     needs_decision: ClassVar[bool] = True
     one_stream: ClassVar[bool] = True  # a decision is compared with the one before it
 
-    features: Features = Features()
-    weight: float = number(1.0, 0, 1)
-    decay: float = number(0.0, 0, 1, open_high=True)
-    rate: float = number(1e-3, 0, 1)
-    damping: float = number(0.01, 0, open_low=True)
-    ridge: float = number(1e-3, 0, open_low=True)
-    initial: float = number(1.0, 0, at_start=True)
+    features: Features = inner(
+        Features(), help=r"$\phi$, without the previous action. They should tell the states apart"
+    )
+    weight: float = number(
+        1.0,
+        0,
+        1,
+        help=r"$\iota \in [0, 1]$, the share of the states. 0 is the natural gradient of actions alone (Kakade, "
+        r"2001), 1 that of the joint distribution (Morimura et al., 2008)",
+    )
+    decay: float = number(
+        0.0,
+        0,
+        1,
+        open_high=True,
+        help=r"$\lambda \in [0, 1)$. The longer, the less it matters that $\phi$ cannot tell all states apart, "
+        r"and the noisier $\xi$ is",
+    )
+    rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"rate in [0, 1], per decision; the n-th decision moves the means by $\max(1/n, \text{rate})$ of "
+        r"its distance",
+    )
+    damping: float = number(
+        0.01, 0, open_low=True, help="$d > 0$, in the units of the Fisher matrix, one over the square of a parameter's"
+    )
+    ridge: float = number(1e-3, 0, open_low=True, help=r"$\epsilon > 0$, in the units of a squared feature")
+    initial: float = number(
+        1.0,
+        0,
+        at_start=True,
+        help="first diagonal, at least 0, in the units of the Fisher matrix. $F_a$ starts as this times the "
+        "identity, which counts as one decision",
+    )
 
     def validate(self) -> None:
         check(not self.features.actions, "features.actions", True, "False")

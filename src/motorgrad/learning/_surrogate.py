@@ -18,9 +18,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
-from motorgrad._tree import Part, count, number, static
 from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.policies import Policy, split, trainable
+from motorgrad.schema import Part, count, number, static
 
 
 class Batch(NamedTuple):
@@ -49,22 +49,27 @@ class ClippedSurrogate(Part):
     further transformations as any gradient does. This happens `epochs` times. The estimator's entropy bonus is added to
     $L$.
 
-    **Arguments:**
-
-    - `clip`: $\epsilon > 0$; a decision whose probability has changed by this share of it, in the direction of its
-      advantage, adds nothing to the gradient.
-    - `epochs`: number of times that each decision is used, at least 1.
-    - `minibatches`: into how many parts a batch is cut, each for a step of the parameters; a divisor of the estimator's
-      `improve`.
-    - `standardise`: whether the advantages of a batch are made to have mean 0 and deviation 1; equal ones become 0.
-
     **Raises:** `ValueError` for a value out of range; in an `Estimator` with parts that do not go with it.
     """
 
-    clip: float = number(0.2, 0, open_low=True)
-    epochs: int = count(10, 1, 10_000)
-    minibatches: int = count(1, 1, 1_000_000)
-    standardise: bool = static(True)
+    clip: float = number(
+        0.2,
+        0,
+        open_low=True,
+        help=r"$\epsilon > 0$; a decision whose probability has changed by this share of it, in the direction "
+        r"of its advantage, adds nothing to the gradient",
+    )
+    epochs: int = count(10, 1, 10_000, help="number of times that each decision is used, at least 1")
+    minibatches: int = count(
+        1,
+        1,
+        1_000_000,
+        help="into how many parts a batch is cut, each for a step of the parameters; a divisor of the "
+        "estimator's `improve`",
+    )
+    standardise: bool = static(
+        True, help="whether the advantages of a batch are made to have mean 0 and deviation 1; equal ones become 0"
+    )
 
     def init(self, policy: Policy, size: int, key: jax.Array) -> Batch:
         """The state before any decision, for batches of this size."""

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._tree import is_tracer, number
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, Weights
+from motorgrad.schema import is_tracer, number
 
 MIN_STEP_SIZE = 1e-10
 """Of a feature."""
@@ -47,15 +47,6 @@ class SwiftTemporalDifference(CriticFit):
     Derivatives of one feature's weight by another's step size are neglected, as in IDBD (Sutton, 1992), and a step size
     is never above $\eta$.
 
-    **Arguments:**
-
-    - `initial`: every step size at the start, above 0 and at most the `bound`.
-    - `meta_rate`: $\theta \ge 0$; 0 leaves the step sizes as they are, but for the bound.
-    - `bound`: $\eta \in (0, 1]$.
-    - `shrinkage`: $\epsilon \in (0, 1]$, what is left of a step size when the bound was exceeded, for a feature of 1.
-    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
-      distance from it.
-
     **Raises:** `ValueError` for a value out of range, and for an `initial` step size above the `bound`.
 
     ```python
@@ -63,11 +54,26 @@ class SwiftTemporalDifference(CriticFit):
     ```
     """
 
-    initial: float = number(0.01, 0, 1, open_low=True, at_start=True)
-    meta_rate: float = number(0.01, 0)
-    bound: float = number(0.5, 0, 1, open_low=True)
-    shrinkage: float = number(0.999, 0, 1, open_low=True)
-    level_rate: float = number(1e-3, 0, 1)
+    initial: float = number(
+        0.01, 0, 1, open_low=True, at_start=True, help="every step size at the start, above 0 and at most the `bound`"
+    )
+    meta_rate: float = number(0.01, 0, help=r"$\theta \ge 0$; 0 leaves the step sizes as they are, but for the bound")
+    bound: float = number(0.5, 0, 1, open_low=True, help=r"$\eta \in (0, 1]$")
+    shrinkage: float = number(
+        0.999,
+        0,
+        1,
+        open_low=True,
+        help=r"$\epsilon \in (0, 1]$, what is left of a step size when the bound was exceeded, for a feature of "
+        r"1",
+    )
+    level_rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
+        r"its distance from it",
+    )
 
     def validate(self) -> None:
         if not is_tracer(self.initial) and not is_tracer(self.bound):

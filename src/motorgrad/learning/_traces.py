@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad._tree import Part, count, number, static
 from motorgrad.policies import Policy
+from motorgrad.schema import Part, count, number, static
 
 MAX_FILTER_DECISIONS = 100_000  # of a finite filter, which keeps as many copies of the parameters
 
@@ -65,16 +65,16 @@ def latest(scores: PyTree[Array], score: PyTree[Array]) -> PyTree[Array]:
 
 
 class Exponential(Trace):
-    r"""The exponential trace $z \leftarrow \beta z + \nabla\log\pi$ (Baxter & Bartlett, 2001).
+    r"""The exponential trace $z \leftarrow \beta z + \nabla\log\pi$ (Baxter & Bartlett, 2001)."""
 
-    **Arguments:**
-
-    - `decay`: $\beta \in [0, 1]$, per decision. Choose $1/(1 - \beta)$ above the number of decisions over which actions
-      still matter (the mixing time): a small $\beta$ biases the gradient, a large one makes it noisy. 1 never forgets
-      and needs a task with episodes.
-    """
-
-    decay: float = number(0.9, 0, 1)
+    decay: float = number(
+        0.9,
+        0,
+        1,
+        help=r"$\beta \in [0, 1]$, per decision. Choose $1/(1 - \beta)$ above the number of decisions over "
+        r"which actions still matter (the mixing time): a small $\beta$ biases the gradient, a large one "
+        r"makes it noisy. 1 never forgets and needs a task with episodes",
+    )
 
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
         return jax.tree.map(jnp.zeros_like, parameters)
@@ -139,13 +139,9 @@ class Window(_Kernel):
 
     $z_t = \sum_{k=0}^{n-1} \nabla\log\pi_{t-k}$. It estimates $\pi'\,\nabla P \sum_{k<n} P^k r$ (section
     3.2.1) and keeps $n$ copies of the parameters.
-
-    **Arguments:**
-
-    - `length` (decisions): length of the window, $n \ge 1$.
     """
 
-    length: int = count(10, 1, MAX_FILTER_DECISIONS)
+    length: int = count(10, 1, MAX_FILTER_DECISIONS, unit="decisions", help=r"length of the window, $n \ge 1$")
 
     def weights(self) -> Float[Array, " length"]:
         return jnp.ones(self.length)
@@ -157,15 +153,10 @@ class LaggedGaussian(_Kernel):
     The score from $k \ge 0$ decisions ago has the weight $\exp(-\frac12((k - \text{lag})/\text{width})^2)$. For tasks
     in which an action affects the reward after a certain delay (section 3.2.1). The filter ends four widths beyond the
     lag, where the weight is below 4e-4. Both numbers set its length, so they are static.
-
-    **Arguments:**
-
-    - `lag` (decisions): the delay with the greatest weight, at least 0.
-    - `width` (decisions): the standard deviation, above 0.
     """
 
-    lag: float = static(5.0)
-    width: float = static(2.0)
+    lag: float = static(5.0, unit="decisions", help="the delay with the greatest weight, at least 0")
+    width: float = static(2.0, unit="decisions", help="the standard deviation, above 0")
 
     def validate(self) -> None:
         check(0 <= self.lag <= MAX_FILTER_DECISIONS, "lag", self.lag, f"from 0 to {MAX_FILTER_DECISIONS} decisions")

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from motorgrad._tree import number
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, Weights
+from motorgrad.schema import number
 
 
 class TrueOnlineState(NamedTuple):
@@ -29,20 +29,24 @@ class TrueOnlineTemporalDifference(CriticFit):
     After each decision the weights are exactly those of the online forward view, in which every earlier state moves
     towards its λ-return up to now. TD(λ) approaches them only as $\alpha \to 0$. With $\lambda = 0$ both are the same.
 
-    **Arguments:**
-
-    - `learning_rate`: $\alpha \ge 0$. Steps are stable where $\alpha$ times the squared length of the features is below
-      1, for any decay.
-    - `level_rate`: rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of its
-      distance from it.
-
     ```python
     critic = mg.learning.LinearCritic(discount=0.9, decay=0.9, fit=mg.learning.TrueOnlineTemporalDifference(0.1))
     ```
     """
 
-    learning_rate: float = number(0.01, 0)
-    level_rate: float = number(1e-3, 0, 1)
+    learning_rate: float = number(
+        0.01,
+        0,
+        help=r"$\alpha \ge 0$. Steps are stable where $\alpha$ times the squared length of the features is "
+        r"below 1, for any decay",
+    )
+    level_rate: float = number(
+        1e-3,
+        0,
+        1,
+        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
+        r"its distance from it",
+    )
 
     @property
     def mean_rate(self) -> float:

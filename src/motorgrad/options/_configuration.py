@@ -14,11 +14,9 @@ import tomli_w
 
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
-from motorgrad._settings import build, convert, deeper, table
-from motorgrad._tree import fields_of
-from motorgrad._words import Words
 from motorgrad.options._line import HELP, HELP_ALL, flag_of, nested, read_line
 from motorgrad.options._outputs import check_outputs
+from motorgrad.schema import Words, build, convert, deeper, fields_of, table
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -11,10 +11,21 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from motorgrad._docstrings import attribute_texts, description_of, descriptions, name_in_words
-from motorgrad._settings import default_of
-from motorgrad._tree import PART_CLASSES, Part, fields_of, hints_of, kind_of, options_of, parts_in
 from motorgrad.options._line import flag_of, positional_of
+from motorgrad.schema import (
+    PART_CLASSES,
+    Part,
+    declared_by,
+    default_of,
+    description_of,
+    descriptions,
+    fields_of,
+    hints_of,
+    kind_of,
+    name_in_words,
+    options_of,
+    parts_in,
+)
 
 COLUMN = 26  # characters, where the texts begin
 USUAL_WIDTH = 100  # where there is no terminal
@@ -103,13 +114,13 @@ def metavar_of(hint: Any) -> str:
 
 def _of_dataclass(cls: type, instance: Any, path: str) -> Iterator[Option]:
     """The options of a dataclass, and of those within it, whose values in the `instance` are the defaults."""
-    texts = {**attribute_texts(cls), **descriptions(cls)}
+    texts = descriptions(cls)
     hints = hints_of(cls)
     declared = typing.get_type_hints(cls, include_extras=True)
     for name, field in fields_of(cls).items():
         default = default_of(field) if instance is None else getattr(instance, name)
         place = f"{path}.{name}" if path else name
-        if field.metadata.get("option") is False:  # too much for a command line: it is given in a file
+        if not declared_by(field).option:  # too much for a command line: it is given in a file
             continue
         if isinstance(default, Part):
             yield from _of_part(default, place)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from motorgrad._errors import check, unknown
-from motorgrad._tree import fields_of, hints_of, options_of
-from motorgrad._words import Words
+from motorgrad.schema import Words, fields_of, hints_of, options_of
 
 HELP = {"-h", "--help"}
 HELP_ALL = "--help-all"

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, choice
-from motorgrad._settings import as_hinted, default_of
-from motorgrad._tree import fields_of, hints_of
 from motorgrad.learning import Agent
 from motorgrad.options._configuration import Arguments, naming, pop_option
 from motorgrad.options._line import HELP, HELP_ALL, nested, read_line
+from motorgrad.schema import as_hinted, default_of, fields_of, hints_of
 from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, settings_in
 from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, with_changes
 

@@ -11,6 +11,7 @@ from motorgrad._extras import require
 from motorgrad._files import check_writable
 from motorgrad._processes import IMPORTED
 from motorgrad.options._line import Positional
+from motorgrad.schema import number, static
 from motorgrad.studies import EXECUTORS
 
 
@@ -18,18 +19,18 @@ from motorgrad.studies import EXECUTORS
 class ExecutorOptions:
     """Where jobs run."""
 
-    on: str = "here"
-    """Where jobs run: here (in this process), processes (of this machine), ray or slurm."""
-    address: str = ""
-    """The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this machine alone."""
-    slurm: tuple[str, ...] | None = None
-    """Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4."""
-    workers: int = 0
-    """The number of jobs that run at the same time; 0 for one per processor."""
-    threads: int = 0
-    """The number of threads of each job; 0 for its share of the processors."""
-    attempts: int = 3
-    """How often a failing job is tried before it is set aside; the others continue."""
+    on: str = static("here", help="Where jobs run: here (in this process), processes (of this machine), ray or slurm")
+    address: str = static(
+        "",
+        help="The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this "
+        "machine alone",
+    )
+    slurm: tuple[str, ...] | None = static(
+        None, help="Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4"
+    )
+    workers: int = static(0, help="The number of jobs that run at the same time; 0 for one per processor")
+    threads: int = static(0, help="The number of threads of each job; 0 for its share of the processors")
+    attempts: int = static(3, help="How often a failing job is tried before it is set aside; the others continue")
 
     def check_executor(self) -> None:
         """**Raises** `ValueError` for options that do not fit together."""
@@ -70,16 +71,13 @@ def _parameter(word: str) -> tuple[str, Any]:
 class StudyFile(ExecutorOptions, abc.ABC):
     """Options of a command that runs the study or comparison of a TOML file in a folder."""
 
-    study: Annotated[Path | None, Positional("[FILE]")] = None
-    """The TOML file of the study; without it, that of the folder --out."""
-    out: Path | None = None
-    """The folder of the study, by default runs/NAME for NAME.toml."""
-    checkpoint_every: float = 30.0
-    """The time between two checkpoints of a job, in seconds."""
-    trust: bool = False
-    """Run code that the file or the folder names: the module of a task."""
-    json: Path | None = None
-    """Also write the result to this file, as JSON; - for the standard output."""
+    study: Annotated[Path | None, Positional("[FILE]")] = static(
+        None, help="The TOML file of the study; without it, that of the folder --out"
+    )
+    out: Path | None = static(None, help="The folder of the study, by default runs/NAME for NAME.toml")
+    checkpoint_every: float = number(30.0, help="The time between two checkpoints of a job, in seconds")
+    trust: bool = static(False, help="Run code that the file or the folder names: the module of a task")
+    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
 
     file_in_folder: ClassVar[str] = "study.toml"
 

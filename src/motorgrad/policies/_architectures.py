@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 
 from motorgrad._errors import check
-from motorgrad._tree import Part, static
 from motorgrad.policies._standardisation import Standardisation
+from motorgrad.schema import Part, static
 
 Activation = Literal["elu", "gelu", "leaky-relu", "relu", "silu", "tanh"]
 ACTIVATIONS: dict[str, Callable[..., Any]] = {
@@ -55,15 +55,6 @@ class MultilayerPerceptron(Architecture):
     U[$-1/\sqrt n, 1/\sqrt n$], then $\lceil \text{sparsity} \cdot n \rceil$ of them, at most $n - 1$, are set to 0. The
     biases start at 0.
 
-    **Arguments:**
-
-    - `hidden`: the number of units in each layer, from the inputs on.
-    - `activation`: the nonlinearity $f$ of every layer, as in `jax.nn`.
-    - `layer_norm`: whether potentials are normalised before the nonlinearity.
-    - `sparsity`: the share of each unit's weights that start at 0, in [0, 1).
-    - `unit_length`: whether the output of the last layer is scaled to length 1 (Bjorck et al., 2022).
-    - `standardise`: whether the inputs are first made relative to their running mean and deviation, `Standardisation`.
-
     **Raises:** `ValueError` for a value out of range.
 
     ```python
@@ -71,12 +62,18 @@ class MultilayerPerceptron(Architecture):
     ```
     """
 
-    hidden: tuple[int, ...] = eqx.field(static=True, default=(128, 128), converter=tuple)
-    activation: Activation = static("leaky-relu")
-    layer_norm: bool = static(True)
-    sparsity: float = static(0.9)
-    standardise: bool = static(False)
-    unit_length: bool = static(False)
+    hidden: tuple[int, ...] = static(
+        (128, 128), converter=tuple, help="the number of units in each layer, from the inputs on"
+    )
+    activation: Activation = static("leaky-relu", help="the nonlinearity $f$ of every layer, as in `jax.nn`")
+    layer_norm: bool = static(True, help="whether potentials are normalised before the nonlinearity")
+    sparsity: float = static(0.9, help="the share of each unit's weights that start at 0, in [0, 1)")
+    standardise: bool = static(
+        False, help="whether the inputs are first made relative to their running mean and deviation, `Standardisation`"
+    )
+    unit_length: bool = static(
+        False, help="whether the output of the last layer is scaled to length 1 (Bjorck et al., 2022)"
+    )
 
     def validate(self) -> None:
         whole = all(isinstance(width, int) and 0 < width <= MAX_LAYER_WIDTH for width in self.hidden)

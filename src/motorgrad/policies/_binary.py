@@ -12,7 +12,6 @@ from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import featured
@@ -20,6 +19,7 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import in_structure, outer, outer_sum, per_unit, with_fields
 from motorgrad.policies._policy import Policy, has_rows, unit_rows
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class BinaryUnits(Policy):
@@ -224,13 +224,14 @@ class InitialHyperplanes(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `features`: what the units see beside the inputs; by default nothing.
-    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a `Network`.
     """
 
-    features: FeatureMap = static(INPUTS)
-    network: Architecture | None = static(None)
+    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None,
+        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
+        "function from a key to a `Network`",
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
@@ -251,12 +252,10 @@ class InitialMotoneurons(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `low`: the lower end of the range of the thresholds.
-    - `high`: its upper end.
     """
 
-    low: float = static(0.0)
-    high: float = static(1.0)
+    low: float = static(0.0, help="the lower end of the range of the thresholds")
+    high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         outputs = single_input_units("motoneurons", task, self.units, self.low, self.high)

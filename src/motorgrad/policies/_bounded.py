@@ -10,7 +10,6 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
-from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import autoregressive
@@ -20,6 +19,7 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
 from motorgrad.policies._parameters import fixed
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 Shape = Literal["squashed", "clipped", "truncated", "beta"]
 
@@ -159,26 +159,28 @@ class InitialBoundedHyperplanes(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `density`: density of an activation: squashed, clipped or truncated normal, or beta.
-    - `level`: the most probable activation at the start, as a fraction of half the range from its middle.
-    - `deviation`: the spread at the start, in units of half the range.
-    - `floor`: the least spread that learning may reach.
-    - `features`: what the units see beside the inputs; by default nothing.
-    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a policy with a `Network`.
-    - `autocorrelation`: correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is
-      `Autoregressive`, and the density squashed or clipped.
-    - `filtered`: whether the mean action is filtered like such noise, which keeps the score exact.
     """
 
-    density: Shape = static("squashed")
-    level: float = static(0.0)
-    deviation: float = static(0.5)
-    floor: float = static(0.02)
-    features: FeatureMap = static(INPUTS)
-    network: Architecture | None = static(None)
-    autocorrelation: float = static(0.0)
-    filtered: bool = static(True)
+    density: Shape = static("squashed", help="density of an activation: squashed, clipped or truncated normal, or beta")
+    level: float = static(
+        0.0, help="the most probable activation at the start, as a fraction of half the range from its middle"
+    )
+    deviation: float = static(0.5, help="the spread at the start, in units of half the range")
+    floor: float = static(0.02, help="the least spread that learning may reach")
+    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None,
+        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
+        "function from a key to a policy with a `Network`",
+    )
+    autocorrelation: float = static(
+        0.0,
+        help="correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is "
+        "`Autoregressive`, and the density squashed or clipped",
+    )
+    filtered: bool = static(
+        True, help="whether the mean action is filtered like such noise, which keeps the score exact"
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

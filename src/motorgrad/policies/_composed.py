@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
 from motorgrad.policies._features import lattice
@@ -20,6 +19,7 @@ from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
 from motorgrad.policies._parameters import in_structure
 from motorgrad.policies._policy import Composed, Policy, Regions, check_plain
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class Pools(Composed):
@@ -290,18 +290,13 @@ class InitialMixture(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `hyperplanes`: how many of them are global.
-    - `copies`: consecutive local units that share a centre.
-    - `width`: a standard deviation, as a fraction of the range.
-    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
-    - `bias`: the common bias of the global units.
     """
 
-    hyperplanes: int = static(2)
-    copies: int = static(1)
-    width: float = static(0.16)
-    p_max: float = static(1.0)
-    bias: float = static(0.0)
+    hyperplanes: int = static(2, help="how many of them are global")
+    copies: int = static(1, help="consecutive local units that share a centre")
+    width: float = static(0.16, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    bias: float = static(0.0, help="the common bias of the global units")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
@@ -326,16 +321,12 @@ class InitialGated(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, the gates included, by default one for each action of the task.
-    - `gates`: the number of gates on each level.
-    - `levels`: the number of levels of gates, one behind the other.
-    - `width`: a standard deviation, as a fraction of the range.
-    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
     """
 
-    gates: int = static(1)
-    levels: int = static(1)
-    width: float = static(0.3)
-    p_max: float = static(1.0)
+    gates: int = static(1, help="the number of gates on each level")
+    levels: int = static(1, help="the number of levels of gates, one behind the other")
+    width: float = static(0.3, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

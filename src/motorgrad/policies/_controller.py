@@ -6,13 +6,13 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_finite, check_integer
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._layered import Draws, Sequential
 from motorgrad.policies._output_units import output_units
 from motorgrad.policies._policy import Policy, check_plain
 from motorgrad.policies._softmax import Softmax
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class FiniteStateController(Sequential):
@@ -120,16 +120,12 @@ class InitialFiniteStateController(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of output units, by default one for each action of the task.
-    - `states`: the number of internal states.
-    - `links`: how many next states are favoured at first, from every state and on every input.
-    - `strength`: how strongly they are favoured, as a difference of weights.
-    - `output`: the output units, a name of an initial policy; by default as of `layered`.
     """
 
-    states: int = static(4)
-    links: int = static(1)
-    strength: float = static(3.0)
-    output: str = static("")
+    states: int = static(4, help="the number of internal states")
+    links: int = static(1, help="how many next states are favoured at first, from every state and on every input")
+    strength: float = static(3.0, help="how strongly they are favoured, as a difference of weights")
+    output: str = static("", help="the output units, a name of an initial policy; by default as of `layered`")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, _ = sizes(task, self.units)

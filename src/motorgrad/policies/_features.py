@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._tree import Part, count, static
+from motorgrad.schema import Part, count, static
 
 Kind = Literal["tanh", "fourier", "radial", "grid"]
 
@@ -30,15 +30,6 @@ class FeatureMap(Part):
     (1988). The random numbers come from NumPy's `RandomState`, whose streams never change. So the settings define the
     map completely, and a run stores nothing else of it.
 
-    **Arguments:**
-
-    - `squares`: whether the squares of the inputs are among the features.
-    - `products`: whether the products of all pairs of inputs are among the features.
-    - `nonlinear`: $K$, the number of nonlinear features.
-    - `shape`: the kind of nonlinear features: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
-    - `scale`: $c$, above 0; the greater, the shorter the distance between inputs that the features tell apart.
-    - `seed`: seed of the random numbers. All seeds of a run have the same features.
-
     **Raises:** `ValueError` for a value out of range.
 
     ```python
@@ -46,12 +37,14 @@ class FeatureMap(Part):
     ```
     """
 
-    squares: bool = static(False)
-    products: bool = static(False)
-    nonlinear: int = count(0, 0, 100_000)
-    shape: Kind = static("tanh")
-    scale: float = static(1.0)
-    seed: int = count(0, 0)
+    squares: bool = static(False, help="whether the squares of the inputs are among the features")
+    products: bool = static(False, help="whether the products of all pairs of inputs are among the features")
+    nonlinear: int = count(0, 0, 100_000, help="$K$, the number of nonlinear features")
+    shape: Kind = static("tanh", help='the kind of nonlinear features: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`')
+    scale: float = static(
+        1.0, help="$c$, above 0; the greater, the shorter the distance between inputs that the features tell apart"
+    )
+    seed: int = count(0, 0, help="seed of the random numbers. All seeds of a run have the same features")
 
     def validate(self) -> None:
         check(0 < self.scale < math.inf, "scale", self.scale, "a number above 0")

@@ -13,7 +13,6 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._random import MIN_UNIFORM
-from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import autoregressive
@@ -23,6 +22,7 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import fixed, in_structure, outer, outer_sum, per_unit, trainable, with_fields
 from motorgrad.policies._policy import Policy, has_rows, unit_rows
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class GradedUnits(Policy):
@@ -262,16 +262,12 @@ class InitialGradedMotoneurons(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `low`: the lower end of the range of the thresholds.
-    - `high`: its upper end.
-    - `deviation`: the standard deviation of the noise at the start.
-    - `floor`: the least standard deviation that learning may reach.
     """
 
-    low: float = static(0.0)
-    high: float = static(1.0)
-    deviation: float = static(0.3)
-    floor: float = static(0.02)
+    low: float = static(0.0, help="the lower end of the range of the thresholds")
+    high: float = static(1.0, help="its upper end")
+    deviation: float = static(0.3, help="the standard deviation of the noise at the start")
+    floor: float = static(0.02, help="the least standard deviation that learning may reach")
 
     def start(self, task: SizedTask | int) -> Initial:
         outputs = single_input_units("graded-motoneurons", task, self.units, self.low, self.high)
@@ -295,24 +291,24 @@ class InitialGradedHyperplanes(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `level`: the mean activation at the start, for every observation.
-    - `deviation`: the standard deviation of the noise at the start.
-    - `floor`: the least standard deviation that learning may reach.
-    - `features`: what the units see beside the inputs; by default nothing.
-    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a policy with a `Network`.
-    - `autocorrelation`: correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is
-      `Autoregressive`.
-    - `filtered`: whether the mean action is filtered like such noise, which keeps the score exact.
     """
 
-    level: float = static(0.0)
-    deviation: float = static(0.3)
-    floor: float = static(0.02)
-    features: FeatureMap = static(INPUTS)
-    network: Architecture | None = static(None)
-    autocorrelation: float = static(0.0)
-    filtered: bool = static(True)
+    level: float = static(0.0, help="the mean activation at the start, for every observation")
+    deviation: float = static(0.3, help="the standard deviation of the noise at the start")
+    floor: float = static(0.02, help="the least standard deviation that learning may reach")
+    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None,
+        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
+        "function from a key to a policy with a `Network`",
+    )
+    autocorrelation: float = static(
+        0.0,
+        help="correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is `Autoregressive`",
+    )
+    filtered: bool = static(
+        True, help="whether the mean action is filtered like such noise, which keeps the score exact"
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

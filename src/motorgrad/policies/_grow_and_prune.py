@@ -13,7 +13,6 @@ from jaxtyping import Array, Bool, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check, choice
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
@@ -22,6 +21,7 @@ from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_un
 from motorgrad.policies._policy import Composed, Policy, Regions, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 T = TypeVar("T")
 AnyPolicy = TypeVar("AnyPolicy", bound=Policy)
@@ -105,17 +105,18 @@ class InitialGrowing(InitialPolicy):
     **Arguments:**
 
     - `units`: the size of the pool, by default one unit for each action of the task.
-    - `shape`: the kind of local units.
-    - `p_max`: the probability of firing at a unit's centre, in (0, 1]; of Gaussians only.
-    - `hardness`: how steeply the probability falls at a unit's surface; of soft spheres and boxes only.
-    - `pair`: `"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`); of Gaussians
-      only.
     """
 
-    shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = static("gaussians")
-    p_max: float = static(0.5)
-    hardness: float = static(10.0)
-    pair: Pair = static("exact")
+    shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = static("gaussians", help="the kind of local units")
+    p_max: float = static(0.5, help="the probability of firing at a unit's centre, in (0, 1]; of Gaussians only")
+    hardness: float = static(
+        10.0, help="how steeply the probability falls at a unit's surface; of soft spheres and boxes only"
+    )
+    pair: Pair = static(
+        "exact",
+        help='`"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`); of '
+        "Gaussians only",
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
 from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
@@ -17,6 +16,7 @@ from motorgrad.policies._local import tiles
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, outer, per_unit, trainable
 from motorgrad.policies._policy import Composed, Policy, has_rows
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 P = TypeVar("P", bound=Policy)
 
@@ -303,20 +303,14 @@ class InitialGradedTiles(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `copies`: consecutive units that share a centre.
-    - `width`: a standard deviation, as a fraction of the range.
-    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
-    - `strength`: the mean strength of every unit at the start.
-    - `deviation`: the standard deviation of the strength at the start.
-    - `floor`: the least standard deviation that learning may reach.
     """
 
-    copies: int = static(1)
-    width: float = static(0.16)
-    p_max: float = static(1.0)
-    strength: float = static(0.0)
-    deviation: float = static(0.5)
-    floor: float = static(0.05)
+    copies: int = static(1, help="consecutive units that share a centre")
+    width: float = static(0.16, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    strength: float = static(0.0, help="the mean strength of every unit at the start")
+    deviation: float = static(0.5, help="the standard deviation of the strength at the start")
+    floor: float = static(0.05, help="the least standard deviation that learning may reach")
 
     def start(self, task: SizedTask | int) -> Initial:
         check(-math.inf < self.strength < math.inf, "strength", self.strength, "a finite number")
@@ -338,14 +332,11 @@ class InitialPrimitives(InitialPolicy):
 
     - `units`: the length of an action, `count` plus equally many parameters for each primitive, by default the
       task's.
-    - `count`: the number of primitives.
-    - `deviation`: the standard deviation of the movement parameters at the start.
-    - `floor`: the least standard deviation that learning may reach.
     """
 
-    count: int = static(2)
-    deviation: float = static(0.3)
-    floor: float = static(0.02)
+    count: int = static(2, help="the number of primitives")
+    deviation: float = static(0.3, help="the standard deviation of the movement parameters at the start")
+    floor: float = static(0.02, help="the least standard deviation that learning may reach")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import Hyperplanes, product
 from motorgrad.policies._featured import featured
@@ -22,6 +21,7 @@ from motorgrad.policies._output_units import output_units
 from motorgrad.policies._parameters import trainable, with_parts
 from motorgrad.policies._policy import Composed, Policy, check_plain
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 MAX_EXACT_PATTERNS = 256  # of hidden units, over which a mean is an exact sum
 Draws = Sequence[Array]
@@ -269,19 +269,19 @@ class InitialLayered(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of output units, by default one for each action of the task.
-    - `hidden`: the number of hidden units in each layer, the one next to the inputs first.
-    - `output`: the output units, a name of an initial policy; by default `"softmax"` for discrete actions,
-      `"hyperplanes"` for binary, `"bounded-hyperplanes"` for graded ones and `"mixed"` for both.
-    - `scale`: the size of the initial hidden weights, in units of a potential; above 0.
-    - `skip`: whether further layers see the observation too.
-    - `features`: what the first layer sees beside the inputs; by default nothing.
     """
 
-    hidden: tuple[int, ...] = static((8,))
-    output: str = static("")
-    scale: float = static(2.0)
-    skip: bool = static(False)
-    features: FeatureMap = static(INPUTS)
+    hidden: tuple[int, ...] = static(
+        (8,), help="the number of hidden units in each layer, the one next to the inputs first"
+    )
+    output: str = static(
+        "",
+        help='the output units, a name of an initial policy; by default `"softmax"` for discrete actions, '
+        '`"hyperplanes"` for binary, `"bounded-hyperplanes"` for graded ones and `"mixed"` for both',
+    )
+    scale: float = static(2.0, help="the size of the initial hidden weights, in units of a potential; above 0")
+    skip: bool = static(False, help="whether further layers see the observation too")
+    features: FeatureMap = static(INPUTS, help="what the first layer sees beside the inputs; by default nothing")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, _ = sizes(task, self.units)

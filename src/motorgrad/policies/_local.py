@@ -12,13 +12,13 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
 from motorgrad.policies._parameters import fixed, in_structure
 from motorgrad.policies._policy import Regions
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
 Limits = tuple[float, float] | None
@@ -240,16 +240,12 @@ class InitialGaussians(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `width`: the standard deviation of every unit, in the units of the inputs.
-    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
-    - `low`: the lower end of the range of the centres in every input.
-    - `high`: its upper end.
     """
 
-    width: float = static(0.5)
-    p_max: float = static(1.0)
-    low: float = static(-1.0)
-    high: float = static(1.0)
+    width: float = static(0.5, help="the standard deviation of every unit, in the units of the inputs")
+    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    low: float = static(-1.0, help="the lower end of the range of the centres in every input")
+    high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
@@ -277,14 +273,6 @@ class InitialTiles(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `copies`: consecutive units that share a centre.
-    - `width`: a standard deviation, as a fraction of the range.
-    - `p_max`: the probability of firing at a unit's centre, in (0, 1].
-    - `low`: the lower end of the range, by default the task's.
-    - `high`: the upper end of the range, by default the task's.
-    - `least_log_width`: the lower limit of the logarithm of a width.
-    - `most_log_width`: the upper limit of the logarithm of a width.
-    - `pair`: `"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`).
 
     **Example:**
 
@@ -293,14 +281,16 @@ class InitialTiles(InitialPolicy):
     ```
     """
 
-    copies: int = static(1)
-    width: float = static(0.16)
-    p_max: float = static(1.0)
-    low: float | None = static(None)
-    high: float | None = static(None)
-    least_log_width: float = static(-4.0)
-    most_log_width: float = static(2.0)
-    pair: Pair = static("exact")
+    copies: int = static(1, help="consecutive units that share a centre")
+    width: float = static(0.16, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    low: float | None = static(None, help="the lower end of the range, by default the task's")
+    high: float | None = static(None, help="the upper end of the range, by default the task's")
+    least_log_width: float = static(-4.0, help="the lower limit of the logarithm of a width")
+    most_log_width: float = static(2.0, help="the upper limit of the logarithm of a width")
+    pair: Pair = static(
+        "exact", help='`"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`)'
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

@@ -10,7 +10,6 @@ from jaxtyping import Array, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
@@ -20,6 +19,7 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Composed, Policy
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 def _python_numbers(values: ArrayLike) -> Any:
@@ -176,16 +176,17 @@ class InitialMirrored(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units on both sides together, by default one for each action of the task.
-    - `features`: what the units see beside the inputs; by default nothing.
-    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a policy.
 
     **Raises:** `ValueError` for a task without a mirror, for an action that is its own mirror image, and for a number
     of inputs in place of a task.
     """
 
-    features: FeatureMap = static(INPUTS)
-    network: Architecture | None = static(None)
+    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None,
+        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
+        "function from a key to a policy",
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

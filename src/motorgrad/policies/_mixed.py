@@ -6,7 +6,6 @@ import equinox as eqx
 from jaxtyping import Array
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import zero_hyperplanes
@@ -16,6 +15,7 @@ from motorgrad.policies._featured import featured
 from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class Mixed(Pools):
@@ -61,23 +61,25 @@ class InitialMixed(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `binary`: how many of the first units are binary, where the task does not tell the kind of each action.
-    - `density`: density of a graded activation: squashed, clipped or truncated normal, or beta.
-    - `level`: the most probable graded activation at the start, as a fraction of half the range from its middle.
-    - `deviation`: the spread of graded activations at the start, in units of half the range.
-    - `floor`: the least spread that learning may reach.
-    - `features`: what the units see beside the inputs; by default nothing.
-    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a `Network`.
     """
 
-    binary: int = static(1)
-    density: Shape = static("squashed")
-    level: float = static(0.0)
-    deviation: float = static(0.5)
-    floor: float = static(0.02)
-    features: FeatureMap = static(INPUTS)
-    network: Architecture | None = static(None)
+    binary: int = static(
+        1, help="how many of the first units are binary, where the task does not tell the kind of each action"
+    )
+    density: Shape = static(
+        "squashed", help="density of a graded activation: squashed, clipped or truncated normal, or beta"
+    )
+    level: float = static(
+        0.0, help="the most probable graded activation at the start, as a fraction of half the range from its middle"
+    )
+    deviation: float = static(0.5, help="the spread of graded activations at the start, in units of half the range")
+    floor: float = static(0.02, help="the least spread that learning may reach")
+    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None,
+        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
+        "function from a key to a `Network`",
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

@@ -10,12 +10,12 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask
 from motorgrad.policies._binary import BinaryUnits, motoneurons, single_input_units
 from motorgrad.policies._parameters import fixed, in_structure
 from motorgrad.policies._policy import Composed
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class Querying(Composed):
@@ -133,16 +133,12 @@ class InitialQueryingMotoneurons(InitialPolicy):
     **Arguments:**
 
     - `units`: the length of an action, the request included, by default the task's.
-    - `low`: the lower end of the range of the thresholds and of the requests.
-    - `high`: its upper end.
-    - `explore`: the share of requests that are uniform.
-    - `cells`: the number of cells in which entropy is measured.
     """
 
-    low: float = static(0.0)
-    high: float = static(1.0)
-    explore: float = static(0.1)
-    cells: int = static(32)
+    low: float = static(0.0, help="the lower end of the range of the thresholds and of the requests")
+    high: float = static(1.0, help="its upper end")
+    explore: float = static(0.1, help="the share of requests that are uniform")
+    cells: int = static(32, help="the number of cells in which entropy is measured")
 
     def start(self, task: SizedTask | int) -> Initial:
         outputs = single_input_units("querying-motoneurons", task, self.units, self.low, self.high)

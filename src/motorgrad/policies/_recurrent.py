@@ -9,13 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check, check_integer, check_positive
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._delegating import Delegating
 from motorgrad.policies._output_units import output_units
 from motorgrad.policies._parameters import outer, trainable, with_fields
 from motorgrad.policies._policy import Composed, Policy
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class Recurrence(NamedTuple):
@@ -186,18 +186,13 @@ class InitialRecurrent(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of output units, by default one for each action of the task.
-    - `hidden`: the number of recurrent units.
-    - `shortest` (decisions): the shortest time constant at the start, above 0.
-    - `longest` (decisions): the longest.
-    - `scale`: the size of the initial weights of the recurrent units.
-    - `output`: the output units, a name of an initial policy; by default as of `layered`.
     """
 
-    hidden: int = static(8)
-    shortest: float = static(1.0)
-    longest: float = static(30.0)
-    scale: float = static(1.0)
-    output: str = static("")
+    hidden: int = static(8, help="the number of recurrent units")
+    shortest: float = static(1.0, unit="decisions", help="the shortest time constant at the start, above 0")
+    longest: float = static(30.0, unit="decisions", help="the longest")
+    scale: float = static(1.0, help="the size of the initial weights of the recurrent units")
+    output: str = static("", help="the output units, a name of an initial policy; by default as of `layered`")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, _ = sizes(task, self.units)

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import SigmoidUnits
 from motorgrad.policies._local import CappedUnits, LocalUnits, check_random_layout
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class SoftSpheres(LocalUnits, SigmoidUnits):
@@ -120,16 +120,12 @@ class InitialSoftSpheres(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `radius`: radius of every sphere, in the units of the inputs.
-    - `hardness`: how steeply the probability falls at a unit's surface.
-    - `low`: the lower end of the range of the centres in every input.
-    - `high`: its upper end.
     """
 
-    radius: float = static(0.5)
-    hardness: float = static(10.0)
-    low: float = static(-1.0)
-    high: float = static(1.0)
+    radius: float = static(0.5, help="radius of every sphere, in the units of the inputs")
+    hardness: float = static(10.0, help="how steeply the probability falls at a unit's surface")
+    low: float = static(-1.0, help="the lower end of the range of the centres in every input")
+    high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
@@ -156,16 +152,12 @@ class InitialSoftBoxes(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of units, by default one for each action of the task.
-    - `width`: the distance from the centre to each wall, in the units of the inputs.
-    - `hardness`: how steeply the probability falls at a unit's surface.
-    - `low`: the lower end of the range of the centres in every input.
-    - `high`: its upper end.
     """
 
-    width: float = static(0.5)
-    hardness: float = static(10.0)
-    low: float = static(-1.0)
-    high: float = static(1.0)
+    width: float = static(0.5, help="the distance from the centre to each wall, in the units of the inputs")
+    hardness: float = static(10.0, help="how steeply the probability falls at a unit's surface")
+    low: float = static(-1.0, help="the lower end of the range of the centres in every input")
+    high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

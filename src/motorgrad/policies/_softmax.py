@@ -8,7 +8,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._tree import static
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import featured
@@ -16,6 +15,7 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.schema import static
 
 
 class Softmax(Policy):
@@ -100,13 +100,14 @@ class InitialSoftmax(InitialPolicy):
     **Arguments:**
 
     - `units`: the number of actions to choose from, by default the task's.
-    - `features`: what it sees beside the inputs; by default nothing.
-    - `network`: hidden layers between these inputs and the units; by default none. With them, the result is a
-      function from a key to a `Network`.
     """
 
-    features: FeatureMap = static(INPUTS)
-    network: Architecture | None = static(None)
+    features: FeatureMap = static(INPUTS, help="what it sees beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None,
+        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
+        "function from a key to a `Network`",
+    )
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)

@@ -9,10 +9,9 @@ import equinox as eqx
 import jax
 
 from motorgrad._errors import check, unknown
-from motorgrad._settings import check_fields
-from motorgrad._tree import PART_CLASSES, Part, fields_of, static
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._policy import Policy
+from motorgrad.schema import PART_CLASSES, Part, check_fields, fields_of, static
 
 MAX_POLICY_WEIGHTS = 100_000_000  # of the units for each observed number
 Initial = Policy | Callable[[jax.Array], Policy]
@@ -39,16 +38,12 @@ class InitialPolicy(Part):
     A subclass declares its settings and defines `start`. Registered (`motorgrad.learning.register`), it can be chosen
     by name. As the `policy` of an `Agent` it must be bound to the task (`bound`), as `agent_for` does; then it is a
     function from a seed's key to the policy of this seed.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
     """
 
     brief: ClassVar[bool] = True
     """A stored table has only what is not as by default."""
 
-    units: int | None = static(None)
+    units: int | None = static(None, help="the number of units, by default one for each action of the task")
     _task: _Bound | None = eqx.field(static=True, default=None, init=False, repr=False)
 
     def __check_init__(self) -> None:

@@ -10,6 +10,7 @@ from scipy.stats import qmc
 
 from motorgrad._errors import check, check_integer, check_not_negative, choice
 from motorgrad._extras import require
+from motorgrad.schema import number, static
 from motorgrad.search._methods import Method, Places, State
 
 if TYPE_CHECKING:
@@ -37,26 +38,32 @@ class BayesianOptimisation(Method):
     Time grows with the third power of the number of observations: of the candidates $n$, or of $n(1 + d)$ with the
     gradients of $d$ numbers. Some hundred candidates of up to about twenty numbers are practical.
 
-    - `candidates`: per round, at least 1. With fewer, each is chosen with more known.
-    - `initial`: candidates, at least 2, that must have a score before the process is used; they come in whole rounds.
-    - `kernel`: `"matern"`, with $\nu = 5/2$, twice differentiable; or `"squared-exponential"`, infinitely smooth.
-    - `acquisition`: `"expected-improvement"`, or `"upper-confidence-bound"` for $\mu + \kappa\sigma$ (Srinivas et al.,
-      2010).
-    - `exploration`: $\kappa$, at least 0, of the upper confidence bound.
-    - `lengths`: bounds of the length scales, above 0, as fractions of every number's range.
-    - `noise`: bounds of the standard deviation of a score's noise, above 0, in standard deviations of all scores. Two
-      equal bounds fix it.
-
     **Raises:** `RuntimeError` if tinygp is missing (`motorgrad[search]`).
     """
 
-    candidates: int = 4
-    initial: int = 8
-    kernel: str = "matern"
-    acquisition: str = "expected-improvement"
-    exploration: float = 2.0
-    lengths: tuple[float, float] = (0.05, 5.0)
-    noise: tuple[float, float] = (1e-3, 1.0)
+    candidates: int = static(4, help="per round, at least 1. With fewer, each is chosen with more known")
+    initial: int = static(
+        8, help="candidates, at least 2, that must have a score before the process is used; they come in whole rounds"
+    )
+    kernel: str = static(
+        "matern",
+        help=r'`"matern"`, with $\nu = 5/2$, twice differentiable; or `"squared-exponential"`, infinitely '
+        r"smooth",
+    )
+    acquisition: str = static(
+        "expected-improvement",
+        help=r'`"expected-improvement"`, or `"upper-confidence-bound"` for $\mu + \kappa\sigma$ (Srinivas et '
+        r"al., 2010)",
+    )
+    exploration: float = number(2.0, help=r"$\kappa$, at least 0, of the upper confidence bound")
+    lengths: tuple[float, float] = static(
+        (0.05, 5.0), help="bounds of the length scales, above 0, as fractions of every number's range"
+    )
+    noise: tuple[float, float] = static(
+        (1e-3, 1.0),
+        help="bounds of the standard deviation of a score's noise, above 0, in standard deviations of all "
+        "scores. Two equal bounds fix it",
+    )
 
     def __post_init__(self) -> None:
         check_integer("BayesianOptimisation.candidates", self.candidates, 1)

@@ -18,7 +18,7 @@ from scipy.stats import rankdata
 
 from motorgrad._errors import check, check_integer
 from motorgrad._extras import require
-from motorgrad._tree import path_of
+from motorgrad.schema import number, path_of, static
 from motorgrad.search._methods import Method, Places, State
 from motorgrad.search._space import reflected
 
@@ -81,17 +81,17 @@ class CmaEs(_Evosax):
     changes nothing. The Gaussian is unbounded: a candidate beyond a bound is reflected into the range, and the Gaussian
     is updated with the original.
 
-    - `population`: candidates per round, at least 4; by default $4 + \lfloor 3 \ln n \rfloor$ for $n$ numbers. A larger
-      population tolerates more noise.
-    - `width`: initial standard deviation, above 0, as a fraction of every number's range.
-
     **Raises:** `RuntimeError` if evosax is missing (`motorgrad[search]`).
     """
 
     title: ClassVar[str] = "CMA-ES"
 
-    population: int | None = None
-    width: float = 0.2
+    population: int | None = static(
+        None,
+        help=r"candidates per round, at least 4; by default $4 + \lfloor 3 \ln n \rfloor$ for $n$ numbers. A "
+        r"larger population tolerates more noise",
+    )
+    width: float = number(0.2, help="initial standard deviation, above 0, as a fraction of every number's range")
 
     def __post_init__(self) -> None:
         if self.population is not None:
@@ -125,18 +125,14 @@ class EvolutionStrategy(_Evosax):
     ranks, failed candidates the lowest; a round in which all fail changes nothing. Candidates beyond a bound are
     reflected into the range.
 
-    - `population`: candidates per round, an even number of at least 2.
-    - `width`: $\sigma$, above 0, as a fraction of every number's range.
-    - `learning_rate`: learning rate of Adam, above 0, in the same units.
-
     **Raises:** `RuntimeError` if evosax is missing (`motorgrad[search]`).
     """
 
     title: ClassVar[str] = "an evolution strategy"
 
-    population: int = 32
-    width: float = 0.05
-    learning_rate: float = 0.02
+    population: int = static(32, help="candidates per round, an even number of at least 2")
+    width: float = number(0.05, help=r"$\sigma$, above 0, as a fraction of every number's range")
+    learning_rate: float = number(0.02, help="learning rate of Adam, above 0, in the same units")
 
     def __post_init__(self) -> None:
         check_integer("EvolutionStrategy.population", self.population, 2)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_integer
+from motorgrad.schema import number, static
 from motorgrad.search._space import reflected
 
 State = dict[str, np.ndarray]
@@ -54,12 +55,9 @@ class Method(abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class Uniform(Method):
-    """Independent uniform samples within the bounds: a baseline for other methods.
+    """Independent uniform samples within the bounds: a baseline for other methods."""
 
-    - `candidates`: per round, at least 1.
-    """
-
-    candidates: int = 12
+    candidates: int = static(12, help="per round, at least 1")
 
     def __post_init__(self) -> None:
         check_integer("Uniform.candidates", self.candidates, 1)
@@ -89,21 +87,23 @@ class Boltzmann(Method):
     where $\sigma$ is the standard deviation of the average scores of all samples. Gaussian noise is added to a few
     randomly selected numbers. The first candidates are made from the start. Failed samples are never selected. The
     thesis gives no settings; the defaults are ours.
-
-    - `candidates`: per round, at least 1.
-    - `temperature`: $T$, above 0, in standard deviations of the scores; lower values are greedier.
-    - `changed`: how many numbers are changed, at least 1.
-    - `width`: standard deviation of the noise, above 0, as a fraction of a number's range. Numbers are reflected at the
-      bounds.
-    - `again`: the fraction of candidates, in [0, 1), that repeat a selected sample unchanged, which averages noisy
-      scores.
     """
 
-    candidates: int = 12
-    temperature: float = 0.5
-    changed: int = 2
-    width: float = 0.1
-    again: float = 0.0
+    candidates: int = static(12, help="per round, at least 1")
+    temperature: float = number(
+        0.5, help="$T$, above 0, in standard deviations of the scores; lower values are greedier"
+    )
+    changed: int = static(2, help="how many numbers are changed, at least 1")
+    width: float = number(
+        0.1,
+        help="standard deviation of the noise, above 0, as a fraction of a number's range. Numbers are "
+        "reflected at the bounds",
+    )
+    again: float = number(
+        0.0,
+        help="the fraction of candidates, in [0, 1), that repeat a selected sample unchanged, which averages "
+        "noisy scores",
+    )
 
     def __post_init__(self) -> None:
         check_integer("Boltzmann.candidates", self.candidates, 1)

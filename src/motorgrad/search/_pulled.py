@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_integer
+from motorgrad.schema import number, static
 from motorgrad.search._methods import Method, Places, State
 from motorgrad.search._space import reflected
 
@@ -21,17 +22,14 @@ class Pulled(Method):
 
     The best place is that of the greatest single score of any walker; with noisy scores, it was also lucky. Failed
     candidates are never the best.
-
-    - `candidates`: walkers, one candidate each per round, at least 1. The first candidate of all is the start.
-    - `width`: $\sigma$, above 0, as a fraction of every number's range.
-    - `chance`: $\beta$, in [0, 1].
-    - `pull`: $\alpha$, in [0, 1]; 1 returns to the best place.
     """
 
-    candidates: int = 12
-    width: float = 0.05
-    chance: float = 0.3
-    pull: float = 0.8
+    candidates: int = static(
+        12, help="walkers, one candidate each per round, at least 1. The first candidate of all is the start"
+    )
+    width: float = number(0.05, help=r"$\sigma$, above 0, as a fraction of every number's range")
+    chance: float = number(0.3, help=r"$\beta$, in [0, 1]")
+    pull: float = number(0.8, help=r"$\alpha$, in [0, 1]; 1 returns to the best place")
 
     def __post_init__(self) -> None:
         check_integer("Pulled.candidates", self.candidates, 1)

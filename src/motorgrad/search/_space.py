@@ -11,23 +11,22 @@ import numpy.typing as npt
 from jaxtyping import Float
 
 from motorgrad._errors import check, check_finite
+from motorgrad.schema import Settings, number, static
 
 
 @dataclasses.dataclass(frozen=True)
-class Range:
+class Range(Settings):
     """The range of one number, in its own unit.
 
     - `low`, `high`: the bounds, both included.
-    - `start`: where a search starts; by default in the middle.
-    - `log`: whether the scale is logarithmic; then both bounds are above 0.
 
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
     low: float
     high: float
-    start: float | None = None
-    log: bool = False
+    start: float | None = number(None, help="where a search starts; by default in the middle")
+    log: bool = static(False, help="whether the scale is logarithmic; then both bounds are above 0")
 
     def __post_init__(self) -> None:
         for name in ("low", "high") if self.start is None else ("low", "high", "start"):
@@ -58,10 +57,8 @@ class Range:
 
 
 @dataclasses.dataclass(frozen=True)
-class Space:
+class Space(Settings):
     """Named numbers within bounds. Search methods see *places* from 0 to 1, score functions see the numbers themselves.
-
-    - `ranges`: a `Range` for every name.
 
     **Raises:** `ValueError` unless there is at least one.
 
@@ -70,7 +67,7 @@ class Space:
     ```
     """
 
-    ranges: Mapping[str, Range]
+    ranges: Mapping[str, Range] = static(help="a `Range` for every name")
 
     def __post_init__(self) -> None:
         right = len(self.ranges) > 0 and all(isinstance(each, Range) for each in self.ranges.values())

@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_toml
-from motorgrad._settings import as_hinted, build, table
+from motorgrad.schema import Settings, as_hinted, build, static, table
 from motorgrad.studies._grid import Point, bounded, distinctions, draw, expand, frozen, has_range
 from motorgrad.studies._partition import Job, Measure, partition
 from motorgrad.tasks import TASKS
@@ -19,20 +19,15 @@ DEFAULT_EVALUATE = 2000
 
 
 @dataclasses.dataclass(frozen=True)
-class Design:
-    """How the ranges of a study are drawn.
+class Design(Settings):
+    """How the ranges of a study are drawn."""
 
-    **Arguments:**
-
-    - `kind`: `"random"`, independent and uniform draws; or `"sobol"`, a scrambled Sobol sequence, which fills the space
-      more evenly (Owen, 1998).
-    - `count`: draws for each combination of the lists; for Sobol a power of two.
-    - `seed`: seed of the draws.
-    """
-
-    kind: Literal["random", "sobol"]
-    count: int
-    seed: int = 0
+    kind: Literal["random", "sobol"] = static(
+        help='`"random"`, independent and uniform draws; or `"sobol"`, a scrambled Sobol sequence, which fills '
+        "the space more evenly (Owen, 1998)"
+    )
+    count: int = static(help="draws for each combination of the lists; for Sobol a power of two")
+    seed: int = static(0, help="seed of the draws")
 
     def __post_init__(self) -> None:
         choice("design.kind", self.kind, ("random", "sobol"))
@@ -40,7 +35,7 @@ class Design:
 
 
 @dataclasses.dataclass(frozen=True)
-class StudyPlan:
+class StudyPlan(Settings):
     """All that `Study` is but how it runs: the table, its settings and its jobs."""
 
     task: Any = None

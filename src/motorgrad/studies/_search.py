@@ -23,7 +23,7 @@ import tomli_w
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._extras import require
 from motorgrad._files import read_json, read_toml, write_atomically
-from motorgrad._settings import build, table
+from motorgrad.schema import Settings, build, static, table
 from motorgrad.studies._driver import run_study, whole
 from motorgrad.studies._folder import check_folder, locked
 from motorgrad.studies._grid import as_given, at_ends, expand, frozen, in_file_order, is_range, leaves, range_in
@@ -36,33 +36,35 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(frozen=True)
-class Search:
+class Search(Settings):
     """A search by Optuna over the ranges and lists of a study's `agent`, for one task.
 
     **Arguments:**
 
-    - `study`: in its `agent`, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range, and a list is a choice.
-    - `trials`: settings to try in all.
-    - `batch`: settings of a round, which learn side by side. The next round knows the values of all before it.
-    - `sampler`: `"tpe"`, tree-structured Parzen estimators (Bergstra et al., 2011); `"random"`.
     - `rungs`, `reduction`: for successive halving (Li et al., 2018). At the first of several rungs every setting learns
       for steps / reduction^(rungs − 1). About one in `reduction` goes on to the next, where it learns from the start,
       for `reduction` times as long.
-    - `metric`: what is to be best, as in `Results.best`: its mean over every second seed, if there are four or more.
-      The other seeds report it.
-    - `direction`: `"maximize"` or `"minimize"`.
-    - `seed`: seed of the search.
     """
 
-    study: Study
-    trials: int
-    batch: int = 8
-    sampler: Literal["tpe", "random"] = "tpe"
+    study: Study = static(
+        help='in its `agent`, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range, and a list is a choice'
+    )
+    trials: int = static(help="settings to try in all")
+    batch: int = static(
+        8, help="settings of a round, which learn side by side. The next round knows the values of all before it"
+    )
+    sampler: Literal["tpe", "random"] = static(
+        "tpe", help='`"tpe"`, tree-structured Parzen estimators (Bergstra et al., 2011); `"random"`'
+    )
     rungs: int = 1
     reduction: int = 3
-    metric: str = "reward"
-    direction: Literal["maximize", "minimize"] = "maximize"
-    seed: int = 0
+    metric: str = static(
+        "reward",
+        help="what is to be best, as in `Results.best`: its mean over every second seed, if there are four or "
+        "more. The other seeds report it",
+    )
+    direction: Literal["maximize", "minimize"] = static("maximize", help='`"maximize"` or `"minimize"`')
+    seed: int = static(0, help="seed of the search")
 
     needs: ClassVar[tuple[str, str, str]] = ("a search needs", "optuna", "search")
     """What `require` is given before it runs."""

@@ -13,6 +13,7 @@ from jaxtyping import Array
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, LiftTable, lift, lift_table
+from motorgrad.schema import inner, number, static
 from motorgrad.tasks._recruitment import Recruitment, RecruitmentMemory
 from motorgrad.tasks._task import Flag, Metric, Scalar
 from motorgrad.worlds import SweepingLoads
@@ -27,20 +28,6 @@ class ArmRecruitment(Recruitment):
     Observed: the load, in kg; negative ones mean no load. Actions: each unit of the flexor's pool fires or not. Reward:
     the height of the lift, from 0 to `scale`, minus `cost` × the fraction of the pool that fires. An episode is a
     sweep: the load starts at `low`, grows by U[`least`, `most`], and the sweep ends when it exceeds `high`.
-
-    **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as for every recruitment task, and
-
-    - `body`: the arm (`motorgrad.bodies.Arm`); its own `load` is ignored.
-    - `height`: from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 per second).
-    - `reward_type`: `"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete counts
-      as none.
-    - `scale`: the height of the full lift.
-    - `cost`: cost of the whole pool's firing.
-    - `unloaded`: the height credited for loads of 0 and below, whatever fires.
-    - `low` (kg): the load at the start of a sweep.
-    - `high` (kg): the load above which a sweep ends; at most 20, including drift.
-    - `least` (kg): the least increase of the load per decision.
-    - `most` (kg): the greatest increase of the load per decision.
     """
 
     name: ClassVar[str] = "arm-recruitment"
@@ -54,19 +41,25 @@ class ArmRecruitment(Recruitment):
     metric_names: ClassVar[tuple[str, ...]] = ("height", "active")
     episodic: ClassVar[bool] = True
 
-    body: Arm = dataclasses.field(default_factory=Arm)
-    height: Literal["table", "direct"] = "table"
-    reward_type: Literal["height", "complete"] = "height"
-    scale: float = 10.0
-    cost: float = 4.0
-    unloaded: float = 0.0
-    low: float = -2.0
-    high: float = 14.0
-    least: float = 0.1
-    most: float = 0.3
+    body: Arm = inner(factory=Arm, help="the arm (`motorgrad.bodies.Arm`); its own `load` is ignored")
+    height: Literal["table", "direct"] = static(
+        "table", help='from the `"table"` of simulated lifts, or by `"direct"` simulation of each (some 50 per second)'
+    )
+    reward_type: Literal["height", "complete"] = static(
+        "height",
+        help='`"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete '
+        "counts as none",
+    )
+    scale: float = number(10.0, help="the height of the full lift")
+    cost: float = number(4.0, help="cost of the whole pool's firing")
+    unloaded: float = number(0.0, help="the height credited for loads of 0 and below, whatever fires")
+    low: float = number(-2.0, unit="kg", help="the load at the start of a sweep")
+    high: float = number(14.0, unit="kg", help="the load above which a sweep ends; at most 20, including drift")
+    least: float = number(0.1, unit="kg", help="the least increase of the load per decision")
+    most: float = number(0.3, unit="kg", help="the greatest increase of the load per decision")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
 
         for name in ("scale", "cost", "unloaded"):
             check(abs(getattr(self, name)) < 1e6, name, getattr(self, name), "a number between -1e6 and 1e6")

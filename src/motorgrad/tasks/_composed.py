@@ -17,9 +17,8 @@ from motorgrad._goal import Goal
 from motorgrad._interface import ObservationCode
 from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean, counted_on
-from motorgrad._settings import check_fields
-from motorgrad._tree import kind_of
 from motorgrad.bodies import Body, BodyState, start_pose
+from motorgrad.schema import check_fields, kind_of, number, static
 from motorgrad.tasks._composed_goal import goal_of
 from motorgrad.tasks._composing import (
     BodyLike,
@@ -45,7 +44,6 @@ from motorgrad.tasks.terms import (
 )
 from motorgrad.tasks.terms._term import Now, bound
 
-FIXED: Mapping[str, Any] = {"option": False}
 """Metadata of fields that have no option on the command line, only in files and in Python."""
 MARK = 0.02  # m, the radius of the mark of a target without a tolerance
 
@@ -93,28 +91,6 @@ class Composed(BodyTask):
     Each term is an instance of a class in `motorgrad.tasks.terms`, its name, or a table with its `kind` and settings.
     Without a body, a two-joint arm with six muscles reaches for targets.
 
-    **Arguments:**
-
-    - `body`: a body; the path of an MJCF file, MJCF as text, or a `mujoco.MjSpec`; or a table of `Mjcf`, or with the
-      `kind` of another body.
-    - `observations`: what is observed, at least one term (`Observation`, or any `Quantity`). Short name: `observe`.
-    - `rewards`: what is rewarded, at least one term (`Quantity`), each with its `weight`. Short name: `reward`.
-    - `targets`: what other terms refer to (`Target`).
-    - `resets`: the state in which episodes start (`Reset`), by default the body's keyframe. Short name: `reset`.
-    - `terminations`: what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`.
-    - `metric_terms`: what is recorded (`Quantity`). Short name: `metrics`.
-    - `actions`: `"graded"` for controls in the actuators' ranges; `"binary"` for units that are on or off, one for each
-      muscle, and two that oppose each other for an actuator that works in both directions.
-    - `groups`: the actuators that each unit drives, a name or a pattern such as `"flexor*"`, or a list of them.
-      Actuators in no group stay at rest. By default each has its own unit.
-    - `scaling`: scaling of observations: `"running"` subtracts the running mean of this seed's observations and divides
-      by their standard deviation, clipped to ±5; `"none"` leaves them unchanged.
-    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
-    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
-    - `commands`: what an action means. `"controls"`: controls in the actuators' ranges. `"sigmoid"`, as in MyoSuite:
-      numbers a in [−1, 1]. A muscle then has the control 1 / (1 + exp(−5 (a − 0.5))) and any other actuator a itself;
-      on a body without muscles, −1 to 1 stand for the ends of each actuator's range. A binary unit gives −1 or 1.
-
     **Raises:** `ValueError` for a name that does not exist, with the nearest one, for a model that MuJoCo refuses, and
     for settings that do not go together.
 
@@ -146,19 +122,67 @@ class Composed(BodyTask):
         "metrics": "metric_terms",
     }
 
-    body: Any = dataclasses.field(default=None, metadata={**FIXED, "plain": body_table})
-    observations: tuple[Observation | Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
-    rewards: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
-    targets: tuple[Target, ...] = dataclasses.field(default=(), metadata=FIXED)
-    resets: tuple[Reset, ...] = dataclasses.field(default=(), metadata=FIXED)
-    terminations: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
-    metric_terms: tuple[Quantity, ...] = dataclasses.field(default=(), metadata=FIXED)
-    actions: Literal["graded", "binary"] = "graded"  # pyright: ignore[reportIncompatibleVariableOverride]
-    groups: tuple[str | tuple[str, ...], ...] | None = dataclasses.field(default=None, metadata=FIXED)
-    scaling: Literal["running", "none"] = "running"
-    action_period: float = 0.02
-    time_limit: float | None = None
-    commands: Literal["controls", "sigmoid"] = "controls"
+    body: Any = static(
+        None,
+        option=False,
+        plain=body_table,
+        help="a body; the path of an MJCF file, MJCF as text, or a `mujoco.MjSpec`; or a table of `Mjcf`, or with the "
+        "`kind` of another body",
+    )
+    observations: tuple[Observation | Quantity, ...] = static(
+        (),
+        option=False,
+        help="what is observed, at least one term (`Observation`, or any `Quantity`). Short name: `observe`",
+    )
+    rewards: tuple[Quantity, ...] = static(
+        (),
+        option=False,
+        help="what is rewarded, at least one term (`Quantity`), each with its `weight`. Short name: `reward`",
+    )
+    targets: tuple[Target, ...] = static((), option=False, help="what other terms refer to (`Target`)")
+    resets: tuple[Reset, ...] = static(
+        (),
+        option=False,
+        help="the state in which episodes start (`Reset`), by default the body's keyframe. Short name: `reset`",
+    )
+    terminations: tuple[Quantity, ...] = static(
+        (),
+        option=False,
+        help="what ends an episode (`Quantity` with a limit, `above` or `below`). Short name: `terminate`",
+    )
+    metric_terms: tuple[Quantity, ...] = static(
+        (), option=False, help="what is recorded (`Quantity`). Short name: `metrics`"
+    )
+    actions: Literal["graded", "binary"] = static(
+        "graded",
+        help='`"graded"` for controls in the actuators\' ranges; `"binary"` for units that are on or off, '
+        "one for each muscle, and two that oppose each other for an actuator that works in both "
+        "directions",
+    )
+    groups: tuple[str | tuple[str, ...], ...] | None = static(
+        None,
+        option=False,
+        help='the actuators that each unit drives, a name or a pattern such as `"flexor*"`, or a list of them. '
+        "Actuators in no group stay at rest. By default each has its own unit",
+    )
+    scaling: Literal["running", "none"] = static(
+        "running",
+        help='scaling of observations: `"running"` subtracts the running mean of this seed\'s observations '
+        'and divides by their standard deviation, clipped to ±5; `"none"` leaves them unchanged',
+    )
+    action_period: float = number(
+        0.02, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
+    )
+    time_limit: float | None = number(
+        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
+    )
+    commands: Literal["controls", "sigmoid"] = static(
+        "controls",
+        help='what an action means. `"controls"`: controls in the actuators\' ranges. `"sigmoid"`, as in '
+        "MyoSuite: numbers a in [−1, 1]. A muscle then has the control 1 / (1 + exp(−5 (a − 0.5))) "
+        "and any other actuator a itself; on a body without muscles, −1 to 1 stand for the ends of "
+        "each actuator's range. A binary unit gives −1 or 1",
+    )
 
     def __post_init__(self) -> None:
         if self.body is None:

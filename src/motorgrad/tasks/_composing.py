@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check, unknown
-from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf
+from motorgrad.schema import build, table
 from motorgrad.tasks.terms import (
     Closeness,
     Distance,

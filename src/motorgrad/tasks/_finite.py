@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
-from motorgrad._settings import check_fields
+from motorgrad.schema import static
 from motorgrad.tasks._task import Actions, Task, check_time_limit
 from motorgrad.worlds import FiniteMDP, call_admission, chain, load_unload, parity, t_maze, three_state
 
@@ -22,17 +22,13 @@ _parity, _load_unload, _t_maze = (functools.cache(make) for make in (parity, loa
 
 @dataclasses.dataclass(frozen=True)
 class FiniteTask(Task):
-    """A finite MDP as a task.
+    """A finite MDP as a task."""
 
-    **Arguments:**
+    time_limit: int | None = static(
+        None, help="decisions after which an episode is cut and restarts; `None` for a continuing task"
+    )
 
-    - `time_limit`: decisions after which an episode is cut and restarts; `None` for a continuing task.
-    """
-
-    time_limit: int | None = None
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         check_time_limit(self.time_limit)
 
     @property
@@ -82,23 +78,19 @@ class ThreeState(FiniteTask):
 
 @dataclasses.dataclass(frozen=True)
 class Chain(FiniteTask):
-    """The chain of figure 4.9: reward only at its far end (see `motorgrad.worlds.chain` for the variants).
-
-    **Arguments:**
-
-    - `length`: number of states, from 2 to 2,000.
-    - `variant`: effect of a wrong move: `"walk"`, one state back; `"reset"`, back to the start.
-    """
+    """The chain of figure 4.9: reward only at its far end (see `motorgrad.worlds.chain` for the variants)."""
 
     name: ClassVar[str] = "chain"
     actions: ClassVar[Actions] = "discrete"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "softmax", "decay": 0.9, "learning_rate": 0.05}
 
-    length: int = 6
-    variant: Literal["walk", "reset"] = "walk"
+    length: int = static(6, help="number of states, from 2 to 2,000")
+    variant: Literal["walk", "reset"] = static(
+        "walk", help='effect of a wrong move: `"walk"`, one state back; `"reset"`, back to the start'
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(2 <= self.length <= MAX_STATES, "length", self.length, f"from 2 to {MAX_STATES} states")
 
     @property
@@ -108,21 +100,16 @@ class Chain(FiniteTask):
 
 @dataclasses.dataclass(frozen=True)
 class CallAdmission(FiniteTask):
-    """Call admission control (Marbach & Tsitsiklis, 1998): accept an arriving call, or keep room for a better one.
-
-    **Arguments:**
-
-    - `capacity`: calls that the link carries, from 1 to 2,000.
-    """
+    """Call admission control (Marbach & Tsitsiklis, 1998): accept an arriving call, or keep room for a better one."""
 
     name: ClassVar[str] = "call-admission"
     actions: ClassVar[Actions] = "binary"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.9, "learning_rate": 0.003}
 
-    capacity: int = 10
+    capacity: int = static(10, help="calls that the link carries, from 1 to 2,000")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(1 <= self.capacity <= MAX_STATES, "capacity", self.capacity, f"from 1 to {MAX_STATES} calls")
 
     @property
@@ -132,12 +119,7 @@ class CallAdmission(FiniteTask):
 
 @dataclasses.dataclass(frozen=True)
 class Parity(FiniteTask):
-    """Whether an odd number of bits is set (see `motorgrad.worlds.parity`): it takes hidden units.
-
-    **Arguments:**
-
-    - `inputs`: number of bits, from 1 to 10.
-    """
+    """Whether an odd number of bits is set (see `motorgrad.worlds.parity`): it takes hidden units."""
 
     name: ClassVar[str] = "parity"
     actions: ClassVar[Actions] = "binary"
@@ -147,10 +129,10 @@ class Parity(FiniteTask):
         "learning_rate": 0.03,
     }
 
-    inputs: int = 2
+    inputs: int = static(2, help="number of bits, from 1 to 10")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(1 <= self.inputs <= 10, "inputs", self.inputs, "from 1 to 10 bits")
 
     @property
@@ -160,12 +142,7 @@ class Parity(FiniteTask):
 
 @dataclasses.dataclass(frozen=True)
 class LoadUnload(FiniteTask):
-    """Carry loads from one end of a line to the other, without seeing the load (see `motorgrad.worlds.load_unload`).
-
-    **Arguments:**
-
-    - `length`: number of places, from 3 to 1,000.
-    """
+    """Carry loads from one end of a line to the other, without seeing the load (see `motorgrad.worlds.load_unload`)."""
 
     name: ClassVar[str] = "load-unload"
     actions: ClassVar[Actions] = "discrete"
@@ -175,10 +152,10 @@ class LoadUnload(FiniteTask):
         "learning_rate": 0.1,
     }
 
-    length: int = 5
+    length: int = static(5, help="number of places, from 3 to 1,000")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(3 <= self.length <= MAX_STATES // 2, "length", self.length, f"from 3 to {MAX_STATES // 2} places")
 
     @property
@@ -192,12 +169,7 @@ class LoadUnload(FiniteTask):
 
 @dataclasses.dataclass(frozen=True)
 class TMaze(FiniteTask):
-    """A T-maze: a cue at the start tells which way to turn at the end of a corridor (see `motorgrad.worlds.t_maze`).
-
-    **Arguments:**
-
-    - `length`: steps from the start to the junction, from 1 to 900.
-    """
+    """A T-maze: a cue at the start tells which way to turn at the end of a corridor (see `motorgrad.worlds.t_maze`)."""
 
     name: ClassVar[str] = "t-maze"
     actions: ClassVar[Actions] = "discrete"
@@ -207,10 +179,10 @@ class TMaze(FiniteTask):
         "learning_rate": 0.01,
     }
 
-    length: int = 5
+    length: int = static(5, help="steps from the start to the junction, from 1 to 900")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(1 <= self.length <= 900, "length", self.length, "from 1 to 900 steps")
 
     @property

@@ -14,9 +14,9 @@ from motorgrad._errors import (
     check_not_negative,
     check_positive,
 )
-from motorgrad._settings import check_fields
 from motorgrad.bodies import BodyState
 from motorgrad.bodies import Hopper as HopperBody
+from motorgrad.schema import inner, number, static
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Metric, Scalar
 
@@ -40,24 +40,6 @@ class Hopper(BodyTask):
     Observed: foot contact (±1), knee angle relative to `centre` in rad, knee velocity × `velocity_scale` (rad/s).
     Actions: the flexor pair and the extensor pair, or units that drive these. Reward: `reward_scale` × the height (m)
     of a hop, a flight above `hop_height`, minus `penalty` for each active muscle per decision.
-
-    **Arguments:**
-
-    - `body`: the hopper (`motorgrad.bodies.Hopper`): masses, lengths, muscles, `lateral` constraint, `muscle_model`.
-    - `reward_type`: `"landing"` rewards the greatest foot height of a flight when it ends; `"apex"` rewards the
-      flight's first apex when it is reached, which is sooner after the push and learned sooner, but may be less than
-      the flight was worth.
-    - `reward_scale`: reward per metre of hopping height.
-    - `penalty`: cost of an active muscle per decision.
-    - `hop_height` (m): the least height of a flight that counts.
-    - `observe_contact`: whether to observe foot contact in addition to the knee.
-    - `centre` (degrees): the interior knee angle that is observed as 0; 0 gives the raw angle.
-    - `velocity_scale`: scales the knee's velocity to the range of the other inputs.
-    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
-    - `time_limit` (s): simulated time after which an episode is cut; `None` for a continuing task.
-    - `units`: number of actions, assigned in turn to the groups of muscles: the first drives the flexors, the second
-      the extensors, the third the flexors again. A group is active while any of its units fires. By default one per
-      group.
     """
 
     name: ClassVar[str] = "hopper"
@@ -66,20 +48,38 @@ class Hopper(BodyTask):
     # flight rewarded at landing. With 0.995 learning is almost three times as fast (measured in docs/tasks/hopper.md).
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.995, "learning_rate": 5e-4}
 
-    body: HopperBody = dataclasses.field(default_factory=HopperBody)
-    reward_type: Literal["landing", "apex"] = "landing"
-    reward_scale: float = 100.0
-    penalty: float = 0.1
-    hop_height: float = 0.03
-    observe_contact: bool = True
-    centre: float = 90.0
-    velocity_scale: float = 0.02
-    action_period: float = 0.01
-    time_limit: float | None = None
-    units: int | None = None
+    body: HopperBody = inner(
+        factory=HopperBody,
+        help="the hopper (`motorgrad.bodies.Hopper`): masses, lengths, muscles, `lateral` constraint, `muscle_model`",
+    )
+    reward_type: Literal["landing", "apex"] = static(
+        "landing",
+        help='`"landing"` rewards the greatest foot height of a flight when it ends; `"apex"` rewards the '
+        "flight's first apex when it is reached, which is sooner after the push and learned sooner, "
+        "but may be less than the flight was worth",
+    )
+    reward_scale: float = number(100.0, help="reward per metre of hopping height")
+    penalty: float = number(0.1, help="cost of an active muscle per decision")
+    hop_height: float = number(0.03, unit="m", help="the least height of a flight that counts")
+    observe_contact: bool = static(True, help="whether to observe foot contact in addition to the knee")
+    centre: float = number(
+        90.0, unit="degrees", help="the interior knee angle that is observed as 0; 0 gives the raw angle"
+    )
+    velocity_scale: float = number(0.02, help="scales the knee's velocity to the range of the other inputs")
+    action_period: float = number(
+        0.01, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
+    )
+    time_limit: float | None = number(
+        None, unit="s", help="simulated time after which an episode is cut; `None` for a continuing task"
+    )
+    units: int | None = static(
+        None,
+        help="number of actions, assigned in turn to the groups of muscles: the first drives the flexors, the "
+        "second the extensors, the third the flexors again. A group is active while any of its units "
+        "fires. By default one per group",
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         check_positive("hop_height", self.hop_height)
         check(0 <= self.centre <= 180, "centre", self.centre, "an angle from 0 to 180 degrees")
         check_not_negative("penalty", self.penalty)

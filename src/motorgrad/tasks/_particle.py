@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._errors import check, check_integer
 from motorgrad._random import normals
 from motorgrad._running import counted_on
-from motorgrad._settings import check_fields
+from motorgrad.schema import inner, number, static
 from motorgrad.tasks._task import Flag, Metric, Scalar, Task, check_time_limit
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
 
@@ -49,29 +49,26 @@ LAYOUTS: dict[str, tuple[Region, ...]] = {
 
 @dataclasses.dataclass(frozen=True)
 class ParticleTask(Task):
-    """A particle that units push.
+    """A particle that units push."""
 
-    **Arguments:**
+    units: int = static(8, help="number of actions, each a force on the particle, from 1 to 10,000")
+    forces: tuple[tuple[float, float], ...] = static(
+        ((-0.4, 0.0), (0.4, 0.0)), unit="x, y", help="forces of the units, assigned in turn and repeated"
+    )
+    observe_velocity: bool = static(False, help="whether to observe the velocity in addition to the position")
+    observation_noise: float = number(
+        0.0, help="standard deviation of normal noise on every observed number; 0 for none"
+    )
+    time_limit: int | None = static(None, help="decisions after which an episode is cut; `None` or 0 for never")
+    physics: ParticlePhysics = inner(
+        factory=ParticlePhysics,
+        help="mass, gravity, drag, walls, field, noise, time step (`motorgrad.worlds.ParticlePhysics`)",
+    )
+    start: ParticleStart = inner(
+        factory=ParticleStart, help="where an episode starts (`motorgrad.worlds.ParticleStart`)"
+    )
 
-    - `units`: number of actions, each a force on the particle, from 1 to 10,000.
-    - `forces` (x, y): forces of the units, assigned in turn and repeated.
-    - `observe_velocity`: whether to observe the velocity in addition to the position.
-    - `observation_noise`: standard deviation of normal noise on every observed number; 0 for none.
-    - `time_limit`: decisions after which an episode is cut; `None` or 0 for never.
-    - `physics`: mass, gravity, drag, walls, field, noise, time step (`motorgrad.worlds.ParticlePhysics`).
-    - `start`: where an episode starts (`motorgrad.worlds.ParticleStart`).
-    """
-
-    units: int = 8
-    forces: tuple[tuple[float, float], ...] = ((-0.4, 0.0), (0.4, 0.0))
-    observe_velocity: bool = False
-    observation_noise: float = 0.0
-    time_limit: int | None = None
-    physics: ParticlePhysics = dataclasses.field(default_factory=ParticlePhysics)
-    start: ParticleStart = dataclasses.field(default_factory=ParticleStart)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         check_integer("units", self.units, 1, MAX_UNITS)
         check(len(self.forces) > 0, "forces", self.forces, "at least one")
         check(0 <= self.observation_noise < 1e6, "observation_noise", self.observation_noise, "from 0 to 1e6")
@@ -144,13 +141,6 @@ class FallingParticle(ParticleTask):
 
     Observed: the position; the velocity is hidden. Actions: each unit pushes to its side or does not. Reward: the sum
     of Gaussian regions at the position at the end of the decision. An episode ends at the floor.
-
-    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as
-    for every task on a particle, and
-
-    - `layout`: which regions: `"R1"`, `"R2"` or `"R3"`.
-    - `regions`: instead of a layout, regions of five numbers each: amplitude, x and y of the centre, widths along x and
-      y.
     """
 
     name: ClassVar[str] = "particle"
@@ -161,11 +151,15 @@ class FallingParticle(ParticleTask):
         "learning_rate": {"centre": 2e-4, "log_width": 8e-4},
     }
 
-    layout: Literal["R1", "R2", "R3"] = "R1"
-    regions: tuple[Region, ...] | None = None
+    layout: Literal["R1", "R2", "R3"] = static("R1", help='which regions: `"R1"`, `"R2"` or `"R3"`')
+    regions: tuple[Region, ...] | None = static(
+        None,
+        help="instead of a layout, regions of five numbers each: amplitude, x and y of the centre, widths "
+        "along x and y",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
 
         check(len(self.places) > 0, "regions", self.places, "None or at least one region")
         if self.regions is not None:
@@ -191,12 +185,6 @@ class ParticleNavigation(ParticleTask):
     sum of the obstacles' Gaussian regions at the position at the end of each decision, and once, when the particle
     comes within one width of the goal's centre, the goal's amplitude. The episode ends there, or is cut at the time
     limit.
-
-    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as
-    for every task on a particle, and
-
-    - `goal`: a region of five numbers: amplitude, x and y of the centre, widths along x and y.
-    - `obstacles`: regions in the same form, with negative amplitudes.
     """
 
     name: ClassVar[str] = "particle-navigation"
@@ -213,11 +201,16 @@ class ParticleNavigation(ParticleTask):
     time_limit: int = 200  # TOML has no null, so 0 means never
     physics: ParticlePhysics = dataclasses.field(default_factory=lambda: ParticlePhysics(gravity=(0.0, 0.0)))
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(x=(0.0, 0.2), y=(0.0, 1.0)))
-    goal: Region = (10.0, 0.9, 0.5, 0.08, 0.08)
-    obstacles: tuple[Region, ...] = ((-2.0, 0.5, 0.5, 0.1, 0.15),)
+    goal: Region = static(
+        (10.0, 0.9, 0.5, 0.08, 0.08),
+        help="a region of five numbers: amplitude, x and y of the centre, widths along x and y",
+    )
+    obstacles: tuple[Region, ...] = static(
+        ((-2.0, 0.5, 0.5, 0.1, 0.15),), help="regions in the same form, with negative amplitudes"
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         walls = self.physics.walls
         check_region("goal", self.goal, walls)
         check(self.goal[0] > 0, "goal amplitude", self.goal[0], "positive")
@@ -255,11 +248,6 @@ class ParticleOrbit(ParticleTask):
 
     Observed: the position; the velocity is hidden. Actions: each unit pushes in its direction or does not. Reward: plus
     or minus the distance from the field's centre.
-
-    **Arguments:** `units`, `forces`, `observe_velocity`, `observation_noise`, `time_limit`, `physics` and `start`, as
-    for every task on a particle, and
-
-    - `wanted`: `"wide"` rewards the radius, `"narrow"` penalises it.
     """
 
     name: ClassVar[str] = "particle-orbit"
@@ -276,7 +264,7 @@ class ParticleOrbit(ParticleTask):
         default_factory=lambda: ParticlePhysics(gravity=(0.0, 0.0), field=CircularField(tangential=0.5, radial=1.0))
     )
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(y=(0.0, 1.0)))
-    wanted: Literal["wide", "narrow"] = "wide"
+    wanted: Literal["wide", "narrow"] = static("wide", help='`"wide"` rewards the radius, `"narrow"` penalises it')
 
     def reward(
         self, memory: PyTree, state: ParticleState, action: Float[Array, " units"]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check, check_integer
-from motorgrad._settings import check_fields
+from motorgrad.schema import Settings, inner, number, static
 from motorgrad.tasks._task import Flag, Metric, Scalar, Task, check_time_limit
 from motorgrad.worlds import QueriedLoads, UniformLoads
 
@@ -21,28 +21,29 @@ N = TypeVar("N", float, np.ndarray, Array)
 
 
 @dataclasses.dataclass(frozen=True)
-class Drift:
+class Drift(Settings):
     r"""A periodic change over time $t$ of the muscle's strength, or of an unobserved additional load (section 4.4.1 of
     the thesis).
-
-    **Arguments:**
-
-    - `amount`: $A$, the greatest change; 0 for none. For the strength a fraction above −1, such as −0.3 for a muscle
-      that loses 30 % and regains it; for the load in units of the load.
-    - `period` (decisions): $T$, the period of the change.
-    - `form`: `"sine"`, $A f(t)$ with $f = \tfrac12 (1 - \cos 2\pi t/T)$; `"steps"`, 0 in the first half of each period
-      and $A$ in the second.
-    - `of`: `"strength"`, a factor of the muscle's force, from 1 to $1 + A$; or `"load"`, an additional load from 0 to
-      $A$, which is not observed: the arm has become heavier, or holds a tool.
     """
 
-    amount: float = 0.0
-    period: int = 1_000_000
-    form: Literal["sine", "steps"] = "sine"
-    of: Literal["strength", "load"] = "strength"
+    amount: float = number(
+        0.0,
+        help="$A$, the greatest change; 0 for none. For the strength a fraction above −1, such as −0.3 for a "
+        "muscle that loses 30 % and regains it; for the load in units of the load",
+    )
+    period: int = static(1_000_000, unit="decisions", help="$T$, the period of the change")
+    form: Literal["sine", "steps"] = static(
+        "sine",
+        help=r'`"sine"`, $A f(t)$ with $f = \tfrac12 (1 - \cos 2\pi t/T)$; `"steps"`, 0 in the first half of '
+        r"each period and $A$ in the second",
+    )
+    of: Literal["strength", "load"] = static(
+        "strength",
+        help='`"strength"`, a factor of the muscle\'s force, from 1 to $1 + A$; or `"load"`, an additional '
+        "load from 0 to $A$, which is not observed: the arm has become heavier, or holds a tool",
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         if self.of == "strength":
             check(-1 < self.amount < 100, "amount", self.amount, "above -1 and below 100, of the strength")
         else:
@@ -88,26 +89,23 @@ class RecruitmentMemory(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Recruitment(Task):
-    """A pool of motor units that pull together at a load observed by all motoneurons.
-
-    **Arguments:**
-
-    - `units`: number of units in the pool, from 1 to 10,000.
-    - `size_ratio`: ratio of the largest unit's force to the smallest's; sizes grow exponentially from the first unit to
-      the last. 1 for equal units.
-    - `drift`: how the muscle's strength, or an additional load, changes over time; by default neither does.
-    - `time_limit`: decisions after which an episode is cut; `None` for never.
-    """
+    """A pool of motor units that pull together at a load observed by all motoneurons."""
 
     clips_actions: ClassVar[bool] = True
 
-    units: int = 4
-    size_ratio: float = 1.0
-    drift: Drift = dataclasses.field(default_factory=Drift)
-    time_limit: int | None = None
+    units: int = static(4, help="number of units in the pool, from 1 to 10,000")
+    size_ratio: float = number(
+        1.0,
+        help="ratio of the largest unit's force to the smallest's; sizes grow exponentially from the first "
+        "unit to the last. 1 for equal units",
+    )
+    drift: Drift = inner(
+        factory=Drift,
+        help="how the muscle's strength, or an additional load, changes over time; by default neither does",
+    )
+    time_limit: int | None = static(None, help="decisions after which an episode is cut; `None` for never")
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         check_integer("units", self.units, 1, MAX_UNITS)
         check(1 <= self.size_ratio <= 1e6, "size_ratio", self.size_ratio, "from 1 to 1e6")
         check_time_limit(self.time_limit)
@@ -195,30 +193,27 @@ class LinearRecruitment(Recruitment):
     Observed: the load $x$, from U[`low`, `high`]. Actions: each unit fires or not. Reward: $-(a - a^*)^2$ with the
     target force $a^* = c_1 x + c_2$. The force $a$ is either the number of active units (`output="count"`; then $a^*$
     is in units too) or their fraction of the pool.
-
-    **Arguments:** `units`, `size_ratio`, `drift` and `time_limit`, as for every recruitment task, and
-
-    - `output`: `"count"` or `"ratio"`. They differ by the factor `units`² in the reward, and so in the step size.
-    - `slope`: $c_1$, for the output as a ratio; above 0.
-    - `intercept`: $c_2$, for the output as a ratio.
-    - `low`: the least load.
-    - `high`: the greatest load.
-    - `loads`: `"uniform"`, as above; or `"queried"`: the action has one more number at its end, the load that the
-      learner asks to observe next (`motorgrad.policies.Querying`).
     """
 
     name: ClassVar[str] = "linear-recruitment"
     metric_names: ClassVar[tuple[str, ...]] = ("error",)
 
-    output: Literal["count", "ratio"] = "count"
-    slope: float = 1.2
-    intercept: float = -0.1
-    low: float = 0.0
-    high: float = 1.0
-    loads: Literal["uniform", "queried"] = "uniform"
+    output: Literal["count", "ratio"] = static(
+        "count",
+        help='`"count"` or `"ratio"`. They differ by the factor `units`² in the reward, and so in the step size',
+    )
+    slope: float = number(1.2, help="$c_1$, for the output as a ratio; above 0")
+    intercept: float = number(-0.1, help="$c_2$, for the output as a ratio")
+    low: float = number(0.0, help="the least load")
+    high: float = number(1.0, help="the greatest load")
+    loads: Literal["uniform", "queried"] = static(
+        "uniform",
+        help='`"uniform"`, as above; or `"queried"`: the action has one more number at its end, the load that '
+        "the learner asks to observe next (`motorgrad.policies.Querying`)",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
 
         check(0 < self.slope < 1e6, "slope", self.slope, "above 0 and below 1e6")
         check(abs(self.intercept) < 1e6, "intercept", self.intercept, "a number between -1e6 and 1e6")

@@ -9,8 +9,8 @@ from motorgrad._arguments import check_arguments
 from motorgrad._consent import allow
 from motorgrad._errors import choice
 from motorgrad._files import read_toml
-from motorgrad._settings import build
 from motorgrad._task_table import TASK_TABLE, Entry
+from motorgrad.schema import build
 from motorgrad.tasks._task import Task
 
 COMPOSED = "composed"

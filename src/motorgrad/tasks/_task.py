@@ -14,6 +14,7 @@ from motorgrad._errors import check, check_integer
 from motorgrad._goal import Goal
 from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
 from motorgrad.bodies import Body, BodyState
+from motorgrad.schema import Settings
 from motorgrad.worlds import World
 
 Actions = Literal["binary", "discrete", "graded"] | tuple[Literal["binary", "graded"], ...]
@@ -39,7 +40,7 @@ class Mirror(NamedTuple):
     outputs: tuple[int, ...]
 
 
-class Task(abc.ABC):
+class Task(Settings, abc.ABC):
     """A task over a world (JAX) or a body (MuJoCo). Subclasses are frozen dataclasses of the task's settings.
 
     State that a task keeps between decisions (a flight's apex, a delay line) is its `memory`, a pytree passed

@@ -12,11 +12,19 @@ import jax.numpy as jnp
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._natural import STEPS, Learnable, PolicyTable
-from motorgrad._settings import as_hinted, build, full_path, table
-from motorgrad._tree import PART_CLASSES, check_rounded, kind_of, parts_by_path
-from motorgrad._words import Words
 from motorgrad.learning import Agent, Estimator, Optax
 from motorgrad.policies import InitialPolicy
+from motorgrad.schema import (
+    PART_CLASSES,
+    Words,
+    as_hinted,
+    build,
+    check_rounded,
+    full_path,
+    kind_of,
+    parts_by_path,
+    table,
+)
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
 

@@ -9,9 +9,9 @@ import numpy as np
 from jax.tree_util import KeyPath
 
 from motorgrad._errors import check
-from motorgrad._tree import check_rounded
 from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy, trainable, with_interface
+from motorgrad.schema import check_rounded
 from motorgrad.tasks import Gymnasium, HostTask, Task
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, Sweep, sweep_settings

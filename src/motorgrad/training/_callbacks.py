@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check, counted, unknown
+from motorgrad.schema import Settings, number, static
 
 if TYPE_CHECKING:
     from motorgrad.policies import Policy
@@ -83,19 +84,11 @@ def check_callbacks(callbacks: Callback | Iterable[Callback]) -> tuple[Callback,
 
 
 @dataclasses.dataclass
-class EarlyStopping:
+class EarlyStopping(Settings):
     """A callback that ends training when a quantity reaches a goal, or no longer improves.
 
     The quantity is its mean over the seeds, at each record. Records in which it did not occur are skipped, except for
     `patience` those without any reward, in which no policy is finite.
-
-    **Arguments:**
-
-    - `quantity`: a column of the metrics.
-    - `goal`: training ends at the first record that reaches it; `None` for no goal.
-    - `patience`: training ends after this many records without a new best value; `None` to wait forever.
-    - `least_gain`: how much better than the best so far a value must be to count, in units of the quantity.
-    - `larger_is_better`: whether the quantity is to grow.
 
     `best` is the best value so far, and `why` says why training ended.
 
@@ -106,11 +99,15 @@ class EarlyStopping:
     ```
     """
 
-    quantity: str = "reward"
-    goal: float | None = None
-    patience: int | None = None
-    least_gain: float = 0.0
-    larger_is_better: bool = True
+    quantity: str = static("reward", help="a column of the metrics")
+    goal: float | None = number(None, help="training ends at the first record that reaches it; `None` for no goal")
+    patience: int | None = static(
+        None, help="training ends after this many records without a new best value; `None` to wait forever"
+    )
+    least_gain: float = number(
+        0.0, help="how much better than the best so far a value must be to count, in units of the quantity"
+    )
+    larger_is_better: bool = static(True, help="whether the quantity is to grow")
     best: float | None = dataclasses.field(default=None, init=False)
     why: str = dataclasses.field(default="", init=False)
     _since: int = dataclasses.field(default=0, init=False, repr=False)

@@ -9,6 +9,7 @@ from jaxtyping import PyTree
 
 from motorgrad._errors import check, check_integer, choice
 from motorgrad.policies import Policy
+from motorgrad.schema import Settings, static
 from motorgrad.tasks import Task
 from motorgrad.training._callbacks import Report
 from motorgrad.training._episodes import MAX_EPISODES, EpisodeEvaluation, evaluate_episodes
@@ -22,21 +23,13 @@ STATE = "evaluation"
 
 
 @dataclasses.dataclass(eq=False)
-class EvaluationCallback:
+class EvaluationCallback(Settings):
     """A callback that evaluates the present policies in whole episodes while they learn.
 
     Every evaluation has the same episodes, by random numbers of their own: training is the same in every bit as without
     them, and a run that was killed and resumed has the same evaluations. They are part of the run: they are saved with
     its checkpoints (`Run.evaluations`, `Run.evaluated`), and a run that continues goes on evaluating, whether or not it
     is told to again. Time spent in them is not in the records' times.
-
-    **Arguments:**
-
-    - `every`: decisions between two evaluations, which take place at the ends of records: the first end of a record
-      after each multiple of it. By default a twentieth of the steps of the run.
-    - `episodes`: episodes of each seed.
-    - `seed`: of their random numbers. Those of `evaluate` differ unless its `seed` is the same.
-    - `mode`: `"sample"` draws every action; `"mode"` takes the most probable one.
 
     `last` is the newest `EpisodeEvaluation`.
 
@@ -47,10 +40,16 @@ class EvaluationCallback:
     ```
     """
 
-    every: int | None = None
-    episodes: int = 10
-    seed: int = 1
-    mode: Literal["sample", "mode"] = "sample"
+    every: int | None = static(
+        None,
+        help="decisions between two evaluations, which take place at the ends of records: the first end of a "
+        "record after each multiple of it. By default a twentieth of the steps of the run",
+    )
+    episodes: int = static(10, help="episodes of each seed")
+    seed: int = static(1, help="of their random numbers. Those of `evaluate` differ unless its `seed` is the same")
+    mode: Literal["sample", "mode"] = static(
+        "sample", help='`"sample"` draws every action; `"mode"` takes the most probable one'
+    )
     last: EpisodeEvaluation | None = dataclasses.field(default=None, init=False, repr=False)
     _found: dict[str, Any] = dataclasses.field(default_factory=dict, init=False, repr=False)
     _every: int = dataclasses.field(default=0, init=False, repr=False)
@@ -113,11 +112,6 @@ class KeepBest(EvaluationCallback):
     `Run.best` gives the run with these policies, which are stored in its directory. Being the best of several, the
     value with which a policy was chosen is too good: report that of new episodes, `evaluate(run.best(), episodes=…)`.
 
-    **Arguments:** those of `EvaluationCallback`, and
-
-    - `of`: what is compared, the mean over the episodes: `"return"`, `"length"`, or a metric of the task.
-    - `larger_is_better`: whether the best is the largest. Of equal ones the first is kept.
-
     ```python
     keep = mg.training.KeepBest(every=1_000, episodes=5)
     run = mg.train("particle-navigation", steps=2_000, window=500, seeds=2, callbacks=keep, progress=False)
@@ -125,8 +119,10 @@ class KeepBest(EvaluationCallback):
     ```
     """
 
-    of: str = "return"
-    larger_is_better: bool = True
+    of: str = static(
+        "return", help='what is compared, the mean over the episodes: `"return"`, `"length"`, or a metric of the task'
+    )
+    larger_is_better: bool = static(True, help="whether the best is the largest. Of equal ones the first is kept")
 
     @property
     def settings(self) -> dict[str, Any]:

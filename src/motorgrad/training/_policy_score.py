@@ -13,9 +13,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, check_integer, choice
-from motorgrad._tree import path_of
 from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
+from motorgrad.schema import Settings, path_of, static
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task
 from motorgrad.training._trust import task_named
@@ -23,7 +23,7 @@ from motorgrad.training.engines import MAX_TALLY_DECISIONS, mean_reward, stepper
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PolicyScore:
+class PolicyScore(Settings):
     r"""What a policy earns, as a function of its parameters, for `motorgrad.search.search` and other optimisers.
 
     A candidate acts without learning for `steps` decisions in each of several *streams*, which have their own random
@@ -35,22 +35,6 @@ class PolicyScore:
     An optimiser overfits the streams, the less the more there are. Otherwise every round has new streams, the same for
     all of its candidates.
 
-    **Arguments:**
-
-    - `task`: a task, or the name of one.
-    - `policy`: a policy whose trainable parameters are optimised, starting from their present values; or a function
-      from a key to one.
-    - `steps` (decisions): length of each candidate's run in each stream, at least 1.
-    - `streams`: number of streams of random numbers, at least 1.
-    - `fixed`: whether the streams are the same in all rounds.
-    - `seed`: seed of the first stream, at least 0, if they are fixed; the others follow it.
-    - `of`: `"reward"`, the mean reward per decision, or the name of a metric of the task, such as `"return"`: its mean
-      where it occurred.
-    - `gradient`: none, or an estimator of the gradient at fixed parameters, such as `gpomdp(0.9)`. The score then comes
-      `WithGradients` of the mean reward from the same decisions: the mean of the streams' estimates, and the variance
-      of that mean as the streams' differences show it. It needs at least two streams. The estimates have the
-      estimator's bias, which the variances do not contain.
-
     **Raises:** `ValueError` for a policy that does not fit the task, and for values out of range.
 
     ```python
@@ -60,14 +44,27 @@ class PolicyScore:
     ```
     """
 
-    task: Any
-    policy: Any
-    steps: int = 1000
-    streams: int = 8
-    fixed: bool = True
-    seed: int = 0
-    of: str = "reward"
-    gradient: Estimator | None = None
+    task: Any = static(help="a task, or the name of one")
+    policy: Any = static(
+        help="a policy whose trainable parameters are optimised, starting from their present values; or a "
+        "function from a key to one"
+    )
+    steps: int = static(1000, unit="decisions", help="length of each candidate's run in each stream, at least 1")
+    streams: int = static(8, help="number of streams of random numbers, at least 1")
+    fixed: bool = static(True, help="whether the streams are the same in all rounds")
+    seed: int = static(0, help="seed of the first stream, at least 0, if they are fixed; the others follow it")
+    of: str = static(
+        "reward",
+        help='`"reward"`, the mean reward per decision, or the name of a metric of the task, such as '
+        '`"return"`: its mean where it occurred',
+    )
+    gradient: Estimator | None = static(
+        None,
+        help="none, or an estimator of the gradient at fixed parameters, such as `gpomdp(0.9)`. The score then "
+        "comes `WithGradients` of the mean reward from the same decisions: the mean of the streams' "
+        "estimates, and the variance of that mean as the streams' differences show it. It needs at least "
+        "two streams. The estimates have the estimator's bias, which the variances do not contain",
+    )
 
     def __post_init__(self) -> None:
         task = task_named(self.task) if isinstance(self.task, str) else self.task

@@ -8,9 +8,8 @@ import numpy as np
 from jaxtyping import PyTree
 
 from motorgrad._errors import check, unknown
-from motorgrad._settings import full_path
-from motorgrad._tree import Part, check_rounded, fields_of, numbers_of, with_number
 from motorgrad.learning import Agent
+from motorgrad.schema import Part, check_rounded, fields_of, full_path, numbers_of, with_number
 from motorgrad.tasks import Task
 from motorgrad.training.engines import validate_needs
 

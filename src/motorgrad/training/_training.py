@@ -13,10 +13,10 @@ from jaxtyping import Bool, PyTree
 
 from motorgrad._errors import check, counted, shown
 from motorgrad._interface import Statistics
-from motorgrad._settings import table
 from motorgrad._signals import interrupt, stop_when_asked
 from motorgrad.learning import RunningMean
 from motorgrad.policies import Policy, describe, with_interface
+from motorgrad.schema import table
 from motorgrad.tasks import HostTask
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments

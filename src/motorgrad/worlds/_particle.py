@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check, check_integer
 from motorgrad._random import normals
+from motorgrad.schema import Settings, inner, number, static
 from motorgrad.worlds._particle_forces import CircularField, Components, Flags, Walls
 from motorgrad.worlds._world import World, runge_kutta
 
@@ -27,33 +28,26 @@ Span = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
-class ParticlePhysics:
+class ParticlePhysics(Settings):
     r"""Everything that moves a particle except the forces of actions.
 
     $m\ddot x = m g - k_d \dot x + f(x) + \ldots$, integrated by the fourth-order Runge–Kutta method.
 
-    **Arguments:**
-
-    - `mass`: mass of the particle, positive.
-    - `gravity`: acceleration of gravity, along x and y.
-    - `drag`: drag coefficient $k_d$, the force per speed, at least 0.
-    - `noise`: standard deviation of a random force per axis, drawn at every time step; 0 for none.
-    - `timestep` (s): time step of the integration.
-    - `substeps`: time steps per decision, during which the action is held.
-    - `walls`: the box (`motorgrad.worlds.Walls`).
-    - `field`: a field of force (`motorgrad.worlds.CircularField`); by default none.
-
     **Raises:** `ValueError` naming the field and what it may be; also for a circular field without a stable orbit.
     """
 
-    mass: float = 1.0
-    gravity: tuple[float, float] = (0.0, -0.25)
-    drag: float = 1.0
-    noise: float = 0.0
-    timestep: float = 0.1
-    substeps: int = 2
-    walls: Walls = dataclasses.field(default_factory=Walls)
-    field: CircularField = dataclasses.field(default_factory=CircularField)
+    mass: float = number(1.0, help="mass of the particle, positive")
+    gravity: tuple[float, float] = static((0.0, -0.25), help="acceleration of gravity, along x and y")
+    drag: float = number(1.0, help="drag coefficient $k_d$, the force per speed, at least 0")
+    noise: float = number(
+        0.0, help="standard deviation of a random force per axis, drawn at every time step; 0 for none"
+    )
+    timestep: float = number(0.1, unit="s", help="time step of the integration")
+    substeps: int = static(2, help="time steps per decision, during which the action is held")
+    walls: Walls = inner(factory=Walls, help="the box (`motorgrad.worlds.Walls`)")
+    field: CircularField = inner(
+        factory=CircularField, help="a field of force (`motorgrad.worlds.CircularField`); by default none"
+    )
 
     def __post_init__(self) -> None:
         for name in ("mass", "timestep"):
@@ -117,21 +111,16 @@ class ParticleState(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class ParticleStart:
+class ParticleStart(Settings):
     """The initial state of an episode: every number is drawn independently from U[low, high].
 
     **Arguments:** low and high of each; equal values for a fixed number.
-
-    - `x`: position from left to right.
-    - `y`: position upwards.
-    - `velocity_x`: speed to the right, per second.
-    - `velocity_y`: speed upwards, per second.
     """
 
-    x: Span = (0.0, 1.0)
-    y: Span = (0.9, 1.0)
-    velocity_x: Span = (0.0, 0.0)
-    velocity_y: Span = (0.0, 0.0)
+    x: Span = static((0.0, 1.0), help="position from left to right")
+    y: Span = static((0.9, 1.0), help="position upwards")
+    velocity_x: Span = static((0.0, 0.0), help="speed to the right, per second")
+    velocity_y: Span = static((0.0, 0.0), help="speed upwards, per second")
 
     def __post_init__(self) -> None:
         for name, (low, high) in self._spans().items():
@@ -159,18 +148,18 @@ class ParticleStart:
 class Particle(World):
     """A particle, and the forces that actions switch on.
 
-    **Arguments:**
-
-    - `forces` (x, y): one per action. Actions multiply them, so they may be graded too.
-    - `physics`: everything else that moves the particle (`motorgrad.worlds.ParticlePhysics`).
-    - `start`: the initial state of an episode (`motorgrad.worlds.ParticleStart`).
-
     **Raises:** `ValueError` naming the invalid number; also for a start beyond a wall.
     """
 
-    forces: tuple[tuple[float, float], ...]
-    physics: ParticlePhysics = dataclasses.field(default_factory=ParticlePhysics)
-    start: ParticleStart = dataclasses.field(default_factory=ParticleStart)
+    forces: tuple[tuple[float, float], ...] = static(
+        unit="x, y", help="one per action. Actions multiply them, so they may be graded too"
+    )
+    physics: ParticlePhysics = inner(
+        factory=ParticlePhysics, help="everything else that moves the particle (`motorgrad.worlds.ParticlePhysics`)"
+    )
+    start: ParticleStart = inner(
+        factory=ParticleStart, help="the initial state of an episode (`motorgrad.worlds.ParticleStart`)"
+    )
 
     def __post_init__(self) -> None:
         check(1 <= len(self.forces) <= MAX_FORCES, "number of forces", len(self.forces), f"from 1 to {MAX_FORCES}")

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check, choice
+from motorgrad.schema import Settings, number, static
 
 Side = Literal["left", "bottom", "right", "top"]
 SIDES: tuple[Side, ...] = ("left", "bottom", "right", "top")
@@ -19,7 +20,7 @@ Flags = tuple[Bool[Array, ""], Bool[Array, ""]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Walls:
+class Walls(Settings):
     r"""A box of up to four walls.
 
     A particle beyond a wall is put back on it. If it still moves outwards, it rebounds with `restitution` × its normal
@@ -27,25 +28,15 @@ class Walls:
     rest. A particle resting on a wall, and pressed against it by a force $F$, is supported: the wall cancels the normal
     part $N \cdot F$, and friction $-k_f\,|N \cdot F|\,v_t$ opposes the tangential motion. (With the sign printed in the
     source, it would accelerate.)
-
-    **Arguments:**
-
-    - `left`: coordinate x of the left side.
-    - `bottom`: coordinate y of the lower side.
-    - `right`: coordinate x of the right side.
-    - `top`: coordinate y of the upper side.
-    - `open`: the sides without a wall.
-    - `restitution`: ratio of the speeds after and before a collision, from 0 to 1.
-    - `friction` (s/length): friction coefficient $k_f$ of the walls, at least 0.
     """
 
-    left: float = 0.0
-    bottom: float = 0.0
-    right: float = 1.0
-    top: float = 1.0
-    open: tuple[Side, ...] = ()
-    restitution: float = 0.5
-    friction: float = 0.1
+    left: float = number(0.0, help="coordinate x of the left side")
+    bottom: float = number(0.0, help="coordinate y of the lower side")
+    right: float = number(1.0, help="coordinate x of the right side")
+    top: float = number(1.0, help="coordinate y of the upper side")
+    open: tuple[Side, ...] = static((), help="the sides without a wall")
+    restitution: float = number(0.5, help="ratio of the speeds after and before a collision, from 0 to 1")
+    friction: float = number(0.1, unit="s/length", help="friction coefficient $k_f$ of the walls, at least 0")
 
     def __post_init__(self) -> None:
         wide = -1e6 < self.left < self.right < 1e6 and -1e6 < self.bottom < self.top < 1e6
@@ -114,7 +105,7 @@ Number = Float[Array, ""]
 
 
 @dataclasses.dataclass(frozen=True)
-class CircularField:
+class CircularField(Settings):
     r"""The force $f = k_1 r\,\hat t + k_2 (r^* - r)\,\hat r$ at the distance $r$ from a centre (figure A.2 of the
     thesis).
 
@@ -122,19 +113,16 @@ class CircularField:
 
     As printed in the source, the first term turns anticlockwise, and the second lacks the centre; both are corrected
     here.
-
-    **Arguments:**
-
-    - `tangential` (1/s² for a mass of 1): strength $k_1$ of the tangential term; 0 for none.
-    - `radial` (1/s² for a mass of 1): strength $k_2$ of the radial term, at least 0; 0 for none.
-    - `radius`: radius $r^*$, towards which the second term pushes.
-    - `centre` (x, y): centre of the field.
     """
 
-    tangential: float = 0.0
-    radial: float = 0.0
-    radius: float = 0.25
-    centre: tuple[float, float] = (0.5, 0.5)
+    tangential: float = number(
+        0.0, unit="1/s² for a mass of 1", help="strength $k_1$ of the tangential term; 0 for none"
+    )
+    radial: float = number(
+        0.0, unit="1/s² for a mass of 1", help="strength $k_2$ of the radial term, at least 0; 0 for none"
+    )
+    radius: float = number(0.25, help="radius $r^*$, towards which the second term pushes")
+    centre: tuple[float, float] = static((0.5, 0.5), unit="x, y", help="centre of the field")
 
     def __post_init__(self) -> None:
         check(abs(self.tangential) < 1e6, "tangential", self.tangential, "a number between -1e6 and 1e6")

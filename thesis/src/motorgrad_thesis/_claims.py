@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
 from motorgrad._errors import choice
+from motorgrad.schema import Settings, static
 from motorgrad.statistics import LEVEL, Measured, tally_of
 
 Verdict = Literal["holds", "refuted", "undecided"]
@@ -23,40 +24,39 @@ MODEL = "an independent model"
 
 
 @dataclasses.dataclass(frozen=True)
-class Claim:
+class Claim(Settings):
     """A statement, the quantity that decides it, and the range in which that should lie. The verdict follows.
 
     `above`, `at_least`, `below`, `at_most`, `within`, `more_than_half` and `in_every` make claims.
 
     **Arguments:**
 
-    - `statement`: in our own words.
-    - `measured`: the quantity, with its interval.
-    - `quantity`: what was measured, in words, where statement and unit do not say it.
-    - `unit`: unit of the quantity.
-    - `note`: what a reader must know to judge the claim.
-    - `source`: where the statement is made; by default that of the experiment for a statement of the thesis, else a
-      description of the kind.
     - `low`, `high`: the bounds of the range; infinite for none.
-    - `closed`: whether the range contains its bounds.
-    - `kind`: whose statement it is: `"thesis"`, `"extension"` (ours) or `"reference model"`.
-    - `of`: the statement of which this claim is one variant, where an experiment tests it in several (for each decay,
-      pool or layout); the variants share these words. By default the claim's own statement.
-    - `untested`: why the measurement does not test the statement by the thesis's own settings; empty where it does.
     """
 
-    statement: str
-    measured: Measured
-    quantity: str = ""
-    unit: str = ""
-    note: str = ""
-    source: str = ""
+    statement: str = static(help="in our own words")
+    measured: Measured = static(help="the quantity, with its interval")
+    quantity: str = static("", help="what was measured, in words, where statement and unit do not say it")
+    unit: str = static("", help="unit of the quantity")
+    note: str = static("", help="what a reader must know to judge the claim")
+    source: str = static(
+        "",
+        help="where the statement is made; by default that of the experiment for a statement of the thesis, "
+        "else a description of the kind",
+    )
     low: float = -math.inf
     high: float = math.inf
-    closed: bool = False
-    kind: Kind = "thesis"
-    of: str = ""
-    untested: str = ""
+    closed: bool = static(False, help="whether the range contains its bounds")
+    kind: Kind = static("thesis", help='whose statement it is: `"thesis"`, `"extension"` (ours) or `"reference model"`')
+    of: str = static(
+        "",
+        help="the statement of which this claim is one variant, where an experiment tests it in several (for "
+        "each decay, pool or layout); the variants share these words. By default the claim's own "
+        "statement",
+    )
+    untested: str = static(
+        "", help="why the measurement does not test the statement by the thesis's own settings; empty where it does"
+    )
 
     def __post_init__(self) -> None:
         choice("kind", self.kind, get_args(Kind))

@@ -14,12 +14,11 @@ from typing import Any, ClassVar, TypeVar, dataclass_transform
 import filelock
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad._extras import installed, missing
 from motorgrad._files import read_arrays, write_arrays
-from motorgrad._settings import table
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.schema import Settings, table
 from motorgrad.tasks import Task
 from motorgrad.training import Run, agent_table, fingerprint, train
 from motorgrad_thesis._claims import Claim
@@ -76,11 +75,6 @@ class Workspace:
             print(f"  {self.path.name}: {what}", file=sys.stderr, flush=True)
 
 
-def ranged(default: Any, low: float, high: float, unit: str = "") -> Any:
-    """A setting from `low` to `high`; `unit` follows the range in messages."""
-    return dataclasses.field(default=default, metadata={"range": (low, high, unit)})
-
-
 class smoke:
     """The classmethod `quick` of an experiment: its settings for a smoke test, those not given as usual."""
 
@@ -92,7 +86,7 @@ class smoke:
 
 
 @dataclasses.dataclass(frozen=True)
-class Experiment(abc.ABC):
+class Experiment(Settings, abc.ABC):
     """Base class of experiments; `experiment` completes a subclass. Its fields are the settings, and its docstring says
     what is done and what the figure shows."""
 
@@ -107,13 +101,6 @@ class Experiment(abc.ABC):
     something that a verdict depends on; empty where it takes the text as it stands."""
     needs: ClassVar[tuple[str, str] | None] = None
     """An optional package and the extra that installs it: `("evosax", "search")`."""
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            if "range" in field.metadata:
-                (low, high, unit) = field.metadata["range"]
-                value = getattr(self, field.name)
-                check(low <= value <= high, field.name, value, f"from {low:,.15g} to {high:,.15g}{unit}")
 
     quick = smoke()
     """The experiment with settings of a smoke test: everything runs, and the numbers mean nothing."""

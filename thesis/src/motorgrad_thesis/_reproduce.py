@@ -15,7 +15,7 @@ import tomli_w
 
 from motorgrad._errors import check, unknown
 from motorgrad._files import read_arrays, read_toml, refuse_links, replacing, write_arrays, write_atomically
-from motorgrad._settings import table
+from motorgrad.schema import table
 from motorgrad.training import RunWarning, provenance, provenance_changes
 from motorgrad_thesis._claims import Claim, claim_source
 from motorgrad_thesis._experiment import Experiment, Values, Workspace

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from motorgrad._errors import check, choice
 from motorgrad.options import Positional, parse
+from motorgrad.schema import static
 from timlab import gallery, load
 
 
@@ -14,17 +15,20 @@ from timlab import gallery, load
 class Lab:
     """Build diagrams of blocks, run them and retune them while they run, in a browser on this machine."""
 
-    file: Annotated[Path | None, Positional("[FILE]")] = None
-    """A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder."""
-    gallery: str | None = None
-    """Open a diagram of the gallery, such as chain or hopper, in place of a file."""
-    trust: bool = False
-    """Run code that the diagram's file contains or that is typed into the page: Python functions and Functional
-    Mock-up Units. Anyone who has the page's address can then run programs."""
-    port: int = 0
-    """The port on 127.0.0.1; 0 for a free port."""
-    browser: bool = True
-    """Open the browser; otherwise only print the address."""
+    file: Annotated[Path | None, Positional("[FILE]")] = static(
+        None,
+        help="A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder",
+    )
+    gallery: str | None = static(
+        None, help="Open a diagram of the gallery, such as chain or hopper, in place of a file"
+    )
+    trust: bool = static(
+        False,
+        help="Run code that the diagram's file contains or that is typed into the page: Python functions and "
+        "Functional Mock-up Units. Anyone who has the page's address can then run programs",
+    )
+    port: int = static(0, help="The port on 127.0.0.1; 0 for a free port")
+    browser: bool = static(True, help="Open the browser; otherwise only print the address")
     opened: ClassVar[tuple[str, ...]] = ("file",)
 
     def validate(self) -> None:

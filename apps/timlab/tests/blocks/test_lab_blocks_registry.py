@@ -11,7 +11,7 @@ import pytest
 from block_driver import of
 
 import timlab
-from motorgrad._tree import PART_CLASSES
+from motorgrad.schema import PART_CLASSES
 from timlab import BLOCKS, Block, Moment, Sink, parameters_of, settings_of
 from timlab.blocks.learning import PART_BLOCKS
 from timlab.diagram import function_problems

@@ -8,7 +8,7 @@ import pytest
 import motorgrad as mg
 import timlab
 from motorgrad import learning
-from motorgrad._tree import PART_CLASSES
+from motorgrad.schema import PART_CLASSES
 from timlab.blocks.learning import PART_BLOCKS
 from timlab.diagram import blocks_of
 from timlab.diagram._verify import function_problems

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
-from motorgrad._tree import with_number
+from motorgrad.schema import with_number
 from motorgrad.training import agent_for, stepper_for
 from timsim import live
 

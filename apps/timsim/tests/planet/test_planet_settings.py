@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import viser
 
-from motorgrad._settings import build, table
 from motorgrad.bodies import Hexapod, compile_model
+from motorgrad.schema import build, table
 from motorgrad.tasks import make
 from patience import until
 from timsim.planet import Detail, OnPlanet, Planet, PlanetBatch, PlanetScene, on_planet

@@ -33,6 +33,7 @@ import numpy as np
 from motorgrad._errors import check, check_not_negative, check_positive, choice
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, groups_of
+from motorgrad.schema import Settings, number, static
 
 Posture = Literal["vertical", "horizontal"]
 """How the upper arm is held."""
@@ -50,7 +51,7 @@ _HARNESS = (0.55, 0.58, 0.62, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
-class Arm:
+class Arm(Settings):
     """An arm with one degree of freedom that lifts a load (thesis, section 4.3.2 and figure 4.5).
 
     A harness holds the upper arm, vertical or horizontal: the thesis's "at right angles" can be read as either. The
@@ -64,23 +65,6 @@ class Arm:
     than half of that. Below a horizontal one it bends from 90°, where the moment arm is already four fifths of its
     greatest, and the load is lifted the higher, the greater the force.
 
-    **Arguments:**
-
-    - `load` (kg): mass in the hand, at least 0.
-    - `bone_length` (m): length of each of the two bones.
-    - `lower_mass` (kg): mass of the lower arm, evenly distributed.
-    - `posture`: `"vertical"` or `"horizontal"`, how the upper arm is held. More of the thesis's text agrees with the
-      first: the torque above zero only because of the offset, full extension, loads that are lifted or not, and large
-      pools that fall silent (section 4.4).
-    - `strength` (N): the muscle's force at full activation. By default just enough to lift 14 kg to the top with bones,
-      offset and stop as they are by default: 371.6 N with a vertical upper arm, 164.6 N with a horizontal one.
-    - `offset` (m): distance of the muscle's ends from the bones.
-    - `least_angle` (degrees): the interior angle of the elbow at the stop, less than where it hangs. The muscle's ends
-      would meet at 2 atan(2 `offset` / `bone_length`), and the stop must come before.
-    - `joint_damping` (N m s/rad): damping of the elbow.
-    - `elbow_height` (m): height above the floor, which nothing touches.
-    - `timestep` (s): time step of the physics, at most 0.01.
-
     **Names in the model:** bodies `upper_arm`, `lower_arm` (frame at the elbow, −z along the bone when it hangs); joint
     `elbow`, 0 when the lower arm hangs, positive when bent; tendon and actuator `flexor`; site `hand`.
 
@@ -89,16 +73,32 @@ class Arm:
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    load: float = 5.0
-    bone_length: float = 0.3
-    lower_mass: float = 1.0
-    strength: float | None = None
-    offset: float = 0.02
-    least_angle: float = 20.0
-    joint_damping: float = 0.02
-    elbow_height: float = 0.6
-    timestep: float = 0.001
-    posture: Posture = "vertical"
+    load: float = number(5.0, unit="kg", help="mass in the hand, at least 0")
+    bone_length: float = number(0.3, unit="m", help="length of each of the two bones")
+    lower_mass: float = number(1.0, unit="kg", help="mass of the lower arm, evenly distributed")
+    strength: float | None = number(
+        None,
+        unit="N",
+        help="the muscle's force at full activation. By default just enough to lift 14 kg to the top with "
+        "bones, offset and stop as they are by default: 371.6 N with a vertical upper arm, 164.6 N with a "
+        "horizontal one",
+    )
+    offset: float = number(0.02, unit="m", help="distance of the muscle's ends from the bones")
+    least_angle: float = number(
+        20.0,
+        unit="degrees",
+        help="the interior angle of the elbow at the stop, less than where it hangs. The muscle's ends would "
+        "meet at 2 atan(2 `offset` / `bone_length`), and the stop must come before",
+    )
+    joint_damping: float = number(0.02, unit="N m s/rad", help="damping of the elbow")
+    elbow_height: float = number(0.6, unit="m", help="height above the floor, which nothing touches")
+    timestep: float = number(0.001, unit="s", help="time step of the physics, at most 0.01")
+    posture: Posture = static(
+        "vertical",
+        help='`"vertical"` or `"horizontal"`, how the upper arm is held. More of the thesis\'s text agrees '
+        "with the first: the torque above zero only because of the offset, full extension, loads that"
+        " are lifted or not, and large pools that fall silent (section 4.4)",
+    )
 
     def __post_init__(self) -> None:
         choice("posture", self.posture, POSTURES)

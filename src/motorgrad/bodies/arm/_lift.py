@@ -21,9 +21,9 @@ from motorgrad._errors import check
 from motorgrad._files import read_arrays, write_atomically
 from motorgrad._limits import MAX_ARRAY_BYTES
 from motorgrad._reading import json_in, numbers_in
-from motorgrad._settings import build, table
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
+from motorgrad.schema import build, table
 
 STORED: Mapping[Posture, Path] = {each: Path(__file__).with_name(f"arm_lift_{each}.npz") for each in POSTURES}
 LOADS = 41

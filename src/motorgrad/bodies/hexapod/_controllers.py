@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from motorgrad._arrays import AnyArray, Real
 from motorgrad._errors import check, check_not_negative, check_positive
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading
+from motorgrad.schema import Settings, number, static
 
 TRIPODS = (("left_front", "right_middle", "left_rear"), ("right_front", "left_middle", "right_rear"))
 """The legs of the two tripods: front and rear of one side with the middle of the other."""
@@ -30,7 +31,7 @@ class Turning(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class TripodController:
+class TripodController(Settings):
     """A finite-state machine for each leg of a hexapod (thesis, section 5.3.3 and figure 5.7).
 
     It is deterministic and does not learn. At each decision, a leg changes its state if a condition holds:
@@ -57,32 +58,23 @@ class TripodController:
     | swing | `swing` | `lift` |
     | drop | 0 | −`drop` |
 
-    **Arguments:**
-
-    - `back` (degrees): lateral angle at which stance ends, positive forward.
-    - `forward` (degrees): lateral angle at which swing ends.
-    - `stance` (rad/s): backward velocity in stance.
-    - `swing` (rad/s): forward velocity in swing.
-    - `lift` (rad/s): upward velocity in swing.
-    - `drop` (rad/s): downward velocity while dropping.
-    - `press` (rad/s): downward velocity in stance and wait.
-    - `contact` (N): force above which a foot counts as touching the ground.
-    - `margin` (degrees): distance from the lower limit that counts as contact, if `mended`.
-    - `mended`: whether a leg at its lower limit counts as touching the ground; without, the rules are the thesis's.
-
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    back: float = -20.0
-    forward: float = 20.0
-    stance: float = 3.0
-    swing: float = 6.0
-    lift: float = 6.0
-    drop: float = 6.0
-    press: float = 1.0
-    contact: float = 0.5
-    margin: float = 1.0
-    mended: bool = True
+    back: float = number(-20.0, unit="degrees", help="lateral angle at which stance ends, positive forward")
+    forward: float = number(20.0, unit="degrees", help="lateral angle at which swing ends")
+    stance: float = number(3.0, unit="rad/s", help="backward velocity in stance")
+    swing: float = number(6.0, unit="rad/s", help="forward velocity in swing")
+    lift: float = number(6.0, unit="rad/s", help="upward velocity in swing")
+    drop: float = number(6.0, unit="rad/s", help="downward velocity while dropping")
+    press: float = number(1.0, unit="rad/s", help="downward velocity in stance and wait")
+    contact: float = number(0.5, unit="N", help="force above which a foot counts as touching the ground")
+    margin: float = number(
+        1.0, unit="degrees", help="distance from the lower limit that counts as contact, if `mended`"
+    )
+    mended: bool = static(
+        True, help="whether a leg at its lower limit counts as touching the ground; without, the rules are the thesis's"
+    )
 
     def __post_init__(self) -> None:
         for name in ("stance", "swing", "lift", "drop"):
@@ -140,21 +132,17 @@ class TripodController:
 
 
 @dataclasses.dataclass(frozen=True)
-class TripodClock:
+class TripodClock(Settings):
     """An open-loop clock by which two tripods alternate between swing and stance, whatever the legs sense (thesis,
     section 5.4.1).
 
     A phase from 0 to 1 spans one stride. The first tripod is in stance while the phase is in [0, `duty`), the second
     half a stride later; each swings for the rest of the stride.
 
-    **Arguments:**
-
-    - `duty`: the fraction of a stride that each tripod spends in stance, in (0, 1).
-
     **Raises:** `ValueError` for a duty out of range.
     """
 
-    duty: float = 0.5
+    duty: float = number(0.5, help="the fraction of a stride that each tripod spends in stance, in (0, 1)")
 
     def __post_init__(self) -> None:
         check(0 < self.duty < 1, "duty", self.duty, "in (0, 1)")

@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 
 from motorgrad._errors import check, check_positive
-from motorgrad._settings import check_fields
 from motorgrad.bodies._body import START, about, add_geom, add_muscles, add_scenery
 from motorgrad.bodies.hexapod._numbers import (
     Drive,
@@ -27,6 +26,7 @@ from motorgrad.bodies.hexapod._numbers import (
 from motorgrad.bodies.hexapod._sensors import LEGS, add_hexapod_sensors
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, add_servos, groups_of
 from motorgrad.bodies.muscles._wrapping import wrapped_length
+from motorgrad.schema import Settings, number, static
 
 SIDES = ("left", "right")
 _BONE = (0.90, 0.87, 0.80, 1.0)
@@ -41,28 +41,13 @@ _SPINE = Hinge((-7.5, 7.5), stiffness=20.0, damping=0.5)
 
 
 @dataclasses.dataclass(frozen=True)
-class Hexapod:
+class Hexapod(Settings):
     """A six-legged body with a slightly flexible trunk (thesis, section 5.3.1).
 
     Three sections form the trunk, one behind the other. Each carries two legs of three segments: the coxa turns
     laterally, the femur vertically, and the foot is passively sprung. Every leg has four muscles, each a group of its
     own, so an action has 24 numbers; with `drive="servos"` it has twelve velocities. x points forward, y to the left, z
     up.
-
-    **Arguments:**
-
-    - `front`: the first section with its legs (`Section`, `Leg`).
-    - `middle`: the second section with its legs.
-    - `rear`: the third section with its legs.
-    - `spacing` (m): distance between the centres of neighbouring sections.
-    - `spine`: the two joints between the sections, each in the middle of its gap.
-    - `spine_axis`: "pitch" lets front and rear rise and sink, "yaw" lets them turn sideways.
-    - `drive`: "muscles", or "servos" that turn lateral and vertical joints at desired velocities.
-    - `servo_gain` (N m s/rad): torque of a servo per rad/s of velocity error.
-    - `lateral_torque` (N m): greatest torque of a lateral servo.
-    - `vertical_torque` (N m): greatest torque of a vertical servo.
-    - `timestep` (s): time step of the physics.
-    - `muscle_model`: "thesis" (exact law, needs the callback) or "native" (MuJoCo's own muscle, an approximation).
 
     **Names in the model:** bodies `front`, `middle` (the root), `rear`, and for each leg of `LEGS`, such as
     `left_front`, bodies `coxa_left_front`, `femur_…`, `foot_…`, joints `lateral_…` (positive forward), `vertical_…`
@@ -74,21 +59,26 @@ class Hexapod:
     **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    front: Section = _SECTION
-    middle: Section = _SECTION
-    rear: Section = _SECTION
-    spacing: float = 0.26
-    spine: Hinge = _SPINE
-    spine_axis: Literal["pitch", "yaw"] = "pitch"
-    drive: Drive = "muscles"
-    servo_gain: float = 20.0
-    lateral_torque: float = 6.0
-    vertical_torque: float = 12.0
-    timestep: float = 0.0025
-    muscle_model: Literal["thesis", "native"] = "thesis"
+    front: Section = static(_SECTION, help="the first section with its legs (`Section`, `Leg`)")
+    middle: Section = static(_SECTION, help="the second section with its legs")
+    rear: Section = static(_SECTION, help="the third section with its legs")
+    spacing: float = number(0.26, unit="m", help="distance between the centres of neighbouring sections")
+    spine: Hinge = static(_SPINE, help="the two joints between the sections, each in the middle of its gap")
+    spine_axis: Literal["pitch", "yaw"] = static(
+        "pitch", help='"pitch" lets front and rear rise and sink, "yaw" lets them turn sideways'
+    )
+    drive: Drive = static(
+        "muscles", help='"muscles", or "servos" that turn lateral and vertical joints at desired velocities'
+    )
+    servo_gain: float = number(20.0, unit="N m s/rad", help="torque of a servo per rad/s of velocity error")
+    lateral_torque: float = number(6.0, unit="N m", help="greatest torque of a lateral servo")
+    vertical_torque: float = number(12.0, unit="N m", help="greatest torque of a vertical servo")
+    timestep: float = number(0.0025, unit="s", help="time step of the physics")
+    muscle_model: Literal["thesis", "native"] = static(
+        "thesis", help='"thesis" (exact law, needs the callback) or "native" (MuJoCo\'s own muscle, an approximation)'
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         for name in ("spacing", "servo_gain", "lateral_torque", "vertical_torque", "timestep"):
             check_positive(f"Hexapod.{name}", getattr(self, name))
         least = (self.middle.length + max(self.front.length, self.rear.length)) / 2.0

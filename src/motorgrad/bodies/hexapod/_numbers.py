@@ -5,6 +5,7 @@ import math
 from typing import Literal
 
 from motorgrad._errors import check, check_finite, check_not_negative, check_positive
+from motorgrad.schema import Settings, number, static
 
 Drive = Literal["muscles", "servos"]
 
@@ -15,36 +16,25 @@ def _check_positive(numbers: object, *names: str) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Segment:
-    """A bone, drawn and simulated as a capsule.
+class Segment(Settings):
+    """A bone, drawn and simulated as a capsule."""
 
-    - `length` (m): length of the bone, from joint to joint.
-    - `mass` (kg): mass of the bone.
-    - `radius` (m): radius of the capsule.
-    """
-
-    length: float
-    mass: float
-    radius: float
+    length: float = number(unit="m", help="length of the bone, from joint to joint")
+    mass: float = number(unit="kg", help="mass of the bone")
+    radius: float = number(unit="m", help="radius of the capsule")
 
     def __post_init__(self) -> None:
         _check_positive(self, "length", "mass", "radius")
 
 
 @dataclasses.dataclass(frozen=True)
-class Hinge:
-    """A hinge joint between stiff stops.
+class Hinge(Settings):
+    """A hinge joint between stiff stops."""
 
-    - `range` (degrees): least and greatest angle, with 0 in between.
-    - `stiffness` (N m/rad): stiffness of a spring towards 0.
-    - `damping` (N m s/rad): damping of the joint.
-    - `armature` (kg m²): armature of the joint.
-    """
-
-    range: tuple[float, float]
-    stiffness: float = 0.0
-    damping: float = 0.02
-    armature: float = 0.003
+    range: tuple[float, float] = static(unit="degrees", help="least and greatest angle, with 0 in between")
+    stiffness: float = number(0.0, unit="N m/rad", help="stiffness of a spring towards 0")
+    damping: float = number(0.02, unit="N m s/rad", help="damping of the joint")
+    armature: float = number(0.003, unit="kg m²", help="armature of the joint")
 
     def __post_init__(self) -> None:
         limits = tuple(self.range)
@@ -61,27 +51,20 @@ class Hinge:
 
 
 @dataclasses.dataclass(frozen=True)
-class LateralPair:
+class LateralPair(Settings):
     """The two straight muscles that swing a leg forward (protractor, the flexor) and backward (retractor, the
     extensor).
 
     Both run from the section, in front of or behind the hip and perpendicular to the leg at rest, to a point on the
     coxa. Their rest lengths are the lengths at the middle of the joint's range.
-
-    - `protractor` (N): greatest contractile force of the protractor.
-    - `retractor` (N): greatest contractile force of the retractor.
-    - `damping` (N s/m): damping k_SE of both muscles.
-    - `shape`: k_CE of both; larger values flatten the force–length curve.
-    - `base` (m): distance from the hip to their ends on the section.
-    - `reach` (m): distance from the hip to their ends on the coxa.
     """
 
-    protractor: float = 120.0
-    retractor: float = 120.0
-    damping: float = 40.0
-    shape: float = 0.5
-    base: float = 0.09
-    reach: float = 0.06
+    protractor: float = number(120.0, unit="N", help="greatest contractile force of the protractor")
+    retractor: float = number(120.0, unit="N", help="greatest contractile force of the retractor")
+    damping: float = number(40.0, unit="N s/m", help="damping k_SE of both muscles")
+    shape: float = number(0.5, help="k_CE of both; larger values flatten the force–length curve")
+    base: float = number(0.09, unit="m", help="distance from the hip to their ends on the section")
+    reach: float = number(0.06, unit="m", help="distance from the hip to their ends on the coxa")
 
     def __post_init__(self) -> None:
         _check_positive(self, "protractor", "retractor", "shape", "base", "reach")
@@ -89,29 +72,21 @@ class LateralPair:
 
 
 @dataclasses.dataclass(frozen=True)
-class VerticalPair:
+class VerticalPair(Settings):
     """The two muscles that lift a leg (levator, the flexor) and press it down (depressor, the extensor).
 
     Both end on the femur. The depressor starts at the hip end of the coxa, and wraps from below around a cylinder about
     the joint's axis. The levator is straight, and starts at a point above the hip end of the coxa. Their rest lengths
     are the lengths at the middle of the joint's range.
-
-    - `levator` (N): greatest contractile force of the levator.
-    - `depressor` (N): greatest contractile force of the depressor.
-    - `damping` (N s/m): damping k_SE of both muscles.
-    - `shape`: k_CE of both; larger values flatten the force–length curve.
-    - `radius` (m): radius of the cylinder.
-    - `distance` (m): from the vertical joint to their ends on the femur.
-    - `height` (m): height of the levator's origin above the hip end of the coxa.
     """
 
-    levator: float = 250.0
-    depressor: float = 250.0
-    damping: float = 60.0
-    shape: float = 0.5
-    radius: float = 0.045
-    distance: float = 0.12
-    height: float = 0.06
+    levator: float = number(250.0, unit="N", help="greatest contractile force of the levator")
+    depressor: float = number(250.0, unit="N", help="greatest contractile force of the depressor")
+    damping: float = number(60.0, unit="N s/m", help="damping k_SE of both muscles")
+    shape: float = number(0.5, help="k_CE of both; larger values flatten the force–length curve")
+    radius: float = number(0.045, unit="m", help="radius of the cylinder")
+    distance: float = number(0.12, unit="m", help="from the vertical joint to their ends on the femur")
+    height: float = number(0.06, unit="m", help="height of the levator's origin above the hip end of the coxa")
 
     def __post_init__(self) -> None:
         _check_positive(self, "levator", "depressor", "shape", "radius", "distance", "height")
@@ -119,33 +94,24 @@ class VerticalPair:
 
 
 @dataclasses.dataclass(frozen=True)
-class Leg:
-    """A pair of legs, left and right, which are mirror images of each other.
+class Leg(Settings):
+    """A pair of legs, left and right, which are mirror images of each other."""
 
-    - `coxa`: the bone at the hip.
-    - `femur`: the next bone outwards.
-    - `foot`: the last bone, which stands on the ground.
-    - `lateral`: the joint between section and coxa, positive forward.
-    - `vertical`: the joint between coxa and femur, positive up.
-    - `ankle`: the joint between femur and foot, a passive spring.
-    - `splay` (degrees): how far forward of straight sideways the leg points at rest.
-    - `knee` (degrees): how far the foot is bent down from the femur's line, above 0 and at most 90.
-    - `friction`: sliding friction of the foot on any ground.
-    - `lateral_muscles`: the two muscles that swing the leg.
-    - `vertical_muscles`: the two muscles that lift the leg and press it down.
-    """
-
-    coxa: Segment = Segment(0.06, 0.06, 0.016)
-    femur: Segment = Segment(0.14, 0.10, 0.012)
-    foot: Segment = Segment(0.17, 0.06, 0.012)
-    lateral: Hinge = Hinge((-30.0, 30.0))
-    vertical: Hinge = Hinge((-15.0, 55.0))
-    ankle: Hinge = Hinge((-3.5, 3.5), stiffness=30.0, damping=0.3)
-    splay: float = 0.0
-    knee: float = 80.0
-    friction: float = 1.0
-    lateral_muscles: LateralPair = LateralPair()
-    vertical_muscles: VerticalPair = VerticalPair()
+    coxa: Segment = static(Segment(0.06, 0.06, 0.016), help="the bone at the hip")
+    femur: Segment = static(Segment(0.14, 0.10, 0.012), help="the next bone outwards")
+    foot: Segment = static(Segment(0.17, 0.06, 0.012), help="the last bone, which stands on the ground")
+    lateral: Hinge = static(Hinge((-30.0, 30.0)), help="the joint between section and coxa, positive forward")
+    vertical: Hinge = static(Hinge((-15.0, 55.0)), help="the joint between coxa and femur, positive up")
+    ankle: Hinge = static(
+        Hinge((-3.5, 3.5), stiffness=30.0, damping=0.3), help="the joint between femur and foot, a passive spring"
+    )
+    splay: float = number(0.0, unit="degrees", help="how far forward of straight sideways the leg points at rest")
+    knee: float = number(
+        80.0, unit="degrees", help="how far the foot is bent down from the femur's line, above 0 and at most 90"
+    )
+    friction: float = number(1.0, help="sliding friction of the foot on any ground")
+    lateral_muscles: LateralPair = static(LateralPair(), help="the two muscles that swing the leg")
+    vertical_muscles: VerticalPair = static(VerticalPair(), help="the two muscles that lift the leg and press it down")
 
     def __post_init__(self) -> None:
         for name in ("splay", "knee"):
@@ -162,21 +128,14 @@ class Leg:
 
 
 @dataclasses.dataclass(frozen=True)
-class Section:
-    """A box of the trunk with its two legs.
+class Section(Settings):
+    """A box of the trunk with its two legs."""
 
-    - `length` (m): length of the section, along x.
-    - `width` (m): width of the section, along y.
-    - `height` (m): height of the section, along z.
-    - `mass` (kg): mass of the section without its legs.
-    - `leg`: its left and right leg.
-    """
-
-    length: float = 0.22
-    width: float = 0.30
-    height: float = 0.09
-    mass: float = 1.5
-    leg: Leg = Leg()
+    length: float = number(0.22, unit="m", help="length of the section, along x")
+    width: float = number(0.30, unit="m", help="width of the section, along y")
+    height: float = number(0.09, unit="m", help="height of the section, along z")
+    mass: float = number(1.5, unit="kg", help="mass of the section without its legs")
+    leg: Leg = static(Leg(), help="its left and right leg")
 
     def __post_init__(self) -> None:
         _check_positive(self, "length", "width", "height", "mass")

@@ -17,7 +17,6 @@ import mujoco
 
 from motorgrad._errors import check, check_positive, unknown
 from motorgrad._myosuite import composing, description
-from motorgrad._settings import check_fields
 from motorgrad.bodies._body import Actuator, to_mjcf
 from motorgrad.bodies.mjcf._to_hill import to_hill
 from motorgrad.bodies.models._bounds import asset_files
@@ -25,6 +24,7 @@ from motorgrad.bodies.models._read import checksum_of, compile_bare, compile_spe
 from motorgrad.bodies.models._scan import Documents, read_bytes
 from motorgrad.bodies.muscles._hill import Curves, Hill, Tendon
 from motorgrad.bodies.muscles._muscle import Muscle
+from motorgrad.schema import Settings, check_fields, number, static
 
 BUNDLED = {"arm6": Path(__file__).with_name("arm6.xml")}
 """Models that come with the library, by name."""
@@ -35,35 +35,13 @@ _UNNAMED = ("joint", "tendon", "actuator", "sensor")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Mjcf:
+class Mjcf(Settings):
     """Any MuJoCo model as a body, with every actuator that MuJoCo has: muscles with their activation dynamics, motors,
     position and velocity servos, and general ones, on joints, tendons or sites.
 
     `BodyBatch` steps it, `motorgrad.tasks.compose` makes a task of it, and TimSim and TimLab show it. An action has one
     number for each actuator, its control. Joints, tendons, actuators and sensors without a name are numbered by kind:
     `joint 1`, `actuator 2`.
-
-    **Arguments:**
-
-    - `source`: the path of an MJCF or URDF file, with its meshes and textures beside it; the document itself, as text;
-      a `mujoco.MjSpec`; `"arm6"`, a two-joint arm with six muscles that comes with the library; or, where MyoSuite is
-      installed, the model of one of its environments, `"myosuite:myoFingerPoseRandom-v0"`, or one of its models by
-      name, such as `"myosuite:myolegs"` or `"myosuite:myofullbody"`. Text and
-      descriptions are kept as they are, with the files that they name, so that a run with such a body needs no other
-      file. A path is kept as an absolute path, with a checksum; a model of MyoSuite by its name, with a checksum.
-    - `start`: the keyframe in which simulations start; by default the first, or the model's reference pose where it has
-      none.
-    - `timestep` (s): time step of the physics, by default the model's own.
-    - `assets`: the content of files that a document given as text names: pairs of the file's name and its content in
-      base64. It is filled in.
-    - `checksum`: checksum of a file and all that it includes or names, or of a model of MyoSuite. It is filled in. A
-      body with another one is refused, so that a run never continues with a model that has changed.
-    - `muscle_model`: `"native"` for MuJoCo's own muscles; `"hill"` to put a Hill-type muscle in place of each that is
-      on a tendon (see the page on muscles).
-    - `tendon`: the tendons of Hill-type muscles, `"compliant"` or `"rigid"`.
-    - `curves`: the curves of Hill-type muscles, `"de-groote"` or `"millard"`.
-    - `hill`: the numbers of some of them: pairs of an actuator's name, or a pattern such as `"flexor*"`, and a `Hill`.
-      All others resemble MuJoCo's, as `hill_of` says.
 
     **Raises:** `ValueError`, in one line, for what MuJoCo refuses, for a model beyond the limits of size (see
     `read_model`), for a keyframe that does not exist, and for a file that is not what its checksum says.
@@ -76,15 +54,45 @@ class Mjcf:
     ```
     """
 
-    source: Path | str = "arm6"
-    start: str | None = None
-    timestep: float = math.nan
-    assets: tuple[tuple[str, str], ...] = ()
-    checksum: str | None = None
-    muscle_model: Literal["native", "hill"] = "native"
-    tendon: Tendon = "compliant"
-    curves: Curves = "de-groote"
-    hill: tuple[tuple[str, Hill], ...] = ()
+    source: Path | str = static(
+        "arm6",
+        help="the path of an MJCF or URDF file, with its meshes and textures beside it; the document itself, "
+        'as text; a `mujoco.MjSpec`; `"arm6"`, a two-joint arm with six muscles that comes with the '
+        "library; or, where MyoSuite is installed, the model of one of its environments, "
+        '`"myosuite:myoFingerPoseRandom-v0"`, or one of its models by name, such as `"myosuite:myolegs"` '
+        'or `"myosuite:myofullbody"`. Text and descriptions are kept as they are, with the files that '
+        "they name, so that a run with such a body needs no other file. A path is kept as an absolute "
+        "path, with a checksum; a model of MyoSuite by its name, with a checksum",
+    )
+    start: str | None = static(
+        None,
+        help="the keyframe in which simulations start; by default the first, or the model's reference pose "
+        "where it has none",
+    )
+    timestep: float = number(math.nan, unit="s", help="time step of the physics, by default the model's own")
+    assets: tuple[tuple[str, str], ...] = static(
+        (),
+        help="the content of files that a document given as text names: pairs of the file's name and its "
+        "content in base64. It is filled in",
+    )
+    checksum: str | None = static(
+        None,
+        help="checksum of a file and all that it includes or names, or of a model of MyoSuite. It is filled "
+        "in. A body with another one is refused, so that a run never continues with a model that has "
+        "changed",
+    )
+    muscle_model: Literal["native", "hill"] = static(
+        "native",
+        help='`"native"` for MuJoCo\'s own muscles; `"hill"` to put a Hill-type muscle in place of each '
+        "that is on a tendon (see the page on muscles)",
+    )
+    tendon: Tendon = static("compliant", help='the tendons of Hill-type muscles, `"compliant"` or `"rigid"`')
+    curves: Curves = static("de-groote", help='the curves of Hill-type muscles, `"de-groote"` or `"millard"`')
+    hill: tuple[tuple[str, Hill], ...] = static(
+        (),
+        help='the numbers of some of them: pairs of an actuator\'s name, or a pattern such as `"flexor*"`, '
+        "and a `Hill`. All others resemble MuJoCo's, as `hill_of` says",
+    )
 
     def __post_init__(self) -> None:
         source: Any = self.source

@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad._settings import check_fields
 from motorgrad.bodies.muscles._curve_sets import CURVES, with_curves
 from motorgrad.bodies.muscles._hill_curves import STRAIN
 from motorgrad.bodies.muscles._hill_dynamics import tendon_length
 from motorgrad.bodies.muscles._machine_code import compiled_hill
 from motorgrad.bodies.muscles._muscle import Attachment, Wrap
+from motorgrad.schema import Settings, number, static
 
 Tendon = Literal["compliant", "rigid"]
 Curves = Literal["de-groote", "millard"]
@@ -29,7 +29,7 @@ MIN_TENDON_SLACK = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
-class Hill:
+class Hill(Settings):
     r"""The numbers of a Hill-type muscle: a fiber, and in series with it a tendon.
 
     $$\left(a f_L(\tilde l) f_V(\tilde v) + f_P(\tilde l) + \beta \tilde v\right) \cos\alpha = f_T(\tilde l_T)$$
@@ -38,38 +38,40 @@ class Hill:
 
     **Arguments:**
 
-    - `max_isometric_force` (N): greatest isometric force of the fiber, at its optimal length.
-    - `optimal_fiber_length` (m): length at which a fiber is strongest.
-    - `tendon_slack_length` (m): length beyond which the tendon pulls.
-    - `pennation_angle` (rad): between fiber and tendon at the optimal length; the fiber keeps its height as it changes
-      its length. Less than π/2.
-    - `max_contraction_velocity` (1/s): greatest velocity of shortening, in optimal fiber lengths per second.
     - `activation_time_constant`, `deactivation_time_constant` (s): time constants of the activation.
-    - `fiber_damping`: β, which acts on the velocity as a multiple of the greatest.
-    - `tendon`: `"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one that always
-      has its slack length, or pulls on nothing.
-    - `tendon_strain`: strain of a compliant tendon at the greatest isometric force.
-    - `curves`: `"de-groote"` for those of De Groote et al. (2016), `"millard"` for those of Millard et al. (2013).
 
     **Raises:** `ValueError` naming the field and what it may be.
 
     Source: De Groote et al. (2016); Millard et al. (2013).
     """
 
-    max_isometric_force: float
-    optimal_fiber_length: float
-    tendon_slack_length: float
-    pennation_angle: float = 0.0
-    max_contraction_velocity: float = 10.0
+    max_isometric_force: float = number(unit="N", help="greatest isometric force of the fiber, at its optimal length")
+    optimal_fiber_length: float = number(unit="m", help="length at which a fiber is strongest")
+    tendon_slack_length: float = number(unit="m", help="length beyond which the tendon pulls")
+    pennation_angle: float = number(
+        0.0,
+        unit="rad",
+        help="between fiber and tendon at the optimal length; the fiber keeps its height as it changes its "
+        "length. Less than π/2",
+    )
+    max_contraction_velocity: float = number(
+        10.0, unit="1/s", help="greatest velocity of shortening, in optimal fiber lengths per second"
+    )
     activation_time_constant: float = 0.015
     deactivation_time_constant: float = 0.06
-    fiber_damping: float = 0.1
-    tendon: Tendon = "compliant"
-    tendon_strain: float = STRAIN
-    curves: Curves = "de-groote"
+    fiber_damping: float = number(0.1, help="β, which acts on the velocity as a multiple of the greatest")
+    tendon: Tendon = static(
+        "compliant",
+        help='`"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one '
+        "that always has its slack length, or pulls on nothing",
+    )
+    tendon_strain: float = number(STRAIN, help="strain of a compliant tendon at the greatest isometric force")
+    curves: Curves = static(
+        "de-groote",
+        help='`"de-groote"` for those of De Groote et al. (2016), `"millard"` for those of Millard et al. (2013)',
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self)
+    def validate(self) -> None:
         for name in (
             *("max_isometric_force", "optimal_fiber_length", "max_contraction_velocity", "tendon_strain"),
             *("activation_time_constant", "deactivation_time_constant"),
@@ -110,16 +112,12 @@ class Hill:
 
 
 @dataclasses.dataclass(frozen=True)
-class HillMuscle:
+class HillMuscle(Settings):
     """A Hill-type muscle and its path, for a body of your own; otherwise as `Muscle`.
 
     **Arguments:**
 
-    - `name`: unique within the body; also the name of the tendon and of the actuator.
-    - `group`: muscles of one group share one component of the action, their excitation.
     - `origin`, `insertion`: the two ends; the path is the shortest one between them.
-    - `hill`: the numbers of fiber and tendon.
-    - `wrap`: what the path wraps around, or None for a straight muscle.
 
     ```python
     soleus = mg.bodies.HillMuscle(
@@ -132,12 +130,12 @@ class HillMuscle:
     ```
     """
 
-    name: str
-    group: str
+    name: str = static(help="unique within the body; also the name of the tendon and of the actuator")
+    group: str = static(help="muscles of one group share one component of the action, their excitation")
     origin: Attachment
     insertion: Attachment
-    hill: Hill
-    wrap: Wrap | None = None
+    hill: Hill = static(help="the numbers of fiber and tendon")
+    wrap: Wrap | None = static(None, help="what the path wraps around, or None for a straight muscle")
 
     def __post_init__(self) -> None:
         check(isinstance(self.name, str) and self.name, "HillMuscle.name", self.name, "a name that is not empty")

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from motorgrad._arrays import Real
 from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad.schema import Settings, number, static
 
 
 def tension(
@@ -52,7 +53,7 @@ def tension(
 
 
 @dataclasses.dataclass(frozen=True)
-class Attachment:
+class Attachment(Settings):
     """A point where a muscle is attached: the name of a body, and (x, y, z) in m in that body's frame."""
 
     body: str
@@ -71,7 +72,7 @@ class Attachment:
 
 
 @dataclasses.dataclass(frozen=True)
-class Wrap:
+class Wrap(Settings):
     """An obstacle on a muscle's path: the name of a sphere or cylinder geom, and of the site that tells MuJoCo on which
     side the path passes. Put the site near the middle of the arc; the page on bodies explains why."""
 
@@ -84,32 +85,29 @@ class Wrap:
 
 
 @dataclasses.dataclass(frozen=True)
-class Muscle:
+class Muscle(Settings):
     """A muscle: its path and its strength. `tension` gives its force.
 
     **Arguments:**
 
-    - `name`: unique within the body; also the name of the tendon and of the actuator.
-    - `group`: muscles of one group share one component of the action.
     - `origin`, `insertion`: the two ends; the path is the shortest one between them.
-    - `strength`: greatest contractile force $f_{max}$, N, > 0.
-    - `rest_length`: $r$, m, > 0.
-    - `damping`: $k_{SE}$, N s/m, ≥ 0.
-    - `shape`: $k_{CE}$, > 0; infinite for a contractile force that does not depend on the length.
-    - `wrap`: the joint capsule around which the path wraps, or None for a straight muscle.
 
     **Raises:** `ValueError` naming the field and its range.
     """
 
-    name: str
-    group: str
+    name: str = static(help="unique within the body; also the name of the tendon and of the actuator")
+    group: str = static(help="muscles of one group share one component of the action")
     origin: Attachment
     insertion: Attachment
-    strength: float
-    rest_length: float
-    damping: float = 8.0
-    shape: float = 0.5
-    wrap: Wrap | None = None
+    strength: float = number(help="greatest contractile force $f_{max}$, N, > 0")
+    rest_length: float = number(help="$r$, m, > 0")
+    damping: float = number(8.0, help="$k_{SE}$, N s/m, ≥ 0")
+    shape: float = number(
+        0.5, help="$k_{CE}$, > 0; infinite for a contractile force that does not depend on the length"
+    )
+    wrap: Wrap | None = static(
+        None, help="the joint capsule around which the path wraps, or None for a straight muscle"
+    )
 
     def __post_init__(self) -> None:
         check(isinstance(self.name, str) and self.name, "Muscle.name", self.name, "a name that is not empty")
@@ -123,23 +121,14 @@ class Muscle:
 
 
 @dataclasses.dataclass(frozen=True)
-class Servo:
-    r"""A motor that turns a joint at a desired velocity: $\tau = \mathrm{clip}(k_v (u - \dot q), \pm\tau_{max})$.
+class Servo(Settings):
+    r"""A motor that turns a joint at a desired velocity: $\tau = \mathrm{clip}(k_v (u - \dot q), \pm\tau_{max})$."""
 
-    **Arguments:**
-
-    - `name`: unique within the body.
-    - `group`: servos of one group share one component of the action, the desired velocity $u$ in rad/s.
-    - `joint`: the name of the hinge.
-    - `gain` (N m s/rad): $k_v$.
-    - `limit` (N m): $\tau_{max}$.
-    """
-
-    name: str
-    group: str
-    joint: str
-    gain: float
-    limit: float
+    name: str = static(help="unique within the body")
+    group: str = static(help="servos of one group share one component of the action, the desired velocity $u$ in rad/s")
+    joint: str = static(help="the name of the hinge")
+    gain: float = number(unit="N m s/rad", help="$k_v$")
+    limit: float = number(unit="N m", help=r"$\tau_{max}$")
 
     def __post_init__(self) -> None:
         for field in ("gain", "limit"):

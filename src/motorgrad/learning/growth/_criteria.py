@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import counted_on
-from motorgrad._tree import Part, count, number
+from motorgrad.schema import Part, count, number
 
 BATCHES = 20
 """Parts of a window. The spread of their means gives the interval, because successive rewards are correlated."""
@@ -42,14 +42,15 @@ class Criterion(Part):
 
 
 class Clock(Criterion):
-    """A unit every `interval` decisions, until the pool is full (section 6.4.3 of the thesis).
+    """A unit every `interval` decisions, until the pool is full (section 6.4.3 of the thesis)."""
 
-    **Arguments:**
-
-    - `interval` (decisions): time from one unit to the next, at least the length of the adding phase.
-    """
-
-    interval: int = count(10_000, 1, 2**30 - 1)
+    interval: int = count(
+        10_000,
+        1,
+        2**30 - 1,
+        unit="decisions",
+        help="time from one unit to the next, at least the length of the adding phase",
+    )
 
     def check(self, adding: int) -> None:
         wanted = f"at least the {adding:,} decisions of the adding phase"
@@ -105,17 +106,25 @@ class Plateau(Criterion):
 
     Short windows have wide intervals that hide every rise: the reward seems flat at once. A task that needs several
     units before it pays needs a larger `patience`.
-
-    **Arguments:**
-
-    - `window` (decisions): length of the windows whose mean rewards are compared, at least 40.
-    - `confidence`: level of the two-sided interval of a difference, in (0, 1).
-    - `patience` (units): number of successive units without improvement after which growth stops, at least 1.
     """
 
-    window: int = count(4_000, 2 * BATCHES, 2**30 - 1)
-    confidence: float = number(0.95, 0, 1, open_low=True, open_high=True)
-    patience: int = count(3, 1, 2**30 - 1)
+    window: int = count(
+        4_000,
+        2 * BATCHES,
+        2**30 - 1,
+        unit="decisions",
+        help="length of the windows whose mean rewards are compared, at least 40",
+    )
+    confidence: float = number(
+        0.95, 0, 1, open_low=True, open_high=True, help="level of the two-sided interval of a difference, in (0, 1)"
+    )
+    patience: int = count(
+        3,
+        1,
+        2**30 - 1,
+        unit="units",
+        help="number of successive units without improvement after which growth stops, at least 1",
+    )
 
     def init(self, dtype: DTypeLike) -> PlateauState:
         zero = jnp.zeros((), dtype)

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from motorgrad._errors import check
-from motorgrad._tree import Part, count, number, static
 from motorgrad.learning.growth._criteria import Clock, Criterion
 from motorgrad.learning.growth._visited import Visited, VisitedState, hash_bits
 from motorgrad.policies import LocalUnits, Masked, Policy
+from motorgrad.schema import Part, count, inner, number, static
 
 LONG = 2**30  # where the count of decisions since an addition stands still
 
@@ -48,21 +48,6 @@ class Growth(Part):
     Units that are active when learning begins stay, and count. The pool's units are added in their order. The whole
     step of the optimizer is scaled, so for every optimizer it is as if the learning rates were; so is a weight decay.
 
-    **Arguments:**
-
-    - `criterion`: `Clock(interval)` or `Plateau(window, confidence, patience)`.
-    - `units`: the number of units at which growth is complete; by default all of the pool.
-    - `centre`: where a unit starts, one number for all inputs or one for each.
-    - `placement`: none to start there, or `Visited(slots, every)` to start at an observation drawn from the recent
-      ones: a unit has an effect only where the learner goes (section 6.5.4). The first unit starts at `centre`.
-    - `width`: width of a new unit, positive, in the units of the inputs: $\sigma$ of Gaussians, half the length of
-      boxes, the radius of spheres, in every input. With `cutoff` and `shrink` it sets the length of the adding phase,
-      so all three are static.
-    - `cutoff`: the width at which the adding phase ends, positive and at most `width`.
-    - `shrink`: the factor on the width at every decision of the adding phase, in (0, 1).
-    - `boost`: the factor on the steps of the newest unit in the adding phase, at least 0.
-    - `damp`: the factor on the steps of the other units meanwhile, at least 0.
-
     **Raises:** `ValueError` for a value out of range or for a clock quicker than the adding phase; from `init` for a
     policy that is no `Masked` pool of local units, for a pool smaller than `units`, or a centre of another length.
     """
@@ -73,15 +58,29 @@ class Growth(Part):
     }
     """Growth by a named criterion, for configurations and the command line."""
 
-    criterion: Criterion = Clock()
-    units: int | None = count(None, 1)
-    centre: float | tuple[float, ...] = number(0.5, groups=True)
-    placement: Visited | None = None
-    width: float = static(1.0)
-    cutoff: float = static(0.15)
-    shrink: float = static(0.99975)
-    boost: float = number(8.0, 0)
-    damp: float = number(0.5, 0)
+    criterion: Criterion = inner(Clock(), help="`Clock(interval)` or `Plateau(window, confidence, patience)`")
+    units: int | None = count(
+        None, 1, help="the number of units at which growth is complete; by default all of the pool"
+    )
+    centre: float | tuple[float, ...] = number(
+        0.5, groups=True, help="where a unit starts, one number for all inputs or one for each"
+    )
+    placement: Visited | None = inner(
+        None,
+        help="none to start there, or `Visited(slots, every)` to start at an observation drawn from the recent "
+        "ones: a unit has an effect only where the learner goes (section 6.5.4). The first unit starts "
+        "at `centre`",
+    )
+    width: float = static(
+        1.0,
+        help=r"width of a new unit, positive, in the units of the inputs: $\sigma$ of Gaussians, half the "
+        r"length of boxes, the radius of spheres, in every input. With `cutoff` and `shrink` it sets the "
+        r"length of the adding phase, so all three are static",
+    )
+    cutoff: float = static(0.15, help="the width at which the adding phase ends, positive and at most `width`")
+    shrink: float = static(0.99975, help="the factor on the width at every decision of the adding phase, in (0, 1)")
+    boost: float = number(8.0, 0, help="the factor on the steps of the newest unit in the adding phase, at least 0")
+    damp: float = number(0.5, 0, help="the factor on the steps of the other units meanwhile, at least 0")
 
     def validate(self) -> None:
         check(0 < self.width < math.inf, "width", self.width, "positive")

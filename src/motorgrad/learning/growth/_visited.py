@@ -7,7 +7,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float, UInt32
 
 from motorgrad._running import counted_round
-from motorgrad._tree import Part, count
+from motorgrad.schema import Part, count
 
 
 class VisitedState(NamedTuple):
@@ -26,16 +26,15 @@ class Visited(Part):
 
     An integer hash of the seed's `salt` chooses the decision, so no random number is drawn, and growth changes no other
     random number.
-
-    **Arguments:**
-
-    - `slots`: number of observations that are kept.
-    - `every` (decisions): distance between two kept observations. The memory reaches back `slots` times `every`
-      decisions.
     """
 
-    slots: int = count(64, 1, 100_000)
-    every: int = count(100, 1)
+    slots: int = count(64, 1, 100_000, help="number of observations that are kept")
+    every: int = count(
+        100,
+        1,
+        unit="decisions",
+        help="distance between two kept observations. The memory reaches back `slots` times `every` decisions",
+    )
 
     def init(self, inputs: int, dtype: DTypeLike) -> VisitedState:
         """The empty memory."""

@@ -32,6 +32,7 @@ from motorgrad.learning._traces import Episodic, Exponential
 from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
 from motorgrad.policies import LocalGaussians, split, trainable
+from motorgrad.schema import inner
 
 MIN_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
 STEP = 16  # units, by which the room in a table grows
@@ -74,15 +75,9 @@ class SparseAgent(Agent):
 
     Tables are made outside compiled code. Where `due` says so, call `refresh` before the next `act`, which consumes as
     many uniforms as the table has room for. `publish` brings the policy up to date, for others to read.
-
-    **Arguments:** those of an `Agent`, with `LocalGaussians`, an `Exponential` or `Episodic` trace, a baseline that
-    does not depend on the observation, a step at every decision by `SGD` without weight decay, and no metric, growth,
-    averaging or entropy bonus; and
-
-    - `index`: what is neglected and when tables are made.
     """
 
-    index: SpatialIndex = SpatialIndex()
+    index: SpatialIndex = inner(SpatialIndex(), help="what is neglected and when tables are made")
 
     def validate(self) -> None:
         super().validate()

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad._tree import Part, count, static
 from motorgrad.policies import LocalGaussians
+from motorgrad.schema import Part, count, static
 
 SLACK = 1e-3  # of a cell: how much wider a cell is taken than it is, for the rounding of single precision
 UNITS_A_CELL = 4  # of all units, when the number of cells is chosen
@@ -24,21 +24,33 @@ class SpatialIndex(Part):
     $m$. The grid spans the units' centres; cells at its border reach to infinity, so every observation is in one.
 
     All numbers fix tables that are made outside compiled code, so they are static.
-
-    **Arguments:**
-
-    - `neglect`: $\varepsilon$, the greatest probability with which a unit may fire where it is not listed, in (0, 1).
-    - `margin` (widths): $m > 0$, how far units move before a table is made anew. A wide margin lists more units, a
-      narrow one makes more tables.
-    - `cells`: number of cells of the grid in every input; by default there are about four units to a cell.
-    - `rebase` (decisions): greatest time between updates of all units; shorter if the trace decays so fast that
-      rounding would matter.
     """
 
-    neglect: float = static(1e-3)
-    margin: float = static(1.0)
-    cells: int | None = count(None, 1, 4096)
-    rebase: int = count(64, 1, 1024)
+    neglect: float = static(
+        1e-3,
+        help=r"$\varepsilon$, the greatest probability with which a unit may fire where it is not listed, in "
+        r"(0, 1)",
+    )
+    margin: float = static(
+        1.0,
+        unit="widths",
+        help="$m > 0$, how far units move before a table is made anew. A wide margin lists more units, a "
+        "narrow one makes more tables",
+    )
+    cells: int | None = count(
+        None,
+        1,
+        4096,
+        help="number of cells of the grid in every input; by default there are about four units to a cell",
+    )
+    rebase: int = count(
+        64,
+        1,
+        1024,
+        unit="decisions",
+        help="greatest time between updates of all units; shorter if the trace decays so fast that rounding "
+        "would matter",
+    )
 
     def validate(self) -> None:
         check(0 < self.neglect < 1, "neglect", self.neglect, "in (0, 1)")

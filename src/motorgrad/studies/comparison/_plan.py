@@ -8,8 +8,7 @@ from typing import Any, Literal, Self
 
 from motorgrad._errors import check, check_finite, check_integer, check_positive, choice, unknown
 from motorgrad._files import read_toml
-from motorgrad._settings import as_hinted, build, table
-from motorgrad._tree import hints_of
+from motorgrad.schema import Settings, as_hinted, build, hints_of, static, table
 from motorgrad.studies._grid import as_given, distinctions, has_range
 from motorgrad.studies._partition import Measure
 from motorgrad.studies._plan import Design, points_of
@@ -30,17 +29,15 @@ MEASURES: tuple[Measure, ...] = ("online", "frozen", "frozen-mode")
 
 
 @dataclasses.dataclass(frozen=True)
-class Seeds:
-    """Two disjoint sets of seeds.
+class Seeds(Settings):
+    """Two disjoint sets of seeds."""
 
-    **Arguments:**
-
-    - `tune`: the seeds that choose settings: their number (0, 1, 2 …), or a list of them.
-    - `judge`: the seeds that are reported: their number, which follow those that tune, or a list of them.
-    """
-
-    tune: int | tuple[int, ...]
-    judge: int | tuple[int, ...]
+    tune: int | tuple[int, ...] = static(
+        help="the seeds that choose settings: their number (0, 1, 2 …), or a list of them"
+    )
+    judge: int | tuple[int, ...] = static(
+        help="the seeds that are reported: their number, which follow those that tune, or a list of them"
+    )
 
     def __post_init__(self) -> None:
         start = 0
@@ -77,24 +74,25 @@ def _numbers(seeds: int | tuple[int, ...], first: int) -> list[int]:
 
 
 @dataclasses.dataclass(frozen=True)
-class JudgedTask:
-    """A task of a comparison.
+class JudgedTask(Settings):
+    """A task of a comparison."""
 
-    **Arguments:**
-
-    - `task`: the name of the task, or a table with its `name` and settings; by default its name in the comparison.
-    - `steps` (decisions): length of each run, at least 1; by default those of the comparison.
-    - `metric`: metric of the task, by default that of the comparison.
-    - `agent`: settings that every method has on this task, such as a policy. They are not tuned.
-    - `scale`: what is to be scored 0 and 1, such as what a random and the best policy earn; by default the 5th and the
-      95th percentile of what the settings of all methods reached in tuning.
-    """
-
-    task: Any = None
-    steps: int | None = None
-    metric: str | None = None
-    agent: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    scale: tuple[float, float] | None = None
+    task: Any = static(
+        None,
+        help="the name of the task, or a table with its `name` and settings; by default its name in the comparison",
+    )
+    steps: int | None = static(
+        None, unit="decisions", help="length of each run, at least 1; by default those of the comparison"
+    )
+    metric: str | None = static(None, help="metric of the task, by default that of the comparison")
+    agent: Mapping[str, Any] = static(
+        factory=dict, help="settings that every method has on this task, such as a policy. They are not tuned"
+    )
+    scale: tuple[float, float] | None = static(
+        None,
+        help="what is to be scored 0 and 1, such as what a random and the best policy earn; by default the 5th "
+        "and the 95th percentile of what the settings of all methods reached in tuning",
+    )
 
     def __post_init__(self) -> None:
         if self.steps is not None:
@@ -111,7 +109,7 @@ class JudgedTask:
 
 
 @dataclasses.dataclass(frozen=True)
-class ComparisonPlan:
+class ComparisonPlan(Settings):
     """All that `Comparison` is but how it runs: its tasks, methods and settings, and the studies of its stages."""
 
     tasks: Any

@@ -16,7 +16,7 @@ from motorgrad._errors import check, check_integer, unknown
 from motorgrad._interface import ActionCode, Interface, ObservationCode
 from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean
-from motorgrad._settings import check_fields
+from motorgrad.schema import check_fields, number, static
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.gymnasium._batch import (
@@ -79,26 +79,6 @@ class Gymnasium(HostTask):
     in steps. Where the environment reports success in its `info`, as `solved`, `success` or `is_success`, so are
     `success`, the share of episodes that succeed, and `solved`, the share of steps on which the task is solved.
 
-    **Arguments:**
-
-    - `env_id`: the environment's id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module registers, or
-      `"module:name"` for a class or a function of a module that makes one. A module is imported only where the user
-      names it: by `from_gymnasium`, on the command line, or by trusting the file that names it.
-    - `kwargs`: arguments passed to `gymnasium.make`: numbers, strings, true or false. They may include
-      `max_episode_steps`.
-    - `repeat`: number of environment steps per decision, during which the action is held and rewards are summed.
-    - `scaling`: scaling of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` subtracts the
-      running mean of this seed's observations and divides by their standard deviation, clipped to ±5; `"auto"` uses
-      bounds within ±1e6, and running statistics elsewhere; `"none"` leaves them unchanged.
-    - `code`: encoding of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or `"auto"`
-      for the default of the action space; see `docs/foreign-environments.md`.
-    - `end_reward`: reward added, for the learner only, at a decision at which the environment terminates (not at a time
-      limit). If every step has the same reward, only the ends inform an average reward.
-    - `info`: further keys of a step's `info` dictionary to read, each a single number or a flag. The mean over steps is
-      recorded under the key's name. Where the environment reports several of `solved`, `success` and `is_success`, the
-      one named here means success.
-    - `success_steps` (steps): the least number of solved steps in a successful episode.
-
     **Raises:** `ValueError` for an environment that does not exist or cannot be made, an unsupported space, or a
     setting that does not fit it; `NotTrusted` for one that would import what its user has not named.
     """
@@ -106,14 +86,45 @@ class Gymnasium(HostTask):
     name: ClassVar[str] = "gymnasium"
     episodic: ClassVar[bool] = True
 
-    env_id: str = "CartPole-v1"
-    kwargs: Mapping[str, bool | int | float | str] | None = None
-    repeat: int = 1
-    scaling: Scaling = "auto"
-    code: Code = "auto"
-    end_reward: float = 0.0
-    info: tuple[str, ...] = ()
-    success_steps: int = 1
+    env_id: str = static(
+        "CartPole-v1",
+        help='the environment\'s id, such as `"CartPole-v1"`, or `"module:Name-v0"` for one that a module '
+        'registers, or `"module:name"` for a class or a function of a module that makes one. A module'
+        " is imported only where the user names it: by `from_gymnasium`, on the command line, or by "
+        "trusting the file that names it",
+    )
+    kwargs: Mapping[str, bool | int | float | str] | None = static(
+        None,
+        help="arguments passed to `gymnasium.make`: numbers, strings, true or false. They may include "
+        "`max_episode_steps`",
+    )
+    repeat: int = static(
+        1, help="number of environment steps per decision, during which the action is held and rewards are summed"
+    )
+    scaling: Scaling = static(
+        "auto",
+        help='scaling of observations: `"bounds"` scales them from their bounds to −1 … 1; `"running"` '
+        "subtracts the running mean of this seed's observations and divides by their standard "
+        'deviation, clipped to ±5; `"auto"` uses bounds within ±1e6, and running statistics '
+        'elsewhere; `"none"` leaves them unchanged',
+    )
+    code: Code = static(
+        "auto",
+        help='encoding of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or '
+        '`"auto"` for the default of the action space; see `docs/foreign-environments.md`',
+    )
+    end_reward: float = number(
+        0.0,
+        help="reward added, for the learner only, at a decision at which the environment terminates (not at a "
+        "time limit). If every step has the same reward, only the ends inform an average reward",
+    )
+    info: tuple[str, ...] = static(
+        (),
+        help="further keys of a step's `info` dictionary to read, each a single number or a flag. The mean "
+        "over steps is recorded under the key's name. Where the environment reports several of `solved`, "
+        "`success` and `is_success`, the one named here means success",
+    )
+    success_steps: int = static(1, unit="steps", help="the least number of solved steps in a successful episode")
 
     def __post_init__(self) -> None:
         for name, value in self._kwargs.items():

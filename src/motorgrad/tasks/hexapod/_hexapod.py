@@ -25,6 +25,7 @@ from motorgrad.bodies import (
     read_trunk,
 )
 from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.schema import inner, number, static
 from motorgrad.tasks._task import Flag, Metric, Mirror, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
@@ -85,28 +86,6 @@ class Hexapod(WalkingTask):
     Observed: the six lateral angles divided by `angle_scale`, and the other senses in `observes`. Actions: each muscle
     fires or not; with `synergies`, each unit drives several muscles. Reward: `reward_scale` × the velocity (m/s) of the
     middle section along the direction that `reward_type` names. An episode ends when the trunk overturns.
-
-    **Arguments:**
-
-    - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
-    - `terrain`: the ground (`motorgrad.bodies.Terrain`), an infinite level plane at difficulty 0.
-    - `synergies`: for each unit the groups of muscles that it drives, names or patterns such as `levator_*`, separated
-      by spaces; by default every muscle has its own unit.
-    - `observes`: `"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, the present ones;
-      `"contact"`, +1 for every foot on the ground and -1 for the others; `"yaw"`, the smoothed yaw rate in rad/s;
-      `"course"`, the heading relative to the course's in rad; `"vertical"`, the six vertical angles; `"velocity"`, the
-      six lateral and six vertical velocities, divided by 10 rad/s; `"trunk"`, the motion of the middle section: the
-      sines of its pitch and roll, divided by 0.2, its velocity forward, to the left and up, divided by 2, 1 and 0.5
-      m/s, and its rates of rotation about these axes, divided by 3 rad/s. They are always in this order.
-    - `lag` (decisions): delay of the observation `"lateral"`; 0 in the thesis.
-    - `angle_scale` (degrees): the angle of a joint that is observed as 1.
-    - `yaw_smoothing`: the weight of the newest yaw rate in the smoothed one, in (0, 1].
-    - `reward_type`: the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading at the
-      start of a course; or the world's `"x"` axis.
-    - `course` (decisions): the length of a course; the batch size of the learner gives a new course per batch.
-    - `reward_scale`: reward per m/s of velocity.
-    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
-    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """
 
     name: ClassVar[str] = "hexapod"
@@ -114,18 +93,45 @@ class Hexapod(WalkingTask):
     episodic: ClassVar[bool] = True
     learner: ClassVar[Mapping[str, Any]] = MUSCLE_LEARNER
 
-    body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
-    terrain: Terrain = LEVEL
-    synergies: tuple[str, ...] | None = None
-    observes: tuple[Sense, ...] = ("lateral", "current", "contact", "yaw", "course")
-    lag: int = 1
-    angle_scale: float = 30.0
-    yaw_smoothing: float = 0.1
-    reward_type: Literal["heading", "course", "x"] = "course"
-    course: int = BATCH
-    reward_scale: float = 4.0
-    action_period: float = 0.02
-    time_limit: float | None = None
+    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
+    terrain: Terrain = static(
+        LEVEL, help="the ground (`motorgrad.bodies.Terrain`), an infinite level plane at difficulty 0"
+    )
+    synergies: tuple[str, ...] | None = static(
+        None,
+        help="for each unit the groups of muscles that it drives, names or patterns such as `levator_*`, "
+        "separated by spaces; by default every muscle has its own unit",
+    )
+    observes: tuple[Sense, ...] = static(
+        ("lateral", "current", "contact", "yaw", "course"),
+        help='`"lateral"`, the six lateral angles of `lag` decisions ago; `"current"`, the present ones; '
+        '`"contact"`, +1 for every foot on the ground and -1 for the others; `"yaw"`, the smoothed '
+        'yaw rate in rad/s; `"course"`, the heading relative to the course\'s in rad; `"vertical"`, '
+        'the six vertical angles; `"velocity"`, the six lateral and six vertical velocities, divided '
+        'by 10 rad/s; `"trunk"`, the motion of the middle section: the sines of its pitch and roll, '
+        "divided by 0.2, its velocity forward, to the left and up, divided by 2, 1 and 0.5 m/s, and "
+        "its rates of rotation about these axes, divided by 3 rad/s. They are always in this order",
+    )
+    lag: int = static(1, unit="decisions", help='delay of the observation `"lateral"`; 0 in the thesis')
+    angle_scale: float = number(30.0, unit="degrees", help="the angle of a joint that is observed as 1")
+    yaw_smoothing: float = number(0.1, help="the weight of the newest yaw rate in the smoothed one, in (0, 1]")
+    reward_type: Literal["heading", "course", "x"] = static(
+        "course",
+        help='the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading'
+        ' at the start of a course; or the world\'s `"x"` axis',
+    )
+    course: int = static(
+        BATCH,
+        unit="decisions",
+        help="the length of a course; the batch size of the learner gives a new course per batch",
+    )
+    reward_scale: float = number(4.0, help="reward per m/s of velocity")
+    action_period: float = number(
+        0.02, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
+    )
+    time_limit: float | None = number(
+        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
+    )
 
     def __post_init__(self) -> None:
         self.check_walking("angle_scale")
@@ -283,17 +289,16 @@ class HexapodSynergy(Hexapod):
 
     As in the thesis, it observes the six lateral angles without a lag, is rewarded for velocity along the heading, and
     learns by OLGARB. Everything else is as in `Hexapod`.
-
-    **Arguments:** those of `Hexapod`, and
-
-    - `synergies`: for each unit the groups of muscles that it drives; by default swing (lift and protract) and stance
-      (depress and retract) of the first tripod, then of the second.
     """
 
     name: ClassVar[str] = "hexapod-synergy"
     learner: ClassVar[Mapping[str, Any]] = {"policy": "hyperplanes", "decay": 0.97, "learning_rate": 1e-3}
 
-    synergies: tuple[str, ...] = TRIPOD_SYNERGIES
+    synergies: tuple[str, ...] = static(
+        TRIPOD_SYNERGIES,
+        help="for each unit the groups of muscles that it drives; by default swing (lift and protract) and "
+        "stance (depress and retract) of the first tripod, then of the second",
+    )
     observes: tuple[Sense, ...] = ("lateral",)
     lag: int = 0
     reward_type: Literal["heading", "course", "x"] = "heading"
@@ -305,12 +310,6 @@ class HexapodProprioception(Hexapod):
 
     Its learner has units that act for left and right (`motorgrad.policies.Mirrored`), and is designed for 200,000
     decisions. Everything else is as in `Hexapod`.
-
-    **Arguments:** those of `Hexapod`, and
-
-    - `observes`: by default everything present: angles and velocities of the joints, contacts, heading, and the motion
-      of the trunk.
-    - `time_limit` (s): 8 by default, so that the hexapod practises setting off; `None` for one long walk.
     """
 
     name: ClassVar[str] = "hexapod-proprioception"
@@ -327,5 +326,11 @@ class HexapodProprioception(Hexapod):
         entropy=0.02,
     )
 
-    observes: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk")
-    time_limit: float | None = 8.0
+    observes: tuple[Sense, ...] = static(
+        ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk"),
+        help="by default everything present: angles and velocities of the joints, contacts, heading, and the "
+        "motion of the trunk",
+    )
+    time_limit: float | None = number(
+        8.0, unit="s", help="8 by default, so that the hexapod practises setting off; `None` for one long walk"
+    )

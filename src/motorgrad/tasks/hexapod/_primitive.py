@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from motorgrad._arrays import AnyArray
 from motorgrad.bodies import LEGS, TRIPODS, BodyState, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.schema import inner, number
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
@@ -44,18 +45,6 @@ class HexapodPrimitive(WalkingTask):
     `stance` × exp(a), within limits. Reward: `reward_scale` × the velocity (m/s) of the middle section along its
     heading. An episode ends when the trunk overturns. The policy for it is `motorgrad.policies.Primitives`; other
     policies of real numbers work too.
-
-    **Arguments:**
-
-    - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
-    - `swing` (s): duration of a swing for the action 0.
-    - `stance` (s): duration of a stance for the action 0.
-    - `shortest` (s): the least duration of a swing or a stance.
-    - `longest` (s): the greatest duration of a swing or a stance.
-    - `angle_scale` (degrees): the lateral angle that is observed as 1.
-    - `reward_scale`: reward per m/s of velocity.
-    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
-    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """
 
     name: ClassVar[str] = "hexapod-primitive"
@@ -75,15 +64,19 @@ class HexapodPrimitive(WalkingTask):
         },
     }
 
-    body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
-    swing: float = 0.2
-    stance: float = 0.2
-    shortest: float = 0.02
-    longest: float = 1.0
-    angle_scale: float = 30.0
-    reward_scale: float = 4.0
-    action_period: float = 0.02
-    time_limit: float | None = None
+    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
+    swing: float = number(0.2, unit="s", help="duration of a swing for the action 0")
+    stance: float = number(0.2, unit="s", help="duration of a stance for the action 0")
+    shortest: float = number(0.02, unit="s", help="the least duration of a swing or a stance")
+    longest: float = number(1.0, unit="s", help="the greatest duration of a swing or a stance")
+    angle_scale: float = number(30.0, unit="degrees", help="the lateral angle that is observed as 1")
+    reward_scale: float = number(4.0, help="reward per m/s of velocity")
+    action_period: float = number(
+        0.02, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
+    )
+    time_limit: float | None = number(
+        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
+    )
 
     def __post_init__(self) -> None:
         self.check_walking("angle_scale")

@@ -15,6 +15,7 @@ from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad.bodies import BodyState, SlopeBatch, TripodClock, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.schema import inner, number, static
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
@@ -46,21 +47,6 @@ class HexapodStride(WalkingTask):
 
     The ground is a plane that rises or falls in the direction of the body's heading, with a new slope for every
     stretch.
-
-    **Arguments:**
-
-    - `body`: the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles.
-    - `clock`: converts the phase of a stride to swing and stance (`motorgrad.bodies.TripodClock`).
-    - `slopes` (degrees): from which each stretch draws one at random, positive uphill.
-    - `stretch` (s): duration of a slope.
-    - `start` (s): the period for the action 0.
-    - `shortest` (s): the least period.
-    - `longest` (s): the greatest period.
-    - `pitch_scale` (degrees): the pitch that is observed as 1.
-    - `smoothing`: the weight of the newest pitch in the smoothed one, in (0, 1].
-    - `reward_scale`: reward per m/s of velocity.
-    - `action_period` (s): simulated time between two decisions, a multiple of the body's time step.
-    - `time_limit` (s): simulated time after which an episode is cut; `None` for no limit.
     """
 
     name: ClassVar[str] = "hexapod-stride"
@@ -77,18 +63,28 @@ class HexapodStride(WalkingTask):
         "learning_rate": {"weights": 3e-5, "bias": 3e-5, "log_deviation": 0.0},
     }
 
-    body: HexapodBody = dataclasses.field(default_factory=HexapodBody)
-    clock: TripodClock = dataclasses.field(default_factory=TripodClock)
-    slopes: tuple[float, ...] = (-10.0, -5.0, 0.0, 5.0, 10.0)
-    stretch: float = 4.0
-    start: float = 0.3
-    shortest: float = 0.08
-    longest: float = 0.8
-    pitch_scale: float = 10.0
-    smoothing: float = 0.05
-    reward_scale: float = 4.0
-    action_period: float = 0.01
-    time_limit: float | None = None
+    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
+    clock: TripodClock = inner(
+        factory=TripodClock, help="converts the phase of a stride to swing and stance (`motorgrad.bodies.TripodClock`)"
+    )
+    slopes: tuple[float, ...] = static(
+        (-10.0, -5.0, 0.0, 5.0, 10.0),
+        unit="degrees",
+        help="from which each stretch draws one at random, positive uphill",
+    )
+    stretch: float = number(4.0, unit="s", help="duration of a slope")
+    start: float = number(0.3, unit="s", help="the period for the action 0")
+    shortest: float = number(0.08, unit="s", help="the least period")
+    longest: float = number(0.8, unit="s", help="the greatest period")
+    pitch_scale: float = number(10.0, unit="degrees", help="the pitch that is observed as 1")
+    smoothing: float = number(0.05, help="the weight of the newest pitch in the smoothed one, in (0, 1]")
+    reward_scale: float = number(4.0, help="reward per m/s of velocity")
+    action_period: float = number(
+        0.01, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
+    )
+    time_limit: float | None = number(
+        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
+    )
 
     def __post_init__(self) -> None:
         self.check_walking("pitch_scale")

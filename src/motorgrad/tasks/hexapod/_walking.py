@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from motorgrad._errors import check
-from motorgrad._settings import check_fields
 from motorgrad.bodies import LEGS, TRIPODS, HexapodReading
 from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.schema import check_fields
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Metric, Mirror
 

@@ -4,7 +4,7 @@ A term is a small frozen class under `Observation`, `Target`, `Quantity` or `Res
 name in TOML; `register` adds terms of your own. `motorgrad.tasks.compose` puts terms together.
 """
 
-from motorgrad._tree import PART_CLASSES
+from motorgrad.schema import PART_CLASSES
 from motorgrad.tasks.terms._observations import (
     Activations,
     Clock,

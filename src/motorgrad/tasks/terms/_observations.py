@@ -2,19 +2,14 @@
 
 import jax.numpy as jnp
 
-from motorgrad._tree import number, static
+from motorgrad.schema import number, static
 from motorgrad.tasks.terms._term import Bound, Names, Now, Observation, Scene, by_name
 
 
 class JointPositions(Observation):
-    """Positions of joints, in rad or m; of free and ball joints all numbers.
+    """Positions of joints, in rad or m; of free and ball joints all numbers."""
 
-    **Arguments:**
-
-    - `joints`: names or patterns of joints.
-    """
-
-    joints: Names = by_name("*")
+    joints: Names = by_name("*", help="names or patterns of joints")
 
     def bind(self, scene: Scene) -> Bound:
         names, places = scene.positions(self.joints)
@@ -22,14 +17,9 @@ class JointPositions(Observation):
 
 
 class JointVelocities(Observation):
-    """Velocities of joints, in rad/s or m/s.
+    """Velocities of joints, in rad/s or m/s."""
 
-    **Arguments:**
-
-    - `joints`: names or patterns of joints.
-    """
-
-    joints: Names = by_name("*")
+    joints: Names = by_name("*", help="names or patterns of joints")
 
     def bind(self, scene: Scene) -> Bound:
         names, places = scene.velocities(self.joints)
@@ -37,14 +27,9 @@ class JointVelocities(Observation):
 
 
 class OfActuators(Observation):
-    """A sensor reading of each actuator.
+    """A sensor reading of each actuator."""
 
-    **Arguments:**
-
-    - `actuators`: names or patterns of actuators.
-    """
-
-    actuators: Names = by_name("*")
+    actuators: Names = by_name("*", help="names or patterns of actuators")
 
     def of(self, scene: Scene, kind: str, word: str) -> Bound:
         """The readings of sensors of a kind, named by a word."""
@@ -93,14 +78,9 @@ class MuscleForces(OfActuators):
 
 
 class Activations(Observation):
-    """Activations of muscles and of other actuators that have an activation state.
+    """Activations of muscles and of other actuators that have an activation state."""
 
-    **Arguments:**
-
-    - `actuators`: names or patterns of actuators.
-    """
-
-    actuators: Names = by_name("*")
+    actuators: Names = by_name("*", help="names or patterns of actuators")
 
     def bind(self, scene: Scene) -> Bound:
         names, places = scene.activations(self.actuators)
@@ -108,42 +88,27 @@ class Activations(Observation):
 
 
 class Positions(Observation):
-    """Positions in the world of sites, bodies or geoms, in m.
+    """Positions in the world of sites, bodies or geoms, in m."""
 
-    **Arguments:**
-
-    - `parts`: names of sites, bodies or geoms.
-    """
-
-    parts: Names = by_name(())
+    parts: Names = by_name((), help="names of sites, bodies or geoms")
 
     def bind(self, scene: Scene) -> Bound:
         return _vectors(scene, self.parts, False)
 
 
 class Velocities(Observation):
-    """Velocities in the world of sites, bodies or geoms, in m/s.
+    """Velocities in the world of sites, bodies or geoms, in m/s."""
 
-    **Arguments:**
-
-    - `parts`: names of sites, bodies or geoms.
-    """
-
-    parts: Names = by_name(())
+    parts: Names = by_name((), help="names of sites, bodies or geoms")
 
     def bind(self, scene: Scene) -> Bound:
         return _vectors(scene, self.parts, True)
 
 
 class TargetPosition(Observation):
-    """The current position of a target.
+    """The current position of a target."""
 
-    **Arguments:**
-
-    - `target`: name of the target.
-    """
-
-    target: str = static("target")
+    target: str = static("target", help="name of the target")
 
     def bind(self, scene: Scene) -> Bound:
         target = scene.target(self.target)
@@ -152,14 +117,9 @@ class TargetPosition(Observation):
 
 
 class TargetError(Observation):
-    """The vector from the body to a target: for each number of the target, wanted − actual.
+    """The vector from the body to a target: for each number of the target, wanted − actual."""
 
-    **Arguments:**
-
-    - `target`: name of the target.
-    """
-
-    target: str = static("target")
+    target: str = static("target", help="name of the target")
 
     def bind(self, scene: Scene) -> Bound:
         target = scene.target(self.target)
@@ -168,14 +128,9 @@ class TargetError(Observation):
 
 
 class SensorReadings(Observation):
-    """Readings of the model's own sensors.
+    """Readings of the model's own sensors."""
 
-    **Arguments:**
-
-    - `sensors`: names or patterns of sensors.
-    """
-
-    sensors: Names = by_name("*")
+    sensors: Names = by_name("*", help="names or patterns of sensors")
 
     def bind(self, scene: Scene) -> Bound:
         names = scene.named("sensor", self.sensors)
@@ -192,13 +147,9 @@ class SensorReadings(Observation):
 class Contacts(Observation):
     """The force (N) with which sites are touched, or bodies are in contact with anything: normal forces within the
     volume of a site, the size of the whole force on a body.
-
-    **Arguments:**
-
-    - `parts`: names of sites or bodies.
     """
 
-    parts: Names = by_name(())
+    parts: Names = by_name((), help="names of sites or bodies")
 
     def bind(self, scene: Scene) -> Bound:
         wanted = scene.parts(self.parts)
@@ -216,14 +167,9 @@ class Contacts(Observation):
 
 
 class PreviousAction(Observation):
-    """The controls of the last decision; 0 at the start of an episode.
+    """The controls of the last decision; 0 at the start of an episode."""
 
-    **Arguments:**
-
-    - `actuators`: names or patterns of actuators.
-    """
-
-    actuators: Names = by_name("*")
+    actuators: Names = by_name("*", help="names or patterns of actuators")
 
     def bind(self, scene: Scene) -> Bound:
         places = scene.groups(self.actuators)
@@ -231,14 +177,9 @@ class PreviousAction(Observation):
 
 
 class Clock(Observation):
-    """The time since the start of the episode, in s; with a `period`, its sine and cosine.
+    """The time since the start of the episode, in s; with a `period`, its sine and cosine."""
 
-    **Arguments:**
-
-    - `period` (s): period of the sine and cosine; 0 for the time itself.
-    """
-
-    period: float = number(0.0, 0)
+    period: float = number(0.0, 0, unit="s", help="period of the sine and cosine; 0 for the time itself")
 
     def bind(self, scene: Scene) -> Bound:
         if not self.period:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._running import counted_on
-from motorgrad._tree import count, number, static
+from motorgrad.schema import count, inner, number, static
 from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scalar, Scene, by_name, norm, vector
 
 REST = 0.01
@@ -34,19 +34,12 @@ class OfDistance(Quantity):
 
 
 class Distance(OfDistance):
-    """How far the body is from a target: the length of the error, in m or rad, to a power.
+    """How far the body is from a target: the length of the error, in m or rad, to a power."""
 
-    **Arguments:**
-
-    - `target`: name of the target.
-    - `power`: the exponent to which the length is raised.
-    - `weight`: factor in the reward, by default −1.
-    """
-
-    target: str = static("target")
-    power: float = number(1.0, 0, open_low=True)
+    target: str = static("target", help="name of the target")
+    power: float = number(1.0, 0, open_low=True, help="the exponent to which the length is raised")
     _: KW_ONLY
-    weight: float = number(-1.0)
+    weight: float = number(-1.0, help="factor in the reward, by default −1")
 
     def of(self, distance: Scalar) -> Scalar:
         return distance if self.power == 1 else distance**self.power
@@ -57,13 +50,11 @@ class Closeness(OfDistance):
 
     **Arguments:**
 
-    - `target`: name of the target.
-    - `width` (m or rad): $w$, where it has fallen to 0.61.
     - `weight`: factor in the reward, by default 1.
     """
 
-    target: str = static("target")
-    width: float = number(0.1, 0, open_low=True)
+    target: str = static("target", help="name of the target")
+    width: float = number(0.1, 0, open_low=True, unit="m or rad", help="$w$, where it has fallen to 0.61")
 
     def of(self, distance: Scalar) -> Scalar:
         return jnp.exp(-0.5 * (distance / self.width) ** 2)
@@ -74,34 +65,24 @@ class Within(OfDistance):
 
     **Arguments:**
 
-    - `target`: name of the target.
-    - `tolerance` (m or rad): distance below which it counts.
     - `weight`: factor in the reward, by default 1.
     """
 
-    target: str = static("target")
-    tolerance: float = number(0.05, 0, open_low=True)
+    target: str = static("target", help="name of the target")
+    tolerance: float = number(0.05, 0, open_low=True, unit="m or rad", help="distance below which it counts")
 
     def of(self, distance: Scalar) -> Scalar:
         return jnp.where(distance < self.tolerance, 1.0, 0.0)
 
 
 class Beyond(Quantity):
-    """Whether the body is farther from a target than a limit, 1 or 0: a penalty in the reward.
+    """Whether the body is farther from a target than a limit, 1 or 0: a penalty in the reward."""
 
-    **Arguments:**
-
-    - `target`: name of the target.
-    - `limit` (m or rad): distance above which it counts.
-    - `after` (s): time in an episode from which it counts.
-    - `weight`: factor in the reward, by default −1.
-    """
-
-    target: str = static("target")
-    limit: float = number(0.5, 0, open_low=True)
-    after: float = number(0.0, 0)
+    target: str = static("target", help="name of the target")
+    limit: float = number(0.5, 0, open_low=True, unit="m or rad", help="distance above which it counts")
+    after: float = number(0.0, 0, unit="s", help="time in an episode from which it counts")
     _: KW_ONLY
-    weight: float = number(-1.0)
+    weight: float = number(-1.0, help="factor in the reward, by default −1")
 
     def bind(self, scene: Scene) -> Bound:
         # times are multiples of the period, but rounded
@@ -116,15 +97,12 @@ class Success(Quantity):
 
     **Arguments:**
 
-    - `target`: name of the target.
-    - `tolerance` (m or rad): distance below which it counts.
-    - `decisions`: the number that must be exceeded.
     - `weight`: factor in the reward, by default 1.
     """
 
-    target: str = static("target")
-    tolerance: float = number(0.05, 0, open_low=True)
-    decisions: int = count(5)
+    target: str = static("target", help="name of the target")
+    tolerance: float = number(0.05, 0, open_low=True, unit="m or rad", help="distance below which it counts")
+    decisions: int = count(5, help="the number that must be exceeded")
     _: KW_ONLY
     at_end: bool = static(True)
 
@@ -142,11 +120,10 @@ class Height(Quantity):
 
     **Arguments:**
 
-    - `part`: name of a site, body or geom.
     - `weight`: factor in the reward, by default 1.
     """
 
-    part: str = static("")
+    part: str = static("", help="name of a site, body or geom")
 
     def bind(self, scene: Scene) -> Bound:
         point = scene.point(self.part)
@@ -158,13 +135,11 @@ class Upright(Quantity):
 
     **Arguments:**
 
-    - `part`: name of a site, body or geom.
-    - `axis`: axis of the part, `"x"`, `"y"` or `"z"`.
     - `weight`: factor in the reward, by default 1.
     """
 
-    part: str = static("")
-    axis: Literal["x", "y", "z"] = static("z")
+    part: str = static("", help="name of a site, body or geom")
+    axis: Literal["x", "y", "z"] = static("z", help='axis of the part, `"x"`, `"y"` or `"z"`')
 
     def bind(self, scene: Scene) -> Bound:
         sensor = scene.sensor(f"FRAME{self.axis.upper()}AXIS", *scene.place(self.part))
@@ -176,15 +151,13 @@ class Along(Quantity):
 
     **Arguments:**
 
-    - `part`: name of a site, body or geom.
-    - `direction`: in the world; its length does not matter.
-    - `most` (m/s): a higher velocity counts as this one.
     - `weight`: factor in the reward, by default 1.
     """
 
-    part: str = static("")
-    direction: tuple[float, float, float] = vector((1.0, 0.0, 0.0))
-    most: float | None = number(None, 0)
+    part: str = static("", help="name of a site, body or geom")
+    direction: tuple[float, float, float] = vector((1.0, 0.0, 0.0), help="in the world; its length does not matter"
+    )
+    most: float | None = number(None, 0, unit="m/s", help="a higher velocity counts as this one")
 
     def validate(self) -> None:
         check(any(self.direction), "direction", self.direction, "three numbers that are not all 0")
@@ -201,19 +174,12 @@ class Along(Quantity):
 
 
 class Speed(Quantity):
-    """The speed of a site, body or geom in m/s; without one, the root of the mean square velocity of the joints.
+    """The speed of a site, body or geom in m/s; without one, the root of the mean square velocity of the joints."""
 
-    **Arguments:**
-
-    - `part`: name of a site, body or geom, or none.
-    - `joints`: names or patterns of joints.
-    - `weight`: factor in the reward, by default −1.
-    """
-
-    part: str | None = static(None)
-    joints: Names = by_name("*")
+    part: str | None = static(None, help="name of a site, body or geom, or none")
+    joints: Names = by_name("*", help="names or patterns of joints")
     _: KW_ONLY
-    weight: float = number(-1.0)
+    weight: float = number(-1.0, help="factor in the reward, by default −1")
 
     def bind(self, scene: Scene) -> Bound:
         if self.part is not None:
@@ -224,21 +190,13 @@ class Speed(Quantity):
 
 
 class Outside(Quantity):
-    """Whether a site, body or geom is outside a box, 1 or 0. As a termination, it needs no limit.
+    """Whether a site, body or geom is outside a box, 1 or 0. As a termination, it needs no limit."""
 
-    **Arguments:**
-
-    - `part`: name of a site, body or geom.
-    - `low` (m): the lowest corner of the box.
-    - `high` (m): the highest corner of the box.
-    - `weight`: factor in the reward, by default −1.
-    """
-
-    part: str = static("")
-    low: Numbers = vector((-1.0, -1.0, -1.0))
-    high: Numbers = vector((1.0, 1.0, 1.0))
+    part: str = static("", help="name of a site, body or geom")
+    low: Numbers = vector((-1.0, -1.0, -1.0), unit="m", help="the lowest corner of the box")
+    high: Numbers = vector((1.0, 1.0, 1.0), unit="m", help="the highest corner of the box")
     _: KW_ONLY
-    weight: float = number(-1.0)
+    weight: float = number(-1.0, help="factor in the reward, by default −1")
     above: float | None = number(0.5)
 
     def validate(self) -> None:
@@ -253,23 +211,18 @@ class Outside(Quantity):
 
 
 class Effort(Quantity):
-    """The mean over actuators of the activation, or of the control as a share of its greatest, to a power.
+    """The mean over actuators of the activation, or of the control as a share of its greatest, to a power."""
 
-    **Arguments:**
-
-    - `of`: `"control"`, which every actuator has, or `"activation"`.
-    - `actuators`: names or patterns of actuators.
-    - `power`: 2 for the mean square.
-    - `root`: whether to take the length of the vector instead, divided by the number of actuators.
-    - `weight`: factor in the reward, by default −1.
-    """
-
-    of: Literal["activation", "control"] = static("control")
-    actuators: Names = by_name("*")
-    power: float = number(2.0, 0, open_low=True)
-    root: bool = static(False)
+    of: Literal["activation", "control"] = static(
+        "control", help='`"control"`, which every actuator has, or `"activation"`'
+    )
+    actuators: Names = by_name("*", help="names or patterns of actuators")
+    power: float = number(2.0, 0, open_low=True, help="2 for the mean square")
+    root: bool = static(
+        False, help="whether to take the length of the vector instead, divided by the number of actuators"
+    )
     _: KW_ONLY
-    weight: float = number(-1.0)
+    weight: float = number(-1.0, help="factor in the reward, by default −1")
 
     def bind(self, scene: Scene) -> Bound:
         levels, count = self._levels(scene)
@@ -306,26 +259,23 @@ class Fatigue(Quantity):
     Sources: the model, with $L_D = L_R = 10$, from Xia & Frey Law (2008), J. Biomech. 41:3046; $F$ and $R$ of the elbow
     from Frey-Law, Looft & Heitsman (2012), J. Biomech. 45:1803, Table 1; $r$ from Looft, Herkert & Frey-Law (2018),
     J. Biomech. 77:16. A control of nearly 0 counts as rest, as in MyoSuite, because graded units never reach 0.
-
-    **Arguments:**
-
-    - `actuators`: names or patterns of the muscles.
-    - `fatigue` (1/s): $F$, the rate at which active units tire.
-    - `recovery` (1/s): $R$, the rate at which fatigued units recover.
-    - `rest`: $r$, how much faster they recover at rest.
-    - `rise` (1/s): $L_D = L_R$, the rate at which active units follow the load.
-    - `speedup`: the factor by which both fatigue and recovery are faster than in life, for short episodes.
-    - `weight`: factor in the reward, by default −1.
     """
 
-    actuators: Names = by_name("*")
-    fatigue: float = number(0.00912, 0)
-    recovery: float = number(0.00094, 0)
-    rest: float = number(15.0, 1)
-    rise: float = number(10.0, 0, open_low=True)
-    speedup: float = number(1.0, 0, open_low=True)
+    actuators: Names = by_name("*", help="names or patterns of the muscles")
+    fatigue: float = number(0.00912, 0, unit="1/s", help="$F$, the rate at which active units tire")
+    recovery: float = number(0.00094, 0, unit="1/s", help="$R$, the rate at which fatigued units recover")
+    rest: float = number(15.0, 1, help="$r$, how much faster they recover at rest")
+    rise: float = number(
+        10.0, 0, open_low=True, unit="1/s", help="$L_D = L_R$, the rate at which active units follow the load"
+    )
+    speedup: float = number(
+        1.0,
+        0,
+        open_low=True,
+        help="the factor by which both fatigue and recovery are faster than in life, for short episodes",
+    )
     _: KW_ONLY
-    weight: float = number(-1.0)
+    weight: float = number(-1.0, help="factor in the reward, by default −1")
 
     def bind(self, scene: Scene) -> Bound:
         load, count = _control_shares(scene, self.actuators)

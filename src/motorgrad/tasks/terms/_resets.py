@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from motorgrad._errors import check, unknown
 from motorgrad._random import MIN_UNIFORM
-from motorgrad._tree import number, static
+from motorgrad.schema import inner, number, static
 from motorgrad.tasks.terms._targets import joint_ranges
 from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Reset, Scene, Start, by_name, vector
 
@@ -18,13 +18,9 @@ from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Reset, Scene
 class Keyframe(Reset):
     """Start in a keyframe of the model, with its positions, velocities and activations, or in one of several, drawn for
     each episode.
-
-    **Arguments:**
-
-    - `names`: names of the keyframes; by default all.
     """
 
-    names: tuple[str, ...] = static(())
+    names: tuple[str, ...] = static((), help="names of the keyframes; by default all")
 
     def bind(self, scene: Scene) -> BoundReset:
         model = scene.model
@@ -45,20 +41,16 @@ class Keyframe(Reset):
 
 
 class RandomJoints(Reset):
-    """Start with joints at random positions.
+    """Start with joints at random positions."""
 
-    **Arguments:**
-
-    - `joints`: names or patterns, of hinges and slides.
-    - `low` (rad or m): least positions; by default those of the joints' own ranges.
-    - `high` (rad or m): greatest positions, between which they are drawn uniformly.
-    - `share`: from 0 to 1, the part of that range, about its middle, in which they are drawn.
-    """
-
-    joints: Names = by_name("*")
-    low: Numbers | None = vector(None)
-    high: Numbers | None = vector(None)
-    share: float = number(1.0, 0, 1)
+    joints: Names = by_name("*", help="names or patterns, of hinges and slides")
+    low: Numbers | None = vector(None, unit="rad or m", help="least positions; by default those of the joints' own ranges"
+    )
+    high: Numbers | None = vector(None, unit="rad or m", help="greatest positions, between which they are drawn uniformly"
+    )
+    share: float = number(
+        1.0, 0, 1, help="from 0 to 1, the part of that range, about its middle, in which they are drawn"
+    )
 
     def bind(self, scene: Scene) -> BoundReset:
         names, places = scene.positions(self.joints)
@@ -79,18 +71,11 @@ class RandomJoints(Reset):
 
 
 class Noise(Reset):
-    """Add normal noise to the positions and velocities of joints. Positions stay in the joints' ranges.
+    """Add normal noise to the positions and velocities of joints. Positions stay in the joints' ranges."""
 
-    **Arguments:**
-
-    - `joints`: names or patterns, of hinges and slides.
-    - `position` (rad or m): standard deviation of the noise of positions.
-    - `velocity` (rad/s or m/s): standard deviation of the noise of velocities.
-    """
-
-    joints: Names = by_name("*")
-    position: float = number(0.0, 0)
-    velocity: float = number(0.0, 0)
+    joints: Names = by_name("*", help="names or patterns, of hinges and slides")
+    position: float = number(0.0, 0, unit="rad or m", help="standard deviation of the noise of positions")
+    velocity: float = number(0.0, 0, unit="rad/s or m/s", help="standard deviation of the noise of velocities")
 
     def bind(self, scene: Scene) -> BoundReset:
         names, places = scene.positions(self.joints)

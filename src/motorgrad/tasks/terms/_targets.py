@@ -17,8 +17,8 @@ from jaxtyping import Array, Float
 from motorgrad._errors import check, shown_path
 from motorgrad._limits import MAX_MOTION_BYTES
 from motorgrad._reading import arrays_in, content_of, error_message, numbers_in
-from motorgrad._tree import static
 from motorgrad.bodies import BodyState
+from motorgrad.schema import inner, static
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
 REACHABLE = 2_048
@@ -34,22 +34,20 @@ class Reach(Target):
 
     **Arguments:**
 
-    - `parts`: a name, or several.
-    - `at` (m): a fixed place; three numbers for each part.
-    - `low` (m): the lowest corner of the box from which it is drawn uniformly.
-    - `high` (m): the highest corner. Without `at` or a box, the place is where the parts are in a pose whose `joints`
-      are drawn uniformly in their ranges, so that it can be reached.
-    - `reachable`: whether places in the box are drawn only from those that such poses reach.
-    - `joints`: names or patterns of the joints of such poses.
     - `name`: the name by which other terms refer to the target.
     """
 
-    parts: Names = by_name("hand")
-    at: Numbers | None = vector(None)
-    low: Numbers | None = vector(None)
-    high: Numbers | None = vector(None)
-    joints: Names = by_name("*")
-    reachable: bool = static(False)
+    parts: Names = by_name("hand", help="a name, or several")
+    at: Numbers | None = vector(None, unit="m", help="a fixed place; three numbers for each part")
+    low: Numbers | None = vector(None, unit="m", help="the lowest corner of the box from which it is drawn uniformly"
+    )
+    high: Numbers | None = vector(None,
+        unit="m",
+        help="the highest corner. Without `at` or a box, the place is where the parts are in a pose whose "
+        "`joints` are drawn uniformly in their ranges, so that it can be reached",
+    )
+    joints: Names = by_name("*", help="names or patterns of the joints of such poses")
+    reachable: bool = static(False, help="whether places in the box are drawn only from those that such poses reach")
 
     def bind(self, scene: Scene) -> BoundTarget:
         parts = scene.parts(self.parts)
@@ -85,17 +83,15 @@ class Pose(Target):
 
     **Arguments:**
 
-    - `joints`: names or patterns, of hinges and slides.
-    - `at` (rad or m): fixed positions, one for each joint.
-    - `low` (rad or m): least positions; by default those of the joints' own ranges.
-    - `high` (rad or m): greatest positions, between which they are drawn uniformly.
     - `name`: the name by which other terms refer to the target.
     """
 
-    joints: Names = by_name("*")
-    at: Numbers | None = vector(None)
-    low: Numbers | None = vector(None)
-    high: Numbers | None = vector(None)
+    joints: Names = by_name("*", help="names or patterns, of hinges and slides")
+    at: Numbers | None = vector(None, unit="rad or m", help="fixed positions, one for each joint")
+    low: Numbers | None = vector(None, unit="rad or m", help="least positions; by default those of the joints' own ranges"
+    )
+    high: Numbers | None = vector(None, unit="rad or m", help="greatest positions, between which they are drawn uniformly"
+    )
 
     def bind(self, scene: Scene) -> BoundTarget:
         names, places = scene.positions(self.joints)
@@ -117,23 +113,18 @@ class Follow(Target):
 
     **Arguments:**
 
-    - `parts`: names of sites, bodies or geoms whose places (m) are followed; or
-    - `joints`: names or patterns of joints whose positions (rad or m) are followed.
-    - `file`: a path ending in .npz or .csv.
-    - `time` (s): increasing, from 0.
-    - `values`: for each moment the numbers of all parts or joints, as one list after the other.
-    - `repeats`: whether it starts again at its end.
-    - `random_start`: whether each episode starts at a random moment of it.
     - `name`: the name by which other terms refer to the target.
     """
 
-    parts: Names = by_name(())
-    joints: Names = by_name(())
-    file: str | None = static(None)
-    time: Numbers = vector(())
-    values: tuple[Numbers, ...] = static(())
-    repeats: bool = static(False)
-    random_start: bool = static(False)
+    parts: Names = by_name((), help="names of sites, bodies or geoms whose places (m) are followed; or")
+    joints: Names = by_name((), help="names or patterns of joints whose positions (rad or m) are followed")
+    file: str | None = static(None, help="a path ending in .npz or .csv")
+    time: Numbers = vector((), unit="s", help="increasing, from 0")
+    values: tuple[Numbers, ...] = static(
+        (), help="for each moment the numbers of all parts or joints, as one list after the other"
+    )
+    repeats: bool = static(False, help="whether it starts again at its end")
+    random_start: bool = static(False, help="whether each episode starts at a random moment of it")
 
     def __post_init__(self) -> None:
         self.time = tuple(map(float, self.time))

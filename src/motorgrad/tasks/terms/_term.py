@@ -7,16 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from motorgrad import _tree
+from motorgrad import schema
 from motorgrad._errors import check, unknown
-from motorgrad._tree import Part, kind_of, number, static
 from motorgrad.bodies import Anatomy, Body, BodyState
+from motorgrad.schema import Part, kind_of, number, static
 from motorgrad.tasks._task import Scalar
 
 Names = str | tuple[str, ...]
@@ -27,14 +26,14 @@ Numbers = tuple[float, ...]
 ROUNDING = 1e-7  # of a cycle: what misses the end of one by less is at its end
 
 
-def by_name(default: Names = "*") -> Any:
+def by_name(default: Names = "*", help: str = "") -> Any:
     """Declare a field that holds names, or patterns of names."""
-    return eqx.field(static=True, default=default, converter=lambda v: tuple(v) if isinstance(v, list) else v)
+    return static(default, converter=lambda v: tuple(v) if isinstance(v, list) else v, help=help)
 
 
-def vector(default: Numbers | None = None) -> Any:
+def vector(default: Numbers | None = None, unit: str = "", help: str = "") -> Any:
     """Declare a field that holds a row of numbers, or none."""
-    return eqx.field(static=True, default=default, converter=lambda v: v if v is None else tuple(map(float, v)))
+    return static(default, converter=lambda v: v if v is None else tuple(map(float, v)), unit=unit, help=help)
 
 
 class Now(NamedTuple):
@@ -150,15 +149,10 @@ class Scene(Anatomy):
 
 
 class Observation(Part):
-    """A term that observes numbers.
-
-    **Arguments:**
-
-    - `scale`: the factor of the observed numbers.
-    """
+    """A term that observes numbers."""
 
     _: KW_ONLY
-    scale: float = number(1.0)
+    scale: float = number(1.0, help="the factor of the observed numbers")
 
     @abc.abstractmethod
     def bind(self, scene: Scene) -> Bound:
@@ -166,15 +160,10 @@ class Observation(Part):
 
 
 class Target(Part):
-    """A target: where something should be, drawn anew for each episode and seed, or moving.
-
-    **Arguments:**
-
-    - `name`: the name by which other terms refer to it.
-    """
+    """A target: where something should be, drawn anew for each episode and seed, or moving."""
 
     _: KW_ONLY
-    name: str = static("target")
+    name: str = static("target", help="the name by which other terms refer to it")
 
     @abc.abstractmethod
     def bind(self, scene: Scene) -> BoundTarget:
@@ -184,22 +173,14 @@ class Target(Part):
 class Quantity(Part):
     """A number that describes the state after a decision. In the reward it is multiplied by its weight. As a
     termination it ends the episode beyond a limit. As a metric it is recorded. It can be observed, too.
-
-    **Arguments:**
-
-    - `weight`: the factor in the reward.
-    - `above`: as a termination, the limit above which the episode ends.
-    - `below`: as a termination, the limit below which the episode ends.
-    - `name`: name of the metric, by default that of the kind.
-    - `at_end`: whether it is recorded only at the end of an episode.
     """
 
     _: KW_ONLY
-    weight: float = number(1.0)
-    above: float | None = number(None)
-    below: float | None = number(None)
-    name: str | None = static(None)
-    at_end: bool = static(False)
+    weight: float = number(1.0, help="the factor in the reward")
+    above: float | None = number(None, help="as a termination, the limit above which the episode ends")
+    below: float | None = number(None, help="as a termination, the limit below which the episode ends")
+    name: str | None = static(None, help="name of the metric, by default that of the kind")
+    at_end: bool = static(False, help="whether it is recorded only at the end of an episode")
 
     @abc.abstractmethod
     def bind(self, scene: Scene) -> Bound:
@@ -262,7 +243,7 @@ def register(base: type[Part], name: str, term: Any = None) -> Any:
     known = (Observation, Target, Quantity, Reset)
     check(base in known, "base", base, f"one of {', '.join(each.__name__ for each in known)}")
     made = _made_of(base, term) if inspect.isfunction(term) else term
-    _tree.register(base, name, made)
+    schema.register(base, name, made)
     return made
 
 
@@ -272,8 +253,8 @@ def _made_of(base: type[Part], function: Callable[..., Any]) -> type[Part]:
     hints = typing.get_type_hints(function)
     fields = {}
     for each in settings:
-        given = {} if each.default is each.empty else {"default": each.default}
-        fields[each.name] = number(**given) if hints.get(each.name) is float else eqx.field(static=True, **given)
+        given = () if each.default is each.empty else (each.default,)
+        fields[each.name] = number(*given) if hints.get(each.name) is float else static(*given)
 
     def bind(self: Part, scene: Scene) -> Any:
         found = function(scene, **{each: getattr(self, each) for each in fields})

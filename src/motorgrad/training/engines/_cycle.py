@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._interface import Statistics
-from motorgrad._tree import Numbers
 from motorgrad.learning import NEVER, Agent, AgentState, two_sum
+from motorgrad.schema import Numbers
 from motorgrad.tasks import Task, observe, outcome
 
 Mode = Literal["learn", "sample", "mode", "given"]

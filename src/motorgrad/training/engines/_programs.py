@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import jax
 
-from motorgrad._tree import Numbers
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.schema import Numbers
 from motorgrad.tasks import Task
 
 P = TypeVar("P")

@@ -14,9 +14,9 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._errors import check, unknown
 from motorgrad._interface import Statistics
 from motorgrad._random import key_of
-from motorgrad._tree import is_live, with_number
 from motorgrad.learning import Agent, AgentState
 from motorgrad.policies import Policy, PrintedGaussians, trainable
+from motorgrad.schema import declared_at, with_number
 from motorgrad.tasks import Task
 from motorgrad.training.engines._cycle import Cycle, CycleState, Mode
 
@@ -192,7 +192,7 @@ class Stepper(abc.ABC):
         if path not in places:
             raise unknown("number", path, places)
         agent = with_number(self.agent, path, value)
-        if not is_live(self.agent, path):
+        if not declared_at(self.agent, path).live:
             raise ValueError(f"{path} is used only at the start of a run; start a new run to change it")
         validate_needs(self.task, agent)
         self.agent = agent

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from motorgrad._errors import check, check_integer
-from motorgrad._settings import build
+from motorgrad.schema import build
 from motorgrad.training.store._metrics import PART
 
 MAX_DECISIONS = 2**32

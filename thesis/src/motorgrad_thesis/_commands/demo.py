@@ -10,6 +10,7 @@ from motorgrad._errors import check
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad.options import parse, summary, write_json
+from motorgrad.schema import number, static
 from motorgrad.tasks import Hopper
 from motorgrad.training import check_training
 from motorgrad_thesis import demo
@@ -22,16 +23,11 @@ MAX_FILM_SECONDS = 3600.0
 class Demo:
     """Train eight hoppers, and show a learning curve, the behaviour before and after, and a film."""
 
-    out: Path = Path("runs/demo")
-    """The run directory. An unfinished run found there is continued."""
-    seconds: float = 1200.0
-    """Simulated seconds of practice for each hopper."""
-    seeds: int = 8
-    """The number of hoppers."""
-    film_seconds: float = 8.0
-    """The length of the film, in seconds."""
-    json: Path | None = None
-    """Also write the result to this file, as JSON; - for the standard output."""
+    out: Path = static(Path("runs/demo"), help="The run directory. An unfinished run found there is continued")
+    seconds: float = number(1200.0, help="Simulated seconds of practice for each hopper")
+    seeds: int = static(8, help="The number of hoppers")
+    film_seconds: float = number(8.0, help="The length of the film, in seconds")
+    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
 
     def validate(self) -> None:
         task = Hopper()

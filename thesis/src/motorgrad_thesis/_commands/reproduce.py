@@ -12,6 +12,7 @@ from motorgrad._files import check_writable
 from motorgrad._signals import unfinished
 from motorgrad.options import Arguments, Positional, read_arguments, resolve, write_json
 from motorgrad.options.executors import ExecutorOptions
+from motorgrad.schema import static
 from motorgrad_thesis import (
     EXPERIMENTS,
     Reproductions,
@@ -31,18 +32,22 @@ class Reproduce(ExecutorOptions):
     folder. Finished experiments are not run again; interrupted ones continue. A failing experiment is tried again, then
     set aside, and the others continue. motorgrad reproduce NAME --help shows the settings of one experiment."""
 
-    experiments: Annotated[tuple[str, ...], Positional("NAME ...")]
-    """Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all."""
-    out: Path | None = None
-    """The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke test."""
-    quick: bool = False
-    """A smoke test: small sizes, a minute or two for all experiments, meaningless numbers."""
-    strict: bool = False
-    """Exit with status 1 if a claim is refuted or undecided."""
-    animate: bool = False
-    """Also film the learning of particles, in experiments that have them: animation.mp4 in their folders."""
-    json: Path | None = None
-    """Also write claims, numbers and versions to this file, as JSON; - for the standard output."""
+    experiments: Annotated[tuple[str, ...], Positional("NAME ...")] = static(
+        help="Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all"
+    )
+    out: Path | None = static(
+        None, help="The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke test"
+    )
+    quick: bool = static(
+        False, help="A smoke test: small sizes, a minute or two for all experiments, meaningless numbers"
+    )
+    strict: bool = static(False, help="Exit with status 1 if a claim is refuted or undecided")
+    animate: bool = static(
+        False, help="Also film the learning of particles, in experiments that have them: animation.mp4 in their folders"
+    )
+    json: Path | None = static(
+        None, help="Also write claims, numbers and versions to this file, as JSON; - for the standard output"
+    )
 
     def validate(self) -> None:
         self.check_executor()

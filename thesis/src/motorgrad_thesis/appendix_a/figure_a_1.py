@@ -7,9 +7,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import wrapped_length, wrapped_rate, wrapping_angle
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_most
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import EXTENSOR, FLEXOR, Axes, Figure, draw_bones, draw_path, flat_path, new_figure
 
 Shape = tuple[float, float, float]
@@ -27,24 +28,18 @@ class Wrapping(Experiment):
     """The path of a muscle from A to B past a joint's capsule with centre C. It wraps around the capsule if the angle θ
     is less than θ_c, leaving it along tangents, and is straight otherwise. Only the angle β of the wrapped part depends
     on θ.
-
-    **Arguments:**
-
-    - `origin_distance` (m): from C to A in the drawing.
-    - `insertion_distance` (m): from C to B in the drawing.
-    - `radius` (m): radius of the capsule in the drawing.
-    - `geometries`: number of further, random geometries for which the claims are checked.
-    - `seed`: seed of the random geometries.
     """
 
-    origin_distance: float = 0.13
-    insertion_distance: float = 0.1
-    radius: float = 0.045
-    geometries: int = ranged(500, 1, 100_000)
-    seed: int = 0
+    origin_distance: float = number(0.13, unit="m", help="from C to A in the drawing")
+    insertion_distance: float = number(0.1, unit="m", help="from C to B in the drawing")
+    radius: float = number(0.045, unit="m", help="radius of the capsule in the drawing")
+    geometries: int = count(
+        500, 1, 100_000, help="number of further, random geometries for which the claims are checked"
+    )
+    seed: int = static(0, help="seed of the random geometries")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(0 < self.radius < 10, "radius", self.radius, "from 0 to 10 m")
         for name in ("origin_distance", "insertion_distance"):
             value = getattr(self, name)

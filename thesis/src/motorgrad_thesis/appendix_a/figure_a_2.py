@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from motorgrad.plane import draw_paths, draw_regions
+from motorgrad.schema import number
 from motorgrad.statistics import exact
 from motorgrad.worlds import CircularField, ParticlePhysics, Walls
 from motorgrad_thesis._claims import Claim, at_least, at_most, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, subplots
 
 FREE = Walls(left=-50.0, right=50.0, bottom=-50.0, top=50.0)
@@ -23,13 +24,6 @@ class Circular(Experiment):
     """A force field that drives a particle clockwise round a centre and, like a spring, towards a radius r*; paths in
     this field, and the orbit on which they end. With drag the orbit is wider than r*: its radius is k₂ r*/(k₂ − k₁²)
     for a mass and a drag of 1, and it exists only if k₂ exceeds k₁².
-
-    **Arguments:**
-
-    - `tangential` (1/s²): k₁ in the drawing.
-    - `radial` (1/s²): k₂ in the drawing.
-    - `radius`: r* in the drawing.
-    - `seconds` (simulated s): duration of a motion before its orbit is measured.
     """
 
     reading: ClassVar[str] = (
@@ -37,13 +31,19 @@ class Circular(Experiment):
         "clockwise, as the text says, about the centre."
     )
 
-    tangential: float = 0.5
-    radial: float = 1.0
-    radius: float = 0.25
-    seconds: float = ranged(200.0, 1, 10**5, " simulated s")
+    tangential: float = number(0.5, unit="1/s²", help="k₁ in the drawing")
+    radial: float = number(1.0, unit="1/s²", help="k₂ in the drawing")
+    radius: float = number(0.25, help="r* in the drawing")
+    seconds: float = number(
+        200.0,
+        1,
+        10**5,
+        unit="simulated s",
+        help="duration of a motion before its orbit is measured",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         self.physics(self.tangential, self.radial)
 
     quick = smoke(seconds=40.0)

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from motorgrad.schema import count, static
 from motorgrad.statistics import exact, mean_of, median_of, share_of
 from motorgrad_thesis._claims import Claim, above, below, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, new_figure
 from motorgrad_thesis.chapter_2._landscape import Bumps, climb, greatest, learn, surface
 
@@ -44,23 +45,14 @@ class HillClimbing(Experiment):
     several optima, and the objective as a surface over the mean and standard deviation of the Gaussian. The colour of a
     start is the optimum to which climbing leads from there, by exact gradients and from rewards alone. The reward drawn
     is our own example; claims about wide and narrow starts are also checked over random rewards.
-
-    **Arguments:**
-
-    - `columns`: number of columns of the grid of starts, along the Gaussian's mean.
-    - `rows`: number of rows of the grid of starts, along its standard deviation.
-    - `runs`: number of learners from rewards alone, for each kind of start.
-    - `decisions`: for which each of these learners learns.
-    - `rewards`: number of random rewards over which wide and narrow starts are compared.
-    - `seed`: seed of the learners and of the random rewards.
     """
 
-    columns: int = ranged(201, 5, 1000)
-    rows: int = ranged(101, 5, 1000)
-    runs: int = ranged(200, 2, 10**5)
-    decisions: int = ranged(50_000, RECORDS, 10**8)
-    rewards: int = ranged(500, 2, 10**5)
-    seed: int = 0
+    columns: int = count(201, 5, 1000, help="number of columns of the grid of starts, along the Gaussian's mean")
+    rows: int = count(101, 5, 1000, help="number of rows of the grid of starts, along its standard deviation")
+    runs: int = count(200, 2, 10**5, help="number of learners from rewards alone, for each kind of start")
+    decisions: int = count(50_000, RECORDS, 10**8, help="for which each of these learners learns")
+    rewards: int = count(500, 2, 10**5, help="number of random rewards over which wide and narrow starts are compared")
+    seed: int = static(0, help="seed of the learners and of the random rewards")
 
     quick = smoke(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
 

@@ -6,15 +6,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad._tree import numbers_of
 from motorgrad.learning import Constant, MeanReward
 from motorgrad.policies import Softmax
+from motorgrad.schema import count, numbers_of, static
 from motorgrad.statistics import exact, mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
 from motorgrad_thesis._claims import Claim, at_most, in_every, negative, positive, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad_thesis.chapter_3._estimates import comparison_point, estimates, relative_error
 
@@ -61,14 +61,6 @@ class Learner(Experiment):
     """The learner: act, reinforce, improve. The error of its gradient estimates at fixed parameters against the decay
     of the trace and the length of the run, with and without a baseline; and learning with an update at every decision
     (OLGARB).
-
-    **Arguments:**
-
-    - `runs`: over which errors of estimates are averaged.
-    - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `seeds`: learners that update at every decision.
-    - `steps` (decisions): for which each learner learns.
-    - `decays`: decays of the traces, per decision, 0 and 0.95 among them.
     """
 
     reading: ClassVar[str] = (
@@ -76,14 +68,20 @@ class Learner(Experiment):
         "and the last step uses the reward and the trace after the action."
     )
 
-    runs: int = ranged(1000, 2, 100_000)
-    longest: int = ranged(100_000, 1_000, 10**8, " decisions")
-    seeds: int = ranged(50, 1, 10_000)
-    steps: int = ranged(600_000, 200, 10**9)
-    decays: tuple[float, ...] = tuple(BIAS)
+    runs: int = count(1000, 2, 100_000, help="over which errors of estimates are averaged")
+    longest: int = count(
+        100_000,
+        1_000,
+        10**8,
+        unit="decisions",
+        help="length of each run at fixed parameters, at least 1,000",
+    )
+    seeds: int = count(50, 1, 10_000, help="learners that update at every decision")
+    steps: int = count(600_000, 200, 10**9, unit="decisions", help="for which each learner learns")
+    decays: tuple[float, ...] = static(tuple(BIAS), help="decays of the traces, per decision, 0 and 0.95 among them")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         known = {SHORT, LONG} <= set(self.decays) <= set(BIAS)
         check(known, "decays", self.decays, f"{SHORT:g}, {LONG:g} and others of {', '.join(map(str, BIAS))}")
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.learning import Baseline, Constant, MeanReward
+from motorgrad.schema import count, static
 from motorgrad.statistics import Measured, mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, agent_for
 from motorgrad.worlds import oracle
 from motorgrad_thesis._claims import Claim
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, draw_intervals, new_figure
 from motorgrad_thesis.chapter_3._baseline_claims import all_claims, shared_rewards, variances
 from motorgrad_thesis.chapter_3._estimates import (
@@ -37,16 +38,6 @@ WITH = "C0"
 class Baselines(Experiment):
     """The effect of a baseline on the variance of a gradient estimate, on its mean, and on learning; the best constant
     baseline; and bias and variance against the decay of the trace, the bias relative to the mixing time of the world.
-
-    **Arguments:**
-
-    - `runs`: at fixed parameters, over which estimates are averaged.
-    - `longest` (decisions): length of each run at fixed parameters, at least 1,000.
-    - `decays`: decays of the traces at fixed parameters, per decision, 0.95 among them.
-    - `constants`: constant baselines to compare, in units of reward.
-    - `swept`: decays of the traces, per decision, for which the constants are compared.
-    - `seeds`: learners with each estimator.
-    - `steps` (decisions): for which each learner learns.
     """
 
     reading: ClassVar[str] = (
@@ -55,16 +46,28 @@ class Baselines(Experiment):
         "judged as printed, and also the other way round."
     )
 
-    runs: int = ranged(2000, 40, 100_000)
-    longest: int = ranged(10_000, 1_000, 10**8, " decisions")
-    decays: tuple[float, ...] = (0.0, 0.4, 0.8, 0.95, 0.99)
-    constants: tuple[float, ...] = (0.0, 0.2, 0.4, 0.6, 0.8)
-    swept: tuple[float, ...] = (0.0, 0.8, 0.95)
-    seeds: int = ranged(50, 1, 10_000)
-    steps: int = ranged(600_000, 200, 10**9)
+    runs: int = count(2000, 40, 100_000, help="at fixed parameters, over which estimates are averaged")
+    longest: int = count(
+        10_000,
+        1_000,
+        10**8,
+        unit="decisions",
+        help="length of each run at fixed parameters, at least 1,000",
+    )
+    decays: tuple[float, ...] = static(
+        (0.0, 0.4, 0.8, 0.95, 0.99), help="decays of the traces at fixed parameters, per decision, 0.95 among them"
+    )
+    constants: tuple[float, ...] = static(
+        (0.0, 0.2, 0.4, 0.6, 0.8), help="constant baselines to compare, in units of reward"
+    )
+    swept: tuple[float, ...] = static(
+        (0.0, 0.8, 0.95), help="decays of the traces, per decision, for which the constants are compared"
+    )
+    seeds: int = count(50, 1, 10_000, help="learners with each estimator")
+    steps: int = count(600_000, 200, 10**9, unit="decisions", help="for which each learner learns")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         for name in ("decays", "constants", "swept"):
             given = getattr(self, name)
             check(list(given) == sorted(set(given)), name, given, "rising")

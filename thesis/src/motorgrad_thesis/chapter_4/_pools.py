@@ -12,10 +12,11 @@ from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.policies import Motoneurons, Policy, grow, trainable
+from motorgrad.schema import count, number, static
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._claims import Kind
-from motorgrad_thesis._experiment import Experiment, Workspace, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Workspace, rising, smoke
 from motorgrad_thesis._figures import Axes
 
 NATURAL: dict[str, Any] = {
@@ -130,15 +131,7 @@ def least_error(task: LinearRecruitment, strength: float = 1.0) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class LinearStudy(Experiment):
-    """Base of experiments on pools that have learned the linear mapping, by default with the thesis's numbers.
-
-    **Arguments:**
-
-    - `units`: sizes of the pools, each once.
-    - `steps` (decisions): for which every pool learns.
-    - `seeds`: pools of each size.
-    - `rate`: the step size of all parameters.
-    """
+    """Base of experiments on pools that have learned the linear mapping, by default with the thesis's numbers."""
 
     reading: ClassVar[str] = (
         "The coefficients of the mapping are taken the other way round than printed, as 1.2 x − 0.1: as "
@@ -146,13 +139,13 @@ class LinearStudy(Experiment):
         "ratio, which takes N² times as long. How long the thesis practised is not known."
     )
 
-    units: tuple[int, ...] = (2, 3, 4, 8)
-    steps: int = ranged(6_000_000, 200, 10**9, " decisions")
-    seeds: int = ranged(24, 1, 10_000)
-    rate: float = RATE
+    units: tuple[int, ...] = static((2, 3, 4, 8), help="sizes of the pools, each once")
+    steps: int = count(6_000_000, 200, 10**9, unit="decisions", help="for which every pool learns")
+    seeds: int = count(24, 1, 10_000, help="pools of each size")
+    rate: float = number(RATE, help="the step size of all parameters")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check_units(self.units, 2)
         agent_for(self.task(min(self.units)), learning_rate=self.rate)
 

@@ -6,11 +6,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import Measured, median_of, share_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, above, below, in_every
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, subplots
 from motorgrad_thesis.chapter_4._pools import (
     NATURAL,
@@ -56,26 +57,22 @@ class LargePools(Experiment):
     """The time that pools of motoneurons take to share a linear mapping equally, by the plain gradient and by the
     natural gradient of each unit. The plain gradient takes tens of millions of loads for eight units, and far more for
     sixteen; the natural one takes a few hundred thousand for 64.
-
-    **Arguments:**
-
-    - `seeds`: for every learner and every pool.
-    - `pools` (units): sizes of the pools, rising, 16 among them.
-    - `dissected` (units): size of the pool for which parts of the learner are replaced.
-    - `tries`: number of step sizes, 1 to 5, that each learner with a replaced part may try.
-    - `share`: fraction of the full number of decisions.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    seeds: int = ranged(20, 2, 1000)
-    pools: tuple[int, ...] = (2, 4, 8, 16, 32, 64, 128)
-    dissected: int = ranged(32, 2, 1024, " units")
-    tries: int = ranged(5, 1, 5)
-    share: float = 1.0
+    seeds: int = count(20, 2, 1000, help="for every learner and every pool")
+    pools: tuple[int, ...] = static(
+        (2, 4, 8, 16, 32, 64, 128), unit="units", help="sizes of the pools, rising, 16 among them"
+    )
+    dissected: int = count(
+        32, 2, 1024, unit="units", help="size of the pool for which parts of the learner are replaced"
+    )
+    tries: int = count(5, 1, 5, help="number of step sizes, 1 to 5, that each learner with a replaced part may try")
+    share: float = number(1.0, help="fraction of the full number of decisions")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         rising = list(self.pools) == sorted(set(self.pools)) and SHOWN in self.pools and self.pools[0] >= 2
         check(rising and self.pools[-1] <= 1024, "pools", self.pools, "rising numbers from 2 to 1,024, 16 among them")
         check(0 < self.share <= 10, "share", self.share, "above 0, at most 10")

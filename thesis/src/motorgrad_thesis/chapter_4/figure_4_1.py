@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from motorgrad.schema import count, number
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_most
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment
 from motorgrad_thesis._figures import Figure, subplots
 from motorgrad_thesis.chapter_4._pools import fires_at
 
@@ -25,15 +26,12 @@ AMPLIFIERS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 class ForceGrading(Experiment):
     """Sigmoid units with staggered thresholds, whose sum is a graded force: its deviation from a straight line, the
     effect of the gains on it, and other amplifiers made of the same units.
-
-    **Arguments:**
-
-    - `units`: number of units of equal force, with thresholds spaced evenly over inputs from 0 to 1.
-    - `steepness`: the gain of every unit times the spacing of the thresholds.
     """
 
-    units: int = ranged(5, 2, 100)
-    steepness: float = ranged(4.0, 0.1, 1000)
+    units: int = count(
+        5, 2, 100, help="number of units of equal force, with thresholds spaced evenly over inputs from 0 to 1"
+    )
+    steepness: float = number(4.0, 0.1, 1000, help="the gain of every unit times the spacing of the thresholds")
 
     def run(self, work: Workspace) -> Values:
         deviations = [off_line(graded(self.units, steepness)) for steepness in (self.steepness, *STEEP)]

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from motorgrad_thesis._experiment import Experiment, Values, experiment, ranged
+from motorgrad.schema import count
+from motorgrad_thesis._experiment import Experiment, Values, experiment
 from motorgrad_thesis._figures import FLEXOR, Axes, Figure, Point, draw_arrow, subplots
 
 NEURON = FLEXOR
@@ -21,13 +22,9 @@ BELOW = -0.55
 class RecruitmentTask(Experiment):
     """The recruitment task as a loop. The input reaches all motoneurons of a pool; those that fire activate their motor
     units, whose forces add up. All of them receive the same reward, which depends on the force.
-
-    **Arguments:**
-
-    - `units`: number of units drawn.
     """
 
-    units: int = ranged(4, 2, 8)
+    units: int = count(4, 2, 8, help="number of units drawn")
 
     def figure(self, values: Values) -> Figure:
         from matplotlib.patches import FancyBboxPatch

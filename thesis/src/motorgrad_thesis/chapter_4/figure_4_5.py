@@ -8,6 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, Posture, compile_model
+from motorgrad.schema import number
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_most, negative, positive, within
 from motorgrad_thesis._experiment import Values, Workspace, experiment
@@ -23,13 +24,9 @@ NONE = 1e-9  # cm: a moment arm of rounding errors
 class ArmBody(BothPostures):
     """The simulated arm, its upper arm held vertically and horizontally: hanging, half way, and at its stop. Below,
     moment arms of muscle and load about the elbow, and the forces that hold and throw the load, at each angle.
-
-    **Arguments:**
-
-    - `load` (kg): in the hand.
     """
 
-    load: float = 8.0
+    load: float = number(8.0, unit="kg", help="in the hand")
 
     size = (8, 5.4)
 

@@ -6,9 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import Posture, lift, lift_table
+from motorgrad.schema import count, static
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_least, at_most
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import SubFigure
 from motorgrad_thesis.chapter_4._postures import BothPostures, arm_task
 
@@ -29,16 +30,16 @@ SAMPLED = tuple(np.arange(0.5, 14.1, 1.5))  # kg
 class HeightFunction(BothPostures):
     """The greatest height to which the arm lifts a load within 2 s from rest, over load and constant activation. Lines:
     the table used in learning. Points: independent simulations. With the upper arm held vertically and horizontally.
-
-    **Arguments:**
-
-    - `points`: random loads and activations at which the table is compared with simulation, in each of three ranges of
-      the load; half of them near the border at which the load just reaches the top.
-    - `seed`: seed of the random points.
     """
 
-    points: int = ranged(200, 1, 100_000)
-    seed: int = 0
+    points: int = count(
+        200,
+        1,
+        100_000,
+        help="random loads and activations at which the table is compared with simulation, in each of three "
+        "ranges of the load; half of them near the border at which the load just reaches the top",
+    )
+    seed: int = static(0, help="seed of the random points")
 
     quick = smoke(points=5)
     size = (8, 3.9)

@@ -6,10 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import Posture
+from motorgrad.schema import count
 from motorgrad.statistics import exact
 from motorgrad.tasks import ArmRecruitment
 from motorgrad_thesis._claims import Claim, at_least, at_most, within
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged
+from motorgrad_thesis._experiment import Values, Workspace, experiment
 from motorgrad_thesis._figures import SubFigure
 from motorgrad_thesis.chapter_4._postures import BothPostures, arm_task
 
@@ -21,15 +22,10 @@ class RewardSurface(BothPostures):
     """The reward of every activation at every load (the height minus four times the activation), and the best
     activation at each load, with the upper arm held vertically and horizontally. The weakest activation that lifts the
     load to the top is best: below it the height falls steeply, above it only the cost rises.
-
-    **Arguments:**
-
-    - `loads`: grid points over the loads.
-    - `activations`: grid points over the activations.
     """
 
-    loads: int = ranged(321, 11, 10_001)
-    activations: int = ranged(1001, 11, 10_001)
+    loads: int = count(321, 11, 10_001, help="grid points over the loads")
+    activations: int = count(1001, 11, 10_001, help="grid points over the activations")
 
     size = (7, 4.6)
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from motorgrad.bodies import Posture
 from motorgrad.policies import Motoneurons
+from motorgrad.schema import count, static
 from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._claims import Claim, at_least, more_than_half, negative
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import SubFigure
 from motorgrad_thesis.chapter_4._pools import (
     IDEAL,
@@ -41,20 +42,20 @@ class ArmPolicies(BothPostures):
     upper arm held vertically and horizontally. Colour: the exact probability of each number of active units. Black: the
     expected number. Red: the thresholds. Dotted: the best number at each load. Right: samples of the reward under the
     largest pool's policy. Above, the median pool; below, the thresholds of every seed.
-
-    **Arguments:**
-
-    - `units`: sizes of the pools, each once.
-    - `steps` (decisions): for which every pool learns; a sweep takes about 80.
-    - `seeds`: pools of each size.
     """
 
-    units: tuple[int, ...] = (2, 3, 4)
-    steps: int = ranged(400_000, 200, 10**9, " decisions")
-    seeds: int = ranged(32, 1, 10_000)
+    units: tuple[int, ...] = static((2, 3, 4), help="sizes of the pools, each once")
+    steps: int = count(
+        400_000,
+        200,
+        10**9,
+        unit="decisions",
+        help="for which every pool learns; a sweep takes about 80",
+    )
+    seeds: int = count(32, 1, 10_000, help="pools of each size")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check_units(self.units, 1)
 
     quick = smoke(units=(2, 3), steps=2_000, seeds=3)

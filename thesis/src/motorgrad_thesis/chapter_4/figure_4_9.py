@@ -7,10 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad.schema import count, static
 from motorgrad.statistics import Measured, mean_of
 from motorgrad.worlds import FiniteMDP, chain
 from motorgrad_thesis._claims import Claim, at_least, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, subplots
 
 DRAWN = 6  # states in the thesis's drawing
@@ -33,12 +34,6 @@ class ChainExploration(Experiment):
     """The number of steps that random actions take to the reward at the end of a chain of states. If a wrong move leads
     one state back, it grows quadratically; it grows exponentially if a wrong move leads back to the start, or if
     episodes are no longer than the shortest path.
-
-    **Arguments:**
-
-    - `longest` (states): length of the longest chain.
-    - `runs`: walks over which each wait is averaged.
-    - `seed`: seed of the walks.
     """
 
     reading: ClassVar[str] = (
@@ -48,9 +43,9 @@ class ChainExploration(Experiment):
         "it."
     )
 
-    longest: int = ranged(12, DRAWN, 20, " states")
-    runs: int = ranged(4000, 2, 10**6)
-    seed: int = 0
+    longest: int = count(12, DRAWN, 20, unit="states", help="length of the longest chain")
+    runs: int = count(4000, 2, 10**6, help="walks over which each wait is averaged")
+    seed: int = static(0, help="seed of the walks")
 
     quick = smoke(longest=DRAWN, runs=200)
 

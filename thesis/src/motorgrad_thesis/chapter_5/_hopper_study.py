@@ -9,9 +9,10 @@ import numpy as np
 from motorgrad import bodies
 from motorgrad._errors import check
 from motorgrad.learning import Agent
+from motorgrad.schema import count, number, static
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
-from motorgrad_thesis._experiment import Experiment, Workspace, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Workspace, smoke
 
 SMOOTH = 25.0
 """Simulated seconds over which heights of hops are averaged."""
@@ -24,34 +25,25 @@ RewardType = Literal["apex", "landing"]
 
 @dataclasses.dataclass(frozen=True)
 class HopperStudy(Experiment):
-    """Base of experiments on trained hoppers, by default with the thesis's numbers.
-
-    **Arguments:**
-
-    - `seconds` (simulated s): length of every hopper's practice.
-    - `seeds`: independent hoppers.
-    - `reward_type`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
-    - `decay`: decay of the eligibility trace, per decision.
-    - `rate`: the step size of all parameters.
-    - `action_period` (simulated s): time between decisions.
-    - `watched` (simulated s): for which the frozen policies are evaluated.
-    """
+    """Base of experiments on trained hoppers, by default with the thesis's numbers."""
 
     reading: ClassVar[str] = (
         "The thesis gives no numbers of the body and does not say how long its hoppers practised; both are "
         "ours. The reward is paid at the first apex of a flight."
     )
 
-    seconds: float = 1500.0
-    seeds: int = ranged(16, 1, 10_000)
-    reward_type: RewardType = "apex"
-    decay: float = 0.98
-    rate: float = 5e-4
-    action_period: float = 0.01
-    watched: float = 20.0
+    seconds: float = number(1500.0, unit="simulated s", help="length of every hopper's practice")
+    seeds: int = count(16, 1, 10_000, help="independent hoppers")
+    reward_type: RewardType = static(
+        "apex", help='when the task rewards a hop: at its first `"apex"`, or at its `"landing"`'
+    )
+    decay: float = number(0.98, help="decay of the eligibility trace, per decision")
+    rate: float = number(5e-4, help="the step size of all parameters")
+    action_period: float = number(0.01, unit="simulated s", help="time between decisions")
+    watched: float = number(20.0, unit="simulated s", help="for which the frozen policies are evaluated")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         period, _ = self.task.period, self.learner
         check_practice(self.seconds, period)
         check(2 * period <= self.watched <= 3600, "watched", self.watched, f"from {2 * period} to 3600 simulated s")

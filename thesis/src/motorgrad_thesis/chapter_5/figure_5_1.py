@@ -10,9 +10,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
+from motorgrad.schema import count, static
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_most, positive, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import (
     EXTENSOR,
     FLEXOR,
@@ -34,18 +35,15 @@ MUSCLES = {"flexor": (False, FLEXOR), "extensor": (True, EXTENSOR)}
 class MusclePair(Experiment):
     """A flexor and an extensor of the hopper's knee at several angles: straight, or wrapped around the joint's capsule.
     Below, their lengths and moment arms over the knee's range, by the closed formula and in MuJoCo.
-
-    **Arguments:**
-
-    - `angles` (degrees): angles of the knee, at which the muscles are drawn.
-    - `points`: number of angles evaluated in MuJoCo.
     """
 
-    angles: tuple[float, ...] = (50.0, 90.0, 148.0)
-    points: int = ranged(221, 3, 100_000)
+    angles: tuple[float, ...] = static(
+        (50.0, 90.0, 148.0), unit="degrees", help="angles of the knee, at which the muscles are drawn"
+    )
+    points: int = count(221, 3, 100_000, help="number of angles evaluated in MuJoCo")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
         for angle in self.angles:
             check(10 <= angle <= 175, "angles", angle, "from 10 to 175 degrees")

@@ -4,6 +4,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
+from motorgrad.schema import number, static
 from motorgrad_thesis._experiment import Experiment, Values, experiment
 from motorgrad_thesis._figures import EXTENSOR, FLEXOR, Axes, Figure, flat_path, new_figure
 from motorgrad_thesis.chapter_5._hopper_study import posture
@@ -19,15 +20,10 @@ REACH = 1.7  # half the width of a panel, in link lengths
 class HopperBody(Experiment):
     """The hopper: four links in a closed loop under a load that slides on a vertical harness, with a foot, and with a
     flexor in front of and an extensor behind each knee. Observations are labelled in green.
-
-    **Arguments:**
-
-    - `angle` (degrees): angle of the knees in the large drawing.
-    - `others` (degrees): angles of the knees in the small ones.
     """
 
-    angle: float = 100.0
-    others: tuple[float, float] = (50.0, 145.0)
+    angle: float = number(100.0, unit="degrees", help="angle of the knees in the large drawing")
+    others: tuple[float, float] = static((50.0, 145.0), unit="degrees", help="angles of the knees in the small ones")
 
     def __post_init__(self) -> None:
         for name, angle in (("angle", self.angle), *(("others", other) for other in self.others)):

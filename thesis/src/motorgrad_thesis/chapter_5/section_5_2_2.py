@@ -6,11 +6,12 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from motorgrad._errors import check, choice
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Hopper
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
 from motorgrad_thesis.chapter_5._hopper_study import (
     HIGH,
@@ -33,18 +34,6 @@ class ActionPeriod(Experiment):
     """Hoppers with different action periods practise for the same simulated time: how high they hop, and how soon. A
     short period makes learning slow, because many consecutive decisions must agree on a jump; with a long one, the
     muscles cannot respond in time to the body.
-
-    **Arguments:**
-
-    - `periods` (simulated s): time between decisions, at least three, rising.
-    - `seconds` (simulated s): length of every hopper's practice.
-    - `seeds`: hoppers with each period, at least 2.
-    - `reward_type`: when the task rewards a hop: at its first `"apex"`, or at its `"landing"`.
-    - `decay`: decay of the eligibility trace, per decision.
-    - `rate`: the step size of all parameters.
-    - `constant`: what stays the same across periods. With `"decision"`, all numbers do, including the decay of the
-      trace and the penalty of a muscle per decision; with `"second"`, their effect per second does, and 10 ms has the
-      given numbers.
     """
 
     reading: ClassVar[str] = (
@@ -52,16 +41,27 @@ class ActionPeriod(Experiment):
         "per decision."
     )
 
-    periods: tuple[float, ...] = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
-    seconds: float = 1500.0
-    seeds: int = ranged(8, 2, 10_000)
-    reward_type: RewardType = "apex"
-    decay: float = 0.98
-    rate: float = 5e-4
-    constant: Literal["decision", "second"] = "decision"
+    periods: tuple[float, ...] = static(
+        (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64),
+        unit="simulated s",
+        help="time between decisions, at least three, rising",
+    )
+    seconds: float = number(1500.0, unit="simulated s", help="length of every hopper's practice")
+    seeds: int = count(8, 2, 10_000, help="hoppers with each period, at least 2")
+    reward_type: RewardType = static(
+        "apex", help='when the task rewards a hop: at its first `"apex"`, or at its `"landing"`'
+    )
+    decay: float = number(0.98, help="decay of the eligibility trace, per decision")
+    rate: float = number(5e-4, help="the step size of all parameters")
+    constant: Literal["decision", "second"] = static(
+        "decision",
+        help='what stays the same across periods. With `"decision"`, all numbers do, including the decay of '
+        'the trace and the penalty of a muscle per decision; with `"second"`, their effect per second '
+        "does, and 10 ms has the given numbers",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         choice("constant", self.constant, ("decision", "second"))
         check(rising(self.periods, 3), "periods", self.periods, "at least three, rising")
         for period in self.periods:

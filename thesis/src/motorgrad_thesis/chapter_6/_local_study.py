@@ -11,9 +11,10 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.plane import draw_paths, draw_reward, draw_units, trajectories
 from motorgrad.policies import LocalGaussians, Policy
+from motorgrad.schema import count
 from motorgrad.tasks import FallingParticle, ParticleTask, Task
 from motorgrad.training import Run, agent_for
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, smoke
 from motorgrad_thesis._figures import Axes
 
 LAYOUTS = ("R1", "R2")
@@ -29,18 +30,12 @@ TALL = 0.5  # height of the Gaussians of growing policies
 
 @dataclasses.dataclass(frozen=True)
 class LocalStudy(Experiment):
-    """Base of experiments on learners of the falling particle in the two layouts R1 and R2.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: learners of each kind.
-    """
+    """Base of experiments on learners of the falling particle in the two layouts R1 and R2."""
 
     reading: ClassVar[str] = EXACT_READ
 
-    decisions: int = ranged(50_000, 1_000, 10**8)
-    seeds: int = ranged(48, 2, 10_000)
+    decisions: int = count(50_000, 1_000, 10**8, help="decisions of learning; 50,000 contain 2,000 episodes")
+    seeds: int = count(48, 2, 10_000, help="learners of each kind")
 
     quick = smoke(decisions=2_000, seeds=3)
 
@@ -59,8 +54,8 @@ class LayoutStudy(LocalStudy):
 
     layouts: tuple[str, ...] = LAYOUTS
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(len(self.layouts) > 0, "layouts", self.layouts, "at least one")
         for layout in self.layouts:
             FallingParticle(layout=layout)  # type: ignore[arg-type]

@@ -38,8 +38,8 @@ class BothPairs(Readings[Pair]):
 
     pairs: tuple[Pair, ...] = PAIRS
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         known = 0 < len(self.pairs) == len(set(self.pairs)) and set(self.pairs) <= set(PAIRS)
         check(known, "pairs", self.pairs, "printed, exact, or both")
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from motorgrad.schema import count, number
 from motorgrad.statistics import exact, mean_of
 from motorgrad_thesis._claims import Claim, above, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, new_figure
 
 SPEED = 1.0  # forwards, in units of distance per second
@@ -24,19 +25,12 @@ class Partition(Experiment):
     next observation owns the region in which it is the best. The decision to brake at a certain distance, a horizontal
     line, is cut by these regions: with constant predictors of the change, as in the thesis, and with linear ones, each
     fitted to the region in which it is the best.
-
-    **Arguments:**
-
-    - `predictors`: number of predictors of each kind.
-    - `brake`: the distance at which to brake.
-    - `cells`: along each side of the picture.
-    - `fits`: number of fits of linear predictors, each from another random start.
     """
 
-    predictors: int = ranged(8, 2, 100)
-    brake: float = ranged(0.6, NEAR, DISTANT)
-    cells: int = ranged(161, 20, 2_000)
-    fits: int = ranged(24, 2, 10_000)
+    predictors: int = count(8, 2, 100, help="number of predictors of each kind")
+    brake: float = number(0.6, NEAR, DISTANT, help="the distance at which to brake")
+    cells: int = count(161, 20, 2_000, help="along each side of the picture")
+    fits: int = count(24, 2, 10_000, help="number of fits of linear predictors, each from another random start")
 
     quick = smoke(cells=41, fits=3)
 

@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad.schema import count
 from motorgrad.statistics import exact
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleState
 from motorgrad_thesis._claims import Claim, at_most
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, Point, draw_arrow, subplots
 
 SAME = 1e-5  # velocities closer than this belong to the same force
@@ -34,13 +35,15 @@ class ParticlePolicy(Experiment):
     """The particle and its policy as a loop. All units of a plastic, stochastic layer observe the particle's position;
     each unit that fires switches on a fixed force, and the forces add up. The reward is a function of the position. The
     number of distinct motions over all firing patterns is determined by simulation.
-
-    **Arguments:**
-
-    - `most`: largest number of forces to each side for which firing patterns are counted.
     """
 
-    most: int = ranged(6, 1, 8, " forces to each side")
+    most: int = count(
+        6,
+        1,
+        8,
+        unit="forces to each side",
+        help="largest number of forces to each side for which firing patterns are counted",
+    )
 
     quick = smoke(most=3)
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from motorgrad.plane import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.policies import LocalGaussians, tiles
+from motorgrad.schema import count, static
 from motorgrad.statistics import exact, mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleStart
 from motorgrad_thesis._claims import Claim, below, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, subplots
 from motorgrad_thesis.chapter_6._local_study import gaussians
 
@@ -28,12 +29,6 @@ SHOVES = {"none": (0.0, 0.0), "left": (-0.4, 0.0)}
 class InitialPolicy(Experiment):
     """Eight local units in four places, at each of which one pushes left and one right, before learning: paths of the
     falling particle, and its stationary distribution.
-
-    **Arguments:**
-
-    - `episodes`: over which the share of time in each place is sampled.
-    - `drawn` (episodes): paths in the picture.
-    - `seed`: seed of the episodes.
     """
 
     reading: ClassVar[str] = (
@@ -41,9 +36,9 @@ class InitialPolicy(Experiment):
         "appendix A.3 leave out."
     )
 
-    episodes: int = ranged(15_000, 10, 10**6)
-    drawn: int = ranged(12, 1, 1_000, " episodes")
-    seed: int = 0
+    episodes: int = count(15_000, 10, 10**6, help="over which the share of time in each place is sampled")
+    drawn: int = count(12, 1, 1_000, unit="episodes", help="paths in the picture")
+    seed: int = static(0, help="seed of the episodes")
 
     quick = smoke(episodes=200, drawn=4)
 

@@ -6,11 +6,12 @@ import numpy as np
 
 from motorgrad.plane import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.policies import activity
+from motorgrad.schema import count
 from motorgrad.statistics import Measured, mean_of, share_of, tally_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
 from motorgrad_thesis._claims import Claim, more_than_half, positive, within
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, new_figure
 from motorgrad_thesis.chapter_6._local_study import (
     FORGETTING,
@@ -42,15 +43,24 @@ class LocalPolicies(BothPairs, LocalStudy):
 
     - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: learners in each layout.
-    - `episodes`: number of episodes of the median seed, over which the share of time in each place is sampled.
-    - `looks` (episodes): episodes of every seed, over which the activity of its units is averaged.
-    - `drawn` (episodes): paths in each picture.
     - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    episodes: int = ranged(15_000, 1, 10**6, " episodes")
-    looks: int = ranged(200, 1, 10**6, " episodes")
-    drawn: int = ranged(12, 1, 10**6, " episodes")
+    episodes: int = count(
+        15_000,
+        1,
+        10**6,
+        unit="episodes",
+        help="number of episodes of the median seed, over which the share of time in each place is sampled",
+    )
+    looks: int = count(
+        200,
+        1,
+        10**6,
+        unit="episodes",
+        help="episodes of every seed, over which the activity of its units is averaged",
+    )
+    drawn: int = count(12, 1, 10**6, unit="episodes", help="paths in each picture")
 
     quick = smoke(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
 

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.policies import Policy
+from motorgrad.schema import count
 from motorgrad.statistics import exact, share_of
 from motorgrad.tasks import FallingParticle
 from motorgrad_thesis._claims import Claim, below, more_than_half
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, new_figure
 from motorgrad_thesis.chapter_6._local_study import LocalStudy, late_reward, median_row, policy_at, visited
 from motorgrad_thesis.chapter_6._pairs import BothPairs, Pair, settings_of
@@ -31,13 +32,17 @@ class AnyUnitFires(BothPairs, LocalStudy):
 
     - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
     - `seeds`: number of learners.
-    - `looks` (episodes): episodes of every seed, for the places that its particle visits.
-    - `cells`: along each side of the box.
     - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    looks: int = ranged(200, 1, 10**6, " episodes")
-    cells: int = ranged(60, 10, 1_000)
+    looks: int = count(
+        200,
+        1,
+        10**6,
+        unit="episodes",
+        help="episodes of every seed, for the places that its particle visits",
+    )
+    cells: int = count(60, 10, 1_000, help="along each side of the box")
 
     quick = smoke(decisions=2_000, seeds=3, looks=20, cells=20)
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies import with_interface
+from motorgrad.schema import static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run, agent_for
@@ -93,17 +94,20 @@ class Forgetting(LocalStudy):
 
     - `decisions`: decisions of learning on each side.
     - `seeds`: learners of each kind.
-    - `kinds`: kinds of policies: `local`, `narrow`, `linear`, `quadratic`.
-    - `gaps`: between the starts on the left and those on the right, as fractions of the box; the smallest first.
     """
 
     reading: ClassVar[str] = "The thesis describes no experiment; tasks, gaps and global policies are ours."
 
-    kinds: tuple[str, ...] = tuple(POLICY_KINDS)
-    gaps: tuple[float, ...] = (0.2, 0.4)
+    kinds: tuple[str, ...] = static(
+        tuple(POLICY_KINDS), help="kinds of policies: `local`, `narrow`, `linear`, `quadratic`"
+    )
+    gaps: tuple[float, ...] = static(
+        (0.2, 0.4),
+        help="between the starts on the left and those on the right, as fractions of the box; the smallest first",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         known = len(set(self.kinds)) == len(self.kinds) and set(self.kinds) <= set(POLICY_KINDS)
         check(
             known and "local" in self.kinds, "kinds", self.kinds, f"some of {', '.join(POLICY_KINDS)}, local among them"

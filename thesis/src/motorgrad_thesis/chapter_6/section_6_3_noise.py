@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import static
 from motorgrad.statistics import first_time, mean_of, median_of, moving_mean
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
@@ -30,22 +31,24 @@ class Noise(LayoutStudy):
 
     **Arguments:**
 
-    - `decisions`: decisions of learning.
-    - `seeds`: learners of each kind.
     - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
-    - `observation` (fractions of the box): deviations of the noise on each observed coordinate, rising.
-    - `dynamics` (forces): deviations of the random force in each time step, compared with actions of 0.4, rising.
     """
 
     reading: ClassVar[str] = "The thesis names no kind and no amount of noise; both are ours."
 
-    decisions: int = 150_000
-    seeds: int = 24
-    observation: tuple[float, ...] = (0.03, 0.1)
-    dynamics: tuple[float, ...] = (0.2, 0.8)
+    decisions: int = static(150_000, help="decisions of learning")
+    seeds: int = static(24, help="learners of each kind")
+    observation: tuple[float, ...] = static(
+        (0.03, 0.1), unit="fractions of the box", help="deviations of the noise on each observed coordinate, rising"
+    )
+    dynamics: tuple[float, ...] = static(
+        (0.2, 0.8),
+        unit="forces",
+        help="deviations of the random force in each time step, compared with actions of 0.4, rising",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         for name in NOISE_LABELS:
             levels = getattr(self, name)
             check(rising(levels, above=0), name, levels, "positive deviations, rising")

@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from motorgrad._errors import shown, unknown
-from motorgrad._settings import MAX_SINGLE_PRECISION
+from motorgrad.schema import MAX_SINGLE_PRECISION
 from timlab.diagram import as_written
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
+from motorgrad.schema import static
 from timlab.blocks._base import OneShape, Shaped, check_limits
 from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, Timing
 
@@ -35,10 +36,6 @@ RESETS = ("none", "rising", "falling", "either")
 class Integrator(_Memory):
     r"""Integrator, $\dot y = u$ with $y(0) = y_0$.
 
-    - `limited`: $y$ stays within the limits. At a limit it rests until $u$ points inside, without wind-up.
-    - `reset`: on these changes of the condition `reset`, $y$ starts again at $y_0$, or if `external` at the input
-      `initial`, which may depend on $y$ itself. Before the first tick the condition counts as false.
-
     A solver that adapts its steps resets and limits at the instant; with RK4, resets happen at ticks. Where resets
     would follow each other without end, it rests where they lead to, until the condition would change without it.
 
@@ -51,8 +48,15 @@ class Integrator(_Memory):
 
     low: Annotated[Any, Parameter("lower limit, if limited")] = -1.0
     high: Annotated[Any, Parameter("upper limit, if limited")] = 1.0
-    limited: Annotated[bool, Setting("whether the integral stays within the limits")] = False
-    reset: Annotated[str, Setting("which changes of the input reset restart the integral", choices=RESETS)] = "none"
+    limited: Annotated[bool, Setting("whether the integral stays within the limits")] = static(
+        False, help="$y$ stays within the limits. At a limit it rests until $u$ points inside, without wind-up"
+    )
+    reset: Annotated[str, Setting("which changes of the input reset restart the integral", choices=RESETS)] = static(
+        "none",
+        help="on these changes of the condition `reset`, $y$ starts again at $y_0$, or if `external` at the "
+        "input `initial`, which may depend on $y$ itself. Before the first tick the condition counts as "
+        "false",
+    )
     external: Annotated[bool, Setting("whether a reset restarts at the input initial")] = False
 
     def validate(self) -> None:

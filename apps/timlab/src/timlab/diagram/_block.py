@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
-from motorgrad._settings import as_hinted
+from motorgrad.schema import as_hinted
 from timlab.diagram._declarations import (
     Parameter,
     Port,

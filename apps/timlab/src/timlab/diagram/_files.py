@@ -19,7 +19,7 @@ from motorgrad._errors import MAX_VALUE_CHARACTERS, check, shown, unknown
 from motorgrad._files import write_atomically
 from motorgrad._limits import MAX_DIAGRAM_CHARACTERS, MAX_INTEGER_DIGITS, MAX_NESTING_DEPTH
 from motorgrad._reading import content_of
-from motorgrad._settings import default_of, fields_of
+from motorgrad.schema import default_of, fields_of
 from timlab.diagram._block import BLOCKS, Block
 from timlab.diagram._diagram import HEAD, Diagram, Node
 from timlab.diagram._foreign import from_a_file

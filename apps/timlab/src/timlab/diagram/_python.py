@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from motorgrad._arguments import check_arguments
-from motorgrad._settings import fields_of
+from motorgrad.schema import fields_of
 from timlab.diagram._block import Block
 from timlab.diagram._diagram import HEAD, Diagram
 

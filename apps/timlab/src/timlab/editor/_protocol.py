@@ -27,7 +27,7 @@ import json
 from typing import Any, ClassVar
 
 from motorgrad._errors import check, choice
-from motorgrad._settings import build
+from motorgrad.schema import build
 from timlab.diagram import check_data
 
 MAX_MESSAGE_CHARACTERS = 50_000_000

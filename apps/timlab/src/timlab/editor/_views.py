@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._settings import fields_of
+from motorgrad.schema import fields_of
 from timlab.blocks._formulas import RESERVED
 from timlab.diagram import (
     BLOCKS,

@@ -13,7 +13,6 @@ from motorgrad._errors import check, unknown
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._myosuite import is_of_myosuite
-from motorgrad._settings import build, table
 from motorgrad.bodies import BODIES
 from motorgrad.options import (
     HELP,
@@ -28,6 +27,7 @@ from motorgrad.options import (
     split_task,
 )
 from motorgrad.pages import LOCAL
+from motorgrad.schema import build, number, static, table
 from motorgrad.tasks import TASKS, Composed
 from motorgrad.training import agent_table, load, saved_config
 from timsim import live
@@ -55,45 +55,60 @@ NEW = "a new file with --run, which starts with the policy of the run"
 class Options:
     """Options of `motorgrad sim`, beside those of the task and of the agent."""
 
-    run: Path | None = None
-    """Start with the policy of the run in this directory; TASK may then be left out."""
-    seed: int | None = None
-    """The seed of the learner; with --run, which of its seeds. By default 0, or the run's first."""
-    seeds: tuple[int, ...] = ()
-    """Several seeds of the run side by side, which act without learning."""
-    beside: tuple[str, ...] = ()
-    """Other policies side by side, as LABEL=PATH: a run, a saved policy (.npz), a model (.zip), or untrained."""
-    runs_beside: tuple[Path, ...] = ()
-    """Further runs of the task side by side; --run, given again, means the same."""
-    autosave: Path | None = None
-    """Save the policy to this file (.npz) as it learns, and at the end; start with it if the file exists."""
-    autosave_every: float = 10.0
-    """Seconds of wall time between two automatic saves, at least 0.1."""
-    frozen: bool = False
-    """Start without learning."""
-    paused: bool = False
-    """Start paused, as a model without a learner does unless it is filmed."""
-    speed: float | Literal["max"] = 1.0
-    """Simulated seconds per second, at least 0.05; max for as fast as possible."""
-    host: str = HERE
-    """Where the page listens. Others can reach a host other than 127.0.0.1, unencrypted: keep the address secret."""
-    port: int | None = None
-    """The page's port; by default 8080, or the next free one."""
-    share: bool = False
-    """Print a second address, by which others watch and change nothing; with another --host it is always printed."""
-    browser: bool = True
-    """Open the page in the browser, where there is a screen."""
-    trust: bool = False
-    """Run code that the run directory or the scene file names, the module of its task, and that models (.zip) hold."""
-    motion: Path | None = None
-    """Play this stored motion of a model (.mot, .sto, .csv, .npz or .npy), by the names of its joints."""
-    motion_partial: bool = False
-    """Play it although joints have no column, or columns are not of this model."""
-    record: Path | None = None
-    """Record the simulation from its start to this file: a film (.mp4, .gif, .webp), or a replay (.html)."""
-    seconds: float | None = None
-    """End after this many seconds of the recording, or without one of wall time since the run started; by default with
-    Ctrl-C. A replay's seconds are simulated."""
+    run: Path | None = static(
+        None, help="Start with the policy of the run in this directory; TASK may then be left out"
+    )
+    seed: int | None = static(
+        None, help="The seed of the learner; with --run, which of its seeds. By default 0, or the run's first"
+    )
+    seeds: tuple[int, ...] = static((), help="Several seeds of the run side by side, which act without learning")
+    beside: tuple[str, ...] = static(
+        (),
+        help="Other policies side by side, as LABEL=PATH: a run, a saved policy (.npz), a model (.zip), or untrained",
+    )
+    runs_beside: tuple[Path, ...] = static(
+        (), help="Further runs of the task side by side; --run, given again, means the same"
+    )
+    autosave: Path | None = static(
+        None, help="Save the policy to this file (.npz) as it learns, and at the end; start with it if the file exists"
+    )
+    autosave_every: float = number(10.0, help="Seconds of wall time between two automatic saves, at least 0.1")
+    frozen: bool = static(False, help="Start without learning")
+    paused: bool = static(False, help="Start paused, as a model without a learner does unless it is filmed")
+    speed: float | Literal["max"] = static(
+        1.0, help="Simulated seconds per second, at least 0.05; max for as fast as possible"
+    )
+    host: str = static(
+        HERE,
+        help="Where the page listens. Others can reach a host other than 127.0.0.1, unencrypted: keep the "
+        "address secret",
+    )
+    port: int | None = static(None, help="The page's port; by default 8080, or the next free one")
+    share: bool = static(
+        False,
+        help="Print a second address, by which others watch and change nothing; with another --host it is "
+        "always printed",
+    )
+    browser: bool = static(True, help="Open the page in the browser, where there is a screen")
+    trust: bool = static(
+        False,
+        help="Run code that the run directory or the scene file names, the module of its task, and that models "
+        "(.zip) hold",
+    )
+    motion: Path | None = static(
+        None, help="Play this stored motion of a model (.mot, .sto, .csv, .npz or .npy), by the names of its joints"
+    )
+    motion_partial: bool = static(
+        False, help="Play it although joints have no column, or columns are not of this model"
+    )
+    record: Path | None = static(
+        None, help="Record the simulation from its start to this file: a film (.mp4, .gif, .webp), or a replay (.html)"
+    )
+    seconds: float | None = number(
+        None,
+        help="End after this many seconds of the recording, or without one of wall time since the run started; "
+        "by default with Ctrl-C. A replay's seconds are simulated",
+    )
     common: ClassVar[tuple[str, ...]] = (
         "run",
         "seed",

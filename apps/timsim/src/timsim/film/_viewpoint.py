@@ -10,19 +10,18 @@ import numpy as np
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
+from motorgrad.schema import Settings, number, static
 
 Triple = tuple[float, float, float]
 
 
 @dataclasses.dataclass(frozen=True)
-class Viewpoint:
+class Viewpoint(Settings):
     """A camera at any place, such as that of a browser showing a live page.
 
     **Arguments:**
 
     - `position` and `target`: where it stands and what it looks at, in m, in world coordinates.
-    - `field_of_view`: from the lower to the upper edge of the picture, in degrees, from 1 to 170.
-    - `up`: the direction that is up in the picture; only its part across the line of sight counts.
 
     **Raises:** `ValueError` for numbers that are not finite, a target at the position, or `up` along the line of sight.
 
@@ -33,8 +32,12 @@ class Viewpoint:
 
     position: Triple
     target: Triple
-    field_of_view: float = 45.0
-    up: Triple = (0.0, 0.0, 1.0)
+    field_of_view: float = number(
+        45.0, help="from the lower to the upper edge of the picture, in degrees, from 1 to 170"
+    )
+    up: Triple = static(
+        (0.0, 0.0, 1.0), help="the direction that is up in the picture; only its part across the line of sight counts"
+    )
 
     def __post_init__(self) -> None:
         check_arguments(Viewpoint, vars(self))

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import PyTree
 
 from motorgrad._errors import check
-from motorgrad._tree import is_live, numbers_of
 from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy, with_interface
+from motorgrad.schema import declared_at, numbers_of
 from motorgrad.tasks import EnvironmentPictures, Task
 from motorgrad.training import RunWarning, Stepper, interface_of, stepper_for
 from motorgrad.training.engines import Record, mean_reward, without_broken
@@ -337,7 +337,7 @@ def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
 
 def agent_numbers(agent: Agent) -> dict[str, float]:
     """The numbers of a learner that can be changed while it runs, by name."""
-    found = {path: value for path, value in numbers_of(agent.hyperparameters).items() if is_live(agent, path)}
+    found = {path: value for path, value in numbers_of(agent.hyperparameters).items() if declared_at(agent, path).live}
     return {f"{AGENT}{path}": value for path, value in found.items() if isinstance(value, float)}
 
 

@@ -22,6 +22,7 @@ from motorgrad._myosuite import is_of_myosuite, models
 from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.schema import Settings, number, static
 from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task, load, myosuite, myosuite_ids
 from motorgrad.training import Run, check_training
 from timsim.film import Motion, read_motion
@@ -38,21 +39,15 @@ MYOSUITE = "myosuite:"
 
 
 @dataclasses.dataclass(frozen=True)
-class Camera:
-    """A fixed camera of a scene, offered beside the model's own.
+class Camera(Settings):
+    """A fixed camera of a scene, offered beside the model's own."""
 
-    **Arguments:**
-
-    - `position` (m): of the camera.
-    - `target` (m): the point that it looks at.
-    - `follow`: the body that it moves along with, without turning; both points are then relative to that body.
-    - `field_of_view` (degrees): vertical.
-    """
-
-    position: tuple[float, float, float]
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    follow: str | None = None
-    field_of_view: float = 45.0
+    position: tuple[float, float, float] = static(unit="m", help="of the camera")
+    target: tuple[float, float, float] = static((0.0, 0.0, 0.0), unit="m", help="the point that it looks at")
+    follow: str | None = static(
+        None, help="the body that it moves along with, without turning; both points are then relative to that body"
+    )
+    field_of_view: float = number(45.0, unit="degrees", help="vertical")
 
     def __post_init__(self) -> None:
         check_arguments(Camera, vars(self))
@@ -88,7 +83,7 @@ class Camera:
 
 
 @dataclasses.dataclass(frozen=True)
-class Stage:
+class Stage(Settings):
     """Changes to a body's surroundings; none by default.
 
     **Arguments:** `timestep` (s), of the physics; `gravity` (m/s²), a vector; `terrain` in place of the level ground;

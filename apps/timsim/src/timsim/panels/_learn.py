@@ -20,8 +20,8 @@ from motorgrad._errors import check
 from motorgrad._files import write_atomically
 from motorgrad._limits import MAX_SETTINGS_BYTES
 from motorgrad._reading import content_of
-from motorgrad._settings import table
 from motorgrad.bodies import Anatomy
+from motorgrad.schema import table
 from motorgrad.tasks import Composed, compose, suggestions
 from motorgrad.training import PRESETS, agent_for
 from timsim.live import Session, Setup, Snapshot, confined, setup_of, succeed

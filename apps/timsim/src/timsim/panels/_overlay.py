@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from motorgrad._docstrings import description_of
 from motorgrad._errors import check
+from motorgrad.schema import description_of
 from motorgrad.tasks import Task
 from timsim.film import FIRING, SILENT, Annotations, Arrow, Curve
 from timsim.live import Session, Snapshot

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
-from motorgrad._docstrings import descriptions
-from motorgrad._tree import Part
+from motorgrad.schema import Part, descriptions
 from timsim.live import field_of, geom_of
 
 if TYPE_CHECKING:

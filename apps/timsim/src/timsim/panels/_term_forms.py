@@ -9,9 +9,7 @@ from typing import Any
 
 import viser
 
-from motorgrad._docstrings import descriptions, field_texts
-from motorgrad._settings import default_of
-from motorgrad._tree import fields_of, hints_of, options_of
+from motorgrad.schema import declared_by, default_of, descriptions, fields_of, hints_of, options_of
 from motorgrad.tasks import terms
 
 LEFT_OUT: dict[str, tuple[str, ...]] = {
@@ -53,7 +51,6 @@ class TermForm:
         self._class = kinds_for(place)[table["kind"]]
         self._fields: dict[str, tuple[Any, Any]] = {}
         words = descriptions(self._class)
-        units = field_texts(self._class)
         self._folder = gui.add_folder(self.kind, expand_by_default=False)
         with self._folder:
             for name, field in fields_of(self._class).items():
@@ -62,8 +59,9 @@ class TermForm:
                 default = default_of(field)
                 hint = hints_of(self._class)[name]
                 value = table.get(name, None if default is dataclasses.MISSING else default)
-                unit = units.get(name, ("", ""))[0].strip()
-                label = f"{name} {unit}".replace("_", " ").strip()
+                unit = declared_by(field).unit
+                label = f"{name} ({unit})" if unit else name
+                label = label.replace("_", " ")
                 self._fields[name] = default, _field(gui, label, hint, value, words.get(name, ""))
             gui.add_button("Remove", icon=viser.Icon.TRASH, color="gray").on_click(lambda _: removed(self))
 

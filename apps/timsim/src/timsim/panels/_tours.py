@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 from motorgrad._errors import check, unknown
-from motorgrad._settings import build, check_fields
+from motorgrad.schema import build, check_fields
 from timsim.live import Session
 from timsim.scene import camera_named
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motorgrad._errors import check
+from motorgrad.schema import Settings
 from timsim.planet._geometry import Ellipsoid, Points
 
 Heights = Float[np.ndarray, "*any"]
@@ -138,7 +139,7 @@ class SeededElevation:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MapElevation:
+class MapElevation(Settings):
     """Elevation from a map of latitudes and longitudes, with linear interpolation.
 
     **Arguments:** `heights` (rows, columns) in m: the first row at the north pole and the last at the south pole;

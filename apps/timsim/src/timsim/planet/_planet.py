@@ -16,6 +16,7 @@ from jaxtyping import Float
 from motorgrad._errors import check, choice, shown_path
 from motorgrad._limits import MAX_HEIGHT_MAP_BYTES
 from motorgrad._reading import array_in, content_of
+from motorgrad.schema import Settings, number, static
 from timsim.planet._elevation import Elevation, Kind, MapElevation, SeededElevation, Surface
 from timsim.planet._geometry import Ellipsoid, Frame, frame_at, normal_at
 
@@ -128,23 +129,16 @@ def _check_whole(settings: object, name: str, least: int) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Detail:
-    """The level of detail of a planet, and its budget.
+class Detail(Settings):
+    """The level of detail of a planet, and its budget."""
 
-    **Arguments:**
-
-    - `tolerance` (pixels): error of the drawn ground in the picture, as far as the budget allows.
-    - `triangles`: drawn at most at any time, for all browsers together.
-    - `changes`: tiles sent at most in one update.
-    - `milliseconds`: after which an update begins no further tile.
-    - `cache`: hidden tiles that a browser keeps at most, beyond those in use.
-    """
-
-    tolerance: float = 2.0
-    triangles: int = 100_000
-    changes: int = 8
-    milliseconds: float = 10.0
-    cache: int = 400
+    tolerance: float = number(
+        2.0, unit="pixels", help="error of the drawn ground in the picture, as far as the budget allows"
+    )
+    triangles: int = static(100_000, help="drawn at most at any time, for all browsers together")
+    changes: int = static(8, help="tiles sent at most in one update")
+    milliseconds: float = number(10.0, help="after which an update begins no further tile")
+    cache: int = static(400, help="hidden tiles that a browser keeps at most, beyond those in use")
 
     def __post_init__(self) -> None:
         _check_positive(self, "tolerance", "milliseconds")
@@ -153,26 +147,12 @@ class Detail:
 
 
 @dataclasses.dataclass(frozen=True)
-class Planet:
+class Planet(Settings):
     """A round world of three radii, with terrain from a seed or a map.
 
     **Arguments:**
 
-    - `radii` (m): of the ellipsoid along x, y and z, from 1 m to 1,000 km. The poles are on z.
-    - `kind`: "bumps", random heights with smooth ground between them; "steps", plateaus at random heights; "waves",
-      eight sines of random directions and phases; "fractal", bumps on ever smaller bumps.
-    - `height` (m): from the lowest to the highest possible point; 0 is smooth. Where a body starts the ground is at the
-      height of the ellipsoid.
-    - `spacing` (m): between bumps, waves or plateaus; of "fractal" the widest.
-    - `seed`: of the random numbers.
-    - `clearing` (m): radius of the level disc on which a body starts; around it the ground rises within a metre.
-    - `map`: a NumPy file (.npy) of heights (rows, columns) in m, instead of the five settings above: from the north
-      pole to the south pole, and around from longitude −180°.
     - `latitude`, `longitude` (degrees): where a body starts; `heading` (degrees): its direction, 0 north, 90 east.
-    - `patch` (m): half a side of the square of ground on which its physics runs; the body must be well within it.
-    - `cell` (m): grid spacing of the patch; finer ground is not felt.
-    - `travel`: the share of `patch` that the body travels before the patch is moved.
-    - `detail`: how finely it is drawn.
 
     **Raises:** `ValueError` that names the field and its allowed values; for a map, the file and the reason.
 
@@ -181,20 +161,41 @@ class Planet:
     ```
     """
 
-    radii: tuple[float, float, float] = (3.0, 3.0, 3.0)
-    kind: Kind = "bumps"
-    height: float = 0.1
-    spacing: float = 1.0
-    seed: int = 0
-    clearing: float = 0.6
-    map: Path | None = None
+    radii: tuple[float, float, float] = static(
+        (3.0, 3.0, 3.0), unit="m", help="of the ellipsoid along x, y and z, from 1 m to 1,000 km. The poles are on z"
+    )
+    kind: Kind = static(
+        "bumps",
+        help='"bumps", random heights with smooth ground between them; "steps", plateaus at random heights; '
+        '"waves", eight sines of random directions and phases; "fractal", bumps on ever smaller bumps',
+    )
+    height: float = number(
+        0.1,
+        unit="m",
+        help="from the lowest to the highest possible point; 0 is smooth. Where a body starts the ground is at "
+        "the height of the ellipsoid",
+    )
+    spacing: float = number(1.0, unit="m", help='between bumps, waves or plateaus; of "fractal" the widest')
+    seed: int = static(0, help="of the random numbers")
+    clearing: float = number(
+        0.6, unit="m", help="radius of the level disc on which a body starts; around it the ground rises within a metre"
+    )
+    map: Path | None = static(
+        None,
+        help="a NumPy file (.npy) of heights (rows, columns) in m, instead of the five settings above: from "
+        "the north pole to the south pole, and around from longitude −180°",
+    )
     latitude: float = 0.0
     longitude: float = 0.0
     heading: float = 90.0
-    patch: float = 1.5
-    cell: float = 0.1
-    travel: float = 0.1
-    detail: Detail = Detail()
+    patch: float = number(
+        1.5,
+        unit="m",
+        help="half a side of the square of ground on which its physics runs; the body must be well within it",
+    )
+    cell: float = number(0.1, unit="m", help="grid spacing of the patch; finer ground is not felt")
+    travel: float = number(0.1, help="the share of `patch` that the body travels before the patch is moved")
+    detail: Detail = static(Detail(), help="how finely it is drawn")
 
     def __post_init__(self) -> None:
         radii = tuple(self.radii)

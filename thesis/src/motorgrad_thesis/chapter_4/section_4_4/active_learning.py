@@ -5,11 +5,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from motorgrad.schema import count, number
 from motorgrad.statistics import median_of
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, at_most, below
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, subplots
 from motorgrad_thesis.chapter_4._pools import (
     NATURAL,
@@ -29,27 +30,17 @@ class ActiveLearning(Experiment):
     """A pool queries the loads at which it learns, the more often the more uncertain it is there, by the entropy of its
     action. Does it become equally spaced in fewer decisions than with uniform loads? And does it lift all loads equally
     well in the end?
-
-    **Arguments:**
-
-    - `plain_units`: in the pools that learn by the plain gradient.
-    - `plain_steps` (decisions): for which these learn.
-    - `natural_units`: in the pools that learn by the natural gradient.
-    - `natural_steps` (decisions): for which these learn.
-    - `explore`: the share of loads that are drawn uniformly nevertheless.
-    - `cells`: in which the entropy is evaluated.
-    - `seeds`: pools of each kind.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    plain_units: int = ranged(4, 2, 64)
-    plain_steps: int = ranged(5_000_000, 200, 10**9)
-    natural_units: int = ranged(8, 2, 64)
-    natural_steps: int = ranged(400_000, 200, 10**9)
-    explore: float = ranged(0.1, 0, 1)
-    cells: int = ranged(32, 2, 10_000)
-    seeds: int = ranged(24, 2, 10_000)
+    plain_units: int = count(4, 2, 64, help="in the pools that learn by the plain gradient")
+    plain_steps: int = count(5_000_000, 200, 10**9, unit="decisions", help="for which these learn")
+    natural_units: int = count(8, 2, 64, help="in the pools that learn by the natural gradient")
+    natural_steps: int = count(400_000, 200, 10**9, unit="decisions", help="for which these learn")
+    explore: float = number(0.1, 0, 1, help="the share of loads that are drawn uniformly nevertheless")
+    cells: int = count(32, 2, 10_000, help="in which the entropy is evaluated")
+    seeds: int = count(24, 2, 10_000, help="pools of each kind")
 
     quick = smoke(plain_units=2, plain_steps=2_000, natural_units=3, natural_steps=2_000, seeds=3)
 

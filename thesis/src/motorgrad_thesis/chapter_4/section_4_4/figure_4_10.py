@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import median_of, share_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, at_least, at_most, below
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad_thesis.chapter_4._pools import NATURAL, firing_probability, with_new_unit
 
@@ -24,26 +25,22 @@ LOCAL = "The effect of the new unit becomes increasingly local as its gain incre
 class LocalEffect(Experiment):
     """A pool that has learned the linear mapping receives one more unit: the change of the mean activation at each
     load, before anything more is learned, against the gain of the new unit.
-
-    **Arguments:**
-
-    - `units`: in the learned pools.
-    - `threshold`: threshold of the new unit, a load.
-    - `gains`: gains of the new unit, rising, the first 0.
-    - `seeds`: pools that learn.
-    - `steps` (decisions): for which each pool learns, by the natural gradient.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = ranged(6, 1, 100)
-    threshold: float = ranged(0.5, 0, 1)
-    gains: tuple[float, ...] = (0.0, 5.0, 10.0, 20.0, 40.0, 80.0)
-    seeds: int = ranged(24, 2, 10_000)
-    steps: int = ranged(400_000, 200, 10**9)
+    units: int = count(6, 1, 100, help="in the learned pools")
+    threshold: float = number(0.5, 0, 1, help="threshold of the new unit, a load")
+    gains: tuple[float, ...] = static(
+        (0.0, 5.0, 10.0, 20.0, 40.0, 80.0), help="gains of the new unit, rising, the first 0"
+    )
+    seeds: int = count(24, 2, 10_000, help="pools that learn")
+    steps: int = count(
+        400_000, 200, 10**9, unit="decisions", help="for which each pool learns, by the natural gradient"
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(rising(self.gains, 2) and self.gains[0] == 0, "gains", self.gains, "at least two, rising from 0")
 
     quick = smoke(seeds=3, steps=2_000)

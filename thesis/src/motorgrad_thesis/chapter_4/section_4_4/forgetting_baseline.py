@@ -7,11 +7,12 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
 from motorgrad_thesis.chapter_4._pools import NATURAL, least_error
 
@@ -25,30 +26,24 @@ class ForgettingBaseline(Experiment):
     load is added to the observed one and removed again. The baseline is the mean of all rewards, as in OLGARB, or moves
     by a fixed step. How well does it track the rewards, and how well does the pool track the change? The natural
     gradient is added for comparison.
-
-    **Arguments:**
-
-    - `units`: in each pool.
-    - `seeds`: pools of each kind.
-    - `steps` (decisions): for which each pool learns.
-    - `period` (decisions): period of the change, which is absent in the first half and present in the second.
-    - `amount`: relative change of the muscle's strength.
-    - `added`: load that is added, if the load changes; observed loads are from 0 to 1.
-    - `rates` (per decision): the fixed steps γ.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = 2
-    seeds: int = ranged(20, 2, 10_000)
-    steps: int = 4_000_000
-    period: int = 2_000_000
-    amount: float = -0.5
-    added: float = 0.25
-    rates: tuple[float, ...] = (0.001, 0.01, 0.1)
+    units: int = static(2, help="in each pool")
+    seeds: int = count(20, 2, 10_000, help="pools of each kind")
+    steps: int = static(4_000_000, unit="decisions", help="for which each pool learns")
+    period: int = static(
+        2_000_000,
+        unit="decisions",
+        help="period of the change, which is absent in the first half and present in the second",
+    )
+    amount: float = number(-0.5, help="relative change of the muscle's strength")
+    added: float = number(0.25, help="load that is added, if the load changes; observed loads are from 0 to 1")
+    rates: tuple[float, ...] = static((0.001, 0.01, 0.1), unit="per decision", help="the fixed steps γ")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
         check(len(self.rates) > 0, "rates", self.rates, "at least one")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")

@@ -6,11 +6,12 @@ from typing import ClassVar
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Figure, subplots
 from motorgrad_thesis.chapter_4._pools import entropy, least_error, parameter_history
 from motorgrad_thesis.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
@@ -25,31 +26,29 @@ class GainDecay(Experiment):
     learn with decaying gains: with a constant muscle, and with one that loses part of its strength and regains it.
     Measured: how stochastic the pools remain, how well they track the muscle, and what that costs if nothing changes.
     In comparison, pools whose gains decay from the start.
-
-    **Arguments:**
-
-    - `units`: in each pool.
-    - `seeds`: pools of each kind.
-    - `learned` (decisions): length of each pool's first practice.
-    - `steps` (decisions): length of the second.
-    - `period` (decisions): period of the muscle's change; it is strong in the first half and weak in the second.
-    - `amount`: relative change of its strength.
-    - `decays` (per decision): three decays of the gains, λ, rising. By default a gain without gradient falls to 1/e in
-      half a period, and in ten times and a tenth of that. The middle one is also used from the start.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = 2
-    seeds: int = ranged(20, 2, 10_000)
-    learned: int = ranged(4_000_000, 200, 10**9)
-    steps: int = 3_000_000
-    period: int = 2_000_000
-    amount: float = -0.5
-    decays: tuple[float, ...] = (1e-7, 1e-6, 1e-5)
+    units: int = static(2, help="in each pool")
+    seeds: int = count(20, 2, 10_000, help="pools of each kind")
+    learned: int = count(4_000_000, 200, 10**9, unit="decisions", help="length of each pool's first practice")
+    steps: int = static(3_000_000, unit="decisions", help="length of the second")
+    period: int = static(
+        2_000_000,
+        unit="decisions",
+        help="period of the muscle's change; it is strong in the first half and weak in the second",
+    )
+    amount: float = number(-0.5, help="relative change of its strength")
+    decays: tuple[float, ...] = static(
+        (1e-7, 1e-6, 1e-5),
+        unit="per decision",
+        help="three decays of the gains, λ, rising. By default a gain without gradient falls to 1/e in half a "
+        "period, and in ten times and a tenth of that. The middle one is also used from the start",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
         check(
             len(self.decays) == 3 and rising(self.decays, above=0) and max(self.decays) <= 1,

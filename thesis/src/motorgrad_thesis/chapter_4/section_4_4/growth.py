@@ -5,11 +5,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from motorgrad.schema import count
 from motorgrad.statistics import exact, median_of, share_of
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._claims import Claim, below, more_than_half, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad_thesis.chapter_4._pools import (
     NORMAL,
@@ -41,23 +42,17 @@ class Growth(Experiment):
     threshold, until it is complete. It is compared with a pool that has all units from the start, for as many decisions
     in all. With the natural step, a phase is more than twice as long as a complete pool takes to converge; with the
     plain gradient it is shorter than that.
-
-    **Arguments:**
-
-    - `units`: in the complete pools that learn by the natural step.
-    - `phase` (decisions): with each number of units, by the natural step.
-    - `plain_units`: in the complete pools that learn by the plain gradient.
-    - `plain_phase` (decisions): with each number of units, by the plain gradient.
-    - `seeds`: pools of each kind.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = ranged(8, 3, 64)
-    phase: int = ranged(100_000, 200, 10**8)
-    plain_units: int = ranged(4, 3, 64)
-    plain_phase: int = ranged(800_000, 200, 10**8)
-    seeds: int = ranged(24, 2, 10_000)
+    units: int = count(8, 3, 64, help="in the complete pools that learn by the natural step")
+    phase: int = count(100_000, 200, 10**8, unit="decisions", help="with each number of units, by the natural step")
+    plain_units: int = count(4, 3, 64, help="in the complete pools that learn by the plain gradient")
+    plain_phase: int = count(
+        800_000, 200, 10**8, unit="decisions", help="with each number of units, by the plain gradient"
+    )
+    seeds: int = count(24, 2, 10_000, help="pools of each kind")
 
     quick = smoke(units=3, phase=400, plain_units=3, plain_phase=400, seeds=3)
 

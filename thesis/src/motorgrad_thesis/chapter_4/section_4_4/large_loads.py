@@ -8,11 +8,12 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Posture
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, Kind, below, more_than_half, negative, positive
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Axes, SubFigure
 from motorgrad_thesis.chapter_4._pools import firing_probability
 from motorgrad_thesis.chapter_4._postures import BothPostures, arm_task
@@ -31,22 +32,15 @@ class LargeLoads(BothPostures):
     loads. The reward is the height of the lift, or only a complete lift is rewarded. In addition, computed exactly: the
     reward at large loads of a pool whose units all fire with the same probability. All this with the upper arm held
     vertically, so that a force that is too small lifts little, and horizontally, so that it lifts in proportion.
-
-    **Arguments:**
-
-    - `sizes` (units): sizes of the pools.
-    - `seeds`: pools of each size.
-    - `steps` (decisions): for which each pool learns.
-    - `least` (kg): the smallest of the large loads; the greatest is 14.
     """
 
-    sizes: tuple[int, ...] = (4, 16, 32)
-    seeds: int = ranged(40, 2, 10_000)
-    steps: int = ranged(150_000, 200, 10**9)
-    least: float = 12.0
+    sizes: tuple[int, ...] = static((4, 16, 32), unit="units", help="sizes of the pools")
+    seeds: int = count(40, 2, 10_000, help="pools of each size")
+    steps: int = count(150_000, 200, 10**9, unit="decisions", help="for which each pool learns")
+    least: float = number(12.0, unit="kg", help="the smallest of the large loads; the greatest is 14")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(rising(self.sizes, 2, above=0), "sizes", self.sizes, "at least two, rising")
         check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
 

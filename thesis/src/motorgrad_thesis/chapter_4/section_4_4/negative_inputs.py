@@ -7,11 +7,12 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Posture
+from motorgrad.schema import count, static
 from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._claims import Claim, more_than_half, positive
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, SubFigure, draw_intervals
 from motorgrad_thesis.chapter_4._pools import firing_probability, thresholds_and_gains
 from motorgrad_thesis.chapter_4._postures import READ, BothPostures, arm_task
@@ -37,22 +38,17 @@ class NegativeInputs(BothPostures):
     """Pools learn to lift with sweeps that begin above 0 kg, at 0, at −2 (the thesis) and at −6. Without loads of 0 and
     below, a unit comes to fire always. Then those loads are restored, and learning continues from there, with and
     without decay of the gains. With the upper arm held vertically and horizontally.
-
-    **Arguments:**
-
-    - `units`: in each pool.
-    - `seeds`: pools that learn with each kind of sweep.
-    - `steps` (decisions): length of each of the two practices.
-    - `decays` (per sweep): decays of the gains, in further versions of the second practice.
     """
 
-    units: int = 4
-    seeds: int = ranged(100, 2, 10_000)
-    steps: int = ranged(200_000, 200, 10**9)
-    decays: tuple[float, ...] = (1e-3, 1e-2)
+    units: int = static(4, help="in each pool")
+    seeds: int = count(100, 2, 10_000, help="pools that learn with each kind of sweep")
+    steps: int = count(200_000, 200, 10**9, unit="decisions", help="length of each of the two practices")
+    decays: tuple[float, ...] = static(
+        (1e-3, 1e-2), unit="per sweep", help="decays of the gains, in further versions of the second practice"
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         for decay in self.decays:
             check(0 < decay <= 1, "decays", decay, "in (0, 1]")
         arm_task(READ, self.units)

@@ -7,11 +7,12 @@ import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import first_time, median_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for, evaluate
 from motorgrad_thesis._claims import Claim, below
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Figure, draw_band, subplots
 from motorgrad_thesis.chapter_4._pools import NATURAL, least_error
 
@@ -29,26 +30,18 @@ CURVES = (("binary", "C1", "binary"), ("graded", "C0", "graded"))
 class RateModulation(Experiment):
     """Motoneurons with graded activation, a sigmoid of the load plus noise, compared with binary ones. Both learn the
     linear mapping by the natural gradient. How accurately do equally many units grade the force, and how soon?
-
-    **Arguments:**
-
-    - `units`: sizes of the pools, rising.
-    - `steps` (decisions): for which each pool learns.
-    - `deviation`: standard deviation of the graded units' noise before learning.
-    - `floor`: lower bound of that deviation.
-    - `seeds`: pools of each kind.
     """
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: tuple[int, ...] = (1, 2, 4)
-    steps: int = ranged(300_000, 200, 10**9)
-    deviation: float = 0.3
-    floor: float = 0.02
-    seeds: int = ranged(24, 2, 10_000)
+    units: tuple[int, ...] = static((1, 2, 4), help="sizes of the pools, rising")
+    steps: int = count(300_000, 200, 10**9, unit="decisions", help="for which each pool learns")
+    deviation: float = number(0.3, help="standard deviation of the graded units' noise before learning")
+    floor: float = number(0.02, help="lower bound of that deviation")
+    seeds: int = count(24, 2, 10_000, help="pools of each kind")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, from 1 to 64")
         wanted = "positive, floor < deviation, at most 10"
         check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)

@@ -9,11 +9,12 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import POSTURES, Posture
+from motorgrad.schema import count, number
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, at_most, negative, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, subplots
 from motorgrad_thesis.chapter_4._pools import NATURAL, firing_probability, thresholds_and_gains
 from motorgrad_thesis.chapter_4._postures import READ, BothPostures, arm_task
@@ -37,16 +38,6 @@ class SizePrinciple(Experiment):
     they recruited in the order of their sizes? In the linear mapping every order has the same reward, so that an order
     can only result from learning; on the arm, whose upper arm is held vertically or horizontally, orders differ in
     reward.
-
-    **Arguments:**
-
-    - `units`: in each pool.
-    - `size_ratio`: the largest unit's force relative to the smallest's. By default each unit has twice the force of the
-      one before.
-    - `seeds`: pools of each kind.
-    - `linear` (decisions): for which pools learn the linear mapping by the plain gradient.
-    - `linear_natural` (decisions): the same by the natural gradient.
-    - `arm` (decisions): for which pools learn to lift, in either posture and by either gradient.
     """
 
     reading: ClassVar[str] = (
@@ -54,15 +45,27 @@ class SizePrinciple(Experiment):
         "as for figure 4.8."
     )
 
-    units: int = ranged(4, 3, 6)
-    size_ratio: float = 8.0
-    seeds: int = ranged(48, 2, 10_000)
-    linear: int = ranged(6_000_000, 200, 10**9)
-    linear_natural: int = ranged(1_000_000, 200, 10**9)
-    arm: int = ranged(600_000, 200, 10**9)
+    units: int = count(4, 3, 6, help="in each pool")
+    size_ratio: float = number(
+        8.0,
+        help="the largest unit's force relative to the smallest's. By default each unit has twice the force of "
+        "the one before",
+    )
+    seeds: int = count(48, 2, 10_000, help="pools of each kind")
+    linear: int = count(
+        6_000_000, 200, 10**9, unit="decisions", help="for which pools learn the linear mapping by the plain gradient"
+    )
+    linear_natural: int = count(1_000_000, 200, 10**9, unit="decisions", help="the same by the natural gradient")
+    arm: int = count(
+        600_000,
+        200,
+        10**9,
+        unit="decisions",
+        help="for which pools learn to lift, in either posture and by either gradient",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
 
     quick = smoke(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)

@@ -10,9 +10,10 @@ import numpy as np
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent, Annealed
 from motorgrad.policies import Policy
+from motorgrad.schema import count, number
 from motorgrad.tasks import Hexapod, Task
 from motorgrad.training import Run, agent_for, evaluate, stepper_for
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, smoke
 
 FULL = "the learner"
 VARIANTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
@@ -38,26 +39,23 @@ SETTLING = 2.0  # seconds that do not count
 
 @dataclasses.dataclass(frozen=True)
 class MuscleStudy(Experiment):
-    """Base of experiments on hexapods that learn to walk on 24 muscles, with the task's own learner.
-
-    **Arguments:**
-
-    - `updates`: number of updates of the parameters; the learner's schedules scale with them.
-    - `seeds`: independent hexapods.
-    - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
-    """
+    """Base of experiments on hexapods that learn to walk on 24 muscles, with the task's own learner."""
 
     kind: ClassVar[type[Hexapod]] = Hexapod
     """The task."""
     first_seed: ClassVar[int] = 0
     """The seed of the first hexapod; the others follow."""
 
-    updates: int = ranged(1200, 1, 100_000)
-    seeds: int = ranged(10, 2, 1000)
-    watched: float = 60.0
+    updates: int = count(
+        1200, 1, 100_000, help="number of updates of the parameters; the learner's schedules scale with them"
+    )
+    seeds: int = count(10, 2, 1000, help="independent hexapods")
+    watched: float = number(
+        60.0, unit="simulated s", help="for which the frozen policies are evaluated, a multiple of 20"
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         spans = self.watched / 20
         right = 1 <= spans <= 180 and spans == round(spans)
         check(right, "watched", self.watched, "a multiple of 20 simulated s, at most 3600")

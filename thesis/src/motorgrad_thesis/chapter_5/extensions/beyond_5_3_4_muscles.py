@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import static
 from motorgrad.statistics import mean_of, median_of
 from motorgrad_thesis._claims import Claim, at_least, at_most, in_every, negative, positive
 from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
@@ -39,15 +40,13 @@ class Muscles(MuscleStudy):
     - `updates`: number of updates of the parameters; the learner's schedules scale with them.
     - `seeds`: independent hexapods.
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
-    - `compared`: seeds of each changed learner; they are compared with as many of the unchanged one.
-    - `variants`: the changed learners, by name.
     """
 
-    compared: int = 5
-    variants: tuple[str, ...] = tuple(VARIANTS)[1:]
+    compared: int = static(5, help="seeds of each changed learner; they are compared with as many of the unchanged one")
+    variants: tuple[str, ...] = static(tuple(VARIANTS)[1:], help="the changed learners, by name")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(2 <= self.compared <= self.seeds, "compared", self.compared, f"from 2 to seeds, {self.seeds}")
         for variant in self.variants:
             check(variant != FULL, "variants", variant, "changed learners only")

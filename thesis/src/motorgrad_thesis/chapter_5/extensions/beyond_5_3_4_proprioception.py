@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from motorgrad.schema import count
 from motorgrad.statistics import median_of
 from motorgrad.tasks import Hexapod, HexapodProprioception
 from motorgrad_thesis._claims import Claim, at_least, in_every
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, new_figure
 from motorgrad_thesis.chapter_5.extensions._muscle_study import ACTION_LABELS, FULL, SMOOTH, MuscleStudy
 
@@ -25,8 +26,6 @@ class Proprioception(MuscleStudy):
 
     **Arguments:**
 
-    - `updates`: number of updates of the parameters; the learner's schedules scale with them.
-    - `seeds`: independent hexapods, with seeds from 50 on.
     - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
@@ -34,8 +33,10 @@ class Proprioception(MuscleStudy):
     first_seed: ClassVar[int] = 50
     """Seeds 0 to 49 were judged with earlier settings, which trained without episodes."""
 
-    updates: int = ranged(1250, 1, 100_000)
-    seeds: int = ranged(50, 2, 1000)
+    updates: int = count(
+        1250, 1, 100_000, help="number of updates of the parameters; the learner's schedules scale with them"
+    )
+    seeds: int = count(50, 2, 1000, help="independent hexapods, with seeds from 50 on")
 
     quick = smoke(updates=4, seeds=2, watched=20.0)
 

@@ -7,11 +7,12 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of, median_of
 from motorgrad.tasks import TRIPOD_SYNERGIES, HexapodSynergy, find_synergies, synergy_matrix
 from motorgrad.training import agent_for, evaluate
 from motorgrad_thesis._claims import Claim, above, more_than_half, positive
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, new_figure
 from motorgrad_thesis.chapter_5.extensions._muscle_study import MuscleStudy
 from motorgrad_thesis.chapter_5.hexapod._gait_study import controller_speeds
@@ -35,19 +36,15 @@ class FoundSynergies(MuscleStudy):
     - `updates`: number of updates of the parameters on 24 muscles; the learner's schedules scale with them.
     - `seeds`: independent hexapods that learn on 24 muscles.
     - `watched` (simulated s): for which frozen policies are evaluated, a multiple of 20.
-    - `gaits`: number of these hexapods whose gait is factorised, those that get farthest.
-    - `learners`: hexapods that learn on the synergies of each gait.
-    - `seconds` (simulated s): length of their practice.
-    - `lag` (decisions): delay of their observations.
     """
 
-    gaits: int = 5
-    learners: int = ranged(4, 2, 1000)
-    seconds: float = ranged(600.0, 1, 10**6, " simulated s")
-    lag: int = 1
+    gaits: int = static(5, help="number of these hexapods whose gait is factorised, those that get farthest")
+    learners: int = count(4, 2, 1000, help="hexapods that learn on the synergies of each gait")
+    seconds: float = number(600.0, 1, 10**6, unit="simulated s", help="length of their practice")
+    lag: int = static(1, unit="decisions", help="delay of their observations")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"from 1 to seeds, {self.seeds}")
         _ = HexapodSynergy(lag=self.lag)
 

@@ -8,11 +8,12 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import TOUCH, BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Run, agent_for, evaluate
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad_thesis.chapter_5.section_5_2_2 import behind_best
 
@@ -34,22 +35,24 @@ class Forces(Experiment):
     """Hexapods learn to walk on four synergies with muscles of several strengths: scaling all muscles, or only the
     lateral ones, which changes the ratio of lateral to vertical force. Speed of the frozen policies, and the fraction
     of the time that their feet are on the ground.
-
-    **Arguments:**
-
-    - `levels`: factors of the standard maximum forces, at least three, rising, 1 among them but not at an end.
-    - `seconds` (simulated s): length of every hexapod's practice.
-    - `seeds`: hexapods that practise at each level, at least 2.
-    - `watched` (simulated s): for which the frozen policies walk, with sampled actions.
     """
 
-    levels: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0, 4.0)
-    seconds: float = ranged(200.0, 1, 10**6, " simulated s")
-    seeds: int = ranged(12, 2, 10_000)
-    watched: float = ranged(22.0, SETTLING + 1, 10**6, " simulated s")
+    levels: tuple[float, ...] = static(
+        (0.25, 0.5, 1.0, 2.0, 4.0),
+        help="factors of the standard maximum forces, at least three, rising, 1 among them but not at an end",
+    )
+    seconds: float = number(200.0, 1, 10**6, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(12, 2, 10_000, help="hexapods that practise at each level, at least 2")
+    watched: float = number(
+        22.0,
+        SETTLING + 1,
+        10**6,
+        unit="simulated s",
+        help="for which the frozen policies walk, with sampled actions",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(
             rising(self.levels, 3, above=0) and 1.0 in self.levels[1:-1],
             "levels",

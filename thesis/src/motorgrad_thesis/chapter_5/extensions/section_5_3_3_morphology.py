@@ -8,10 +8,11 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
+from motorgrad.schema import count, number, static
 from motorgrad.search import Boltzmann, CmaEs, Method, Uniform, search
 from motorgrad.statistics import mean_of
 from motorgrad_thesis._claims import Claim, negative, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad_thesis.chapter_5.extensions._body_space import (
     DIMENSION_LABELS,
@@ -56,18 +57,6 @@ class Morphology(Experiment):
     search with Boltzmann selection, and random sampling, with equally many evaluations. The best body of each search is
     judged by further walks. Which of its numbers made the best body fast; and the thesis's observations: a wide heavy
     trunk compared with a slim light one, and vertical with lateral joints between the sections.
-
-    **Arguments:**
-
-    - `evaluations`: bodies that a search tries, a multiple of `batch`.
-    - `searches`: with each method, at least 2.
-    - `batch`: bodies of a search that walk together, at least 4.
-    - `seconds` (simulated s): length of every walk, the first of which does not count.
-    - `again`: walks by which a body is judged, of copies with negligible differences; at least 2.
-    - `bodies`: random bodies of which variants are compared; at least 2.
-    - `temperature`: temperature of Boltzmann selection, in standard deviations of the scores.
-    - `changed`: numbers that Boltzmann selection changes at a time.
-    - `width`: standard deviation of its noise, as a fraction of a number's range.
     """
 
     reading: ClassVar[str] = (
@@ -76,18 +65,28 @@ class Morphology(Experiment):
         "The fixed controller is read as for figure 5.7: legs that wait count as supporting the body."
     )
 
-    evaluations: int = 240
-    searches: int = ranged(5, 2, 10_000)
-    batch: int = ranged(12, 4, 10_000)
-    seconds: float = ranged(4.0, SETTLING + 1, 3600, " simulated s")
-    again: int = ranged(12, 2, 10_000)
-    bodies: int = ranged(40, 2, 10_000)
-    temperature: float = Boltzmann.temperature
-    changed: int = Boltzmann.changed
-    width: float = Boltzmann.width
+    evaluations: int = static(240, help="bodies that a search tries, a multiple of `batch`")
+    searches: int = count(5, 2, 10_000, help="with each method, at least 2")
+    batch: int = count(12, 4, 10_000, help="bodies of a search that walk together, at least 4")
+    seconds: float = number(
+        4.0,
+        SETTLING + 1,
+        3600,
+        unit="simulated s",
+        help="length of every walk, the first of which does not count",
+    )
+    again: int = count(
+        12, 2, 10_000, help="walks by which a body is judged, of copies with negligible differences; at least 2"
+    )
+    bodies: int = count(40, 2, 10_000, help="random bodies of which variants are compared; at least 2")
+    temperature: float = number(
+        Boltzmann.temperature, help="temperature of Boltzmann selection, in standard deviations of the scores"
+    )
+    changed: int = static(Boltzmann.changed, help="numbers that Boltzmann selection changes at a time")
+    width: float = number(Boltzmann.width, help="standard deviation of its noise, as a fraction of a number's range")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
         check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
         self.method("boltzmann")

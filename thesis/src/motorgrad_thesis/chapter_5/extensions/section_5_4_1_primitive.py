@@ -12,11 +12,12 @@ from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
 from motorgrad.learning import Agent
 from motorgrad.policies import Primitives
+from motorgrad.schema import count, number
 from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import HexapodPrimitive
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, more_than_half, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
 from motorgrad_thesis.chapter_5._hopper_study import check_practice
 from motorgrad_thesis.chapter_5.extensions._muscle_study import frozen_readings
@@ -44,23 +45,19 @@ class LearnedPrimitives(Experiment):
     """A hexapod walks by steps of its two tripods: motor primitives, each a swing and a stance. The start of a step
     (its precondition) and the durations of its parts (its movement parameters) are learned together from zero weights;
     or one of them alone, while the other keeps its initial form: random starts of steps, or initial durations.
-
-    **Arguments:**
-
-    - `seconds` (simulated s): length of every hexapod's practice.
-    - `seeds`: hexapods of each kind.
-    - `watched` (simulated s): for which the learned policies are evaluated, without learning.
     """
 
     first_seed: ClassVar[int] = 100
     """Some of the earlier seeds were used to choose the settings."""
 
-    seconds: float = 400.0
-    seeds: int = ranged(20, 2, 10_000)
-    watched: float = 10.0
+    seconds: float = number(400.0, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(20, 2, 10_000, help="hexapods of each kind")
+    watched: float = number(
+        10.0, unit="simulated s", help="for which the learned policies are evaluated, without learning"
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check_practice(self.seconds, RECORDS * self.task.period)
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
 

@@ -12,11 +12,12 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.learning import Agent
 from motorgrad.policies import GradedHyperplanes, graded_hyperplanes
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import HexapodStride
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, at_least, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
 from motorgrad_thesis.chapter_5._hopper_study import check_practice
 from motorgrad_thesis.chapter_5.extensions._muscle_study import frozen_readings
@@ -33,27 +34,21 @@ class StridePeriod(Experiment):
     """A hexapod whose tripods alternate by an open-loop clock learns the period of the clock by policy gradient on
     ground that rises and falls: as a linear function of the pitch that it senses, and as one number. For comparison,
     clocks of fixed periods on the same slopes: the initial one, the best one, and the best one for each slope.
-
-    **Arguments:**
-
-    - `seconds` (simulated s): length of every hexapod's practice.
-    - `seeds`: hexapods of each kind.
-    - `periods` (s): periods of the fixed clocks.
-    - `starts`: random phases from which each fixed clock starts on each slope.
-    - `watched` (simulated s): for which each is evaluated on each slope, without learning.
     """
 
     first_seed: ClassVar[int] = 100
     """Some of the earlier seeds were used to choose the settings."""
 
-    seconds: float = 300.0
-    seeds: int = ranged(20, 2, 10_000)
-    periods: tuple[float, ...] = (0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.3, 0.4)
-    starts: int = ranged(8, 2, 1_000)
-    watched: float = 6.0
+    seconds: float = number(300.0, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(20, 2, 10_000, help="hexapods of each kind")
+    periods: tuple[float, ...] = static(
+        (0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.3, 0.4), unit="s", help="periods of the fixed clocks"
+    )
+    starts: int = count(8, 2, 1_000, help="random phases from which each fixed clock starts on each slope")
+    watched: float = number(6.0, unit="simulated s", help="for which each is evaluated on each slope, without learning")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check_practice(self.seconds, RECORDS * self.task.period)
         check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
         within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)

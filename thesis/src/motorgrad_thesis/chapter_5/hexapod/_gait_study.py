@@ -10,9 +10,10 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, walk
 from motorgrad.learning import Agent
+from motorgrad.schema import count, number, static
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, rising, smoke
 
 GAITS = ("tripod", "pronk", "intermediate", "stalled")
 MODES: tuple[Literal["sample", "mode"], ...] = ("sample", "mode")
@@ -25,17 +26,7 @@ diverge."""
 
 @dataclasses.dataclass(frozen=True)
 class SynergyStudy(Experiment):
-    """Base of experiments on hexapods that practise on four synergies, by default with the thesis's numbers.
-
-    **Arguments:**
-
-    - `seconds` (simulated s): length of every hexapod's practice.
-    - `seeds`: independent hexapods with each lag.
-    - `lags` (decisions): delays of the observations, rising; the thesis has none.
-    - `decay`: decay of the eligibility trace, per decision.
-    - `rate`: the step size of all parameters.
-    - `watched` (simulated s): for which the frozen policies are evaluated, at least 20.
-    """
+    """Base of experiments on hexapods that practise on four synergies, by default with the thesis's numbers."""
 
     reading: ClassVar[str] = (
         "The thesis has no lag between observation and action, so that only hexapods without one judge its "
@@ -43,15 +34,23 @@ class SynergyStudy(Experiment):
         "bounds are ours."
     )
 
-    seconds: float = 600.0
-    seeds: int = ranged(20, 2, 10_000)
-    lags: tuple[int, ...] = (0, 1, 2)
-    decay: float = 0.97
-    rate: float = 1e-3
-    watched: float = ranged(20.0, 20, 3600, " simulated s")
+    seconds: float = number(600.0, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(20, 2, 10_000, help="independent hexapods with each lag")
+    lags: tuple[int, ...] = static(
+        (0, 1, 2), unit="decisions", help="delays of the observations, rising; the thesis has none"
+    )
+    decay: float = number(0.97, help="decay of the eligibility trace, per decision")
+    rate: float = number(1e-3, help="the step size of all parameters")
+    watched: float = number(
+        20.0,
+        20,
+        3600,
+        unit="simulated s",
+        help="for which the frozen policies are evaluated, at least 20",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(rising(self.lags), "lags", self.lags, "at least one, rising")
         for lag in self.lags:
             _ = self.learner(lag)

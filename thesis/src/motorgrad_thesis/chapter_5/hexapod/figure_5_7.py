@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from typing import Any, ClassVar
 
 from motorgrad.bodies import Hexapod, LegState, TripodController, walk
+from motorgrad.schema import count, number
 from motorgrad.statistics import mean_of
 from motorgrad_thesis._claims import Claim, in_every, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, Point, draw_arrow, new_figure
 from motorgrad_thesis.chapter_5.hexapod._drawing import STATE_COLOURS, draw_angles, draw_contacts, draw_states
 from motorgrad_thesis.chapter_5.hexapod._gait_study import INDEPENDENT, JITTER, jittered_hexapods
@@ -34,11 +35,6 @@ class StateMachine(Experiment):
     """The fixed controller: a state machine for each leg, drawn from its own numbers, with our addition in another
     colour; and two seconds of a walk under it on level ground. Legs that wait count as being in the thesis's "stance
     phase", as legs in stance do.
-
-    **Arguments:**
-
-    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
-    - `seeds`: walks of nearly identical bodies.
     """
 
     reading: ClassVar[str] = (
@@ -46,8 +42,14 @@ class StateMachine(Experiment):
         "wait: section 5.3 knows two phases, support and swing."
     )
 
-    seconds: float = ranged(20.0, SHOWN, 3600, " simulated s")
-    seeds: int = ranged(20, 2, 1000)
+    seconds: float = number(
+        20.0,
+        SHOWN,
+        3600,
+        unit="simulated s",
+        help="length of each walk, after two seconds that do not count",
+    )
+    seeds: int = count(20, 2, 1000, help="walks of nearly identical bodies")
 
     quick = smoke(seconds=3.0, seeds=2)
 

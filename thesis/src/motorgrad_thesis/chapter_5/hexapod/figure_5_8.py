@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from motorgrad.bodies import LEGS, TRIPODS, debounced
+from motorgrad.schema import number
 from motorgrad.statistics import share_of
 from motorgrad.training import Evaluation
 from motorgrad_thesis._claims import Claim, more_than_half
-from motorgrad_thesis._experiment import Values, Workspace, experiment, ranged
+from motorgrad_thesis._experiment import Values, Workspace, experiment
 from motorgrad_thesis._figures import Figure, subplots
 from motorgrad_thesis.chapter_5.hexapod._drawing import TOUCH, TRIPOD_COLOURS, draw_angles, draw_contacts
 from motorgrad_thesis.chapter_5.hexapod._gait_study import START, SynergyStudy
@@ -29,13 +30,15 @@ class TwoGaits(SynergyStudy):
     """Lateral angles and ground contacts of two hexapods that have learned to walk on four synergies: the seed with the
     clearest pronk and the seed with the clearest tripod gait, by the correlation between the mean lateral angles of the
     two tripods; over all lags, with sampled actions. A gait that no seed learned is not shown.
-
-    **Arguments:** those of the study, and
-
-    - `shown` (simulated s): length of the record, from the middle of the walk on.
     """
 
-    shown: float = ranged(2.0, 0.1, 10, " simulated s")
+    shown: float = number(
+        2.0,
+        0.1,
+        10,
+        unit="simulated s",
+        help="length of the record, from the middle of the walk on",
+    )
 
     def run(self, work: Workspace) -> Values:
         found = []

@@ -12,9 +12,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, Hexapod, Hinge, LegState, OnTerrain, Terrain, Walk, biomimetic_hexapod, walk
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of, per_case
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad_thesis.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
 
@@ -32,28 +33,28 @@ class BiomimeticHexapod(Experiment):
     """The hexapod whose legs have different functions, drawn from its model. Under the fixed controller, over bumps:
     its speed for several frictions of the front feet and of the others; the slip of the latter; and its walk with front
     legs that rise less in the swing.
-
-    **Arguments:**
-
-    - `frictions`: friction coefficients of the feet, rising, at least two.
-    - `highest` (degrees): elevation of front legs that are not clear in the swing.
-    - `height` (m): height of the bumps; each seed has its own ground.
-    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
-    - `seeds`: walks of each body.
     """
 
     reading: ClassVar[str] = (
         "The fixed controller is read as for figure 5.7: legs that wait count as supporting the body."
     )
 
-    frictions: tuple[float, ...] = (0.2, 0.4, 0.8, 1.6)
-    highest: float = ranged(0.0, 0, 45, " degrees")
-    height: float = 0.1
-    seconds: float = ranged(10.0, 1, 15, " simulated s: the field ends")
-    seeds: int = ranged(20, 2, 1000)
+    frictions: tuple[float, ...] = static(
+        (0.2, 0.4, 0.8, 1.6), help="friction coefficients of the feet, rising, at least two"
+    )
+    highest: float = number(0.0, 0, 45, unit="degrees", help="elevation of front legs that are not clear in the swing")
+    height: float = number(0.1, unit="m", help="height of the bumps; each seed has its own ground")
+    seconds: float = number(
+        10.0,
+        1,
+        15,
+        unit="simulated s",
+        help="length of each walk, after two seconds that do not count",
+    )
+    seeds: int = count(20, 2, 1000, help="walks of each body")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(rising(self.frictions, 2, above=0), "frictions", self.frictions, "at least two, above 0 and rising")
         check(0.0 < self.height <= 1.0, "height", self.height, "in (0, 1] m")
 

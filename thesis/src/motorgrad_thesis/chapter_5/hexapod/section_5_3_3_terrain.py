@@ -7,9 +7,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of, share_of
 from motorgrad_thesis._claims import Claim, Kind, above, at_least, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad_thesis.chapter_5.hexapod._gait_study import INDEPENDENT, jittered_hexapods
 
@@ -41,14 +42,6 @@ class RoughGround(Experiment):
     speed, phase between the tripods, gait, and whether it still walks at the end. Once as the thesis words it, legs
     that wait counting as being in the "stance phase"; and once with our addition, by which a leg at its lower limit
     counts as touching the ground.
-
-    **Arguments:**
-
-    - `heights` (m): heights of the ground, rising, at least two; the greatest is difficulty 1.
-    - `seconds` (simulated s): length of each walk, after two seconds that do not count.
-    - `seeds`: grounds of each kind and height.
-    - `clearance` (m): the height up to which the ground counts as passable, one of `heights`; by default about the
-      clearance under the belly.
     """
 
     reading: ClassVar[str] = (
@@ -56,13 +49,28 @@ class RoughGround(Experiment):
         "wait: section 5.3 knows two phases, support and swing."
     )
 
-    heights: tuple[float, ...] = (0.05, 0.1, 0.16, 0.2, 0.25)
-    seconds: float = ranged(20.0, LAST, 20, " simulated s: the field ends")
-    seeds: int = ranged(20, 2, 1000)
-    clearance: float = 0.16
+    heights: tuple[float, ...] = static(
+        (0.05, 0.1, 0.16, 0.2, 0.25),
+        unit="m",
+        help="heights of the ground, rising, at least two; the greatest is difficulty 1",
+    )
+    seconds: float = number(
+        20.0,
+        LAST,
+        20,
+        unit="simulated s",
+        help="length of each walk, after two seconds that do not count",
+    )
+    seeds: int = count(20, 2, 1000, help="grounds of each kind and height")
+    clearance: float = number(
+        0.16,
+        unit="m",
+        help="the height up to which the ground counts as passable, one of `heights`; by default about the "
+        "clearance under the belly",
+    )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
 

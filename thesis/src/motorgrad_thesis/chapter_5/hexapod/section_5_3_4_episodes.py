@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from motorgrad.schema import count, number
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, above, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment
 from motorgrad_thesis._figures import Figure, subplots
 
 PRINTED = 1e10
@@ -21,12 +22,6 @@ ALMOST_ALL = 0.95
 class Episodes(Experiment):
     """The number of episodes of random binary actions until a reward is more than likely, if it is given for a certain
     part of correct actions: by the binomial distribution, and by its Gaussian approximation, which the thesis used.
-
-    **Arguments:**
-
-    - `interactions`: decisions in an episode.
-    - `actions`: binary actions in each of them.
-    - `correct`: the least part of them that must be correct.
     """
 
     reading: ClassVar[str] = (
@@ -34,9 +29,9 @@ class Episodes(Experiment):
         "at least 28 of 50 actions."
     )
 
-    interactions: int = ranged(5, 1, 100)
-    actions: int = ranged(10, 1, 100)
-    correct: float = ranged(0.55, 0, 1)
+    interactions: int = count(5, 1, 100, help="decisions in an episode")
+    actions: int = count(10, 1, 100, help="binary actions in each of them")
+    correct: float = number(0.55, 0, 1, help="the least part of them that must be correct")
 
     def run(self, work: Workspace) -> Values:
         del work

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.learning import Agent
+from motorgrad.schema import count, static
 from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
-from motorgrad_thesis._experiment import Experiment, Workspace, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Workspace, smoke
 from motorgrad_thesis.chapter_6._local_study import EXACT_READ
 
 RATES = {"centre": 1e-4, "log_width": 5e-4}
@@ -22,18 +23,12 @@ SETTLED = 0.24
 
 @dataclasses.dataclass(frozen=True)
 class GrowingStudy(Experiment):
-    """Base of experiments on growing policies.
-
-    **Arguments:**
-
-    - `units`: number of units of the complete pool.
-    - `seeds`: independent learners.
-    """
+    """Base of experiments on growing policies."""
 
     reading: ClassVar[str] = EXACT_READ
 
-    units: int = ranged(20, 2, 1_000)
-    seeds: int = ranged(24, 2, 10_000)
+    units: int = count(20, 2, 1_000, help="number of units of the complete pool")
+    seeds: int = count(24, 2, 10_000, help="independent learners")
 
     quick = smoke(units=4, seeds=3)
 
@@ -62,14 +57,13 @@ class GrowthComparison(GrowingStudy):
 
     - `units`: number of units of the complete pool.
     - `seeds`: learners of each kind.
-    - `layouts`: layouts of rewards, by name.
 
     **Attributes:** `ways`, the settings that each way of growing changes, by its name.
     """
 
     ways: ClassVar[Mapping[str, Mapping[str, Any]]]
 
-    layouts: tuple[Literal["R1", "R2", "R3"], ...] = ("R3", "R1")
+    layouts: tuple[Literal["R1", "R2", "R3"], ...] = static(("R3", "R1"), help="layouts of rewards, by name")
 
     quick = smoke(units=4, seeds=3, layouts=("R3",))
 

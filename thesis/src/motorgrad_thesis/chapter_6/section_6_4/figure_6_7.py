@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from motorgrad.schema import static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
@@ -36,11 +37,10 @@ class GrowingPolicy(BothPairs, GrowingStudy):
 
     - `units`: number of units of the complete pool; 20 take 8,000 episodes.
     - `seeds`: independent learners.
-    - `drawn` (episodes): paths in each tile.
     - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    drawn: int = 10
+    drawn: int = static(10, unit="episodes", help="paths in each tile")
 
     @property
     def task(self) -> FallingParticle:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from motorgrad.schema import static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import ParticleOrbit
 from motorgrad.training import Run
@@ -38,12 +39,11 @@ class Orbits(BothPairs, GrowingStudy):
 
     **Arguments:**
 
-    - `units`: number of units of the complete pool.
     - `seeds`: learners with each reward.
     - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    units: int = 16
+    units: int = static(16, help="number of units of the complete pool")
 
     def task(self, wanted: Any) -> ParticleOrbit:
         return ParticleOrbit(units=self.units, wanted=wanted)

@@ -10,11 +10,12 @@ import numpy as np
 from motorgrad.learning import Agent
 from motorgrad.plane import draw_paths, draw_reward
 from motorgrad.policies import Gated, Policy, split
+from motorgrad.schema import count
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle, Region
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, above, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, new_figure
 from motorgrad_thesis.chapter_6._local_study import EXACT_READ, median_row, policy_at, prefixed, stored_paths
 
@@ -63,19 +64,13 @@ class Hierarchy(Experiment):
     that push left and right only while the gate fires; and one with gates behind gates. All are learned together, in a
     layout that requires different actions above and below. For comparison, the same two units without gates, and pools
     of local units with equally many parameters.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning.
-    - `seeds`: learners of each kind.
-    - `drawn` (episodes): paths in each picture.
     """
 
     reading: ClassVar[str] = EXACT_READ
 
-    decisions: int = ranged(200_000, 400, 10**9)
-    seeds: int = ranged(24, 2, 10_000)
-    drawn: int = ranged(10, 1, 1_000, " episodes")
+    decisions: int = count(200_000, 400, 10**9, help="decisions of learning")
+    seeds: int = count(24, 2, 10_000, help="learners of each kind")
+    drawn: int = count(10, 1, 1_000, unit="episodes", help="paths in each picture")
 
     quick = smoke(decisions=2_000, seeds=3, drawn=3)
 

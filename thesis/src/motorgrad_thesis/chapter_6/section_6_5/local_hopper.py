@@ -9,11 +9,12 @@ import numpy as np
 
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
+from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of, median_of, share_of
 from motorgrad.tasks import Hopper
 from motorgrad.training import agent_for, evaluate
 from motorgrad_thesis._claims import Claim, above, more_than_half, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, new_figure
 from motorgrad_thesis.chapter_5._hopper_study import HIGH, check_practice, practice_heights
 from motorgrad_thesis.chapter_6._local_study import median_row, policy_at
@@ -57,24 +58,17 @@ class LocalHopper(Experiment):
     contact as a third input: 16 units present from the start, in pairs, or 8 added one by one. Units drive flexors and
     extensors alternately, and a pair of muscles is active while any of its units fires. Heights of hops over equal
     practice; and, for the median seed, the states in which each muscle is active.
-
-    **Arguments:**
-
-    - `seconds` (simulated s): length of every hopper's practice.
-    - `seeds`: hoppers of each kind.
-    - `static`: local units that are present from the start.
-    - `grown`: local units that are added at even intervals.
     """
 
     reading: ClassVar[str] = "Local units have the exact gradient, z², not the printed score, z² − 1."
 
-    seconds: float = 500.0
-    seeds: int = ranged(20, 2, 10_000)
-    static: int = 16
-    grown: int = 8
+    seconds: float = number(500.0, unit="simulated s", help="length of every hopper's practice")
+    seeds: int = count(20, 2, 10_000, help="hoppers of each kind")
+    static: int = static(16, help="local units that are present from the start")
+    grown: int = count(8, help="local units that are added at even intervals")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         check_practice(self.seconds, 50 * PERIOD)
         for name in POLICY_LABELS:
             self.learner(name)

@@ -9,11 +9,12 @@ import numpy as np
 
 from motorgrad.plane import draw_paths, draw_reward
 from motorgrad.policies import Policy
+from motorgrad.schema import count
 from motorgrad.statistics import mean_of, moving_mean, per_case
 from motorgrad.tasks import ParticleNavigation
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
 from motorgrad_thesis._claims import Claim, in_every, negative, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, ranged, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, subplots
 from motorgrad_thesis.chapter_6._local_study import EXACT_READ, median_row, policy_at, prefixed, stored_paths
 
@@ -29,13 +30,6 @@ class Navigation(Experiment):
     """A particle learns to find a goal behind an obstacle: 64 local units, each pushing in one of four directions, form
     a field of forces that leads there. The share of episodes that end at the goal, the time they take, and the cost of
     the obstacle; and the expected force of the median seed over the plane, before and after learning.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning.
-    - `seeds`: learners with each step size.
-    - `watched` (decisions): for which the frozen policies are evaluated.
-    - `drawn` (episodes): paths in each picture.
     """
 
     reading: ClassVar[str] = EXACT_READ
@@ -43,10 +37,10 @@ class Navigation(Experiment):
     first_seed: ClassVar[int] = 100
     """Some of the earlier seeds were used to choose the settings."""
 
-    decisions: int = ranged(200_000, 400, 10**9)
-    seeds: int = ranged(24, 2, 10_000)
-    watched: int = ranged(10_000, 1_000, 10**7, " decisions")
-    drawn: int = ranged(8, 1, 1_000, " episodes")
+    decisions: int = count(200_000, 400, 10**9, help="decisions of learning")
+    seeds: int = count(24, 2, 10_000, help="learners with each step size")
+    watched: int = count(10_000, 1_000, 10**7, unit="decisions", help="for which the frozen policies are evaluated")
+    drawn: int = count(8, 1, 1_000, unit="episodes", help="paths in each picture")
 
     quick = smoke(decisions=4_000, seeds=3, watched=1_000, drawn=3)
 

@@ -13,9 +13,8 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad._settings import expanded, table
-from motorgrad._tree import PART_CLASSES, Numbers, check_rounded, numbers_of, path_of, with_number
 from motorgrad.policies import trainable
+from motorgrad.schema import PART_CLASSES, Numbers, check_rounded, expanded, numbers_of, path_of, table, with_number
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.learning._parts import VALID, check_count, number_parameters, where
 from timlab.blocks.learning._units import Sizes, flat, key_from, kind_of, size_of

@@ -10,8 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
-from motorgrad._settings import as_hinted
-from motorgrad._tree import fields_of
+from motorgrad.schema import as_hinted, fields_of
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.learning._parts import check_count
 from timlab.blocks.learning._units import Sizes, Units, key_from

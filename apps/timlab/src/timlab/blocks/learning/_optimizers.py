@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad._tree import Numbers
+from motorgrad.schema import Numbers
 from timlab.blocks.learning._parts import (
     MAX_PARAMETERS,
     BlockField,

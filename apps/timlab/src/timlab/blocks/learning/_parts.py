@@ -19,13 +19,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._docstrings import field_texts, summary_of
 from motorgrad._errors import check
-from motorgrad._settings import as_hinted, default_of
-from motorgrad._tree import (
+from motorgrad.schema import (
     PART_CLASSES,
+    Declared,
     Part,
     Range,
+    as_hinted,
+    declared_by,
+    default_of,
     fields_of,
     hints_of,
     kind_of,
@@ -33,6 +35,7 @@ from motorgrad._tree import (
     parts_by_path,
     parts_in,
     path_of,
+    summary_of,
 )
 from timlab.diagram import Block, Moment, Parameter, Port, Setting, Signals
 
@@ -203,9 +206,9 @@ def number_parameters(tree: Part) -> dict[str, Parameter]:
             value = getattr(part, name)
             place = f"{path}.{name}" if path else name
             if isinstance(value, Mapping):
-                found |= {f"{place}.{group}": _parameter(type(part), name, field, False) for group in value}
+                found |= {f"{place}.{group}": _parameter(declared_by(field), False) for group in value}
             elif not isinstance(value, Part):
-                found[place] = _parameter(type(part), name, field, False)
+                found[place] = _parameter(declared_by(field), False)
     leaves = jax.tree_util.tree_leaves_with_path(tree)
     return {path_of(place): found.get(path_of(place), Parameter()) for place, _ in leaves}
 
@@ -231,27 +234,27 @@ def _tree_fields(part: type[Part], path: str, default_kind: str, default: Part |
         place = f"{path}.{name}" if path else name
         usual = default_of(field) if default is None else getattr(default, name)
         about = f"with {path.rpartition('.')[2]} = {default_kind!r}: " if default_kind else ""
-        if "range" in field.metadata:
-            allowed = field.metadata["range"]
+        declared = declared_by(field)
+        if declared.range is not None and not declared.range.whole:
+            allowed = declared.range
             optional = type(None) in options_of(hint)
             if usual is dataclasses.MISSING:
                 usual = min(max(0.0, allowed.low), allowed.high)
-            declared = _parameter(part, name, field, optional, about)
-            groups = field.metadata["groups"]
-            yield BlockField(name, place, declared, float | None if optional else Any, usual, allowed, groups)
+            shown = _parameter(declared, optional, about)
+            hint = float | None if optional else Any
+            yield BlockField(name, place, shown, hint, usual, allowed, declared.groups)
         elif kinds := _kinds_in(hint):
             names = [*kinds, *(["none"] if type(None) in options_of(hint) else [])]
             chosen = "none" if usual is None else kind_of(usual) if isinstance(usual, Part) else names[0]
             if len(names) > 1:
-                yield BlockField(name, place, Setting(about + _text(part, name), tuple(names)), str, chosen)
+                yield BlockField(name, place, Setting(about + declared.help, tuple(names)), str, chosen)
             for kind in sorted(kinds, key=lambda kind: kind != chosen):  # the default's own values come first
                 inner = usual if isinstance(usual, kinds[kind]) else None
                 yield from _tree_fields(kinds[kind], place, kind if len(kinds) > 1 else "", inner)
         else:
             choices = typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
-            more, _ = field_texts(part).get(name, ("", ""))
-            unit = more if more.startswith(" (") else ""
-            yield BlockField(name, place, Setting(f"{about}{_text(part, name)}{unit}", choices), hint, usual)
+            unit = f" ({declared.unit})" if declared.unit else ""
+            yield BlockField(name, place, Setting(f"{about}{declared.help}{unit}", choices), hint, usual)
 
 
 def _built(part: type[Part], path: str, values: Mapping[str, Any]) -> Part:
@@ -259,7 +262,7 @@ def _built(part: type[Part], path: str, values: Mapping[str, Any]) -> Part:
     given = {}
     for name, field in fields_of(part).items():
         place = f"{path}.{name}" if path else name
-        kinds = {} if "range" in field.metadata else _kinds_in(hints_of(part)[name])
+        kinds = {} if declared_by(field).live else _kinds_in(hints_of(part)[name])
         if not kinds:
             given[name] = values[place]
             continue
@@ -273,19 +276,12 @@ def _kinds_in(hint: object) -> dict[str, type[Part]]:
     return {name: cls for kind in parts_in(hint) for name, cls in (kind.kinds() or {kind.__name__: kind}).items()}
 
 
-def _parameter(part: type, name: str, field: dataclasses.Field[Any], optional: bool, about: str = "") -> Parameter:
-    allowed = field.metadata.get("range", Range())
-    more, _ = field_texts(part).get(name, ("", ""))
-    unit = more.strip(" ()") if more.startswith(" (") else ""
+def _parameter(declared: Declared, optional: bool, about: str = "") -> Parameter:
+    allowed = declared.range or Range()
     is_open = allowed.open_low and (allowed.open_high or allowed.high == math.inf)
-    help = about + _text(part, name)
-    return Parameter(help, unit, float(allowed.low), float(allowed.high), open=is_open, optional=optional)
-
-
-def _text(part: type, name: str) -> str:
-    """What the docstring of a part's class says of a field."""
-    _, text = field_texts(part).get(name, ("", ""))
-    return " ".join(text.split()).rstrip(".")
+    low = float(allowed.low)
+    high = float(allowed.high)
+    return Parameter(about + declared.help, declared.unit, low, high, open=is_open, optional=optional)
 
 
 def check_count(name: str, value: int, most: int = MAX_UNITS) -> None:

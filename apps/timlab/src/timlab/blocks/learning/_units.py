@@ -57,8 +57,8 @@ class Units(Block, abc.ABC):
     source: Annotated[str, Setting("where parameters come from", choices=("own", "wire"))] = "own"
     frozen: Annotated[Any, Parameter("take no steps: all units, or each as a list says", kind="bool")] = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def validate(self) -> None:
+        super().validate()
         self.check_broadcasts("frozen", (self._shapes.units,))
 
     @abc.abstractmethod

@@ -1,14 +1,13 @@
-"""Help for settings, from the docstrings of their classes, so that each text is written once."""
+"""Texts about settings, for people, from what their fields declare."""
 
-import ast
+import dataclasses
 import functools
 import inspect
 import re
-import textwrap
-from itertools import pairwise
 from typing import Any
 
-FIELD = re.compile(r"^- `(\w+)`([^`:]*): (.*?)(?=\n- |\n\n|\Z)", re.DOTALL | re.MULTILINE)
+from motorgrad.schema._declare import declared_by, inherited_fields
+
 WORD = re.compile(r"[a-z]+(?=[\s,:;-]|$)")  # not a symbol or a name, such as ρ, k_SE and motorgrad.make
 SYMBOLS = {
     r"\alpha": "α", r"\beta": "β", r"\gamma": "γ", r"\delta": "δ", r"\Delta": "Δ", r"\epsilon": "ε",
@@ -35,44 +34,38 @@ def summary_of(cls: type) -> str:
     return re.split(r"\*\*(?:Arguments|Raises)|```", _doc(cls))[0].strip()
 
 
-def field_texts(cls: Any) -> dict[str, tuple[str, str]]:
-    """What the docstrings of a class and of its bases, or of a function, say of each field, as it stands there.
+def with_fields(cls: type) -> None:
+    """Complete the docstring of a class whose fields declare what they are: all arguments, before errors and examples.
 
-    A field's text stands in a line "- `name` (unit): text" or "- `name` of what: text". **Returns** what follows the
-    name, and the text.
+    A class has it called when it is defined; the fields that are its own are then still attributes.
     """
-    found: dict[str, tuple[str, str]] = {}
-    for base in getattr(cls, "__mro__", (cls,)):
-        for name, more, text in FIELD.findall(_doc(base)):
-            found.setdefault(name, (more, text))
-    return found
+    own = vars(cls).get("__doc__")
+    fields = inherited_fields(cls)
+    fields |= {name: value for name, value in vars(cls).items() if isinstance(value, dataclasses.Field)}
+    lines = []
+    for name, field in fields.items():
+        declared = declared_by(field)
+        if field.init and declared.help:
+            lines.append(f"- `{name}`{declared.unit and f' ({declared.unit})'}: {declared.help}.")
+    if own and lines:
+        text = inspect.cleandoc(own)
+        place = re.search(r"\n*(?=\*\*Raises|```|\Z)", text)
+        start = len(text) if place is None else place.start()
+        end = len(text) if place is None else place.end()
+        arguments = "\n".join(["**Arguments:**", "", *lines])
+        cls.__doc__ = "\n\n".join(filter(None, [text[:start], arguments, text[end:]]))
 
 
 @functools.cache
 def descriptions(cls: Any) -> dict[str, str]:
-    """The texts of `field_texts` as sentences in plain characters, each with its unit."""
+    """What the fields of a class declare that they are, as sentences in plain characters, each with its unit."""
     found: dict[str, str] = {}
-    for name, (more, text) in field_texts(cls).items():
-        unit = more if more.startswith(" (") else ""
-        text = _without_formulas(text).replace("`", "")
-        said = " ".join(f"{'' if unit or not more else f'{more}: '}{text}".split())
-        said = said[:1].upper() + said[1:] if WORD.match(said) else said
-        found[name] = f"{said.rstrip('.')}{unit}."
-    return found
-
-
-@functools.cache  # which parses source code
-def attribute_texts(cls: type) -> dict[str, str]:
-    """The docstrings below the fields of a class and of its bases, each on one line."""
-    found: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        try:
-            body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
-        except (OSError, TypeError):  # a class without a source file, such as `object`
-            continue
-        for field, text in pairwise(getattr(body, "body", ())):
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
-                found[ast.unparse(field.target)] = " ".join(str(text.value.value).split())
+    for field in dataclasses.fields(cls):
+        declared = declared_by(field)
+        if field.init and declared.help:
+            said = " ".join(_without_formulas(declared.help).replace("`", "").split())
+            said = said[:1].upper() + said[1:] if WORD.match(said) else said
+            found[field.name] = f"{said.rstrip('.')}{declared.unit and f' ({declared.unit})'}."
     return found
 
 

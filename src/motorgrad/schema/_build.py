@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
-from motorgrad._tree import Part, fields_of, hints_of, kind_of, options_of, parts_in, with_article
-from motorgrad._words import Words
+from motorgrad.schema._declare import declared_by, inherit_declarations
+from motorgrad.schema._part import Part, fields_of, hints_of, kind_of, options_of, parts_in, with_article
+from motorgrad.schema._texts import with_fields
+from motorgrad.schema._words import Words
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -46,12 +48,34 @@ def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | No
 def check_fields(instance: "DataclassInstance") -> None:
     """Convert the fields of a frozen dataclass to their annotated types, as settings from a file are.
 
-    Call this first in `__post_init__`, so that an instance made in Python has the types of one made from TOML.
+    An instance made in Python so has the types of one made from TOML.
 
-    **Raises:** `ValueError` for a field of the wrong type, or not among the options of its `Literal`.
+    **Raises:** `ValueError` for a field of the wrong type, out of its range, or not among the options of its `Literal`.
     """
     for field in dataclasses.fields(instance):
-        object.__setattr__(instance, field.name, as_hinted(field.type, getattr(instance, field.name), field.name))
+        if field.init:
+            value = as_hinted(hints_of(type(instance))[field.name], getattr(instance, field.name), field.name)
+            object.__setattr__(instance, field.name, value)
+            declared = declared_by(field)
+            plain = value is None or isinstance(value, str | Part)
+            check(plain or declared.range is None or declared.range.allows(value), field.name, value, declared.allowed)
+
+
+class Settings:
+    """Base of frozen dataclasses whose fields declare what they are (`number`, `count`, `static`, `inner`): it converts
+    and checks their values, then calls `validate`."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        inherit_declarations(cls)
+        with_fields(cls)
+
+    def __post_init__(self) -> None:
+        check_fields(self)  # type: ignore[arg-type]
+        self.validate()
+
+    def validate(self) -> None:
+        """Refuse values that do not go together. It is called once every field has passed its own check."""
 
 
 def convert(cls: type, values: Mapping[str, Any], where: str = "", base: object = None) -> dict[str, Any]:
@@ -144,7 +168,7 @@ def table(instance: "DataclassInstance") -> dict[str, Any]:
         return {"kind": kind_of(instance)} | {name: _plain("none" if v is None else v) for name, v in values.items()}
     fields = fields_of(type(instance))
     given = {name: value for name, value in values.items() if value is not None or default_of(fields[name]) is not None}
-    plain = {name: fields[name].metadata.get("plain", _plain) for name in given}
+    plain = {name: declared_by(fields[name]).plain or _plain for name in given}
     return {name: "none" if value is None else plain[name](value) for name, value in given.items()}
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check
-from motorgrad._tree import options_of
+from motorgrad.schema._part import options_of
 
 
 class Words(tuple[str, ...]):

@@ -1,0 +1,87 @@
+"""Settings: declared once where they stand, and read, built, checked, changed and explained in this one place.
+
+    decay: float = number(0.9, 0, 1, help="factor by which the trace decays in each decision")
+
+`build` makes the object from a plain table, whoever wrote it: a file, a call, the command line, a stored run, a block.
+"""
+
+from motorgrad.schema._build import (
+    MAX_SINGLE_PRECISION,
+    Settings,
+    as_hinted,
+    build,
+    check_fields,
+    convert,
+    deeper,
+    default_of,
+    expanded,
+    full_path,
+    table,
+)
+from motorgrad.schema._declare import Declared, Range, count, declared_by, inner, number, static
+from motorgrad.schema._numbers import (
+    Numbers,
+    check_rounded,
+    declared_at,
+    numbers_of,
+    parts_by_path,
+    path_of,
+    with_number,
+)
+from motorgrad.schema._part import (
+    PART_CLASSES,
+    Part,
+    fields_of,
+    hints_of,
+    is_tracer,
+    kind_of,
+    options_of,
+    parts_in,
+    register,
+    with_article,
+)
+from motorgrad.schema._texts import description_of, descriptions, name_in_words, summary_of
+from motorgrad.schema._words import Words
+
+__all__ = [
+    "MAX_SINGLE_PRECISION",
+    "PART_CLASSES",
+    "Declared",
+    "Numbers",
+    "Part",
+    "Range",
+    "Settings",
+    "Words",
+    "as_hinted",
+    "build",
+    "check_fields",
+    "check_rounded",
+    "convert",
+    "count",
+    "declared_at",
+    "declared_by",
+    "deeper",
+    "default_of",
+    "description_of",
+    "descriptions",
+    "expanded",
+    "fields_of",
+    "full_path",
+    "hints_of",
+    "inner",
+    "is_tracer",
+    "kind_of",
+    "name_in_words",
+    "number",
+    "numbers_of",
+    "options_of",
+    "parts_by_path",
+    "parts_in",
+    "path_of",
+    "register",
+    "static",
+    "summary_of",
+    "table",
+    "with_article",
+    "with_number",
+]

@@ -1,0 +1,218 @@
+"""Declarations of settings: what a field says of itself, once, for every way in and for every reader."""
+
+import dataclasses
+import math
+import types
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+WIDE = 2**30  # whole numbers up to here or beyond are as good as unlimited, and messages name no end
+MAX_WHOLE = 2**31 - 1
+
+
+class Range(NamedTuple):
+    """The values that a number may take: finite, between `low` and `high`, and `whole` if it is an integer."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    open_low: bool = False
+    open_high: bool = False
+    whole: bool = False
+
+    def allows(self, value: object) -> bool:
+        """Whether a number, or every number of an array, is finite and within the range."""
+        try:
+            numbers = np.asarray(value)
+        except (TypeError, ValueError):  # lists of different lengths
+            return False
+        floats = numbers.dtype.kind == "f" or jnp.issubdtype(numbers.dtype, jnp.floating)
+        if numbers.dtype.kind not in "iu" and (self.whole or not floats):
+            return False
+        above = numbers > self.low if self.open_low else numbers >= self.low
+        below = numbers < self.high if self.open_high else numbers <= self.high
+        return bool(np.all(np.isfinite(numbers) & above & below))
+
+    def __str__(self) -> str:
+        if self.whole:
+            ends = f"of at least {self.low:,}" if self.high >= WIDE else f"from {self.low:,} to {self.high:,}"
+            return f"an integer {ends}"
+        if math.isinf(self.low) and math.isinf(self.high):
+            return "a finite number"
+        if math.isinf(self.high):
+            return f"a finite number {'above' if self.open_low else 'of at least'} {self.low:g}"
+        if math.isinf(self.low):
+            return f"a finite number {'below' if self.open_high else 'of at most'} {self.high:g}"
+        return f"in {'(' if self.open_low else '['}{self.low:g}, {self.high:g}{')' if self.open_high else ']'}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Declared:
+    """What a field declares beside its name, its type and its default.
+
+    Command line, files, calls, sliders of TimSim, forms of TimLab, tables of documentation and messages read it here.
+    """
+
+    help: str = ""
+    """What it is, in a line; in Markdown, with formulas between dollar signs."""
+    unit: str = ""
+    range: Range | None = None
+    """The values that a number may take; of an array or a list, each of its numbers."""
+    live: bool = False
+    """Whether it may change while something runs. Other settings are structure, or are used only at the start."""
+    groups: bool = False
+    """Whether it also takes a mapping from names of a policy's fields to numbers or arrays."""
+    option: bool = True
+    """Whether the command line offers it. What is too much for one is given in a file."""
+    plain: Callable[[Any], Any] | None = None
+    """How a value is written to a file, where it is no number, text, list, table or dataclass."""
+
+    @property
+    def allowed(self) -> str:
+        """The values that a number may take, in words that complete "must be …"."""
+        unit = self.unit and f", in {self.unit}"
+        return f"{Range() if self.range is None else self.range}{unit}"
+
+
+def number(
+    default: object = dataclasses.MISSING,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    open_low: bool = False,
+    open_high: bool = False,
+    groups: bool = False,
+    at_start: bool = False,
+    unit: str = "",
+    help: str = "",
+) -> Any:
+    """Declare a field that holds a number, or an array of numbers: in a part of a learner, a leaf of the tree.
+
+    **Arguments:**
+
+    - `default`: the field's default; a field whose type allows `None` may be absent.
+    - `low` and `high`: the range, each end included unless `open_low` or `open_high` says otherwise.
+    - `groups`: whether the field also takes a mapping from names of a policy's fields to numbers or arrays. A name may
+      be the end of a field's path, such as `movement.weights`.
+    - `at_start`: whether it is used only to build the first state, so that changing it during a run has no effect.
+    - `unit`, `help`: for people.
+    """
+    allowed = Range(low, high, open_low, open_high)
+    declared = Declared(help, unit, allowed, not at_start, groups)
+    return eqx.field(converter=as_number, metadata={"declared": declared}, **_default(default))
+
+
+def count(
+    default: object = dataclasses.MISSING,
+    low: int = 0,
+    high: int = MAX_WHOLE,
+    *,
+    unit: str = "",
+    help: str = "",
+) -> Any:
+    """Declare a field that holds a whole number which is part of the structure: a length, an interval or a count."""
+    declared = Declared(help, unit, Range(low, high, whole=True))
+    return eqx.field(static=True, metadata={"declared": declared}, **_default(default))
+
+
+def static(
+    default: object = dataclasses.MISSING,
+    *,
+    factory: Callable[[], object] | None = None,
+    converter: Callable[[Any], object] | None = None,
+    kw_only: bool = False,
+    allowed: Range | None = None,
+    unit: str = "",
+    help: str = "",
+    option: bool = True,
+    plain: Callable[[Any], Any] | None = None,
+) -> Any:
+    """Declare a field that is part of the structure: a choice by name, a flag, a path, a list, or a number that fixes a
+    shape.
+
+    **Arguments:** the `default`, or a `factory` that makes it; `converter` and `kw_only` as in `equinox.field`; the
+    range of the numbers that are `allowed`; the others as in `Declared`.
+    """
+    declared = Declared(help, unit, allowed, option=option, plain=plain)
+    keywords: dict[str, Any] = {"kw_only": True} if kw_only else {}  # kw_only=False would undo that of a whole class
+    keywords |= {} if converter is None else {"converter": converter}
+    keywords |= _default(default) if factory is None else {"default_factory": factory}
+    return eqx.field(static=True, metadata={"declared": declared}, **keywords)
+
+
+def inner(
+    default: object = dataclasses.MISSING,
+    *,
+    factory: Callable[[], object] | None = None,
+    converter: Callable[[Any], object] | None = None,
+    unit: str = "",
+    help: str = "",
+) -> Any:
+    """Declare a field that holds settings of its own, such as a part of a learner, or values that are no single number
+    and that a program carries along.
+
+    **Arguments:** the `default`, or a `factory` that makes it; `converter` as in `equinox.field`; `unit` and `help` for
+    people.
+    """
+    keywords = {} if converter is None else {"converter": converter}
+    keywords |= _default(default) if factory is None else {"default_factory": factory}
+    return eqx.field(metadata={"declared": Declared(help, unit)}, **keywords)
+
+
+def _default(default: object) -> dict[str, Any]:
+    return {} if default is dataclasses.MISSING else {"default": default}
+
+
+def declared_by(field: "dataclasses.Field[Any]") -> Declared:
+    """What a field of a dataclass declares."""
+    return field.metadata.get("declared", NOTHING)
+
+
+NOTHING = Declared()
+
+
+def inherited_fields(cls: type) -> dict[str, "dataclasses.Field[Any]"]:
+    """The fields of the bases of a class, by name."""
+    found: dict[str, dataclasses.Field[Any]] = {}
+    for base in reversed(cls.__mro__[1:]):
+        found |= vars(base).get("__dataclass_fields__", {})
+    return found
+
+
+def inherit_declarations(cls: type) -> None:
+    """Have fields that a class being defined declares again, only for another type or default, keep what their bases
+    declare."""
+    known = inherited_fields(cls)
+    for name in vars(cls).get("__annotations__", {}):
+        if name in known and declared_by(known[name]) is not NOTHING:
+            given = getattr(cls, name, dataclasses.MISSING)
+            field = given if isinstance(given, dataclasses.Field) else eqx.field(**_default(given))
+            if declared_by(field) is NOTHING:
+                field.metadata = types.MappingProxyType({**known[name].metadata, **field.metadata})
+                setattr(cls, name, field)
+
+
+def as_number(value: object) -> Any:
+    """A number as it is kept: a float, an array of them, or a mapping of either; anything else is left to the check.
+    A mapping within one gives its numbers longer names: `{"movement": {"bias": 0.1}}` is `{"movement.bias": 0.1}`."""
+    if isinstance(value, Mapping):
+        found: dict[str, Any] = {}
+        for name, item in value.items():
+            kept = as_number(item)
+            inner = kept if isinstance(kept, dict) else {"": kept}
+            found |= {f"{name}.{own}" if own else str(name): each for own, each in inner.items()}
+        return found
+    if isinstance(value, bool | np.bool_):
+        return value
+    if isinstance(value, int | float | np.number):
+        return float(value)
+    if isinstance(value, list | tuple | np.ndarray):
+        try:
+            array = np.asarray(value)
+        except ValueError:
+            return value
+        return array.astype(float) if array.dtype.kind in "iuf" else value
+    return value
