@@ -1,12 +1,13 @@
 """A page of the documentation for each of TimLab's blocks, made from its declaration."""
 
 import dataclasses
-import inspect
 import re
 from collections.abc import Iterator
 from typing import Any
 
+from motorgrad.schema import summary_of
 from timlab import BLOCKS, GALLERY, Block, HostBlock, Sink, parameters_of, settings_of
+from timlab.diagram import allowed_in, choices_of
 
 FOLDER = "lab/blocks"
 GALLERY_PAGE = "lab/gallery.md"
@@ -56,7 +57,7 @@ def _gallery() -> str:
 
 
 def _page(name: str, kind: type[Block]) -> str:
-    lines = [f"# {name}", "", inspect.cleandoc(kind.__doc__ or ""), ""]
+    lines = [f"# {name}", "", summary_of(kind), ""]
     lines += [f"In Python `timlab.{kind.__name__}`, in files `{name}`; {', '.join(_manner(kind))}.", ""]
     try:
         block = kind()
@@ -65,8 +66,8 @@ def _page(name: str, kind: type[Block]) -> str:
     else:
         for side in ("inputs", "outputs"):
             lines += _ports(side, getattr(block, side))
-    lines += _fields("Parameters, which may change while it runs", kind, parameters_of(kind), _allowed)
-    lines += _fields("Settings", kind, settings_of(kind), _choices)
+    lines += _fields("Parameters, which may change while it runs", kind, parameters_of(kind))
+    lines += _fields("Settings", kind, settings_of(kind))
     return "\n".join(lines)
 
 
@@ -103,11 +104,11 @@ def _ports(side: str, ports: Any) -> list[str]:
     return [*lines, ""]
 
 
-def _fields(title: str, kind: type[Block], declared: Any, describe: Any) -> list[str]:
+def _fields(title: str, kind: type[Block], declared: Any) -> list[str]:
     if not declared:
         return []
     usual = {field.name: field.default for field in dataclasses.fields(kind)}
-    limits = {name: _cell(describe(part)) for name, part in declared.items()}
+    limits = {name: _cell(_allowed(kind, name)) for name in declared}
     some = any(limits.values())
     lines = [
         f"## {title}",
@@ -122,16 +123,12 @@ def _fields(title: str, kind: type[Block], declared: Any, describe: Any) -> list
     return [*lines, ""]
 
 
-def _allowed(parameter: Any) -> str:
-    return parameter.allowed()
-
-
-def _choices(setting: Any) -> str:
-    return ", ".join(f"`{choice!r}`" for choice in setting.choices)
+def _allowed(kind: type[Block], name: str) -> str:
+    return allowed_in(kind, name) or ", ".join(f"`{choice!r}`" for choice in choices_of(kind, name))
 
 
 def _summary(kind: type[Block]) -> str:
-    return inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
+    return summary_of(kind).split("\n\n")[0]
 
 
 def _cell(text: str) -> str:

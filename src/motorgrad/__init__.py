@@ -1,6 +1,5 @@
-"""motorgrad: learning motor control by policy gradients.
-
-Small stochastic units, each deciding whether its muscle fires, learn online from one stream of experience:
+"""motorgrad: learning motor control by policy gradients. Small stochastic units, each deciding whether its muscle
+fires, learn online from one stream of experience:
 
     import motorgrad as mg
 
@@ -21,22 +20,7 @@ from motorgrad._platform import use_the_processor
 
 __version__ = "0.1.0"
 
-_ROOMS = (
-    "bodies",
-    "environments",
-    "export",
-    "learning",
-    "plane",
-    "policies",
-    "presets",
-    "search",
-    "statistics",
-    "studies",
-    "tasks",
-    "training",
-    "worlds",
-)
-_SUBPACKAGES = {
+_ROOM_OF = {
     "Agent": "learning",
     "Comparison": "studies",
     "Run": "training",
@@ -102,10 +86,10 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
+    if name in _ROOM_OF:
+        return getattr(importlib.import_module(f"motorgrad.{_ROOM_OF[name]}"), name)
+    if name in __all__:  # a room
         return importlib.import_module(f"motorgrad.{name}")
-    if name in _SUBPACKAGES:
-        return getattr(importlib.import_module(f"motorgrad.{_SUBPACKAGES[name]}"), name)
     raise AttributeError(f"module 'motorgrad' has no attribute {name!r}")
 
 

@@ -23,13 +23,9 @@ PICTURES = ("a picture needs", "sim")
 
 
 def offered(name: str, what: str, extra: str, group: str = OFFERS) -> Any:
-    """What an installed application offers under this name, imported.
-
-    **Arguments:** `name`, of the entry point; `what`, which begins the message with its verb, such as "a film needs";
-    the `extra` that installs an application that has it.
-
-    **Raises:** `MissingExtra`, which says what to install, where no installed distribution offers it.
-    """
+    """What an installed application offers under the `name` of its entry point, imported. **Raises** `MissingExtra`
+    where no installed distribution offers it, which says `what` needs it, such as "a film needs", and the `extra` that
+    installs one."""
     found = entries(group).get(name)
     if found is None:
         raise MissingExtra(f"{what} more than the library: {install(extra)}")

@@ -35,8 +35,7 @@ def check_arguments(function: Callable[..., Any], given: Mapping[str, Any], only
     """Raise `ValueError`, in one line, for the first argument that is not of a kind that its annotation says.
 
     **Arguments:** the `function`, or a class; what it was `given`, by name: its `locals()` at first, or the fields of a
-    dataclass, `vars(self)`; the names of those to look at, by default of all, where a function takes more than its
-    annotations say, such as 1e6 for a whole number, and says itself what it does not take.
+    dataclass, `vars(self)`; which to look at `only`, where a function takes more than its annotations say.
     """
     for name, kinds in _kinds_of(function).items():
         if only is not None and name not in only:

@@ -1,6 +1,5 @@
 """How raw observations become what a policy sees, and how its actions become raw ones: data, and pure functions."""
 
-import abc
 import dataclasses
 import functools
 import json
@@ -30,12 +29,17 @@ WHOLE_NUMBERS_END = 2**31
 """Whole numbers of raw actions that a compiled or exported program can give are below this."""
 
 
-class _Data(abc.ABC):
-    """Frozen data with arrays, equal where all numbers are: compiled programs are shared by equal ones."""
+class _Data:
+    """A frozen dataclass with arrays, equal where all numbers are: compiled programs are shared by equal ones."""
 
-    @abc.abstractmethod
     def table(self) -> dict[str, Any]:
         """The data as a table that JSON can hold."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
+        arrays = {name: self._written(value) for name, value in values.items() if isinstance(value, np.ndarray)}
+        return values | arrays | {name: list(value) for name, value in values.items() if isinstance(value, tuple)}
+
+    def _written(self, array: np.ndarray) -> list[Any]:
+        return array.tolist()
 
     @functools.cached_property
     def _key(self) -> str:
@@ -50,12 +54,10 @@ class _Data(abc.ABC):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ObservationCode(_Data):
-    """How raw observations become what a policy sees.
+    """How raw observations, of these `names` and this `shape`, become what a policy sees, flattened.
 
-    - `names`: of the raw numbers, in their order.
     - `offset`, `divisor`: a raw number y becomes (y − offset) / divisor;
     - `running`: or, where true, the difference from the running mean in standard deviations, clipped to ±5.
-    - `shape`: of a raw observation, which is flattened.
     - `constant`: whether a 1 follows, for a policy without a bias.
     """
 
@@ -95,10 +97,8 @@ class ObservationCode(_Data):
         frozen: Bool[Array, ""] | bool,
         raw: Float[Array, " size"],
     ) -> tuple[RunningMean | None, RunningMean | None, Float[Array, " seen"]]:
-        """Add a raw observation to the running statistics, unless they are `frozen`.
-
-        **Returns** them, and what the policy sees.
-        """
+        """Add a raw observation to the running statistics, unless they are `frozen`. **Returns** them, and what the
+        policy sees."""
         if mean is not None and variance is not None:
             mean, variance = jax.tree.map(
                 lambda old, new: jnp.where(frozen, old, new), (mean, variance), add_observation(mean, variance, raw)
@@ -116,16 +116,6 @@ class ObservationCode(_Data):
             scaled = standardised(mean, variance, raw)
             seen = scaled if self.running.all() else jnp.where(self.running, scaled, seen)
         return jnp.append(seen, 1.0) if self.constant else seen
-
-    def table(self) -> dict[str, Any]:
-        return {
-            "names": list(self.names),
-            "offset": self.offset.tolist(),
-            "divisor": self.divisor.tolist(),
-            "running": self.running.tolist(),
-            "shape": list(self.shape),
-            "constant": self.constant,
-        }
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any], where: str) -> Self:
@@ -223,11 +213,8 @@ class ActionCode(_Data):
         return self.matrix.astype(self.dtype).reshape((self.size, *self.shape))
 
     def of_raw(self, raw: npt.ArrayLike, where: str = "action") -> np.ndarray:
-        """The policy's action for a raw one: the inverse of `native`, for one action.
-
-        **Raises:** `ValueError` for another size, for an action that is no alternative, and for codes of units, which
-        have no inverse.
-        """
+        """The policy's action for a raw one: the inverse of `native`, for one action. **Raises** `ValueError` for
+        another size, for an action that is no alternative, and for codes of units, which have no inverse."""
         raw = np.asarray(raw)
         check(raw.size == self.outputs, f"size of an {where}", raw.size, f"{self.outputs}")
         if self.form == "choice" and self.matrix is not None:
@@ -247,17 +234,8 @@ class ActionCode(_Data):
                 below = f"below {WHOLE_NUMBERS_END:,} for compiled and exported programs"
                 check(wide < WHOLE_NUMBERS_END, f"actions.{name}", wide, below)
 
-    def table(self) -> dict[str, Any]:
-        arrays = {name: getattr(self, name) for name in ("low", "high", "matrix", "start")}
-        return {
-            "kind": self.kind if isinstance(self.kind, str) else list(self.kind),
-            "size": self.size,
-            "form": self.form,
-            "names": list(self.names),
-            "shape": list(self.shape),
-            "dtype": self.dtype,
-            **{name: None if array is None else [array.dtype.name, array.tolist()] for name, array in arrays.items()},
-        }
+    def _written(self, array: np.ndarray) -> list[Any]:
+        return [array.dtype.name, array.tolist()]
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any], where: str) -> Self:

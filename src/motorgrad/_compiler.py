@@ -15,12 +15,10 @@ TRIED = ("0.10.",)  # versions of jaxlib whose XLA knows our option
 
 
 def compile_small_loops_whole() -> None:
-    """Let XLA compile a loop over little data into one function.
+    """Let XLA compile a loop over little data into one function, unless JAX has compiled something.
 
-    By default XLA does so only below 1 KiB. Above, it calls every operation of the loop's body separately, some
-    dozens per decision, which for one small learner takes ten times as long.
-
-    Extra options already present in `XLA_FLAGS` are kept unchanged. This has no effect once JAX has compiled something.
+    By default XLA does so only below 1 KiB. Above, it calls every operation of the loop's body separately, some dozens
+    per decision, which for one small learner takes ten times as long. Extra options already in `XLA_FLAGS` are kept.
     """
     from jaxlib.version import __version__  # light, unlike importlib.metadata
 
@@ -34,10 +32,10 @@ def compile_small_loops_whole() -> None:
 def in_one_piece(function: Callable[..., tuple[Carry, Out]]) -> Callable[..., tuple[Carry, Out]]:
     """Compile `function(carry, *rest) -> (carry, out)` into one CPU function, with `carry` donated.
 
-    XLA calls the operations of a program one by one, and hands independent ones to other threads. For small operations
-    that costs many times the work itself. Only small loops are compiled whole, so this wraps the function in a loop of
-    one iteration. Optimization barriers hide the iteration count from XLA, and keep it from hoisting operations that do
-    not depend on the carry out of the loop.
+    XLA calls the operations of a program one by one, and hands independent ones to other threads, which for small ones
+    costs many times the work itself. Only small loops are compiled whole, so this wraps the function in a loop of one
+    iteration. Barriers hide the iteration count from XLA, and keep operations that do not depend on the carry in the
+    loop.
     """
     import jax
     import jax.numpy as jnp
@@ -57,11 +55,8 @@ def in_one_piece(function: Callable[..., tuple[Carry, Out]]) -> Callable[..., tu
 
 @functools.cache
 def loop_options() -> dict[str, Any] | None:
-    """Compiler options for a loop over decisions: fuse sums with the operations around them.
-
-    XLA would otherwise hand every sum to a library that requires seeds to be the first axis. `None` if this version of
-    XLA lacks that library.
-    """
+    """Compiler options for a loop over decisions: fuse sums with the operations around them, which XLA would otherwise
+    hand to a library that requires seeds to be the first axis. `None` if this version of XLA lacks that library."""
     import jax
 
     options = {"xla_cpu_experimental_ynn_fusion_type": ""}

@@ -17,10 +17,8 @@ def allow(names: Iterable[str]) -> None:
 
 
 def allow_words(words: Iterable[str]) -> None:
-    """Let code run that the words of a command line name: a word, or the value of an option `--name=value`.
-
-    A word that is a path names a file, and no code, whatever a stranger has called it.
-    """
+    """Let code run that the words of a command line name: a word, or the value of an option `--name=value`. A word that
+    is a path names a file, and no code, whatever a stranger has called it."""
     for word in words:
         said = (word, word.partition("=")[2]) if word.startswith("--") else (word,)
         allow(name for name in said if not os.path.lexists(name))

@@ -15,10 +15,8 @@ OWN = "import the module that registers your own first, as motorgrad --import MO
 
 
 class NotTrusted(RuntimeError):
-    """A file names code that would run, and the user has not trusted it.
-
-    `names`: the names that would allow it (`motorgrad._consent`), where the message shows all that they stand for.
-    """
+    """A file names code that would run, and the user has not trusted it. `names` are those that would allow it
+    (`motorgrad._consent`), where the message shows all that they stand for."""
 
     def __init__(self, message: str, names: Iterable[str] = ()):
         super().__init__(message)
@@ -26,15 +24,8 @@ class NotTrusted(RuntimeError):
 
 
 def check(condition: object, name: str, value: object, allowed: str) -> None:
-    """Raise `ValueError` unless `condition` holds.
-
-    **Arguments:**
-
-    - `condition`: what must be true.
-    - `name`: the argument's name as the user wrote it.
-    - `value`: the value given.
-    - `allowed`: what is allowed, in words that complete "must be …".
-    """
+    """Raise `ValueError` unless `condition` holds: the argument's `name` as the user wrote it, the `value` given, and
+    what is `allowed`, in words that complete "must be …"."""
     if not condition:
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
 
@@ -92,10 +83,8 @@ def plain(text: object) -> str:
 def unknown(
     kind: str, name: object, known: Iterable[str], meant: Iterable[str] = (), *, registered: bool = False
 ) -> ValueError:
-    """The error for a name that is not among `known`. It suggests `meant`, or else the nearest known name.
-
-    **Arguments:** `registered`: whether users may add names of their own. The message then says how.
-    """
+    """The error for a name that is not among `known`. It suggests `meant`, or else the nearest known name, and where
+    users may have `registered` names of their own, it says how."""
     names = sorted(known)
     if len(names) > MAX_LISTED_NAMES:
         nearest = difflib.get_close_matches(str(name), names, n=MAX_LISTED_NAMES, cutoff=0)
@@ -109,10 +98,7 @@ def unknown(
 
 
 def choice(name: str, value: object, allowed: Iterable[str], *, registered: bool = False) -> None:
-    """Raise `ValueError` unless `value` is one of `allowed`. The message suggests the nearest.
-
-    **Arguments:** `registered`: whether users may add names of their own. The message then says how.
-    """
+    """Raise `ValueError` unless `value` is one of `allowed`, as `unknown` makes it."""
     allowed = tuple(allowed)
     if value not in allowed:
         raise unknown(name, value, allowed, registered=registered)

@@ -27,10 +27,8 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A new file that takes the place of `path` when it is complete, and of nothing if an error ends it.
-
-    A link at `path` is replaced, not followed. **Raises** `OSError` that names `path`.
-    """
+    """A new file that takes the place of `path` when it is complete, and of nothing if an error ends it. A link at
+    `path` is replaced, not followed. **Raises** `OSError` that names `path`."""
     # nobody can foresee the name, and what is there is not opened: a link could lead anywhere
     aside = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
     with _errors_name(path, aside):
@@ -55,10 +53,8 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
 
 @contextlib.contextmanager
 def changing(path: Path) -> Iterator[BinaryIO]:
-    """A file that is changed where it lies; a missing one is made. **Raises** `OSError` that names it, and for a link.
-
-    A file that has other names as well (hard links, as of a backup) becomes one of its own first.
-    """
+    """A file that is changed where it lies; a missing one is made, and one that has other names as well (hard links, as
+    of a backup) becomes one of its own first. **Raises** `OSError` that names it, and for a link."""
     with _errors_name(path):
         check_replaceable(path)
         mode = "r+b" if path.exists() else "xb"
@@ -98,10 +94,8 @@ def check_replaceable(path: Path) -> None:
 
 
 def refuse_links(folder: Path, *inner: str) -> None:
-    """Refuse links in a folder of ours and in those `inner` folders: they would lead reading and writing elsewhere.
-
-    The folder itself may be one. **Raises** `ValueError` that names the link.
-    """
+    """Refuse links in a folder of ours and in those `inner` folders: they would lead reading and writing elsewhere. The
+    folder itself may be one. **Raises** `ValueError` that names the link."""
     for place in (folder, *(folder / name for name in inner)):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(place) as entries:
             link = next((entry.path for entry in entries if entry.is_symlink()), None)
@@ -110,9 +104,8 @@ def refuse_links(folder: Path, *inner: str) -> None:
 
 
 def remove_partials(folder: Path, name: str | None = None) -> None:
-    """Remove what `write_atomically` left in a folder when its process was killed, by default for files of any `name`.
-    Nobody may be writing there.
-    """
+    """Remove what `write_atomically` left in a folder, where nobody may be writing, when its process was killed; by
+    default for files of any `name`."""
     for orphan in folder.glob(".*.partial" if name is None else f".{glob.escape(name)}*.partial"):
         with contextlib.suppress(OSError):
             orphan.unlink()
@@ -166,10 +159,8 @@ def read_json(path: Path) -> Any:
 
 
 def check_writable(name: str, path: Path, folder: bool = False) -> None:
-    """Refuse a path where no file (or `folder`) can be written. Nothing is created.
-
-    **Raises:** `ValueError` that names the argument `name` and says why.
-    """
+    """Refuse a path where no file (or `folder`) can be written. **Raises** `ValueError` that names the argument and
+    says why."""
     why = ""
     try:
         if path.exists() and path.is_dir() != folder:

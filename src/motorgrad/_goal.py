@@ -8,15 +8,13 @@ from jaxtyping import Array, Float
 
 
 class Goal(NamedTuple):
-    """A target that is drawn for each episode and stays where it is, and what depends on it.
-
-    With it, a learner can tell what an observation and a reward would have been for another target.
+    """A target that is drawn for each episode and stays where it is, with which a learner can tell what an observation
+    and a reward would have been for another target.
 
     - `errors`: the places in the observation of the target's errors, wanted − actual.
     - `reward(errors)`: the part of a reward that depends on the errors to which an action led.
-    - `targets`: the places of the target itself in the observation, in the order and the units of its errors; empty
-      where it is not shown.
-    - `actual`: the places of what should reach the target, likewise.
+    - `targets`, `actual`: the places of the target itself, and of what should reach it, in the order and the units of
+      its errors; empty where they are not shown.
     """
 
     errors: tuple[int, ...]

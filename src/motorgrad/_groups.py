@@ -32,11 +32,9 @@ def by_group(
 ) -> P:
     """One value for all, or a mapping from names of fields to values, as a tree of the parameters' structure.
 
-    **Arguments:** the `kind` of value and the setting's `name`, for errors; the `default` of fields without a value,
-    where there is one. A value broadcasts to its field. A name stands for that field in every pool of a policy, or, as
-    `movement.weights`, for that of one pool; a field has the value of the longest name.
-
-    **Raises:** `ValueError` for a field without a value, a value without a field, or one whose shape does not fit.
+    A value broadcasts to its field. A name stands for that field in every pool of a policy, or, as `movement.weights`,
+    for that of one pool; a field has the value of the longest name, or the `default`, where there is one. **Raises**
+    `ValueError` for a field without a value, a value without a field, or one whose shape does not fit.
     """
     if not isinstance(values, Mapping):
         return jax.tree.map(lambda p: _fitting(f"{kind} {name}", values, p), parameters)

@@ -47,10 +47,8 @@ def register_with_gymnasium() -> None:
 
 
 class _GymnasiumFinder:
-    """An import finder that wraps Gymnasium's loader, so that our ids are registered when it is loaded.
-
-    It avoids the base classes of `importlib.abc`, whose import takes longer than the rest of `import motorgrad`.
-    """
+    """An import finder that wraps Gymnasium's loader, so that our ids are registered when it is loaded. It avoids the
+    base classes of `importlib.abc`, whose import takes longer than the rest of `import motorgrad`."""
 
     _asking = False
 

@@ -103,11 +103,9 @@ class Interface(eqx.Module):
             check((least >= 0).all(), f"{where}.variance", float(least.min()) if least.size else 0.0, "at least 0")
 
     def check_carries(self, given: "Interface", where: str) -> None:
-        """Refuse the interface of a policy whose observations or actions mean something else than those of a task,
-        whose interface this is. Ranges of actions may differ.
-
-        **Raises:** `ValueError` that says which numbers differ, in number, order or name, or how their scale does.
-        """
+        """Refuse the interface of a policy whose observations or actions differ from those of a task, whose interface
+        this is, but for ranges of actions. **Raises** `ValueError` that says which numbers differ, in number, order,
+        name or scale."""
         found = self.differences(given)
         if found:
             raise ValueError(
@@ -117,10 +115,7 @@ class Interface(eqx.Module):
 
     def differences(self, before: "Interface") -> list[str]:
         """How observations and actions differ from those of `before`, in words."""
-        pairs = (
-            ("observations", before.observations, self.observations),
-            ("actions", before.actions, self.actions),
-        )
+        pairs = (("observations", before.observations, self.observations), ("actions", before.actions, self.actions))
         found: list[str] = []
         for what, then, now in pairs:
             numbers = then.size, now.size

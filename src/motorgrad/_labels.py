@@ -1,6 +1,11 @@
-"""Names in figures, which may be anything."""
+"""Names in figures, which may be anything, and their units."""
 
 import unicodedata
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A quantity's name with its unit in brackets, where it has one and that is not the `1` of a pure number."""
+    return name if unit in ("", "1") else f"{name} ({unit})"
 
 
 def drawable(name: str) -> str:

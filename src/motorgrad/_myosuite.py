@@ -27,11 +27,9 @@ def is_of_myosuite(env_id: str) -> bool:
 
 @contextlib.contextmanager
 def composing(of_myosuite: bool = True) -> Iterator[None]:
-    """Context in which MyoSuite composes a model, without MuJoCo's warnings of how MyoSuite attaches its parts.
-
-    MuJoCo prints such a warning, appends it to a file in the working folder, and repeats it whenever the model is
-    compiled. All other warnings are shown. Nothing changes unless `of_myosuite`.
-    """
+    """Context in which MyoSuite composes a model, without MuJoCo's warnings of how MyoSuite attaches its parts, which
+    are printed, appended to a file in the working folder, and repeated whenever the model is compiled. All other
+    warnings are shown. Nothing changes unless `of_myosuite`."""
     if not of_myosuite:
         yield
         return
@@ -57,10 +55,8 @@ def composing(of_myosuite: bool = True) -> Iterator[None]:
 
 
 def register() -> None:
-    """Import MyoSuite, which registers its environments with Gymnasium.
-
-    **Raises:** `ValueError` with the command that installs it.
-    """
+    """Import MyoSuite, which registers its environments with Gymnasium. **Raises** `ValueError` that says how to
+    install it."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of its own dependencies
@@ -88,10 +84,8 @@ def models() -> list[str]:
 
 
 def description(name: str) -> Any:
-    """The `mujoco.MjSpec` of an environment of MyoSuite, by its id, or of a model, by its name.
-
-    **Raises:** `ValueError` for anything else, and where MyoSuite is missing.
-    """
+    """The `mujoco.MjSpec` of an environment of MyoSuite, by its id, or of a model, by its name. **Raises** `ValueError`
+    for anything else, and where MyoSuite is missing."""
     if name in models():
         return _model(name)
     if not is_of_myosuite(name):
@@ -120,10 +114,8 @@ def _model(name: str) -> Any:
 
 @functools.lru_cache(maxsize=32)
 def environment(env_id: str) -> Any:
-    """An environment of MyoSuite without wrappers, for reading: its model and its numbers.
-
-    **Raises:** `ValueError` for an id that MyoSuite does not have, and where MyoSuite is missing.
-    """
+    """An environment of MyoSuite without wrappers, for reading: its model and its numbers. **Raises** `ValueError` for
+    an id that MyoSuite does not have, and where MyoSuite is missing."""
     import gymnasium
 
     known = ids()  # which asks for MyoSuite

@@ -49,21 +49,15 @@ def natural_actor_critic(
     kl: tuple[float, float],
     entropy: float,
 ) -> dict[str, Any]:
-    r"""The natural actor-critic as a table: generalised advantages from a least-squares critic, normalised, and steps
+    """The natural actor-critic as a table: generalised advantages from a least-squares critic, normalised, and steps
     along the natural gradient that change the policy by a given divergence, which is annealed.
 
-    **Arguments:**
-
-    - `policy`: the initial policy.
-    - `batch` (decisions): number of decisions from one step of the parameters to the next.
-    - `updates` (steps of the parameters): end of annealing; the last eighth is averaged.
-    - `discount`: discount of the critic.
-    - `decay`: decay of the trace: the discount times the lambda of generalised advantages.
-    - `memory` (batches): memory of the critic's and the Fisher matrix's means.
-    - `features`: what the critic sees.
-    - `damping`: damping of the Fisher matrix.
-    - `kl` (nats): how far the first and the last step may change the policy.
-    - `entropy`: what a nat of entropy is worth at the start, in usual advantages; 0 at the end.
+    **Arguments:** the initial `policy`; the decisions of a `batch`, from one step of the parameters to the next; the
+    number of `updates`, over which it anneals, and averages the last eighth; the critic's `discount`; the trace's
+    `decay`, the discount times the lambda of generalised advantages; the `memory` of the critic's and the Fisher
+    matrix's means, in batches; the `features` that the critic sees; the `damping` of the Fisher matrix; how far the
+    first and the last step may change the policy (`kl`, nats); what a nat of `entropy` is worth at the start, in usual
+    advantages.
     """
     rate = 1 / (memory * batch)
     return {
@@ -80,13 +74,7 @@ def natural_actor_critic(
             "normalization": {"rate": 1 / (10 * batch)},
             "entropy": annealed(entropy, 0.0, updates),
         },
-        "metric": {
-            "kind": "fisher",
-            "rate": rate,
-            "initial": 0.05,
-            "damping": damping,
-            "kl": annealed(*kl, updates),
-        },
+        "metric": {"kind": "fisher", "rate": rate, "initial": 0.05, "damping": damping, "kl": annealed(*kl, updates)},
         # the step's length is that of the KL limit: the natural gradient of a batch this small is longer
         "optimizer": {"kind": "sgd", "learning_rate": 1.0},
         "averaging": {"start": updates - updates // 8},

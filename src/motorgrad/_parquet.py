@@ -33,8 +33,7 @@ _TEXT_PAGES = 11
 
 def parquet_in(content: bytes, most: int) -> "pa.Table":
     """The table of a Parquet file, of at most so many bytes where a number takes 8. A column has numbers or texts; one
-    may have as many numbers in each row.
-    """
+    may have as many numbers in each row."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -97,10 +96,8 @@ def _with_texts(table: "pa.Table", schema: "pa.Schema", most: int) -> "pa.Table"
 
 
 def _columns(content: bytes) -> Iterator[dict[int, int]]:
-    """What the foot of a file says about each column of each group of rows (`parquet.thrift`: `FileMetaData`).
-
-    Arrow is not asked: what it makes of a damaged one ends the process.
-    """
+    """What the foot of a file says about each column of each group of rows (`parquet.thrift`: `FileMetaData`). Arrow is
+    not asked: what it makes of a damaged one ends the process."""
     try:
         _, _, foot = _table(content, len(content) - 8 - int.from_bytes(content[-8:-4], "little"))
         for group in _items(content, foot.get(_GROUPS)):
@@ -126,10 +123,8 @@ def _items(content: bytes, found: tuple[int, int] | None) -> Iterator[int]:
 
 
 def _page_bytes(content: bytes, column: dict[int, int]) -> int:
-    """The bytes of a column's pages, unpacked, as the heads of the pages say. **Raises** `ValueError` for other heads.
-
-    A page follows the other, each with a head before it (Apache Parquet, `parquet.thrift`: `PageHeader`).
-    """
+    """The bytes of a column's pages, unpacked, as their heads say, each before its page (Apache Parquet,
+    `parquet.thrift`: `PageHeader`). **Raises** `ValueError` for other heads."""
     place = min(column[_DATA_PAGES], column.get(_TEXT_PAGES) or column[_DATA_PAGES])
     size = column[_COLUMN_PACKED]
     check(place >= 0 and size >= 0, "place of a column", place, "within the file")

@@ -13,11 +13,9 @@ _chosen = False  # by us
 
 
 def use_the_processor() -> None:
-    """Let JAX compute on the processor, unless the user has said where, by a variable or in `jax.config`.
-
-    A decision of a few units is too little work for a GPU, which JAX would otherwise take where it finds one. It must
-    be said before JAX computes anything; later, JAX stays where it is.
-    """
+    """Let JAX compute on the processor, unless the user has said where, by a variable or in `jax.config`. A decision of
+    a few units is too little work for a GPU, which JAX would otherwise take where it finds one. It must be said before
+    JAX computes anything; later, JAX stays where it is."""
     global _chosen
     if any(os.environ.get(name) for name in ASK):
         return
@@ -37,14 +35,12 @@ def tell_the_platform() -> None:
 
     used = jax.default_backend()
     if used != "cpu":
-        message = (
-            f"JAX computes on {jax.devices()[0]} ({used}): for small policies the processor is faster, and is what "
-        )
-        warnings.warn(f"{message}motorgrad is tested on; JAX_PLATFORMS=cpu chooses it", stacklevel=3)
+        better = "for small policies the processor is faster, and is what motorgrad is tested on"
+        message = f"JAX computes on {jax.devices()[0]} ({used}): {better}; JAX_PLATFORMS=cpu chooses it"
+        warnings.warn(message, stacklevel=3)
     elif _chosen and (found := accelerators()):
-        message = (
-            f"JAX computes on the processor, though {', '.join(found)} is installed: for small policies it is faster"
-        )
+        names = ", ".join(found)
+        message = f"JAX computes on the processor, though {names} is installed: for small policies it is faster"
         warnings.warn(f"{message}. JAX_PLATFORMS=cuda, set before Python starts, chooses a GPU", stacklevel=3)
 
 

@@ -19,18 +19,12 @@ ENOUGH = 0.5  # seconds, before which an estimate would be a guess
 
 
 class Progress:
-    """A progress bar on a terminal; elsewhere an occasional line.
+    """A progress bar on a terminal; elsewhere an occasional line. The bar has the time left, or the time since the
+    beginning as long as nothing is known of what is left.
 
-    The bar has the time left, or the time since the beginning as long as nothing is known of what is left.
-
-    **Arguments:**
-
-    - `name`: what is in progress.
-    - `counted`: the unit, in the plural, such as `"decisions"`.
-    - `total`: the count at the end.
-    - `start`: the count at the beginning.
-    - `shown`: `False` prints nothing.
-    - `at_first`: what the bar says in addition until it has the time left.
+    **Arguments:** what is in progress; the unit that is `counted`, in the plural, such as `"decisions"`; the counts at
+    the end (`total`) and at the `start`; whether anything is `shown`; what the bar says `at_first`, until it has the
+    time left.
     """
 
     LINES = 10  # printed in total without a terminal
@@ -68,10 +62,8 @@ class Progress:
         self._made = 0
 
     def update(self, done: int, facts: str, usual: bool = True) -> None:
-        """Show that `done` is reached, with some `facts`.
-
-        Unless it was `usual`, the time since the last update says nothing about the time left.
-        """
+        """Show that `done` is reached, with some `facts`. Unless it was `usual`, the time since the last update says
+        nothing about the time left."""
         if not self.shown:
             return
         left = self._time_left(done, usual)

@@ -21,10 +21,8 @@ MIN_UNIFORM = 2.0**-24
 
 
 def block_at(decision: int) -> tuple[int, int]:
-    """The number of the block of a decision, and its place in it.
-
-    **Raises** `ValueError` from 549,755,813,888 decisions on: blocks are numbered in 32 bits, and must not repeat.
-    """
+    """The number of the block of a decision, and its place in it. **Raises** `ValueError` from 549,755,813,888
+    decisions on: blocks are numbered in 32 bits, and must not repeat."""
     block, place = divmod(decision, BLOCK)
     check(block < 2**32, "decisions", f"{decision:,}", f"at most {2**32 * BLOCK:,}; begin another run")
     return block, place
@@ -40,24 +38,21 @@ def draw_block(
     seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Int[Array, ""], size: int
 ) -> Float[Array, "decisions size seeds"]:
     """Draw the U[0, 1) numbers of a block: `size` per decision, seeds last."""
-
-    def draw(seed: Int[Array, ""]) -> Float[Array, "decisions size"]:
-        return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (BLOCK, size))
-
-    if size == 0:
-        return jnp.zeros((BLOCK, 0, len(seeds)))
-    return jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds))
+    return _drawn(seeds, purpose, block, (BLOCK, size)) if size else jnp.zeros((BLOCK, 0, len(seeds)))
 
 
 def draw_places(
     seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Int[Array, ""], size: int
 ) -> Float[Array, "decisions size seeds"]:
     """Like `draw_block`, with different numbers: a larger `size` appends numbers and keeps the existing ones."""
+    return jnp.swapaxes(_drawn(seeds, purpose, block, (size, BLOCK)), 0, 1)
 
-    def draw(seed: Int[Array, ""]) -> Float[Array, "size decisions"]:
-        return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), (size, BLOCK))
 
-    return jnp.swapaxes(jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds)), 0, 1)
+def _drawn(seeds: Int[Array | np.ndarray, " seeds"], purpose: str, block: Array, shape: tuple[int, int]) -> Array:
+    def draw(seed: Int[Array, ""]) -> Array:
+        return jax.random.uniform(jax.random.fold_in(key_of(seed, purpose), block), shape)
+
+    return jax.vmap(draw, out_axes=-1)(jnp.asarray(seeds))
 
 
 def normals(uniforms: Float[Array, " even"]) -> Float[Array, " even"]:

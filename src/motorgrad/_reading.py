@@ -54,10 +54,8 @@ _DAMAGED = (
 
 
 def content_of(path: Path, most: int) -> bytes:
-    """The content of a file of at most so many bytes.
-
-    It must be a regular one: a device may never end, and a pipe never begin. **Raises** `OSError` where there is none.
-    """
+    """The content of a file of at most so many bytes. It must be a regular one: a device may never end, and a pipe
+    never begin. **Raises** `OSError` where there is none."""
     file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     if stat.S_ISDIR(os.fstat(file).st_mode):  # of which `fdopen` would name the number alone
         os.close(file)

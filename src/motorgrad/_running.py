@@ -22,12 +22,10 @@ def counted_round(count: Array, size: Array | int) -> Array:
 
 
 class RunningMean(NamedTuple):
-    """The mean of the samples so far, of any pytree.
-
-    In single precision `mean + (x − mean)/n` stops moving near n = 1e7, because the increment falls below the mean's
-    rounding. `carry` holds what rounding took away, so that the pair is good for the counter's whole range. At its end,
-    4,294,967,295 samples, `count` stands still, and every further sample moves the mean by as much as that one.
-    """
+    """The mean of the samples so far, of any pytree. In single precision `mean + (x − mean)/n` stops moving near n =
+    1e7, because the increment falls below the mean's rounding. `carry` holds what rounding took away, so that the pair
+    is good for the counter's whole range. At its end, 4,294,967,295, every further sample moves the mean by as much as
+    that one."""
 
     mean: PyTree[Array]
     carry: PyTree[Array]

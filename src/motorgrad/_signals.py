@@ -72,10 +72,8 @@ def stop_when_asked() -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def _handled(act: Callable[[], None], interrupt: bool = False) -> Iterator[None]:
-    """Call `act` on these signals within the context. Only the main thread receives signals.
-
-    What is started with `nohup` goes on without its terminal.
-    """
+    """Call `act` on these signals within the context. Only the main thread receives signals. What is started with
+    `nohup` goes on without its terminal."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

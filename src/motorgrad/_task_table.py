@@ -1,18 +1,12 @@
-"""The table of tasks: a new task is one file, and one line here. Importing this module loads no task.
-
-The line has the task's name, the place of its class below `motorgrad.tasks`, and its Gymnasium id, from which
-`import motorgrad` registers it as an environment before any task is loaded.
-"""
+"""The table of tasks: a new task is one file, and one line here, from which `import motorgrad` registers it as a
+Gymnasium environment before any task is loaded. Importing this module loads no task."""
 
 from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """A task in the table.
-
-    - `place`: module and class, below `motorgrad.tasks`.
-    - `env_id`: the id of the task as a Gymnasium environment; `None` if it is not one.
-    """
+    """The `place` of a task, module and class below `motorgrad.tasks`, and its id as a Gymnasium environment, if it is
+    one."""
 
     place: str
     env_id: str | None = None

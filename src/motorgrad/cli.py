@@ -69,10 +69,8 @@ def _after_imports(arguments: list[str]) -> list[str]:
 
 
 def _import(name: str) -> None:
-    """Import a module of the user's: a file, an installed module or one of the working folder.
-
-    Only for the last is the working folder looked in, as it may hold what other libraries try to import.
-    """
+    """Import a module of the user's: a file, an installed module or one of the working folder. Only for the last is the
+    working folder looked in, as it may hold what other libraries try to import."""
     import importlib.util
     from pathlib import Path
 

@@ -143,7 +143,7 @@ def test_native_hopper_hops_nearly_as_high():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"load_mass": 0.0}, "load_mass = 0.0: must be a finite number > 0"),
+        ({"load_mass": 0.0}, "load_mass = 0.0: must be a finite number above 0, in kg"),
         ({"link_length": -1.0}, "link_length = -1.0"),
         ({"extensor_strength": float("inf")}, "extensor_strength = inf"),
         ({"joint_damping": -0.1}, "joint_damping = -0.1"),

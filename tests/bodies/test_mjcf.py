@@ -203,7 +203,7 @@ def test_what_mujoco_refuses_is_one_clear_line(tmp_path):
     ):
         with pytest.raises(ValueError, match=told):
             Mjcf(source)
-    with pytest.raises(ValueError, match=r"timestep = -1.0: must be a finite number > 0"):
+    with pytest.raises(ValueError, match=r"timestep = -1.0: must be a finite number above 0, in s"):
         Mjcf(ZOO, timestep=-1)
 
 

@@ -129,13 +129,13 @@ def test_native_muscle_follows_its_curve_and_stays_near_the_gaussian():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"strength": 0.0}, r"Muscle 'm' strength = 0.0: must be a finite number > 0"),
+        ({"strength": 0.0}, r"strength = 0.0: must be a finite number above 0, in N"),
         ({"strength": float("nan")}, "strength = nan"),
         ({"rest_length": -0.1}, "rest_length = -0.1"),
         ({"shape": 0}, "shape = 0"),
-        ({"damping": -1.0}, "damping = -1.0: must be a finite number >= 0"),
+        ({"damping": -1.0}, "damping = -1.0: must be a finite number of at least 0, in N s/m"),
         ({"group": ""}, "group = ''"),
-        ({"name": ""}, "Muscle.name = ''"),
+        ({"name": ""}, "name = ''"),
     ],
 )
 def test_bad_muscles_are_refused(changes, message):
@@ -144,8 +144,12 @@ def test_bad_muscles_are_refused(changes, message):
         dataclasses.replace(good, **changes)
 
 
+def test_a_point_may_be_an_array():
+    assert Attachment("thigh_left", np.arange(3)) == Attachment("thigh_left", (0.0, 1.0, 2.0))  # type: ignore[arg-type]
+
+
 def test_bad_attachments_and_paths_are_refused():
-    with pytest.raises(ValueError, match="three finite numbers"):
+    with pytest.raises(ValueError, match="a list of 3 entries"):
         Attachment("thigh_left", (0.0, 1.0))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="geom = ''"):
         Wrap("", "side")

@@ -106,5 +106,5 @@ def test_a_phase_goes_round_once_in_a_period():
 
 @pytest.mark.parametrize("duty", [0.0, 1.0, float("nan")])
 def test_an_impossible_duty_is_refused(duty):
-    with pytest.raises(ValueError, match=r"duty = .*: must be in \(0, 1\)"):
+    with pytest.raises(ValueError, match=r"duty = .*: must be (in \(0, 1\)|a finite number)"):
         TripodClock(duty)

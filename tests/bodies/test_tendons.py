@@ -364,17 +364,17 @@ def test_keyframes_keep_the_states_of_other_actuators():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Hill(0.0, 0.1, 0.1), "max_isometric_force = 0.0: must be a finite number > 0"),
+        (lambda: Hill(0.0, 0.1, 0.1), "max_isometric_force = 0.0: must be a finite number above 0, in N"),
         (lambda: Hill(1.0, 0.1, 0.0), r"tendon_slack_length = 0.0: must be at least 0.0001 m, or the tendon 'rigid'"),
-        (lambda: Hill(1.0, 0.1, 0.1, 1.6), "pennation_angle = 1.6: must be from 0 to less than π/2"),
+        (lambda: Hill(1.0, 0.1, 0.1, 1.6), r"pennation_angle = 1.6: must be in \[0, 1.5708\), in rad"),
         (lambda: Hill(1.0, 0.1, 0.1, tendon="elastic"), "unknown tendon 'elastic'"),  # type: ignore[arg-type]
         (lambda: Hill(1.0, 0.1, 0.1, curves="thelen"), "unknown curves 'thelen'"),  # type: ignore[arg-type]
         (lambda: Hill(1.0, 0.1, 0.1, fiber_damping=-1), "fiber_damping = -1"),
         (lambda: arm(hill=(("wrist", SOLEUS),)), "unknown actuator in hill 'wrist'"),
         (lambda: Mjcf("arm6", hill=(("elbow*", SOLEUS),)), "muscle_model be 'hill'"),
         (lambda: Mjcf("<mujoco/>", muscle_model="hill"), "'native' for a model without muscles on tendons"),
-        (lambda: HillMuscle("", "g", *ENDS, SOLEUS), "HillMuscle.name = ''"),
-        (lambda: HillMuscle("m", "g", *ENDS, 3.0), "HillMuscle 'm' hill = 3.0"),  # type: ignore[arg-type]
+        (lambda: HillMuscle("", "g", *ENDS, SOLEUS), "name = ''"),
+        (lambda: HillMuscle("m", "g", *ENDS, 3.0), "hill = 3.0: must be a table of the settings of a Hill"),  # type: ignore[arg-type]
         (lambda: contract(SOLEUS, 0.3, 0.1, excitation=2.0), "excitation = 2.0: must be from 0 to 1"),
         (lambda: bodies.hill_of(arm().model, 0), "must be a muscle of MuJoCo"),
         (lambda: read_hill(Mjcf("arm6").model, None, 0), "must be a Hill-type muscle"),

@@ -193,9 +193,9 @@ def test_bodies_of_different_numbers_go_together():
     ("changes", "message"),
     [
         ({"kind": "bump"}, "unknown kind 'bump': did you mean 'bumps'"),
-        ({"cell": 0.05}, "cell = 0.05: must be at least 0.1 m"),
+        ({"cell": 0.05}, "cell = 0.05: must be a finite number of at least 0.1, in m"),
         ({"height": 0.0}, "height = 0.0"),
-        ({"difficulty": 1.1}, "difficulty = 1.1: must be from 0 to 1"),
+        ({"difficulty": 1.1}, r"difficulty = 1.1: must be in \[0, 1\]"),
         ({"spacing": 0.1}, "spacing = 0.1: must be at least two cells"),
         ({"size": (10.0, 0.1)}, "size = "),
         ({"size": (1e4, 1e4)}, "size = .*at most 4000000 points"),

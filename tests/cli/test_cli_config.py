@@ -164,7 +164,7 @@ def test_the_initial_policys_settings(capsys):
 REFUSED = [
     ("train chain", "stps = 5", "a.toml: unknown setting of train 'stps': did you mean 'steps'?"),
     ("train chain", "checkpoint-every = 5", "did you mean 'checkpoint_every'?"),
-    ("train chain", "steps = 0", "a.toml: steps = 0: must be an integer from 1"),
+    ("train chain", "steps = 0", "a.toml: steps = 0: must be an integer of at least 1"),
     ("train chain", 'steps = "many"', "a.toml: steps = 'many': must be an integer"),
     ("train chain", "seeds = 1000.5", "a.toml: seeds = 1000.5: must be an integer or a list"),
     ("train chain", "seeds = 1000000000000", "seeds = 1000000000000: must be from 1 to 1000000"),
@@ -187,14 +187,14 @@ REFUSED = [
         "a.toml: task: has settings of 'chain' (length), but the command names 'hopper'",
     ),
     ("train chain", "[task]\nlenght = 5", "a.toml: unknown setting of task 'lenght': did you mean 'length'?"),
-    ("train chain", "[task]\nlength = 1", "a.toml: task.length = 1: must be from 2 to 2000"),
+    ("train chain", "[task]\nlength = 1", "a.toml: task.length = 1: must be an integer from 2 to 2,000"),
     ("train chain", "[task]\nlength = 100000000", "task.length = 100000000"),
     ("train chain", "[task]\nvariant = 'rest'", "unknown task.variant 'rest': did you mean 'reset'"),
     ("train hopper", "[task.body]\nload_mas = 5", "unknown setting of task.body 'load_mas': did you mean 'load_mass'"),
     ("train hopper", "[task.body]\nload_mass = -5", "task.body.load_mass = -5.0"),
     ("train hopper", "[task]\npenalty = nan", "task.penalty = nan: must be a finite number"),
     ("train hopper", "[task]\naction_period = 1e9", "task.action_period = 1000000000.0"),
-    ("train hopper", "[agent]\nunits = 10000000000", "units = 10000000000: must be at most"),
+    ("train hopper", "[agent]\nunits = 10000000000", "units = 10000000000: must be an integer from 1 to "),
     ("train hopper", "[agent]\nunits = 7", "policy Hyperplanes: outputs = 7"),
     ("train hopper", "[agent]\nimprove = 'episod'", "must be an integer or 'episode' or 'never'"),
     ("train hopper", "[agent]\nimprove = 3000000000", "improve = 3000000000"),
@@ -210,7 +210,7 @@ REFUSED = [
         "agent.policy.width = 'wide': must be a finite number",
     ),
     ("train hopper", "[agent.policy]\nkind = 'gaussians'\nwidth = -1", "agent.policy.width = -1.0"),
-    ("train particle", "[agent]\npolicy = {width = 0}", "agent.policy.width = 0.0: must be positive"),
+    ("train particle", "[agent]\npolicy = {width = 0}", "agent.policy.width = 0.0: must be a finite number above 0"),
     ("train particle", "[task]\nunits = 0", "task.units = 0: must be an integer from 1 to 10,000"),
     ("train particle", "[agent]\ndecay = 1.5", "agent.estimator.trace.decay = 1.5: must be in [0, 1]"),
     ("train particle", "[task]\nregions = [[1, 2, 0.5, 0.1, 0.1]]", "regions[0] centre = (2.0, 0.5): must be within"),
@@ -221,7 +221,11 @@ REFUSED = [
         "growth.units = 9: must be at most the pool's, 4",
     ),
     ("train particle", "[agent]\npolicy = 'growing'\ngrowth = 'none'", "agent.growth = None: must be set"),
-    ("train particle", "[agent]\npolicy = 'growing'\ngrowth.width = -1", "agent.growth.width = -1.0: must be positive"),
+    (
+        "train particle",
+        "[agent]\npolicy = 'growing'\ngrowth.width = -1",
+        "agent.growth.width = -1.0: must be a finite number above 0",
+    ),
     ("train hopper", "[agent.policy]\nkind = 'x'", "unknown agent.policy 'x'"),
     ("train hopper", "[agent.policy]\nkind = 'given'", "agent.policy was made in Python"),
     ("train hopper", "agent = 3", "agent = 3: must be a table of changes"),
@@ -302,8 +306,8 @@ def test_help_shows_the_text_of_a_setting_its_choices_and_its_default(capsys, mo
     monkeypatch.setenv("COLUMNS", "100")  # one column of boxes
     assert status("train", "hopper", "--help-all") == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "Cost of an active muscle per decision. (default: 0.1)" in said
-    assert "Mass of the load on the slide (kg). (default: 2.0)" in said
+    assert "Cost of an active muscle per decision. (default: 0.1, at least 0)" in said
+    assert "Mass of the load on the slide. (default: 2 kg" in said
     assert "{" + ",".join(INITIAL) + "}" in said.replace(", ", ",")  # a long list goes on on the next line
     assert "{symmetric,spring}" in said
     assert "**" not in said

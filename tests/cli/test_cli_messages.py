@@ -54,8 +54,9 @@ def test_every_setting_that_help_shows_is_described(cls):
 def test_the_help_of_an_experiment_says_what_its_settings_are(capsys):
     status, text = said(capsys, "reproduce", "fig-5.5", "--help")
     assert status == 0
-    assert "The step size of all parameters. (default: 0.0005)" in text
-    assert "Length of every hopper's practice (simulated s)." in text
+    assert "The step size of all parameters. (default: 0.0005, at least 0)" in text
+    assert "Length of every hopper's practice. (default: 1500 simulated s, above 0)" in text
+    assert "Number of independent hoppers. (default: 16, from 1 to 10,000)" in text
 
 
 def test_symbols_keep_their_letters():

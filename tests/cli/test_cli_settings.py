@@ -68,7 +68,7 @@ def test_any_table_makes_an_instance_or_is_refused_by_name(name, data):
 
 
 def test_an_unknown_actuator_is_refused_with_the_name_of_its_setting():
-    with pytest.raises(ValueError, match="composed: groups: unknown actuator 'a': known are biarticular"):
+    with pytest.raises(ValueError, match=r"composed\.groups: unknown actuator 'a': known are biarticular"):
         build(CLASSES["composed"], {"groups": ["a"]}, "composed")
 
 

@@ -315,9 +315,9 @@ def test_units_find_the_two_places_where_firing_pays(criterion, placement):
 @pytest.mark.parametrize(
     ("build", "names"),
     [
-        (lambda: Growth(width=0.0), "width = 0.0: must be positive"),
-        (lambda: Growth(cutoff=0.0), "cutoff = 0.0: must be positive"),
-        (lambda: Growth(cutoff=2.0), "cutoff = 2.0: must be positive and at most the width, 1.0"),
+        (lambda: Growth(width=0.0), "width = 0.0: must be a finite number above 0"),
+        (lambda: Growth(cutoff=0.0), "cutoff = 0.0: must be a finite number above 0"),
+        (lambda: Growth(cutoff=2.0), "cutoff = 2.0: must be at most the width, 1.0"),
         (lambda: Growth(shrink=1.0), "shrink = 1.0: must be in (0, 1)"),
         (lambda: Growth(boost=-1.0), "boost = -1.0"),
         (lambda: Growth(units=0), "units = 0: must be an integer of at least 1"),

@@ -64,14 +64,9 @@ BATCH = Estimator(improve=2)
 
 
 class Accumulating(Trace):
-    r"""An exponential trace that adds each score in part, $z \leftarrow \beta z + (1 - \beta)\nabla\log\pi$.
+    r"""An exponential trace that adds each score in part, $z \leftarrow \beta z + (1 - \beta)\nabla\log\pi$."""
 
-    **Arguments:**
-
-    - `decay`: $\beta \in [0, 1)$.
-    """
-
-    decay: float = number(0.9, 0, 1, open_high=True)
+    decay: float = number(0.9, 0, 1, open_high=True, help=r"the factor $\beta$")
 
     def init(self, parameters):
         return jax.tree.map(jnp.zeros_like, parameters)
@@ -236,9 +231,10 @@ def test_a_value_outside_its_range_is_refused(base, name):
         elif allowed is not None:
             low, high, *_ = allowed
             bad = [low - 1, high + 1, low + 0.5, True, "1"]
+        several = isinstance(getattr(part, field, None), tuple)
         for value in bad:
-            with pytest.raises(ValueError, match=f"^{field} = "):
-                dataclasses.replace(part, **{field: value})
+            with pytest.raises(ValueError, match=rf"^{field}{'.0.' * several} = "):
+                dataclasses.replace(part, **{field: (value,) if several else value})
 
 
 @of_parts(*FEW)

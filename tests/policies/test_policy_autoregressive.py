@@ -162,11 +162,8 @@ def test_an_autocorrelation_of_zero_is_the_policy_alone():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (
-            lambda: bounded_hyperplanes(2, 1, autocorrelation=1.0),
-            "autocorrelation = 1.0: must be at least 0 and below 1",
-        ),
-        (lambda: graded_hyperplanes(2, 1, autocorrelation=-0.1), "autocorrelation = -0.1: must be at least 0"),
+        (lambda: bounded_hyperplanes(2, 1, autocorrelation=1.0), r"autocorrelation = 1.0: must be in \[0, 1\)"),
+        (lambda: graded_hyperplanes(2, 1, autocorrelation=-0.1), r"autocorrelation = -0.1: must be in \[0, 1\)"),
         (
             lambda: bounded_hyperplanes(2, 1, density="beta", autocorrelation=0.5),
             "density = 'beta': must be 'squashed' or 'clipped' with an autocorrelation",

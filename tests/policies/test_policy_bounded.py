@@ -324,7 +324,7 @@ two = np.zeros(2)
             "unknown density 'gamma': known are beta, clipped, squashed, truncated",
         ),
         (lambda: bounded_hyperplanes(2, 2, density="betta"), "did you mean 'beta'"),
-        (lambda: bounded_hyperplanes(2, 2, level=1.0), "level = 1.0: must be above -1 and below 1"),
+        (lambda: bounded_hyperplanes(2, 2, level=1.0), "level = 1.0: must be in (-1, 1)"),
         (lambda: bounded_hyperplanes(2, 2, deviation=0.01), "floor, deviation = (0.02, 0.01)"),
         (lambda: pool_of("beta", 0).enumerate(), "BoundedHyperplanes: has infinitely many actions"),
     ],

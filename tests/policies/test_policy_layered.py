@@ -214,7 +214,7 @@ def test_the_first_layer_may_see_features():
         (lambda: FiniteStateController(Softmax(np.zeros((2, 3))), planes(1, 3)), "transition.inputs = 3"),
         (lambda: FiniteStateController(Softmax(np.zeros((2, 4))), planes(1, 3)), "act.inputs = 3: must be 4"),
         (lambda: initial("layered", 2, units=1, hidden=()), "hidden = (): must be at least one layer"),
-        (lambda: initial("layered", 2, units=1, hidden=(0,)), "hidden = 0"),
+        (lambda: initial("layered", 2, units=1, hidden=(0,)), "hidden[0] = 0"),
         (lambda: initial("layered", 2, units=1, output="hyperplane"), "'hyperplanes'"),
         (lambda: initial("layered", 2, units=1, scale=0.0), "scale = 0.0"),
         (lambda: initial("finite-state-controller", 2, units=1, links=5), "links = 5"),

@@ -69,11 +69,11 @@ one, square = np.zeros(1), np.zeros((2, 2))
         (lambda: SoftBoxes(one, one, one), "centre = (1,)"),
         (lambda: SoftBoxes(square, one, np.zeros(2)), "log_width = (1,): must be of shape (2, 2)"),
         (lambda: SoftBoxes(square, square, one), "log_hardness = (1,): must be of shape (2,)"),
-        (lambda: soft_spheres(2, 3, radius=0.0), "radius = 0.0: must be positive"),
-        (lambda: soft_boxes(2, 3, width=-1.0), "width = -1.0: must be positive"),
-        (lambda: soft_boxes(2, 3, hardness=0.0), "hardness = 0.0: must be positive"),
+        (lambda: soft_spheres(2, 3, radius=0.0), "radius = 0.0: must be a finite number above 0"),
+        (lambda: soft_boxes(2, 3, width=-1.0), "width = -1.0: must be a finite number above 0"),
+        (lambda: soft_boxes(2, 3, hardness=0.0), "hardness = 0.0: must be a finite number above 0"),
         (lambda: soft_spheres(2, 3, low=1.0, high=0.0), "low, high = (1.0, 0.0)"),
-        (lambda: soft_spheres(2, 0), "outputs = 0"),
+        (lambda: soft_spheres(2, 0), "units = 0"),
     ],
 )
 def test_impossible_units_are_refused_by_name(build, names):

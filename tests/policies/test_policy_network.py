@@ -217,12 +217,12 @@ def test_a_function_of_ones_own_is_never_looked_up_for_a_stored_network():
             "module = Linear: must be a module that can be called with a vector of 3 numbers",
         ),
         (lambda: Network(linear(3, 4), linear(3, 4), 3), "pool = 'Linear'"),
-        (lambda: MultilayerPerceptron(hidden=()), "hidden = (): must be one or more whole numbers"),
-        (lambda: MultilayerPerceptron(hidden=(3, 0)), "hidden = (3, 0)"),
+        (lambda: MultilayerPerceptron(hidden=()), "hidden = (): must be at least one layer"),
+        (lambda: MultilayerPerceptron(hidden=(3, 0)), "hidden[1] = 0"),
         (lambda: MultilayerPerceptron(sparsity=1.0), "sparsity = 1.0: must be in [0, 1)"),
         (lambda: MultilayerPerceptron(activation="rely"), "unknown activation 'rely': did you mean 'relu'"),
         (lambda: hyperplanes(3, 2, network=(5, 5)), "network = (5, 5): must be an Architecture"),
-        (lambda: MAKE["bounded"](network=SMALL, deviation=-1.0), "floor, deviation"),
+        (lambda: MAKE["bounded"](network=SMALL, deviation=-1.0), "deviation = -1.0: must be a finite number above 0"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(build, names):

@@ -1,9 +1,13 @@
 """The loop of a search: its record, what failed, what is stored and gone on with."""
 
+import hashlib
+import json
+
 import numpy as np
 import pytest
 from search_examples import METHODS, SPACE, noisy_sphere, sphere
 
+from motorgrad._files import read_arrays, write_arrays
 from motorgrad.search import BayesianOptimisation, Boltzmann, Found, Range, Space, Uniform, search
 
 
@@ -48,6 +52,17 @@ def test_a_finished_search_can_be_made_longer_or_read_shorter(tmp_path):
     longer = run(Boltzmann(), evaluations=72, out=file)
     np.testing.assert_array_equal(longer.scores, run(Boltzmann(), evaluations=72).scores)
     np.testing.assert_array_equal(run(Boltzmann(), evaluations=36, out=file).scores, longer.scores[:36])
+
+
+def test_a_search_that_was_stored_with_bounds_of_numpy_continues(tmp_path):
+    file = tmp_path / "search.npz"
+    run(Boltzmann(), evaluations=36, out=file)
+    bounds = "Range(low=np.float64(-5.0), high=np.float64(5.0), start=np.float64(3.0), log=False)"
+    space = "{" + ", ".join(f"{name!r}: {bounds}" for name in SPACE.names) + "}"
+    asked = json.dumps({"space": space, "method": repr(Boltzmann()), "seed": 0})
+    write_arrays(file, read_arrays(file) | {"mark": np.array(hashlib.sha256(asked.encode()).hexdigest()[:16])})
+    longer = run(Boltzmann(), evaluations=72, out=file)
+    np.testing.assert_array_equal(longer.scores, run(Boltzmann(), evaluations=72).scores)
 
 
 @pytest.mark.parametrize(

@@ -31,12 +31,12 @@ def test_places_beyond_the_bounds_are_reflected():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Range(1.0, 1.0), r"Range.high = 1.0: must be finite and above low = 1.0"),
-        (lambda: Range(0.0, 1.0, log=True), r"Range.low = 0.0: must be a finite number above 0"),
-        (lambda: Range(float("nan"), 1.0), r"Range.low = nan: must be a finite number"),
-        (lambda: Range(0.0, 1.0, start=2.0), r"Range.start = 2.0: must be from 0.0 to 1.0"),
-        (lambda: Space({}), r"Space.ranges = {}: must be at least one Range by name"),
-        (lambda: Space({"a": (0, 1)}), r"Space.ranges = .*: must be at least one Range by name"),  # type: ignore[dict-item]
+        (lambda: Range(1.0, 1.0), r"high = 1.0: must be above low = 1.0"),
+        (lambda: Range(0.0, 1.0, log=True), r"low = 0.0: must be above 0, as the scale is logarithmic"),
+        (lambda: Range(float("nan"), 1.0), r"low = nan: must be a number"),
+        (lambda: Range(0.0, 1.0, start=2.0), r"start = 2.0: must be from 0.0 to 1.0"),
+        (lambda: Space({}), r"ranges = {}: must be at least one Range by name"),
+        (lambda: Space({"a": (0, 1)}), r"ranges.a = \(0, 1\): must be a table of the settings of a Range"),  # type: ignore[dict-item]
         (lambda: SPACE.numbers([[0.5]]), r"places.shape = \(1, 1\): must be \(…, 2\)"),
         (lambda: SPACE.places(0.5), r"numbers.shape = \(\): must be \(…, 2\)"),
     ],

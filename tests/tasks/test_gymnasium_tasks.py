@@ -66,7 +66,7 @@ def test_a_missing_dependency_is_said(register):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"repeat": 0}, "repeat = 0: must be an integer >= 1"),
+        ({"repeat": 0}, "repeat = 0: must be an integer of at least 1"),
         ({"scaling": "bound"}, "unknown scaling 'bound': did you mean 'bounds'"),
         ({"end_reward": np.inf}, "end_reward = inf: must be a finite number"),
         ({"env_id": 3}, "env_id = 3: must be a string"),

@@ -153,7 +153,7 @@ def test_as_an_environment_it_takes_real_numbers():
     ("setting", "named"),
     [
         ({"slopes": ()}, "slopes = (): must be at least one"),
-        ({"slopes": (50.0,)}, "slopes = (50.0,)"),
+        ({"slopes": (50.0,)}, "slopes[0] = 50.0: must be in [-45, 45], in degrees"),
         ({"stretch": 0.0}, "stretch = 0.0"),
         ({"shortest": 0.01}, "shortest = 0.01: must be at least two decisions"),
         ({"longest": 0.05}, "longest = 0.05"),

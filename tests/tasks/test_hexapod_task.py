@@ -306,14 +306,14 @@ def test_the_biomimetic_body_walks_too():
 
 
 BAD = [
-    ({"lag": -1}, "lag = -1: must be an integer from 0"),
+    ({"lag": -1}, "lag = -1: must be an integer from 0 to 1,000, in decisions"),
     ({"lag": 0.5}, "lag = 0.5: must be an integer"),
-    ({"course": 0}, "course = 0: must be an integer from 1"),
+    ({"course": 0}, "course = 0: must be an integer of at least 1, in decisions"),
     ({"observes": ()}, r"observes = \(\): must be at least one of lateral, current"),
     ({"observes": ("lateral", "lateral")}, "observes = .*must be different senses"),
     ({"observes": ("latral",)}, r"observes\[0\] 'latral': did you mean 'lateral'"),
     ({"reward_type": "y"}, "reward_type 'y'"),
-    ({"angle_scale": 0.0}, "angle_scale = 0.0: must be an angle"),
+    ({"angle_scale": 0.0}, r"angle_scale = 0.0: must be in \[0.01, 90\], in degrees"),
     ({"yaw_smoothing": 0.0}, r"yaw_smoothing = 0.0: must be in \(0, 1\]"),
     ({"reward_scale": math.nan}, "reward_scale = nan"),
     ({"action_period": 0.021}, "action_period = 0.021: must be a positive multiple of the time step, 0.0025 s"),

@@ -127,8 +127,8 @@ def test_a_grown_run_is_taken_up_with_the_units_it_has():
             {**RULES["clock"], "growth.criterion.interval": 10},
             "growth.criterion.interval = 10: must be at least the 19",
         ),
-        ({**RULES["clock"], "growth.width": 0.0}, "growth.width = 0.0: must be positive"),
-        ({**RULES["clock"], "growth.cutoff": -1.0}, "growth.cutoff = -1.0: must be positive"),
+        ({**RULES["clock"], "growth.width": 0.0}, "growth.width = 0.0: must be a finite number above 0"),
+        ({**RULES["clock"], "growth.cutoff": -1.0}, "growth.cutoff = -1.0: must be a finite number above 0"),
         ({**RULES["clock"], "growth.units": 0}, "growth.units = 0: must be an integer of at least 1"),
         (
             {**RULES["plateau"], "growth.criterion.window": 5},

@@ -279,7 +279,7 @@ def test_plot_films_into_the_run_by_default(status, falling, capsys):
     (("--animate", "a.mp4", "b.mp4"), "must be one file, or none"),
     (("--animate", "--seed", 9), "seed = 9: must be one of the run's seeds, 0, 1"),
     (("--seed", 1), "seed = 1: must be given with --animate"),
-    (("--animate", "--seconds", -1), "seconds = -1.0: must be above 0, up to 600 s"),
+    (("--animate", "--seconds", -1), r"seconds = -1.0: must be in \(0, 600\]"),
     (("AGAIN", "--animate"), "runs = .*: must be a single one, to be filmed"),
 ])  # fmt: skip
 def test_plot_refuses(status, falling, tmp_path, capsys, arguments, words):

@@ -73,7 +73,7 @@ def test_they_are_over_enough_seeds(name):
         ("sec-4.4.1-active-learning", {"cells": 1}, "cells = 1"),
         ("sec-4.4.1-active-learning", {"natural_units": 1}, "natural_units = 1"),
         ("sec-4.4.1-rate-modulation", {"units": (2, 1)}, "units = "),
-        ("sec-4.4.1-rate-modulation", {"floor": 0.4}, "floor, deviation = "),
+        ("sec-4.4.1-rate-modulation", {"floor": 0.4}, "floor = 0.4: must be less than deviation, 0.3"),
     ],
 )
 def test_impossible_settings_are_refused_by_name(name, setting, named):

@@ -65,7 +65,7 @@ def test_the_default_learner_is_the_thesis_s():
         ("fig-5.4", {"watched": 0.001}, "watched = 0.001"),
         ("fig-5.5", {"decay": 1.5}, "decay = 1.5"),
         ("fig-5.5", {"reward_type": "never"}, "unknown reward_type 'never'"),
-        ("fig-5.1", {"angles": (5.0,)}, "angles = 5.0"),
+        ("fig-5.1", {"angles": (5.0,)}, r"angles\[0\] = 5.0"),
         ("fig-5.2", {"angle": 30.0}, "angle = 30.0"),
         ("fig-a.1", {"radius": 0.2}, "origin_distance = 0.13"),
         ("sec-5.2.2", {"periods": (0.02, 0.01, 0.04)}, "periods = "),

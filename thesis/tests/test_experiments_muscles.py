@@ -52,7 +52,7 @@ def test_they_stand_in_the_order_of_the_source():
         (MUSCLES, {"watched": 30.0}, "watched = 30"),
         (MUSCLES, {"compared": 11}, "compared = 11"),
         (MUSCLES, {"variants": ("no muscles",)}, "no muscles"),
-        (MUSCLES, {"variants": (FULL,)}, "variants = "),
+        (MUSCLES, {"variants": (FULL,)}, r"unknown variants\[0\] "),
         (PROPRIOCEPTION, {"watched": 30.0}, "watched = 30"),
         (SYNERGIES, {"gaits": 11}, "gaits = 11"),
         (SYNERGIES, {"learners": 1}, "learners = 1"),

@@ -111,9 +111,9 @@ def test_a_pool_of_sixty_four_is_equally_spaced_in_a_few_hundred_thousand():
     ("changes", "names"),
     [
         ({"seeds": 1}, "seeds = 1"),
-        ({"pools": (2, 4)}, r"pools = \(2, 4\): must be rising numbers from 2 to 1,024, 16 among them"),
+        ({"pools": (2, 4)}, r"pools = \(2, 4\): must be some with 16 among them"),
         ({"pools": (16, 2)}, "pools"),
-        ({"tries": 6}, r"tries = 6: must be from 1 to 5"),
+        ({"tries": 6}, r"tries = 6: must be an integer from 1 to 5"),
         ({"dissected": 1}, "dissected = 1"),
         ({"share": 0.0}, r"share = 0.0"),
     ],

@@ -418,7 +418,7 @@ def test_settings_need_a_single_experiment(capsys):
 def test_no_name_and_impossible_settings_are_refused(capsys):
     assert main(["reproduce"]) == 2
     assert main(["reproduce", "fig-4.9", "--settings.longest", "99"]) == 2
-    assert "longest = 99: must be from 6 to 20" in capsys.readouterr().err
+    assert "longest = 99: must be an integer from 6 to 20" in capsys.readouterr().err
 
 
 @pytest.mark.ci

@@ -2,12 +2,13 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad.schema import count, number, static
 from timlab import (
     Block,
     Diagram,
@@ -21,11 +22,9 @@ from timlab import (
     Interpreter,
     Moment,
     Outlet,
-    Parameter,
     Port,
     Ports,
     Run,
-    Setting,
     Signals,
     Sum,
 )
@@ -37,7 +36,7 @@ class Dice(Block):
 
     name: ClassVar[str] = "dice"
     category: ClassVar[str] = "tests"
-    size: Annotated[int, Setting("how many")] = 2
+    size: int = count(2, help="how many")
 
     @property
     def outputs(self) -> Ports:
@@ -67,9 +66,9 @@ class Ticker(HostBlock):
 
     name: ClassVar[str] = "ticker"
     category: ClassVar[str] = "tests"
-    factor: Annotated[Any, Parameter("the factor")] = 1.0
-    direct: Annotated[bool, Setting("whether it feeds through")] = False
-    saved: Annotated[bool, Setting("whether it can be saved")] = True
+    factor: Any = number(1.0, help="the factor")
+    direct: bool = static(False, help="whether it feeds through")
+    saved: bool = static(True, help="whether it can be saved")
 
     @property
     def inputs(self) -> Ports:
@@ -122,9 +121,9 @@ class Chance(Block):
 
     name: ClassVar[str] = "chance"
     category: ClassVar[str] = "tests"
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
-    kind: Annotated[str, Setting("kind of the signal")] = "float"
-    scale: Annotated[float, Setting("greatest size of a float")] = 1.0
+    shape: tuple[int, ...] = static((), help="shape of the signal")
+    kind: str = static("float", help="kind of the signal")
+    scale: float = static(1.0, help="greatest size of a float")
 
     @property
     def outputs(self) -> Ports:
@@ -145,7 +144,7 @@ class Scattered(Chance):
     """A `Chance` that draws nothing, which is quick to compile: numbers follow from the tick and from `which` it is."""
 
     name: ClassVar[str] = "scattered"
-    which: Annotated[int, Setting("others have other numbers")] = 0
+    which: int = count(0, help="others have other numbers")
 
     @property
     def uniforms(self) -> int:

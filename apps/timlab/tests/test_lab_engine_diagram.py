@@ -1,13 +1,14 @@
 """Diagrams as data: names, wires, subsystems, and what is refused before anything runs."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from lab_examples import Chance, Dice, agree, leak, wire
+from motorgrad.schema import number, static
 from timlab import (
     BLOCKS,
     Block,
@@ -19,10 +20,8 @@ from timlab import (
     Integrator,
     Interpreter,
     Outlet,
-    Parameter,
     Port,
     Run,
-    Setting,
     Sum,
     UnitDelay,
     parameters_of,
@@ -34,8 +33,8 @@ from timlab import (
 def chain(*blocks: Any) -> Diagram:
     """Blocks with one input and one output behind each other, called a, b, c, …"""
     diagram = Diagram()
-    for number, block in enumerate(blocks):
-        diagram.add(chr(ord("a") + number), block)
+    for name, block in zip("abcdefgh", blocks, strict=False):
+        diagram.add(name, block)
     for one, other in zip("abcdefgh", list(diagram.nodes)[1:], strict=False):
         diagram.connect(one, other)
     return diagram
@@ -228,13 +227,13 @@ def test_the_same_id_twice_is_refused():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Gain(float("inf")), "gain = inf: must be finite numbers"),
+        (lambda: Gain(float("inf")), "gain = inf: must be a finite number"),
         (lambda: Gain([[1.0], [2.0, 3.0]]), "gain = "),
         (lambda: Gain("1"), "gain = '1'"),
         (lambda: Gain(True), None),
         (lambda: Gain(shape=(0,)), r"shape = \(0,\): must be a list of integers from 1"),
         (lambda: Gain(shape=3), "shape = 3"),
-        (lambda: Gain(every=0), "every = 0: must be a whole number of ticks from 1"),
+        (lambda: Gain(every=0), "every = 0: must be an integer of at least 1"),
         (lambda: Gain(period=-1.0), "period = -1.0"),
         (lambda: Gain(every=2, period=1.0), "period = 1.0: must be None where every is given"),
         (lambda: Gain([1.0, 2.0], (3,)), r"gain: shape = \(2,\): must be one that broadcasts to \(3,\)"),
@@ -257,11 +256,11 @@ def test_a_parameter_within_its_range():
 
         name: ClassVar[str] = "leak"
         category: ClassVar[str] = "tests"
-        decay: Annotated[Any, Parameter("what is kept", unit="1/s", low=0.0, high=1.0, open=True)] = 0.9
-        count: Annotated[Any, Parameter("how often", kind="int")] = 3
+        decay: Any = number(0.9, 0, 1, open_low=True, open_high=True, unit="1/s", help="what is kept")
+        count: Any = number(3, kind="int", help="how often")
 
     assert Leak([0.5, 0.25]).decay == (0.5, 0.25)
-    with pytest.raises(ValueError, match=r"decay = 1\.0: must be finite numbers above 0 and below 1, in 1/s"):
+    with pytest.raises(ValueError, match=r"decay = 1\.0: must be in \(0, 1\), in 1/s"):
         Leak(1.0)
     for wrong in (1.5, 2**31):
         with pytest.raises(ValueError, match="count"):
@@ -274,7 +273,7 @@ class Broken(Block):
 
     name: ClassVar[str] = "broken"
     category: ClassVar[str] = "tests"
-    how: Annotated[str, Setting("in which way")] = "shape"
+    how: str = static("shape", help="in which way")
 
     @property
     def inputs(self):

@@ -14,7 +14,7 @@ def test_the_engine_runs_without_any_web_package(process_environment):
 import sys
 for name in {WEB}:
     sys.modules[name] = None  # an import of it fails
-import motorgrad as mg
+import timlab
 diagram = timlab.Diagram()
 diagram.add("one", timlab.Constant(2.0))
 diagram.add("end", timlab.Outlet())

@@ -62,8 +62,8 @@ def test_compiling_ahead_changes_nothing_and_is_done_once(make):
 @pytest.mark.parametrize(
     ("address", "value", "says"),
     [
-        ("gain.gain", "2", r"gain\.gain = '2': must be finite numbers"),
-        ("gain.gain", float("nan"), r"gain\.gain = nan: must be finite numbers"),
+        ("gain.gain", "2", r"gain\.gain = '2': must be a finite number"),
+        ("gain.gain", float("nan"), r"gain\.gain = nan: must be a finite number"),
         ("gain.gain", [1.0, 2.0], r"gain\.gain: shape = \(2,\): must be one that broadcasts to \(\)"),
         ("gain.gian", 1.0, "unknown parameter of gain: 'gian': did you mean 'gain'"),
         ("gian.gain", 1.0, "unknown block 'gian': did you mean 'gain'"),

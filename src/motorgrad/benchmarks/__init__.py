@@ -14,64 +14,43 @@ many pairs to measure."""
 def speed_table(quick: bool = False) -> Iterator[Row]:
     """Measure the speed table, and yield its rows one by one. `quick` makes it small enough for a smoke test."""
     from motorgrad._applications import entries
+    from motorgrad.benchmarks import _bodies, _learners, _measure, _networks
     from motorgrad.benchmarks._arm18 import reach18
-    from motorgrad.benchmarks._bodies import (
-        body_row,
-        composed_rows,
-        foreign_row,
-        learning_rows,
-        shared_row,
-        simulated_row,
-        single_row,
-        suite_rows,
-        tendon_rows,
-        vector_row,
-    )
-    from motorgrad.benchmarks._learners import (
-        index_row,
-        local_learning_row,
-        natural_row,
-        particle_row,
-        recruitment_row,
-        sweep_row,
-        three_state_row,
-    )
-    from motorgrad.benchmarks._measure import memory_row, seed_memory_row, start_row
-    from motorgrad.benchmarks._networks import network_row
     from motorgrad.tasks import Hexapod, HexapodSynergy, Hopper, from_gymnasium
 
     pairs = 2 if quick else 7
-    yield body_row("hopper", Hopper(), 16, 50 if quick else 1500, pairs, "≥ 0.8")
-    yield body_row("hopper", Hopper(), 1, 100 if quick else 8000, pairs, "≥ 0.65")
+    yield _bodies.body_row("hopper", Hopper(), 16, 50 if quick else 1500, pairs, "≥ 0.8")
+    yield _bodies.body_row("hopper", Hopper(), 1, 100 if quick else 8000, pairs, "≥ 0.65")
     for name, task in (("hexapod on synergies", HexapodSynergy()), ("hexapod on 24 muscles", Hexapod())):
-        row = body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
+        row = _bodies.body_row(name, task, 16, 20 if quick else 640, pairs, "≥ 0.9")
         yield row
-        yield simulated_row(row, task)
-    yield from composed_rows("composed reach, arm of 18 muscles", reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
-    yield from suite_rows("myoFingerPoseRandom-v0", 16, 20 if quick else 1000, pairs, "≥ 0.85")
-    yield from tendon_rows(1, 20 if quick else 2000, pairs)
-    yield three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
-    yield three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
-    yield sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")
-    yield recruitment_row(1, 10_000 if quick else 1_000_000, pairs, "≥ 0.35")
-    yield recruitment_row(1024, 100 if quick else 2000, pairs, "≥ 0.8")
-    yield natural_row(1, 5_000 if quick else 300_000, pairs)
-    yield natural_row(1024, 50 if quick else 500, pairs)
-    yield particle_row(1, 5_000 if quick else 300_000, pairs, "≥ 0.2")
-    yield particle_row(1024, 50 if quick else 1000, pairs, "≥ 0.8")
-    yield local_learning_row(20, 20 if quick else 2000, "≤ 15")
-    yield index_row(64 if quick else 4096, 1, 200 if quick else 5_000, pairs, "≥ 8")
-    yield index_row(64 if quick else 4096, 20, 20 if quick else 500, pairs)
-    yield network_row(100 if quick else 10_000, 20 if quick else 1_000, pairs, "≥ 10,000")
-    yield vector_row(16, 20 if quick else 1500, pairs)
-    yield single_row(50 if quick else 5000, pairs)
-    yield foreign_row(10, 50 if quick else 5000, pairs)
+        yield _bodies.simulated_row(row, task)
+    arm = "composed reach, arm of 18 muscles"
+    yield from _bodies.composed_rows(arm, reach18(), 16, 20 if quick else 640, pairs, "≥ 0.85")
+    yield from _bodies.suite_rows("myoFingerPoseRandom-v0", 16, 20 if quick else 1000, pairs, "≥ 0.85")
+    yield from _bodies.tendon_rows(1, 20 if quick else 2000, pairs)
+    yield _learners.three_state_row(1, 10_000 if quick else 2_000_000, pairs, "≥ 0.4")
+    yield _learners.three_state_row(1024, 100 if quick else 5000, pairs, "≥ 0.8")
+    yield _learners.sweep_row(10 if quick else 100, 16, 100 if quick else 4000, pairs, "≥ 0.9")
+    yield _learners.recruitment_row(1, 10_000 if quick else 1_000_000, pairs, "≥ 0.35")
+    yield _learners.recruitment_row(1024, 100 if quick else 2000, pairs, "≥ 0.8")
+    yield _learners.natural_row(1, 5_000 if quick else 300_000, pairs)
+    yield _learners.natural_row(1024, 50 if quick else 500, pairs)
+    yield _learners.particle_row(1, 5_000 if quick else 300_000, pairs, "≥ 0.2")
+    yield _learners.particle_row(1024, 50 if quick else 1000, pairs, "≥ 0.8")
+    yield _learners.local_learning_row(20, 20 if quick else 2000, "≤ 15")
+    yield _learners.index_row(64 if quick else 4096, 1, 200 if quick else 5_000, pairs, "≥ 8")
+    yield _learners.index_row(64 if quick else 4096, 20, 20 if quick else 500, pairs)
+    yield _networks.network_row(100 if quick else 10_000, 20 if quick else 1_000, pairs, "≥ 10,000")
+    yield _bodies.vector_row(16, 20 if quick else 1500, pairs)
+    yield _bodies.single_row(50 if quick else 5000, pairs)
+    yield _bodies.foreign_row(10, 50 if quick else 5000, pairs)
     for name, task in (("Pendulum-v1", from_gymnasium("Pendulum-v1")), ("hopper", Hopper())):
-        yield shared_row(name, task, 16, 20 if quick else 500, pairs)
+        yield _bodies.shared_row(name, task, 16, 20 if quick else 500, pairs)
     for offer in entries(ROWS).values():
         yield from offer.load()(quick, pairs)
-    yield start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
-    yield start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
-    yield memory_row("≤ 1.5")
-    yield seed_memory_row()
-    yield from learning_rows(2 if quick else 16, 50.0 if quick else 1500.0)
+    yield _measure.start_row("import motorgrad", ["-c", "import motorgrad"], "≤ 0.3")
+    yield _measure.start_row("motorgrad --help", ["-m", "motorgrad", "--help"], "≤ 0.6")
+    yield _measure.memory_row("≤ 1.5")
+    yield _measure.seed_memory_row()
+    yield from _bodies.learning_rows(2 if quick else 16, 50.0 if quick else 1500.0)

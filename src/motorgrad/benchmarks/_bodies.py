@@ -28,16 +28,9 @@ from motorgrad.training import BodyStepper, SideBySide, agent_for, stepper_for, 
 
 
 def body_row(
-    name: str,
-    task: BodyTask,
-    seeds: int,
-    decisions: int,
-    pairs: int = 5,
-    wanted: str = "",
-    agent: Agent | None = None,
+    name: str, task: BodyTask, seeds: int, decisions: int, pairs: int = 5, wanted: str = "", agent: Agent | None = None
 ) -> Row:
-    """Physics steps per second while learning with an agent, by default the task's own, against `mujoco.batch` alone,
-    replaying the learner's actions."""
+    """Physics steps per second while learning, by default with the task's own agent, against `mujoco.batch` alone."""
 
     def make() -> BodyStepper | SideBySide:
         found = training_stepper_for(task, agent or agent_for(task), range(seeds))
@@ -176,8 +169,7 @@ def vector_row(copies: int, decisions: int, pairs: int) -> Row:
 
 
 def single_row(decisions: int, pairs: int) -> Row:
-    """Decisions per second of the single environment from `gymnasium.make`, against `mujoco.mj_step` with the muscle
-    law."""
+    """Decisions per second of the environment from `gymnasium.make`, against `mujoco.mj_step` with the muscle law."""
     task = Hopper()
     actions = np.random.default_rng(0).integers(0, 2, (decisions, 2), dtype=np.int8)
     environment = gymnasium.make(HOPPER)
@@ -245,22 +237,14 @@ SETTINGS: tuple[tuple[Literal["landing", "apex"], float], ...] = (("landing", 0.
 
 
 def learning_rows(seeds: int, seconds: float) -> Iterator[Row]:
-    """Time until the median seed's apex, averaged over 25 s windows, exceeds 0.3 m; and the final apex.
-
-    The other column has the figures of an independent model with the same numbers, rewarded at the first apex with a
-    decay of 0.98: 315 s (270 to 450) and 0.72 m at 1,500 s, 8 seeds.
-    """
+    """Time until the median seed's apex, averaged over 25 s windows, exceeds 0.3 m; and the final apex. The other
+    column has the figures of an independent model with the same numbers, rewarded at the first apex with a decay of
+    0.98: 315 s (270 to 450) and 0.72 m at 1,500 s, 8 seeds."""
     for reward_type, decay in SETTINGS:
         start = time.perf_counter()
         task = Hopper(reward_type=reward_type)
-        run = train(
-            task,
-            agent_for(task, decay=decay),
-            round(seconds / task.period),
-            seeds,
-            window=round(25 / task.period),
-            progress=False,
-        )
+        decisions, window = (round(each / task.period) for each in (seconds, 25))
+        run = train(task, agent_for(task, decay=decay), decisions, seeds, window=window, progress=False)
         wall = time.perf_counter() - start
         decision, apex = run.curve("apex")
         each = np.array([next(iter(decision[row > HEIGHT]), np.inf) for row in apex]) * task.period

@@ -20,32 +20,14 @@ LOOP_STEPS = 4_000_000
 def loop_row(
     name: str, task: Task, loop: Callable[[int], object], seeds: int, decisions: int, pairs: int, wanted: str
 ) -> Row:
-    """Updates per second in total of the task's own learner, against those of a loop on one core.
-
-    **Arguments:**
-
-    - `name`: name of the row.
-    - `task`: the task.
-    - `loop`: learns for a given number of decisions.
-    - `seeds`: how many learn together.
-    - `decisions`: decisions of each seed.
-    - `pairs`: how many pairs are measured.
-    - `wanted`: the target.
-    """
+    """Updates per second in total of the task's own learner, of so many `seeds` and `decisions` of each, against those
+    of a `loop` on one core, which learns for a given number of decisions."""
     learner = stepper_for(task, agent_for(task), range(seeds))
     learner.advance(decisions)  # compiles
     loop(10)  # compiles
     name = f"{name} ÷ compiled loop, {seeds:,} seed{'s' * (seeds > 1)}"
-    return in_turn(
-        name,
-        "updates/s",
-        decisions * seeds,
-        lambda: learner.advance(decisions),
-        lambda: loop(LOOP_STEPS),
-        LOOP_STEPS,
-        pairs,
-        wanted,
-    )
+    works = (lambda: learner.advance(decisions), lambda: loop(LOOP_STEPS))
+    return in_turn(name, "updates/s", decisions * seeds, *works, LOOP_STEPS, pairs, wanted)
 
 
 def three_state_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
@@ -85,8 +67,7 @@ def natural_row(seeds: int, decisions: int, pairs: int = 5) -> Row:
 
 
 def sweep_row(settings: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
-    """Updates per second in total of a sweep over learning rates of OLGARB on the three-state MDP, against as many
-    seeds of one setting."""
+    """Updates per second in total of a sweep over learning rates of OLGARB, against as many seeds of one setting."""
     task = ThreeState()
     agent = agent_for(task)
     rates = np.repeat(np.geomspace(1e-4, 1e-1, settings), seeds)  # all seeds of the first setting, then of the second
@@ -101,8 +82,7 @@ EPISODE = 24.5  # decisions on average, for the initial policy
 
 
 def particle_row(seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
-    """OLGARB on the falling particle: updates per second in total of eight local units, against the loop's on one
-    core."""
+    """OLGARB on the falling particle: updates per second of eight local units, against a loop's on one core."""
     task = FallingParticle()
     name = f"particle with {task.units} local units, OLGARB"
     return loop_row(name, task, hand_written(task), seeds, decisions, pairs, wanted)
@@ -143,8 +123,7 @@ WIDTH = 0.64  # in spacings, so that the number of units that can fire anywhere 
 
 
 def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: str = "") -> Row:
-    """Decisions per second in total of a falling particle with thousands of local units, with and without the spatial
-    index."""
+    """Decisions per second in total of a particle with thousands of local units, with and without the spatial index."""
     task = FallingParticle(units=units)
     width = WIDTH / (units / 2) ** 0.5
     policy = {"copies": 2, "width": width, "least_log_width": -8.0}

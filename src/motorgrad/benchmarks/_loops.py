@@ -100,15 +100,9 @@ def particle_loop(
     rates: tuple[np.float32, np.float32],
     limits: tuple[np.float32, np.float32],
 ) -> tuple[np.ndarray, np.ndarray, Any]:
-    """Learn the falling particle for `steps` decisions. Only what this task needs is implemented: forces along x, and a
-    floor that ends the episode.
-
-    **Arguments:** the initial `centre` and `log_width`, `(units, 2)`; `forces` along x, `(units,)`; `regions`,
-    `(regions, 5)`; `numbers`: time step, gravity, drag, restitution, friction; the `decay` of the trace; `rates` of
-    centres and log-widths; `limits` of the latter.
-
-    **Returns:** centres, log-widths and the mean reward.
-    """
+    """Learn the falling particle for `steps` decisions: centres, log-widths and the mean reward. Only what this task
+    needs is implemented: forces along x, and a floor that ends the episode. `regions` are `(regions, 5)`; `numbers` are
+    time step, gravity, drag, restitution and friction; `rates` and `limits` those of centres and log-widths."""
     np.random.seed(seed)  # noqa: NPY002 (compiled code has no Generator as quick)
     units = len(forces)
     centre = centre.copy()

@@ -15,9 +15,7 @@ from motorgrad._processes import environment
 @dataclasses.dataclass(frozen=True)
 class Row:
     """A row of the speed table: `ours` and `other` in `unit`, and the median, least and greatest of their ratio.
-
-    Machines drift in speed, so ratios are taken of pairs measured one after the other; single figures are medians.
-    """
+    Machines drift in speed, so ratios are taken of pairs measured one after the other; single figures are medians."""
 
     name: str
     ours: float

@@ -78,11 +78,7 @@ def learner(hidden: tuple[int, ...] = HIDDEN) -> Agent:
 
 class TorchLearner:
     """The same learner in torch, as one writes it there: modules, automatic differentiation, and loops over parameters.
-
-    It begins with the numbers of ours.
-
-    **Arguments:** the `policy` and the weights of the `critic` of one seed.
-    """
+    It begins with the numbers of ours: the `policy` and the weights of the `critic` of one seed."""
 
     def __init__(self, policy: Any, critic: Any):
         import torch  # pyright: ignore[reportMissingImports]

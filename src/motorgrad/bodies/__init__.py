@@ -18,7 +18,7 @@ from motorgrad.bodies._body import (
 from motorgrad.bodies._contraction import Contraction, contract
 from motorgrad.bodies._ground import OnTerrain, SlopeBatch, Terrain
 from motorgrad.bodies._hopper import Hopper
-from motorgrad.bodies._reader import BodyReader, Column, joint_columns
+from motorgrad.bodies._reader import BodyReader, Column, actuator_units, joint_columns, muscular, sensor_columns
 from motorgrad.bodies.arm._arm import POSTURES, Arm, Posture
 from motorgrad.bodies.arm._lift import LiftTable, greatest_flexion, lift, lift_table, tabulate_lift
 from motorgrad.bodies.hexapod._controllers import TRIPODS, LegState, TripodClock, TripodController, Turning
@@ -103,6 +103,7 @@ __all__ = [
     "WrappedBody",
     "active_force_length",
     "actuator_levels",
+    "actuator_units",
     "actuators_of",
     "add_muscles",
     "away_angle",
@@ -125,6 +126,7 @@ __all__ = [
     "lift",
     "lift_table",
     "measure_gait",
+    "muscular",
     "native_force_length",
     "passive_force_length",
     "path_points",
@@ -132,6 +134,7 @@ __all__ = [
     "read_hill",
     "read_model",
     "read_trunk",
+    "sensor_columns",
     "set_hill",
     "start_key",
     "start_pose",

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad._errors import check
 from motorgrad.bodies._batch import BodyBatch
 from motorgrad.bodies._body import Body, WrappedBody
-from motorgrad.schema import Settings, number, static
+from motorgrad.schema import Range, Settings, count, number, static
 
 Kind = Literal["bumps", "slopes", "steps", "waves"]
 MIN_CELL = 0.1  # m; MuJoCo finds at most 50 contacts per pair, which a finer grid exhausts on the first triangles
@@ -32,10 +32,7 @@ Points = Float[np.ndarray, "rows columns"]
 
 @dataclasses.dataclass(frozen=True)
 class Terrain(Settings):
-    """Uneven ground, as a grid of heights made from a few numbers and a seed.
-
-    **Raises:** `ValueError` naming the field and what it may be.
-    """
+    """Uneven ground, as a grid of heights made from a few numbers and a seed."""
 
     kind: Kind = static(
         "bumps",
@@ -45,38 +42,44 @@ class Terrain(Settings):
         "directions and phases, with the wavelength `spacing`",
     )
     height: float = number(
-        0.1, unit="m", help="distance from the lowest to the highest possible point, at full difficulty"
+        0.1,
+        0,
+        open_low=True,
+        unit="m",
+        help="distance from the lowest to the highest possible point at full difficulty",
     )
-    difficulty: float = number(1.0, help="from 0, level ground, to 1; heights are proportional to it")
+    difficulty: float = number(1.0, 0, 1, help="a factor of the heights, 0 for level ground")
     spacing: float = number(
-        1.0, unit="m", help="distance from one ridge, wave or pair of plateaus to the next; without effect on bumps"
+        1.0,
+        0,
+        open_low=True,
+        unit="m",
+        help="distance from one ridge, wave or pair of plateaus to the next; without effect on bumps",
     )
-    cell: float = number(0.1, unit="m", help="distance between two grid points, at least 0.1")
+    cell: float = number(0.1, MIN_CELL, unit="m", help="distance between two grid points")
     size: tuple[float, float] = static(
-        (24.0, 12.0), unit="m", help="size of the field along x and y, centred on the origin"
+        (24.0, 12.0),
+        allowed=Range(0, open_low=True),
+        unit="m",
+        help="size of the field along x and y, centred on the origin",
     )
     clearing: float = number(
         0.6,
+        0,
         unit="m",
-        help="radius of the level disc at the origin, on which a body starts; around it the ground rises to "
-        "its full height within one metre. With 0 the ground is uneven everywhere, with height 0 at the "
-        "origin",
+        help="radius of the level disc at the origin, on which a body starts; around it the ground rises to its full "
+        "height within one metre. With 0 the ground is uneven everywhere, with height 0 at the origin",
     )
-    seed: int = static(0, help="seed of the random numbers; the same seed gives the same ground at every difficulty")
+    seed: int = count(
+        0, 0, 2**63 - 1, help="seed of the random numbers; the same seed gives the same ground at every difficulty"
+    )
 
     def validate(self) -> None:
-        for name in ("height", "cell", "spacing"):
-            check_positive(name, getattr(self, name))
-        check_not_negative("clearing", self.clearing)
-
-        check(0.0 <= self.difficulty <= 1.0, "difficulty", self.difficulty, "from 0 to 1")
-        check(self.cell >= MIN_CELL, "cell", self.cell, f"at least {MIN_CELL} m")
         check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
         size = self.size
         check(min(size) >= 2.0 * self.cell, "size", size, f"two lengths of at least two cells, {2 * self.cell:g} m")
         points = (size[0] / self.cell + 1) * (size[1] / self.cell + 1)
         check(points <= MAX_GRID_POINTS, "size", size, f"such that there are at most {MAX_GRID_POINTS} points")
-        check(self.seed >= 0, "seed", self.seed, "an integer >= 0")
 
     @property
     def axes(self) -> tuple[Float[np.ndarray, " columns"], Float[np.ndarray, " rows"]]:

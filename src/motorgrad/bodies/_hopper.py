@@ -12,12 +12,12 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad._errors import check
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
 from motorgrad.bodies.muscles._hill import Curves, Hill, HillMuscle, Tendon
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Wrap, groups_of
 from motorgrad.bodies.muscles._wrapping import away_angle, wrapped_length
-from motorgrad.schema import Settings, number, static
+from motorgrad.schema import Range, Settings, number, static
 
 SIDES = ("left", "right")
 # Joint positions are relative to this interior angle of the knee, so that 0 everywhere is the start pose.
@@ -43,74 +43,65 @@ class Hopper(Settings):
 
     **Sensors:** `knee_angle` (rad from 90°, positive when extended), `knee_velocity` (rad/s), `foot_height` (of the
     underside above the floor, m), `foot_contact` (normal force on the foot, N), `load_height` (m).
-
-    **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    load_mass: float = number(2.0, unit="kg", help="mass of the load on the slide")
-    link_length: float = number(0.25, unit="m", help="length of each of the four links")
-    link_mass: float = number(0.15, unit="kg", help="mass of each of the four links")
-    foot_mass: float = number(0.2, unit="kg", help="mass of the foot")
+    load_mass: float = number(2.0, 0, open_low=True, unit="kg", help="mass of the load on the slide")
+    link_length: float = number(0.25, 0, open_low=True, unit="m", help="length of each of the four links")
+    link_mass: float = number(0.15, 0, open_low=True, unit="kg", help="mass of each of the four links")
+    foot_mass: float = number(0.2, 0, open_low=True, unit="kg", help="mass of the foot")
     foot_size: tuple[float, float, float] = static(
-        (0.07, 0.05, 0.015), unit="m", help="half-lengths (x, y, z) of the foot's box"
+        (0.07, 0.05, 0.015), allowed=Range(0, open_low=True), unit="m", help="half-lengths (x, y, z) of the foot's box"
     )
     knee_range: tuple[float, float] = static(
         (40.0, 150.0),
+        allowed=Range(0, 180, open_low=True, open_high=True),
         unit="degrees",
-        help="least and greatest interior angle of a knee, with 0 < least < 90 < greatest < 180; the stop is "
-        "stiff but not rigid",
+        help="least and greatest interior angle of a knee, with 90 in between; the stop is stiff but not rigid",
     )
-    armature: float = number(5e-4, unit="kg m²", help="armature of every hinge")
-    joint_damping: float = number(0.005, unit="N m s/rad", help="damping of every hinge; the slide is free")
-    capsule_radius: float = number(0.04, unit="m", help="radius ρ of the sphere around each knee")
+    armature: float = number(5e-4, 0, unit="kg m²", help="armature of every hinge")
+    joint_damping: float = number(0.005, 0, unit="N m s/rad", help="damping of every hinge; the slide is free")
+    capsule_radius: float = number(0.04, 0, open_low=True, unit="m", help="radius ρ of the sphere around each knee")
     attachment_distance: float = number(
-        0.12, unit="m", help="distance from the knee to a muscle's ends, along the bone"
+        0.12, 0, open_low=True, unit="m", help="distance from the knee to a muscle's ends, along the bone"
     )
-    flexor_strength: float = number(100.0, unit="N", help="greatest contractile force of a flexor")
-    flexor_rest_length: float = number(0.13, unit="m", help="length at which a flexor reaches that force")
-    extensor_strength: float = number(400.0, unit="N", help="greatest contractile force of an extensor")
-    extensor_rest_length: float = number(0.25, unit="m", help="length at which an extensor reaches that force")
-    muscle_damping: float = number(8.0, unit="N s/m", help="damping k_SE of every muscle")
-    muscle_shape: float = number(0.5, help="shape k_CE of every muscle; larger values flatten the force–length curve")
+    flexor_strength: float = number(100.0, 0, open_low=True, unit="N", help="greatest contractile force of a flexor")
+    flexor_rest_length: float = number(
+        0.13, 0, open_low=True, unit="m", help="length at which a flexor reaches that force"
+    )
+    extensor_strength: float = number(
+        400.0, 0, open_low=True, unit="N", help="greatest contractile force of an extensor"
+    )
+    extensor_rest_length: float = number(
+        0.25, 0, open_low=True, unit="m", help="length at which an extensor reaches that force"
+    )
+    muscle_damping: float = number(8.0, 0, unit="N s/m", help="damping k_SE of every muscle")
+    muscle_shape: float = number(
+        0.5, 0, open_low=True, help="shape k_CE of every muscle; larger values flatten the force–length curve"
+    )
     lateral: Literal["symmetric", "spring"] = static(
         "symmetric", help='"symmetric" holds the foot under the load; "spring" lets the body lean against a spring'
     )
-    lateral_stiffness: float = number(100.0, unit="N m/rad", help="stiffness of the lateral spring")
-    lateral_damping: float = number(1.0, unit="N m s/rad", help="damping of the lateral spring")
-    timestep: float = number(0.001, unit="s", help="time step of the physics")
+    lateral_stiffness: float = number(100.0, 0, unit="N m/rad", help="stiffness of the lateral spring")
+    lateral_damping: float = number(1.0, 0, unit="N m s/rad", help="damping of the lateral spring")
+    timestep: float = number(0.001, 0, open_low=True, unit="s", help="time step of the physics")
     muscle_model: Literal["thesis", "native", "hill"] = static(
         "thesis",
-        help='"thesis" (exact law, needs the callback), "native" (MuJoCo\'s own muscle, an approximation) '
-        'or "hill": Hill-type muscles of the same strengths, with fibers that suit their paths '
-        "(`Hill.spanning`); the rest lengths, `muscle_damping` and `muscle_shape` then have no "
-        "meaning",
+        help='"thesis" (exact law, needs the callback), "native" (MuJoCo\'s own muscle, an approximation) or "hill": '
+        "Hill-type muscles of the same strengths, with fibers that suit their paths (`Hill.spanning`); the rest "
+        "lengths, `muscle_damping` and `muscle_shape` then have no meaning",
     )
-    tendon: Tendon = static("compliant", help='the tendons of Hill-type muscles, "compliant" or "rigid"')
-    curves: Curves = static("de-groote", help='the curves of Hill-type muscles, "de-groote" or "millard"')
+    tendon: Tendon = static("compliant", help="the tendons of Hill-type muscles")
+    curves: Curves = static("de-groote", help="the curves of Hill-type muscles")
     extra_muscles: tuple[Muscle, ...] = static(
         (), help="further muscles; a new group name adds a component to the action"
     )
 
     def validate(self) -> None:
-        for name in (
-            *("load_mass", "link_length", "link_mass", "foot_mass", "capsule_radius", "attachment_distance"),
-            *("flexor_strength", "flexor_rest_length", "extensor_strength", "extensor_rest_length", "muscle_shape"),
-            "timestep",
-        ):
-            check_positive(name, getattr(self, name))
-        for name in ("armature", "joint_damping", "muscle_damping", "lateral_stiffness", "lateral_damping"):
-            check_not_negative(name, getattr(self, name))
-        for value in self.foot_size:
-            check_positive("foot_size", value)
         least, greatest = self.knee_range
-        allowed = "(least, greatest) in degrees with 0 < least < 90 < greatest < 180"
-        check(0.0 < least < 90.0 < greatest < 180.0, "knee_range", self.knee_range, allowed)
-        check(
-            self.capsule_radius < self.attachment_distance < self.link_length,
-            "attachment_distance",
-            self.attachment_distance,
-            f"between capsule_radius {self.capsule_radius!r} and link_length {self.link_length!r} (m)",
-        )
+        check(least < 90 < greatest, "knee_range", self.knee_range, "(least, greatest) with 90 degrees in between")
+        reach, radius, length = self.attachment_distance, self.capsule_radius, self.link_length
+        allowed = f"between capsule_radius {radius!r} and link_length {length!r} (m)"
+        check(radius < reach < length, "attachment_distance", reach, allowed)
 
     @property
     def muscles(self) -> tuple[Muscle | HillMuscle, ...]:

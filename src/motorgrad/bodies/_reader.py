@@ -155,10 +155,10 @@ def _parts(model: mujoco.MjModel, body: Body) -> Iterator[_Part]:
     """All quantities of a body, in the order of the columns."""
     yield from _joint_parts(model)
     actuators = range(model.nu)
-    muscles = _muscles(model, body)
+    muscles = muscular(model, body)
     kinds = ["muscle" if muscle else "actuator" for muscle in muscles]
     names = [model.actuator(i).name or f"actuator {i + 1}" for i in actuators]
-    units = [_actuator_units(model, i) for i in actuators]
+    units = [actuator_units(model, i) for i in actuators]
     # a muscle's force is the pull on its path, which MuJoCo has as a negative number
     signs = np.where(muscles, -1.0, 1.0)
     for place, (field, what, factors) in enumerate(
@@ -179,7 +179,7 @@ def _parts(model: mujoco.MjModel, body: Body) -> Iterator[_Part]:
     yield _part("sensordata", places, [("contact force", f"{name} {axis}", "N") for name in on for axis in "xyz"], -1.0)
     sensed = [i for i in range(model.nsensor) if i not in touching]
     places = [int(model.sensor_adr[i]) + k for i in sensed for k in range(int(model.sensor_dim[i]))]
-    yield _part("sensordata", places, [column for i in sensed for column in _sensor_columns(model, i)])
+    yield _part("sensordata", places, [column for i in sensed for column in sensor_columns(model, i)])
 
 
 def joint_columns(model: mujoco.MjModel) -> list[Column]:
@@ -223,7 +223,7 @@ def _activations(
     yield _part("act", [int(model.actuator_actadr[i]) for i in fibers], named, optimal or 1.0)
 
 
-def _muscles(model: mujoco.MjModel, body: Body) -> np.ndarray:
+def muscular(model: mujoco.MjModel, body: Body) -> np.ndarray:
     """Which actuators are muscles, of this library or MuJoCo's."""
     own = {muscle.name for muscle in body.muscles}
     named = np.array([model.actuator(i).name in own for i in range(model.nu)], bool)
@@ -245,7 +245,7 @@ def _joint_numbers(model: mujoco.MjModel, of: int) -> Iterator[tuple[str, tuple[
             yield f"{name} {k + 1}", each
 
 
-def _actuator_units(model: mujoco.MjModel, i: int) -> tuple[str, str, str]:
+def actuator_units(model: mujoco.MjModel, i: int) -> tuple[str, str, str]:
     """The units of an actuator's length, velocity and force."""
     target = int(model.actuator_trnid[i, 0])
     match _TRANSMISSION(int(model.actuator_trntype[i])):
@@ -267,7 +267,7 @@ def _of_joint(model: mujoco.MjModel, joint: int) -> tuple[str, str, str]:
     return _MOVES if int(model.jnt_type[joint]) == int(_JOINT.mjJNT_SLIDE) else _TURNS
 
 
-def _sensor_columns(model: mujoco.MjModel, i: int) -> list[tuple[str, str, str]]:
+def sensor_columns(model: mujoco.MjModel, i: int) -> list[tuple[str, str, str]]:
     """The columns of a sensor of the body's own."""
     kind = mujoco.mjtSensor(int(model.sensor_type[i]))
     size = int(model.sensor_dim[i])
@@ -277,7 +277,7 @@ def _sensor_columns(model: mujoco.MjModel, i: int) -> list[tuple[str, str, str]]
     if short in _OF_JOINTS:
         unit = _of_joint(model, target)[_OF_JOINTS[short]]
     elif short in _OF_ACTUATORS:
-        unit = _actuator_units(model, target)[_OF_ACTUATORS[short]]
+        unit = actuator_units(model, target)[_OF_ACTUATORS[short]]
     else:
         unit = _SENSOR_UNITS.get(kind, "")
     name = name or f"sensor {i + 1}"

@@ -8,18 +8,18 @@ from rich.console import Console
 from motorgrad._applications import entries
 from motorgrad._extras import install
 from motorgrad.benchmarks import ROWS, Row, speed_table
-from motorgrad.options import finite_table, parse, write_json
-from motorgrad.schema import static
+from motorgrad.options import finite_table, json_help, parse, write_json
+from motorgrad.schema import Settings, static
 from motorgrad.training import provenance
 
 
 @dataclasses.dataclass(frozen=True)
-class Bench:
+class Bench(Settings):
     """Compare the speed of this library, and of the applications that are installed, with bare physics and hand-written
     loops, on this machine."""
 
     quick: bool = static(False, help="A smoke test: small sizes, meaningless numbers")
-    json: Path | None = static(None, help="Also write the table to this file, as JSON; - for the standard output")
+    json: Path | None = static(None, help=json_help("the table"))
 
 
 def run(arguments: list[str]) -> int:

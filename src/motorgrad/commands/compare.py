@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import sys
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from motorgrad._errors import counted, plain
 from motorgrad._signals import unfinished
@@ -23,18 +23,23 @@ class Compare(StudyFile):
     def kind(self) -> type[Comparison]:
         return Comparison
 
-    def effective(self) -> dict[str, Any]:
-        print(_size(self.made), file=sys.stderr)
-        return self.made.as_table()
+    @property
+    def size(self) -> str:
+        settings = sum(len(self.made.settings(*pair)) for pair in self.made.pairs)
+        tune = len(self.made.seeds.tuning)
+        judge = len(self.made.seeds.judging)
+        tuned = f"{counted(settings, 'setting')} × {counted(tune, 'seed')} to tune"
+        tried = f"{tuned}, {len(self.made.pairs):,} × {counted(judge, 'seed')} to judge"
+        return f"{len(self.made.methods)} methods on {len(self.made.tasks)} tasks: {tried}"
 
 
 def run(arguments: list[str]) -> int:
     options = parse(Compare, arguments, "compare")
-    print(_size(options.made), file=sys.stderr)
+    print(options.size, file=sys.stderr)
     results = unfinished("results", lambda: options.made.run(options.folder, **options.options))
     if str(options.json) != "-":
         _print(results)
-    failures = listed_failures(results)
+    failures = listed_failures(results.failures)
     write_json(
         options.json,
         {
@@ -45,16 +50,6 @@ def run(arguments: list[str]) -> int:
         },
     )
     return 0 if results.complete else 1 if failures else 130
-
-
-def _size(comparison: Comparison) -> str:
-    """The size of a comparison in words."""
-    settings = sum(len(comparison.settings(*pair)) for pair in comparison.pairs)
-    tune = len(comparison.seeds.tuning)
-    judge = len(comparison.seeds.judging)
-    tuned = f"{counted(settings, 'setting')} × {counted(tune, 'seed')} to tune"
-    tried = f"{tuned}, {len(comparison.pairs):,} × {counted(judge, 'seed')} to judge"
-    return f"{len(comparison.methods)} methods on {len(comparison.tasks)} tasks: {tried}"
 
 
 def _print(results: ComparisonResults) -> None:

@@ -5,15 +5,15 @@ import dataclasses
 import io
 import re
 import shlex
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from motorgrad._applications import LISTS, entries
 from motorgrad._extras import MissingExtra
 from motorgrad.commands import COMMANDS, command_named
 from motorgrad.learning import Agent
-from motorgrad.options import HELP_ALL, Positional, parse
+from motorgrad.options import HELP_ALL, parse
 from motorgrad.policies import INITIAL
-from motorgrad.schema import static
+from motorgrad.schema import Settings, static
 from motorgrad.tasks import TASKS
 
 Shell = Literal["bash", "zsh", "fish"]
@@ -24,14 +24,14 @@ POLICY = "--agent.policy"
 
 
 @dataclasses.dataclass(frozen=True)
-class Completion:
+class Completion(Settings):
     """Print a script that completes commands, tasks, experiments and options in a shell.
 
     bash: add `eval "$(motorgrad completion bash)"` to ~/.bashrc. zsh: the same, with zsh, in ~/.zshrc after compinit.
     fish: motorgrad completion fish > ~/.config/fish/completions/motorgrad.fish
     """
 
-    shell: Annotated[Shell, Positional("SHELL")] = static(help="The shell: bash, zsh or fish")
+    shell: Shell = static(positional="SHELL", help="The shell: bash, zsh or fish")
 
 
 class Words(NamedTuple):

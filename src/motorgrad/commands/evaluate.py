@@ -4,16 +4,16 @@ import dataclasses
 import math
 import sys
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from motorgrad._applications import film_maker
-from motorgrad._errors import check, check_integer, counted, plain
+from motorgrad._errors import check, counted, plain
 from motorgrad._extras import MissingExtra
 from motorgrad._files import check_writable
-from motorgrad.options import Positional, finite_table, read_arguments, resolve, summary, summary_text, write_json
-from motorgrad.schema import number, static, table
+from motorgrad.options import finite_table, json_help, read_arguments, resolve, summary, summary_text, write_json
+from motorgrad.schema import Settings, count, number, static, table
 from motorgrad.tasks import BodyTask
 from motorgrad.training import (
     MAX_EPISODES,
@@ -33,38 +33,44 @@ MAX_DECISIONS = 10_000_000
 
 
 @dataclasses.dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Settings):
     """Evaluate the policies of a run without learning, from a fresh start, and film one of them.
 
     Settings of the run's task can be changed after RUN: motorgrad evaluate RUN --task.time-limit None.
     """
 
-    run: Annotated[Path, Positional("RUN")] = static(help="The run directory")
-    steps: int | None = static(
-        None, help="Decisions per seed, by default 2000. With --episodes: decisions after which an episode is cut"
-    )
-    episodes: int | None = static(
+    run: Path = static(positional="RUN", help="The run directory")
+    steps: int | None = count(
         None,
+        1,
+        MAX_DECISIONS,
+        help="Decisions per seed, by default 2000. With --episodes: decisions after which an episode is cut",
+    )
+    episodes: int | None = count(
+        None,
+        1,
+        MAX_EPISODES,
         help="Evaluate so many whole episodes of every seed, in place of a number of decisions: their returns "
         "and lengths, with the interval over seeds",
     )
-    random_seed: int = static(0, help="The seed of the random numbers of the evaluation. Those of learning are others")
+    random_seed: int = count(0, help="The seed of the random numbers of the evaluation. Those of learning are others")
     best: bool = static(
         False, help="Evaluate the policies that --keep-best kept while training, in place of the last ones"
     )
     mode: Literal["sample", "mode", "both"] = static(
         "sample",
-        help="sample draws every action, mode takes the most probable one; both does each in turn and films the first",
+        help="Whether every action is drawn (sample) or the most probable one taken (mode); both does each in turn and "
+        "films the first",
     )
     untrained: bool = static(False, help="Evaluate the policies as they were before learning")
-    seed: int | None = static(None, help="The seed to film, and to write to a .sto file; by default the first")
+    seed: int | None = count(None, help="The seed to film, and to write to a .sto file; by default the first")
     video: Path | None = static(
         None,
         help="The file of the film, by default figures/evaluation.mp4 of the run, or evaluation-untrained.mp4 "
         "and the like",
     )
     film: bool = static(True, help="Whether to film. Without the extra video nothing is filmed, and --video is refused")
-    seconds: float = number(10.0, help="The length of the film, in seconds")
+    seconds: float = number(10.0, 0, open_low=True, unit="s", help="The length of the film")
     table: Path | None = static(
         None,
         help="Also write what happened at every decision to this file, in the first mode: all seeds to "
@@ -77,21 +83,17 @@ class Evaluate:
     allow_changed: bool = static(
         False, help="Evaluate with the settings in config.toml even if they were changed since the run was made"
     )
-    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
+    json: Path | None = static(None, help=json_help())
     task: ClassVar[Any] = None
 
     def validate(self) -> None:
         trained = self.load()
         trained.policy(self.seed)  # refuses a seed that the run does not have
-        check(1 <= self.decisions <= MAX_DECISIONS, "steps", self.steps, f"from 1 to {MAX_DECISIONS} decisions")
         check(not (self.best and self.untrained), "best", self.best, "given without untrained")
         if self.episodes is not None:
-            check_integer("episodes", self.episodes, 1, MAX_EPISODES)
             check(not trained.settings, "episodes", self.episodes, "left out for a sweep: mg.evaluate has them all")
             allowed = f"left out for the task {trained.task.name!r}, which has none; give it a time limit"
             check(trained.task.has_episodes, "episodes", self.episodes, allowed)
-        check_integer("random_seed", self.random_seed, 0, 2**31 - 1)
-        check(0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
         body = isinstance(trained.task, BodyTask)
         if self.table is not None:
             check_table(self.table, "table")

@@ -2,23 +2,22 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
 
 from motorgrad._applications import offered
 from motorgrad._errors import check, plain
-from motorgrad.options import Positional, parse
-from motorgrad.schema import static
+from motorgrad.options import parse
+from motorgrad.schema import Settings, count, static
 from motorgrad.training import load
 
 
 @dataclasses.dataclass(frozen=True)
-class Export:
+class Export(Settings):
     """Write the learned policy of a run as C source, as an ONNX model, as arrays for NumPy, or as a Functional Mock-up
     Unit."""
 
-    run: Annotated[Path, Positional("RUN")] = static(help="The run directory")
-    file: Annotated[Path, Positional("FILE")] = static(help="The file to write: .c, .onnx, .npz or .fmu")
-    seed: int | None = static(None, help="The seed whose policy is exported; by default the first")
+    run: Path = static(positional="RUN", help="The run directory")
+    file: Path = static(positional="FILE", help="The file to write: .c, .onnx, .npz or .fmu")
+    seed: int | None = count(None, help="The seed whose policy is exported; by default the first")
     only: tuple[str, ...] | None = static(None, help="The functions to write to the file, such as mode; by default all")
     allow_changed: bool = static(False, help="Export even if config.toml was changed since the run was made")
 

@@ -9,18 +9,18 @@ from pathlib import Path
 from motorgrad._applications import LISTS
 from motorgrad._applications import entries as offers
 from motorgrad.learning import Estimator
-from motorgrad.options import parse, write_json
+from motorgrad.options import json_help, parse, write_json
 from motorgrad.policies import INITIAL
-from motorgrad.schema import PART_CLASSES, name_in_words, static
+from motorgrad.schema import PART_CLASSES, Settings, name_in_words, static
 from motorgrad.tasks import TASKS
 
 
 @dataclasses.dataclass(frozen=True)
-class List:
+class List(Settings):
     """List every task, policy, estimator, part of a learner and experiment by its name in configurations and
     commands."""
 
-    json: Path | None = static(None, help="Also write the list to this file, as JSON; - for the standard output")
+    json: Path | None = static(None, help=json_help("the list"))
 
 
 def run(arguments: list[str]) -> int:

@@ -2,22 +2,22 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from motorgrad._applications import PICTURES, film_maker, offered
 from motorgrad._errors import check, plain
 from motorgrad._files import check_writable
-from motorgrad.options import Positional, parse, write_json
-from motorgrad.schema import number, static
+from motorgrad.options import json_help, parse, write_json
+from motorgrad.schema import Settings, count, number, static
 from motorgrad.training import check_tensorboard, folders_of, learning_curves, load, write_tensorboard
 from motorgrad.training.plots import figure_file
 
 
 @dataclasses.dataclass(frozen=True)
-class Plot:
+class Plot(Settings):
     """Draw the learning curves of one run, or of several in one figure: medians, and quartiles over the seeds."""
 
-    runs: Annotated[tuple[Path, ...], Positional("RUN ...")] = static(help="Run directories")
+    runs: tuple[Path, ...] = static(positional="RUN ...", help="Run directories")
     quantity: tuple[str, ...] = static(
         ("reward",), help="Columns of the metrics, such as reward, baseline or (hopper) apex; a panel for each"
     )
@@ -38,22 +38,22 @@ class Plot:
         "the first run",
     )
     format: Literal["svg", "png", "pdf"] | None = static(None, help="The figure's format, where --out has no suffix")
-    tensorboard: Annotated[tuple[Path, ...] | None, Positional("[DIR]", named=True)] = static(
-        None, help="Also write TensorBoard event files to this folder, by default to tensorboard/ of each run"
-    )
-    animate: Annotated[tuple[Path, ...] | None, Positional("[FILE]", named=True)] = static(
+    tensorboard: tuple[Path, ...] | None = static(
         None,
+        metavar="[DIR]",
+        help="Also write TensorBoard event files to this folder, by default to tensorboard/ of each run",
+    )
+    animate: tuple[Path, ...] | None = static(
+        None,
+        metavar="[FILE]",
         help="Also film the learning of a run of a particle task: to this file (.mp4, .gif), by default "
         "figures/learning.mp4 of the run",
     )
-    seed: int | None = static(
+    seed: int | None = count(
         None, help="The seed to film; by default the one in the middle, by its reward in the last quarter"
     )
-    seconds: float = number(12.0, help="The length of the film, in seconds")
-    json: Path | None = static(
-        None,
-        help="Also write the path of the figure and the numbers drawn to this file, as JSON; - for the standard output",
-    )
+    seconds: float = number(12.0, 0, 600, open_low=True, unit="s", help="The length of the film")
+    json: Path | None = static(None, help=json_help("the path of the figure and the numbers drawn"))
 
     def validate(self) -> None:
         check(self.runs, "runs", self.runs, "one run directory at least")
@@ -68,7 +68,6 @@ class Plot:
                 check_writable("animate", file)
                 if file.suffix.lower() == ".mp4":
                     film_maker("film")
-        check(0 < self.seconds <= 600, "seconds", self.seconds, "above 0, up to 600 s of film")
         alone = self.seed is not None and self.animate is None
         check(not alone, "seed", self.seed, "given with --animate: the curves are of all seeds")
 

@@ -35,14 +35,18 @@ class Sweep(StudyFile):
     def kind(self) -> type[Study | Search]:
         return Search if "search" in read_toml(self.file) else Study
 
-    def effective(self) -> dict[str, Any]:
-        print(_size(self.made), file=sys.stderr)
-        return self.made.as_table()
+    @property
+    def size(self) -> str:
+        study = self.made.study if isinstance(self.made, Search) else self.made
+        seeds = f"{counted(len(study.seed_list), 'seed')} × {counted(study.steps, 'decision')}"
+        if isinstance(self.made, Search):
+            return f"a search of {counted(self.made.trials, 'trial')}, {self.made.batch:,} at a time, × {seeds}"
+        return f"{counted(len(study.points), 'setting')} × {seeds} in {counted(len(study.jobs), 'compiled call')}"
 
 
 def run(arguments: list[str]) -> int:
     options = parse(Sweep, arguments, "sweep")
-    print(_size(options.made), file=sys.stderr)
+    print(options.size, file=sys.stderr)
     if isinstance(options.made, Search):
         results = unfinished("results", lambda: options.made.run(options.folder, **options.options))
         metric = options.made.metric
@@ -56,16 +60,6 @@ def run(arguments: list[str]) -> int:
         _print(results, metric, best)
     write_json(options.json, _record(results, metric, best))
     return 0 if results.complete else 1 if results.failures else 130
-
-
-def _size(made: Study | Search) -> str:
-    """The size of a study or a search in words."""
-    study = made.study if isinstance(made, Search) else made
-    seeds = f"{counted(len(study.seed_list), 'seed')} × {counted(study.steps, 'decision')}"
-    if isinstance(made, Search):
-        return f"a search of {counted(made.trials, 'trial')}, {made.batch:,} at a time, × {seeds}"
-    jobs = len(study.jobs)
-    return f"{counted(len(study.points), 'setting')} × {seeds} in {counted(jobs, 'compiled call')}"
 
 
 def _print(results: Results | SearchResults, metric: str, best: Ranking) -> None:
@@ -95,4 +89,4 @@ def _record(results: Results | SearchResults, metric: str, best: Ranking) -> dic
         for each in table
     ]
     about = {"path": str(results.path), "complete": results.complete, "metric": metric}
-    return {**about, "best": listed, "failures": listed_failures(results)}
+    return {**about, "best": listed, "failures": listed_failures(results.failures)}

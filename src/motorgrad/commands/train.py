@@ -14,6 +14,7 @@ from motorgrad.options import (
     Arguments,
     changes_from_task,
     command_with_learner,
+    json_help,
     pop_option,
     read_arguments,
     resolve,
@@ -22,9 +23,13 @@ from motorgrad.options import (
     summary_text,
     write_json,
 )
-from motorgrad.schema import default_of, number, static, table
+from motorgrad.schema import Settings, count, default_of, number, static, table
 from motorgrad.tasks import TASKS
 from motorgrad.training import (
+    MAX_ENVS,
+    MAX_EPISODES,
+    MAX_STEPS,
+    MAX_THREADS,
     PRESETS,
     EvaluationCallback,
     Run,
@@ -41,14 +46,16 @@ from motorgrad.training import (
 
 
 @dataclasses.dataclass(frozen=True)
-class Options:
+class Options(Settings):
     """Options of `motorgrad train`, beside those of the task and of the agent."""
 
-    steps: int = static(
+    steps: int = count(
         100_000,
+        1,
+        MAX_STEPS,
         help="The number of decisions per seed, summed over its environments. The schedules of a preset scale with it",
     )
-    preset: Literal[tuple(PRESETS)] | None = static(
+    preset: Literal[tuple(PRESETS)] | None = static(  # type: ignore[valid-type]
         None,
         help="The name of a learner to use in place of the task's own, with the task's policy. Gymnasium "
         'environments use "natural" by default',
@@ -56,7 +63,7 @@ class Options:
     seeds: int | tuple[int, ...] = static(
         1, help="The number of learners, with seeds from --first-seed on; or a list of two or more seeds"
     )
-    first_seed: int = static(0, help="The first seed")
+    first_seed: int = count(0, help="The first seed")
     out: Path | None = static(
         None, help="The run directory, by default runs/TASK. Training continues an unfinished run that it finds there"
     )
@@ -70,23 +77,29 @@ class Options:
         "combinations learn side by side in one compiled call. In a file: a table of lists, or a list of "
         "tables",
     )
-    window: int | None = static(
-        None, help="The number of decisions per record of the metrics; by default a two-hundredth of the steps"
+    window: int | None = count(
+        None, 1, help="The number of decisions per record of the metrics; by default a two-hundredth of the steps"
     )
-    checkpoint_every: float = number(30.0, help="The time between two checkpoints, in seconds of wall time")
-    threads: int = static(0, help="The number of threads that step bodies; 0 for one per processor")
-    envs: int = static(
-        1, help="The number of environments that feed the learner of each seed. Steps count the decisions of all"
+    checkpoint_every: float = number(30.0, 0, unit="s", help="The wall time between two checkpoints")
+    threads: int = count(0, 0, MAX_THREADS, help="The number of threads that step bodies; 0 for one per processor")
+    envs: int = count(
+        1,
+        1,
+        MAX_ENVS,
+        help="The number of environments that feed the learner of each seed. Steps count the decisions of all",
     )
-    workers: int = static(
+    workers: int = count(
         0,
+        0,
+        MAX_THREADS,
         help="The number of processes that step Gymnasium environments; 0 steps them in this one. The results "
         "are the same",
     )
     give_up_after: float = number(
         3600.0,
-        help="End a run that could not be saved for this many seconds; until then it continues to learn and "
-        "tries again",
+        0,
+        unit="s",
+        help="End a run that could not be saved for so long; until then it continues to learn and tries again",
     )
     trust: bool = static(
         False, help="Run code that the run directory or the file of options names: the module of its task"
@@ -94,13 +107,14 @@ class Options:
     allow_changed: bool = static(
         False, help="Continue a run even if its settings or the version of motorgrad changed since it was made"
     )
-    evaluate_every: int | None = static(
+    evaluate_every: int | None = count(
         None,
+        1,
         help="Evaluate in whole episodes while training, at the ends of records, each time so many decisions "
         "have been made. Training is the same as without",
     )
-    evaluate_episodes: int = static(10, help="The number of episodes of each evaluation, per seed")
-    evaluate_seed: int = static(1, help="The seed of the random numbers of these episodes")
+    evaluate_episodes: int = count(10, 1, MAX_EPISODES, help="The number of episodes of each evaluation, per seed")
+    evaluate_seed: int = count(1, help="The seed of the random numbers of these episodes")
     evaluate_mode: Literal["sample", "mode"] = static(
         "sample", help="In these episodes, sample draws every action, mode takes the most probable one"
     )
@@ -117,7 +131,7 @@ class Options:
     """The options that `--help` shows; `--help-all` shows all."""
     file_sweep: ClassVar[Any] = None
     """The sweep in the file."""
-    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
+    json: Path | None = static(None, help=json_help())
 
     def validate(self: Any) -> None:
         check(self.resume is None, "resume", str(self.resume), "an option of the command line")

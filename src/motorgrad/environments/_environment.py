@@ -27,18 +27,16 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
     group of muscles or unit; `Discrete(action_size)` for a task with discrete actions; for graded actions a `Box` of
     the task's `action_range`. For a learner that wants numbers from −1 to 1, `gymnasium.wrappers.RescaleAction` and
     `NormalizeObservation` make them. **Reward** and `terminated` are the task's. `truncated` is true when the task's
-    own `time_limit` is reached, or the simulation diverged; in the latter case the body is back at its start, and the
-    reward is 0.
+    own `time_limit` is reached, or the simulation diverged; the body is then back at its start, and the reward is 0.
 
-    **Info:** `simulated_time` (s, since the start of the episode), `diverged` (bool), and each of the task's metrics
-    at the decisions at which it occurs (the hopper's `apex`, in m).
+    **Info:** `simulated_time` (s, since the start of the episode), `diverged` (bool), and each of the task's metrics at
+    the decisions at which it occurs (the hopper's `apex`, in m).
 
     **Arguments:**
 
-    - `task`: a task or its name.
+    - `task`: a task or its name, with further settings by name.
     - `render_mode`: `"rgb_array"`, `"human"` (a matplotlib window, in real time) or `None`; bodies only.
     - `width`, `height`: of pictures, in pixels; even, at least 64.
-    - further settings of the task by name, if the task is given by name.
 
     **Raises:** `ValueError` for unknown settings (suggesting the nearest known one), invalid values and invalid
     actions; `RuntimeError` for `"human"` without a screen; `gymnasium.error.ResetNeeded` for a step before `reset` or
@@ -117,23 +115,18 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
 class TaskVectorEnv(gymnasium.vector.VectorEnv):
     """Many copies of a task as a `gymnasium.vector.VectorEnv`, stepped together on a thread pool.
 
-    Spaces, rewards and infos are those of `TaskEnv`. In the infos, an array has one entry per row, and `_name` says in
-    which rows there is a value. **Autoreset** is `NEXT_STEP`: the step after the last one of an episode ignores the
-    row's action, starts the row's next episode, and has reward 0. Row $i$ of `reset(seed=s)` is `TaskEnv`'s
-    `reset(seed=s + i)`.
+    Spaces, rewards, infos, arguments and errors are those of `TaskEnv`. In the infos, an array has one entry per row,
+    and `_name` says in which rows there is a value. **Autoreset** is `NEXT_STEP`: the step after the last one of an
+    episode ignores the row's action, starts the row's next episode, and has reward 0. Row $i$ of `reset(seed=s)` is
+    `TaskEnv`'s `reset(seed=s + i)`.
 
     **Arguments:**
 
     - `num_envs`: number of rows, ≥ 1.
-    - `task`: a task or its name.
     - `render_mode`: `"rgb_array"` or `None`; `render` returns a picture of every row.
-    - `width`, `height`: of pictures, as in `TaskEnv`.
     - `max_episode_steps`: decisions after which an episode is cut, in addition to the task's own `time_limit`; `None`
       or -1 for never. `gymnasium.make_vec` fills in the id's.
     - `threads`: number of threads that step bodies, 0 for one per processor.
-    - further settings of the task by name, if the task is given by name.
-
-    **Raises:** as `TaskEnv`.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}

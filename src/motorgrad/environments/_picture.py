@@ -27,10 +27,7 @@ def screen_problem() -> str:
 
 
 class Screen:
-    """A matplotlib window of a picture's size.
-
-    **Raises:** `RuntimeError` with the reason if no window can be opened.
-    """
+    """A matplotlib window of a picture's size. **Raises** `RuntimeError` with the reason if no window can be opened."""
 
     def __init__(self, title: str, width: int, height: int):
         problem = screen_problem()
@@ -55,10 +52,8 @@ class Screen:
         self._begun = self._drawn = -np.inf
 
     def show(self, paint: Callable[[], np.ndarray], moment: float) -> None:
-        """Show the result of `paint` when the wall clock reaches `moment` (s, simulated; 0 restarts the clock).
-
-        Frames are dropped if drawing is too slow. After the window was closed, nothing happens.
-        """
+        """Show the result of `paint` when the wall clock reaches `moment` (s, simulated; 0 restarts the clock). Frames
+        are dropped if drawing is too slow. After the window was closed, nothing happens."""
         import matplotlib.pyplot as plt
 
         now = time.perf_counter()
@@ -83,11 +78,8 @@ class Screen:
 
 
 class Picture:
-    """Pictures of rows: on demand (`"rgb_array"`), or of the first row on the screen (`"human"`).
-
-    **Raises:** `ValueError` for a task without a body, or an invalid size; `RuntimeError` for `"human"` without a
-    screen.
-    """
+    """Pictures of rows: on demand (`"rgb_array"`), or of the first row on the screen (`"human"`). **Raises**
+    `ValueError` for a task without a body or an invalid size, `RuntimeError` for `"human"` without a screen."""
 
     def __init__(self, rows: Rows, mode: str, width: int, height: int):
         if rows.body is None:

@@ -23,15 +23,13 @@ Carry = tuple[PyTree, PyTree]
 
 
 class Functions(NamedTuple):
-    """The compiled functions of a task, for many rows at once.
+    """The compiled functions of a task, for many rows at once, which lead everywhere.
 
-    `begin(packed, numbers)` and `again(carry, packed, numbers)`, for the first and for further episodes, return the
-    carry and the observation; `decide(carry, packed, action, numbers)` returns the carry and the outcome.
-
-    Rows lead everywhere. `packed` holds the rows of a `BodyBatch`, with width 0 for a world. `begins` and `decides` say
-    how many numbers from U[0, 1) a row consumes. An outcome is a single vector, because every array that crosses the
-    border of compiled code costs time: observation, reward, `terminated`, `truncated` by the dynamics themselves, and
-    for each metric the value and whether it occurred.
+    `begin` and `again`, for the first and for further episodes, return the carry and the observation; `decide` returns
+    the carry and the outcome. `begins` and `decides` say how many numbers from U[0, 1) a row consumes. `packed` holds
+    the rows of a `BodyBatch`, with width 0 for a world. An outcome is a single vector, because every array that crosses
+    the border of compiled code costs time: observation, reward, `terminated`, `truncated` by the dynamics themselves,
+    and for each metric the value and whether it occurred.
     """
 
     begin: Callable[[AnyArray, AnyArray], tuple[Carry, Array]]
@@ -54,9 +52,7 @@ class Outcome(NamedTuple):
 
 class Rows:
     """`count` copies of `task`, each with its own random generator, so that no row affects another's numbers.
-
-    `decisions` counts those of each row's current episode.
-    """
+    `decisions` counts those of each row's current episode."""
 
     def __init__(self, task: Task, count: int, threads: int = 1):
         check_integer("num_envs", count, 1)
@@ -79,19 +75,14 @@ class Rows:
 
     @property
     def body(self) -> BodyBatch | None:
-        """The simulations; `None` for a task over a world.
-
-        **Raises:** `gymnasium.error.ClosedEnvironmentError` after `close`.
-        """
+        """The simulations; `None` for a world. **Raises** `gymnasium.error.ClosedEnvironmentError` after `close`."""
         if self._closed:
             raise ClosedEnvironmentError("this environment is closed: make another one")
         return self._body
 
     def reset(self, mask: np.ndarray, anew: bool = False) -> np.ndarray:
         """Start new episodes in the rows of `mask` (all of them the first time), and return the observations there.
-
-        `anew` discards what the task's memory keeps from one episode to the next.
-        """
+        `anew` discards what the task's memory keeps from one episode to the next."""
         functions = self._functions
         numbers = self._draw(self._functions.begins, mask)
         if self.body is not None:
@@ -108,10 +99,8 @@ class Rows:
         return observation[mask]
 
     def step(self, action: np.ndarray, live: np.ndarray | None = None) -> Outcome:
-        """One decision in the rows of `live`. The others are ignored and must be reset.
-
-        A diverged row is back at its start: it is truncated, its reward is 0, and none of its metrics occurred.
-        """
+        """One decision in the rows of `live`. The others are ignored and must be reset. A diverged row is back at its
+        start: it is truncated, its reward is 0, and none of its metrics occurred."""
         body, size, limit = self.body, self._size, self._limit
         if body is None:
             diverged = np.zeros(len(action), bool)
@@ -193,22 +182,13 @@ def _compile(task: Task) -> Functions:
         memory, reward, terminated = task.reward(memory, seen, action)
         memory, observation = task.sense(memory, seen, sensing)
         metrics = task.metrics(memory, seen)
-        outcome = [
-            reward,
-            terminated,
-            task.truncated(memory, seen),
-            *(part for name in task.metric_names for part in metrics[name]),
-        ]
+        outcome = [reward, terminated, task.truncated(memory, seen)]
+        outcome += [part for name in task.metric_names for part in metrics[name]]
         numbers = jnp.stack([jnp.asarray(part, float) for part in outcome])
         return (memory, state), jnp.concatenate([observation, numbers])
 
-    return Functions(
-        jax.jit(jax.vmap(begin)),
-        jax.jit(jax.vmap(again)),
-        jax.jit(jax.vmap(decide)),
-        reset + task.init_uniforms + task.uniforms,
-        step + task.uniforms,
-    )
+    first, further, decision = (jax.jit(jax.vmap(each)) for each in (begin, again, decide))
+    return Functions(first, further, decision, reset + task.init_uniforms + task.uniforms, step + task.uniforms)
 
 
 _once = functools.lru_cache(maxsize=32)(_compile)

@@ -24,16 +24,9 @@ def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
 
 
 def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
-    """The observation and the action space of a task.
-
-    **Raises:** `ValueError` for a task that accepts neither binary nor discrete nor graded actions.
-    """
-    check(
-        task.actions in task.accepted_actions,
-        f"task {task.name!r}",
-        task.accepted_actions,
-        "one that takes binary, discrete or graded actions",
-    )
+    """The observation and the action space of a task. **Raises** `ValueError` for actions of another kind."""
+    wanted = "one that takes binary, discrete or graded actions"
+    check(task.actions in task.accepted_actions, f"task {task.name!r}", task.accepted_actions, wanted)
     most = np.full(task.observation_code.size, np.finfo(np.float32).max)
     low = -most
     high = most
@@ -64,10 +57,8 @@ def check_action(
     space: ActionSpace, action: object, rows: tuple[int, ...] = (), binary: npt.ArrayLike = False
 ) -> np.ndarray:
     """Check an action of `space`, or one for each of `rows`, and return a copy in the task's type. Where `binary` is
-    true among graded numbers, those above 0.5 are 1.
-
-    **Raises:** `ValueError` naming what is wrong: shape, dtype or range.
-    """
+    true among graded numbers, those above 0.5 are 1. **Raises** `ValueError` naming what is wrong: shape, dtype or
+    range."""
     array = as_array("action", action)
     shape = (*rows, *(space.shape or ()))
     check(array.shape == shape, "action.shape", array.shape, str(shape))

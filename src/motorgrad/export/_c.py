@@ -9,16 +9,11 @@ from motorgrad.export._program import Program
 
 
 def c_source(functions: Mapping[str, Program], name: str = "policy", about: Sequence[str] = ()) -> str:
-    """The C99 source of some programs, each a function of arrays.
+    """The C99 source of some programs, each a function of arrays, `NAME_FUNCTION` in C.
 
     The file needs no other, allocates nothing and keeps nothing between two calls, so that it fits a microcontroller.
-    Numbers have the precision of the program. An array that is both an input and an output is changed in place.
-
-    **Arguments:**
-
-    - `functions`: by name. `NAME_FUNCTION` is the name in C.
-    - `name`: what the names in C begin with.
-    - `about`: lines for the comment at the top.
+    Numbers have the precision of the program. An array that is both an input and an output is changed in place. `about`
+    are lines for the comment at the top.
 
     **Raises:** `ValueError` for a name that C does not allow, `Untranslatable` for an operation without a C form.
     """

@@ -115,18 +115,15 @@ class CFunction:
         single = _size(operation) == 1
         kind, _, which = operation.kind.partition(" ")
         declared = f"{type_of(operation.dtype)} {name}" + ("" if single else f"[{_size(operation)}]")
-        if single and kind not in ("concatenate", "einsum", "reduce", "argmax", "argmin", "cumulative"):
+        own = {"concatenate": self._concatenate, "einsum": self._einsum, "argmax": self._arg, "argmin": self._arg}
+        if single and kind not in (*own, "reduce", "cumulative"):
             self._lines.append(f"const {declared} = {self._at(place, ('0',) * len(operation.shape), inside=True)};")
             return
         self._lines.append(f"{declared};")
-        if kind == "concatenate":
-            self._concatenate(place)
-        elif kind == "einsum":
-            self._einsum(place)
+        if kind in own:
+            own[kind](place)
         elif kind == "reduce":
             self._reduce(place, which)
-        elif kind in ("argmax", "argmin"):
-            self._arg(place)
         elif kind == "cumulative":
             self._cumulative(place, which)
         else:
@@ -151,8 +148,8 @@ class CFunction:
 
     def _einsum(self, place: int) -> None:
         operation = self.operations[place]
-        (left, right) = operation.attributes["spec"].split("->")[0].split(",")
-        made = operation.attributes["spec"].split("->")[1]
+        given, made = operation.attributes["spec"].split("->")
+        left, right = given.split(",")
         first, second = operation.operands
         sizes = dict(zip(left + right, self.operations[first].shape + self.operations[second].shape, strict=True))
         summed = [letter for letter in dict.fromkeys(left + right) if letter not in made]
@@ -162,18 +159,12 @@ class CFunction:
 
             def term(inner: tuple[str, ...]) -> list[str]:
                 there = where | dict(zip(summed, inner, strict=True))
-                factors = [
-                    self._at(part, tuple(there[letter] for letter in letters))
-                    for part, letters in ((first, left), (second, right))
-                ]
+                parts = ((first, left), (second, right))
+                factors = [self._at(part, tuple(there[each] for each in letters)) for part, letters in parts]
                 return [f"sum += {' * '.join(factors)};"]
 
-            head = f"{type_of(operation.dtype)} sum = 0;"
-            return [
-                head,
-                *self._looped([sizes[letter] for letter in summed], term, "j"),
-                f"{self._element(place, at)} = sum;",
-            ]
+            lines = self._looped([sizes[letter] for letter in summed], term, "j")
+            return [f"{type_of(operation.dtype)} sum = 0;", *lines, f"{self._element(place, at)} = sum;"]
 
         self._loop(operation.shape, body)
 

@@ -25,9 +25,7 @@ REDUCTIONS = ("sum", "prod", "max", "min", "any", "all")
 
 def numpy_file(functions: Mapping[str, Program], interface: Mapping[str, Any] | None = None) -> bytes:
     """The content of an .npz file with some programs, for `read`; with it, as a table, what their numbers mean.
-
-    **Raises:** `Untranslatable` for an operation that NumPy does not have.
-    """
+    **Raises** `Untranslatable` for an operation that NumPy does not have."""
     arrays: dict[str, np.ndarray] = {}
     tables: dict[tuple[str, bytes, tuple[int, ...]], str] = {}
 

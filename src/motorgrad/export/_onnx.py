@@ -29,13 +29,9 @@ ONNX_LACKS = ("erfc", "expm1", "log1p")
 def onnx_model(
     program: Program, name: str = "policy", about: str = "", interface: Mapping[str, Any] | None = None
 ) -> Any:
-    """A program as an ONNX model, an `onnx.ModelProto`.
-
-    **Arguments:** the program; the `name` of the graph; what the model is `about`; as a table, what its numbers mean,
-    for its metadata.
-
-    **Raises:** `RuntimeError` without the package onnx, `Untranslatable` for an operation that ONNX does not have.
-    """
+    """A program as an ONNX model, an `onnx.ModelProto`, of this `name` and `about` this; `interface`, a table of what
+    its numbers mean, is in its metadata. **Raises** `RuntimeError` without the package onnx, `Untranslatable` for an
+    operation that ONNX does not have."""
     try:
         import onnx  # pyright: ignore[reportMissingImports]
     except ImportError:
@@ -88,10 +84,8 @@ class _Graph:
         key = (array.dtype.str, array.shape, array.tobytes())
         if key not in self._constants:
             name = f"constant_{len(self._constants)}"
-            self._constants[key] = (
-                name,
-                self.onnx.numpy_helper.from_array(np.ascontiguousarray(array).reshape(array.shape), name),
-            )
+            whole = np.ascontiguousarray(array).reshape(array.shape)
+            self._constants[key] = name, self.onnx.numpy_helper.from_array(whole, name)
         return self._constants[key][0]
 
     def _node(self, kind: str, *given: str, **attributes: object) -> str:

@@ -24,11 +24,8 @@ class Operation(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Program:
-    """A pure function of named arrays.
-
-    - `operations`: in an order in which they can be computed, without any that no output needs.
-    - `inputs`, `outputs`: places in `operations`, by name.
-    """
+    """A pure function of named arrays. Its `operations` are in an order in which they can be computed, without any that
+    no output needs; `inputs` and `outputs` are their places, by name."""
 
     operations: tuple[Operation, ...]
     inputs: dict[str, int]

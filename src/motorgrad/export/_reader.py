@@ -42,20 +42,15 @@ DAMAGED += (SystemError,)  # of Python, for numbers of a text that are no charac
 
 
 class Exported(dict):
-    """The functions of an exported policy by name.
-
-    `interface`: names, shapes, scales and codes of observations and actions, a table as `motorgrad.policies.Interface`
-    has it; `None` where the file has none, because the policy belonged to no task.
-    """
+    """The functions of an exported policy by name. `interface` is the table of `motorgrad.policies.Interface`, with
+    names, shapes, scales and codes; `None` where the policy belonged to no task."""
 
     interface: dict | None = None
 
 
 def read(path):
-    """The functions of an exported policy by name. Each takes arrays by name, and returns arrays by name.
-
-    **Raises:** `ValueError` for a damaged file, and for one that asks for anything but arithmetic on its arrays.
-    """
+    """The functions of an exported policy by name. Each takes arrays by name, and returns arrays by name. **Raises**
+    `ValueError` for a damaged file, and for one that asks for anything but arithmetic on its arrays."""
     try:
         content = _content(path)
         with zipfile.ZipFile(io.BytesIO(content)) as file:
@@ -166,10 +161,8 @@ def _function(name, arrays, known, inputs, steps, outputs):
 
 
 def _shape(function, arguments, shapes):
-    """The shape of what a call makes, and how many numbers it computes.
-
-    **Raises** `ValueError` unless the call is one of these, with arguments that fit.
-    """
+    """The shape of what a call makes, and how many numbers it computes. **Raises** `ValueError` unless the call is one
+    of these, with arguments that fit."""
 
     def of(x):
         if isinstance(x, str) and x in shapes:
@@ -224,11 +217,8 @@ def _axis(axis, shape):
 
 def _whole(shape):
     """A shape, as a tuple of whole numbers that are not too large."""
-    right = (
-        isinstance(shape, list)
-        and len(shape) <= AXES
-        and all(type(n) is int and 0 <= n <= MAX_FUNCTION_NUMBERS for n in shape)
-    )
+    right = isinstance(shape, list) and len(shape) <= AXES
+    right = right and all(type(n) is int and 0 <= n <= MAX_FUNCTION_NUMBERS for n in shape)
     if not right or math.prod(shape) > MAX_FUNCTION_NUMBERS:
         raise ValueError(
             f"shape {str(shape)[:40]}: must be at most {AXES} whole numbers, {MAX_FUNCTION_NUMBERS:,} elements together"

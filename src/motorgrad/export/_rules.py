@@ -24,15 +24,10 @@ def out_of(equation: JaxprEqn) -> Any:
     return aval_of(equation.outvars[0])
 
 
-@rule(*UNARY.split(), *BINARY.split(), *COMPARISONS.split())
+@rule(*UNARY.split(), *BINARY.split(), *COMPARISONS.split(), "lt_to", "le_to")
 def _elementwise(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
-    return b.elementwise(equation.primitive.name, *operands, dtype=out_of(equation).dtype)
-
-
-@rule("lt_to", "le_to")
-def _ordered(b: Builder, operands: list[int], equation: JaxprEqn) -> int:
-    """The orders by which JAX searches and sorts: the usual ones but for NaN, which they place last, and for zeros."""
-    return b.elementwise(equation.primitive.name[:2], *operands, dtype=out_of(equation).dtype)
+    # the orders by which JAX searches and sorts are the usual ones but for NaN, which they place last, and for zeros
+    return b.elementwise(equation.primitive.name.removesuffix("_to"), *operands, dtype=out_of(equation).dtype)
 
 
 @rule(*IDENTITIES.split())

@@ -14,9 +14,7 @@ from motorgrad.export._program import Operation, Program
 def traced(
     function: Callable[..., Mapping[str, Array]], inputs: Mapping[str, Shaped], lacks: Collection[str] = ()
 ) -> Program:
-    """The program of a pure function of JAX.
-
-    What depends on no input is computed now, by JAX.
+    """The program of a pure function of JAX, in which what depends on no input is computed now.
 
     **Arguments:**
 

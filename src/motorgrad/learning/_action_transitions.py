@@ -23,7 +23,7 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
 from motorgrad.learning._branching import where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
-from motorgrad.learning._critics import Features, endless
+from motorgrad.learning._critics import Features, check_blind, endless
 from motorgrad.policies import Policy
 from motorgrad.schema import inner, number, static
 
@@ -68,32 +68,25 @@ class ActionTransitions(Baseline):
 
     features: Features = inner(
         Features(bias=False),
-        help=r"$\phi$, without the previous action. Features of a constant sum leave the values of the average "
-        r"reward undetermined by a constant, which does not matter here",
+        help=r"$\phi$, without the previous action. Those of a constant sum leave values of the average reward "
+        r"undetermined by a constant, which does not matter here",
     )
     discount: float | None = number(
         None,
         0,
         1,
-        help=r"none for the average reward, with $\gamma = 1$ and $\rho$ the mean of rewards; or $\gamma \in "
-        r"[0, 1]$, with $\rho = 0$; 1 needs a task with episodes",
+        help=r"$\gamma$, with $\rho = 0$, 1 for a task with episodes; none for the average reward, $\gamma = 1$",
     )
     decay: float = number(
-        0.0,
-        0,
-        1,
-        help=r"$\lambda \in [0, 1]$ of the trace of the features. 1 for the average reward needs a task with "
-        r"episodes",
+        0.0, 0, 1, help=r"$\lambda$ of the trace of the features; 1 for the average reward needs a task with episodes"
     )
     fit: CriticFit = inner(LeastSquares(), help="how $w$ is learned, `LeastSquares` or `TemporalDifference`")
     relative_to: Literal["previous", "mean"] = static(
-        "previous",
-        help='what $Q(y, a)$ is compared with, the `"previous"` action or the `"mean"` over actions, which '
-        "makes it the advantage",
+        "previous", help="what $Q(y, a)$ is compared with, the action before, or the mean, which makes it the advantage"
     )
 
     def validate(self) -> None:
-        check(not self.features.actions, "features.actions", True, "False")
+        check_blind(self.features)
         known = isinstance(self.fit, LeastSquares | TemporalDifference)
         check(known, "fit", type(self.fit).__name__, "LeastSquares or TemporalDifference")
 
@@ -109,7 +102,7 @@ class ActionTransitions(Baseline):
         check(plain, "policy", name, wanted)
         few = policy.outputs <= MAX_ACTIONS if kind == "discrete" else 2**policy.outputs <= MAX_ACTIONS
         check(few, "policy", f"{name} of {policy.outputs} {kind} outputs", f"one of at most {MAX_ACTIONS} actions")
-        size = self._seen(jnp.zeros(policy.inputs, dtype)).size * len(policy.enumerate())
+        size = self.features(jnp.zeros(policy.inputs, dtype)).size * len(policy.enumerate())
         weights = jnp.zeros(size, dtype)
         fit = self.fit.init(weights, size)
         return TransitionState(weights, running_mean(jnp.zeros((), dtype)), fit, jnp.full((), -1, jnp.int32))
@@ -119,7 +112,7 @@ class ActionTransitions(Baseline):
 
     def values(self, state: TransitionState, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
         """$Q(y, a)$ of every action, in the order of `Policy.enumerate`."""
-        phi = self._seen(observation.astype(state.weights.dtype))
+        phi = self.features(observation.astype(state.weights.dtype))
         return jnp.sum(state.weights.reshape(-1, phi.size) * phi, axis=1)
 
     def update(
@@ -141,8 +134,8 @@ class ActionTransitions(Baseline):
             compared = jnp.where(state.previous >= 0, values[state.previous], compared)
         worth = values[taken] - compared
 
-        slope = jnp.outer(jnp.arange(len(actions)) == taken, self._seen(observation)).ravel().astype(dtype)
-        following = jnp.outer(chances(later), self._seen(later)).ravel().astype(dtype)
+        slope = jnp.outer(jnp.arange(len(actions)) == taken, self.features(observation)).ravel().astype(dtype)
+        following = jnp.outer(chances(later), self.features(later)).ravel().astype(dtype)
         following = jnp.where(transition.terminated, 0, following)
         horizon = 1.0 if self.discount is None else self.discount
         level = self._compared(state)
@@ -165,6 +158,3 @@ class ActionTransitions(Baseline):
 
     def _compared(self, state: TransitionState) -> Float[Array, ""]:
         return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
-
-    def _seen(self, observation: Array) -> Float[Array, " features"]:
-        return self.features(observation, jnp.zeros(0, observation.dtype))

@@ -10,6 +10,7 @@ the pathwise gradient, or that of reparameterisation (Kingma & Welling, 2014). I
 baseline, and it is only as good as the slope of $Q$.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,6 +28,7 @@ from motorgrad.learning._chain import adam_scaling
 from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._schedules import Steps, at
+from motorgrad.learning._surrogate import gradient_of
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
 from motorgrad.schema import Part, inner, number
 
@@ -66,9 +68,9 @@ class ActionValues(Part):
     episode; rewards are those with the entropy added.
     """
 
-    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma \in [0, 1)$")
-    learning_rate: float = number(1e-3, 0, help="learning rate of Adam, at least 0")
-    b2: float = number(0.999, 0, 1, open_high=True, help="the decay of Adam's mean of squared gradients, in [0, 1)")
+    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma$, the weight of the next value")
+    learning_rate: float = number(1e-3, 0, help="learning rate of Adam")
+    b2: float = number(0.999, 0, 1, open_high=True, help="the decay of Adam's mean of squared gradients")
     network: Architecture = inner(
         MultilayerPerceptron(sparsity=0.0, layer_norm=False, standardise=True, unit_length=True),
         help="the hidden layers. They see the observation and the action, in one vector. With wide layers the "
@@ -101,15 +103,13 @@ class ActionValues(Part):
     ) -> PyTree[Array]:
         r"""$\nabla_\theta\,[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))]$, with $\alpha$ as the
         `entropy_coefficient`, for the random numbers $u$ from which the action of the transition was drawn."""
-        learned, settings = split(policy)
 
-        def gain(parameters: PyTree) -> Float[Array, ""]:
-            present = eqx.combine(parameters, settings)
+        def gain(present: Policy) -> Float[Array, ""]:
             action = present.sample(transition.observation, transition.uniforms)
             value = self.value(state.weights, transition.observation, action)
             return value + entropy_coefficient * present.entropy(transition.observation)
 
-        return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
+        return gradient_of(gain, policy)
 
     def update(
         self, state: ActionValueState, policy: Policy, transition: Transition, entropy_coefficient: Scalar = 0.0
@@ -158,7 +158,37 @@ def _joined(weights: ValueNetwork, observation: Array, action: Array) -> Float[A
     return jnp.concatenate([observation, action]).astype(weights.weights.dtype)
 
 
-class ActionValueGradient(Estimator):
+class PathwiseEstimator(Estimator):
+    """An estimator that follows the value of actions through the actions, and no score."""
+
+    baseline: Baseline | None = None
+
+    def validate(self) -> None:
+        super().validate()
+        name = type(self).__name__
+        for part in ("baseline", "discount", "normalization", "bound", "reuse"):
+            found = getattr(self, part)
+            check(found is None, part, found, f"None with {name}, which has no advantages")
+        check(self.entropy_in == "sample", "entropy_in", self.entropy_in, f"'sample' with {name}")
+
+    @property
+    def needs_decision(self) -> bool:
+        return True
+
+    def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
+        return state
+
+
+def check_differentiable(policy: Policy, function: Callable[..., Any], *given: Any) -> None:
+    """Refuse a policy where a function cannot be traced because JAX does not differentiate its actions."""
+    try:
+        jax.eval_shape(function, *given)
+    except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
+        wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
+        raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
+
+
+class ActionValueGradient(PathwiseEstimator):
     r"""The action value gradient, AVG (Vasan et al., 2024): samples follow the value of the action, not its reward.
 
     $$g = \nabla_\theta\,\big[Q(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))\big]$$
@@ -167,8 +197,8 @@ class ActionValueGradient(Estimator):
     paper takes $-\log\pi(a \mid y)$ of the drawn action, which has the same mean and more noise. There is no trace: a
     sample is that of the newest action alone, and what comes later is in $Q$.
 
-    **Arguments:** those of `Estimator`, of which `improve`, `batch`, `entropy` ($\alpha$) and `reward_scaling` have an
-    effect; `trace` has none, and the others are refused.
+    Of the settings of `Estimator`, `improve`, `batch`, `entropy` ($\alpha$) and `reward_scaling` have an effect;
+    `trace` has none, and the others are refused.
 
     **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
     real numbers.
@@ -179,19 +209,7 @@ class ActionValueGradient(Estimator):
     ```
     """
 
-    baseline: Baseline | None = None
     values: ActionValues = inner(ActionValues(), help="the value $Q$ of an action, and how it is learned")
-
-    def validate(self) -> None:
-        super().validate()
-        for name in ("baseline", "discount", "normalization", "bound", "reuse"):
-            found = getattr(self, name)
-            check(found is None, name, found, "None with ActionValueGradient, which has no advantages")
-        check(self.entropy_in == "sample", "entropy_in", self.entropy_in, "'sample' with ActionValueGradient")
-
-    @property
-    def needs_decision(self) -> bool:
-        return True
 
     @property
     def needs_uniforms(self) -> bool:
@@ -206,18 +224,9 @@ class ActionValueGradient(Estimator):
         values = self.values.init(policy, dtype, jax.random.fold_in(key, 2))
         observation = jnp.zeros(policy.inputs, dtype)
         numbers = jnp.zeros(policy.uniforms, dtype)
-        try:
-            transition = Transition(
-                observation, policy.mode(observation), observation[0], observation, uniforms=numbers
-            )
-            jax.eval_shape(lambda values: self.values.gradient(values, policy, transition), values)
-        except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
-            wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
-            raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
+        transition = Transition(observation, policy.mode(observation), observation[0], observation, uniforms=numbers)
+        check_differentiable(policy, lambda values: self.values.gradient(values, policy, transition), values)
         return super().init(policy, key)._replace(trace=None, baseline=values)
-
-    def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
-        return state
 
     def sample(
         self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None

@@ -160,7 +160,7 @@ class MeanReward(ScalarBaseline):
 class FixedStep(ScalarBaseline):
     r"""A mean that forgets, $b \leftarrow b + \gamma\delta$, and so follows a changing task (section 4.4.1)."""
 
-    rate: float = number(0.01, 0, 1, open_low=True, help=r"$\gamma \in (0, 1]$, one over the memory in rewards")
+    rate: float = number(0.01, 0, 1, open_low=True, help=r"$\gamma$, one over the memory in rewards")
 
     def init(self, policy: Policy, dtype: DTypeLike) -> Float[Array, ""]:
         return jnp.zeros((), dtype)
@@ -209,9 +209,7 @@ class LinearBaseline(InputBaseline):
     is relative to the length of the input, so no input is too large for it.
     """
 
-    rate: float = number(
-        0.01, 0, 1, open_low=True, help=r"$\gamma \in (0, 1]$; 1 fits every reward at once and remembers little"
-    )
+    rate: float = number(0.01, 0, 1, open_low=True, help=r"$\gamma$; 1 fits every reward at once and remembers little")
 
     def init(self, policy: Policy, dtype: DTypeLike) -> LinearState:
         inputs = policy.judged(jnp.zeros(policy.inputs)).size
@@ -244,15 +242,15 @@ class BinnedBaseline(InputBaseline):
     """
 
     low: float = number(0.0, help="the lower bound, in units of the observed number")
-    high: float = number(1.0, help="the upper bound, above `low`")
+    high: float = number(1.0, help="the upper bound")
     bins: int = count(10, 1, 1_000_000, help="number of bins")
-    input: int = count(0, help="the index of the observed number, from 0")
+    input: int = count(0, help="the index of the observed number")
     rate: float = number(
         0.0,
         0,
         1,
-        help=r"$\gamma \in [0, 1]$; the n-th reward of a bin moves its mean by $\max(1/n, \gamma)$ of the "
-        r"distance. 0 is the mean of all rewards so far; a larger rate has a memory of $1/\gamma$ rewards",
+        help=r"$\gamma$; the n-th reward of a bin moves its mean by $\max(1/n, \gamma)$ of the distance: 0 for the "
+        r"mean of all so far, more for a memory of $1/\gamma$ rewards",
     )
 
     def validate(self) -> None:

@@ -32,6 +32,12 @@ def where(condition: Flag, yes: T, no: T) -> T:
     return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
 
 
+def ratio(dividend: Array, divisor: Array) -> Array:
+    """One number over another where that is above 0, else 0; also the derivatives are finite."""
+    some = divisor > 0
+    return jnp.where(some, dividend / jnp.where(some, divisor, 1), 0)
+
+
 def where_any(due: Flag, function: Callable[[T], T], value: T) -> T:
     """`function(value)` where it is `due`, computed only if it is due for any seed.
 

@@ -57,8 +57,7 @@ class ValueBasedCentring(Centring):
         1e-3,
         0,
         1,
-        help=r"$\kappa \in [0, 1]$. Start from a tenth of the critic's learning rate times the squared length "
-        r"of its features",
+        help=r"$\kappa$. Start from a tenth of the critic's learning rate times the squared length of features",
     )
 
     def follow(

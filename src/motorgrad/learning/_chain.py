@@ -148,22 +148,20 @@ class SGD(Optimizer):
         1e-3,
         0,
         groups=True,
-        help="$\\alpha \\ge 0$, one number for all parameters; or a mapping from names of the policy's "
-        'fields to numbers or arrays that broadcast to the field, such as `{"centre": 2e-4, '
-        '"log_width": 8e-4}`. In a policy of several pools a name stands for that field in every '
-        "pool, `movement.weights` for that of one; the longest name counts. `Annealed` changes with "
-        "the steps of the parameters",
+        help=r"$\alpha$, for all parameters; or a mapping from names of the policy's fields to numbers or arrays that "
+        r'broadcast to the field, such as `{"centre": 2e-4, "log_width": 8e-4}`. In a policy of several pools a name '
+        r"stands for that field in every pool, `movement.weights` for that of one; the longest name counts. `Annealed` "
+        r"changes with the steps of the parameters",
     )
     weight_decay: float | dict[str, Any] | None = number(
         None,
         0,
         1,
         groups=True,
-        help=r"none, or the share $\lambda \in [0, 1]$ of itself that a parameter loses at every step; a "
-        r"number, or a mapping, in which fields left out do not decay. It is decoupled (Loshchilov & "
-        r"Hutter, 2019): neither learning rate nor metric changes it. Decaying gains keep units "
-        r"stochastic, and so exploring (section 4.4.1 of the thesis). In single precision, a parameter "
-        r"that nothing else moves does not decay by less than some 1e-7 a step",
+        help=r"none, or the share $\lambda$ of itself that a parameter loses at every step; a number, or a mapping, in "
+        r"which fields left out do not decay. It is decoupled (Loshchilov & Hutter, 2019): neither learning rate nor "
+        r"metric changes it. Decaying gains keep units stochastic, and so exploring (section 4.4.1 of the thesis). In "
+        r"single precision, a parameter that nothing else moves does not decay by less than some 1e-7 a step",
     )
 
     def init(self, policy: Policy) -> PyTree:
@@ -205,8 +203,8 @@ def adam_scaling(b1: Scalar, b2: Scalar) -> Any:
 class Adam(SGD):
     r"""Adam (Kingma & Ba, 2015), with learning rates and decoupled weight decay as in `SGD`."""
 
-    b1: float = number(0.9, 0, 1, open_high=True, help="the decay of the mean of gradients, in [0, 1)")
-    b2: float = number(0.999, 0, 1, open_high=True, help="the decay of the mean of squared gradients, in [0, 1)")
+    b1: float = number(0.9, 0, 1, open_high=True, help="the decay of the mean of gradients")
+    b2: float = number(0.999, 0, 1, open_high=True, help="the decay of the mean of squared gradients")
 
     @property
     def _scaling(self) -> Any:
@@ -263,9 +261,9 @@ class PolyakAveraging(Transformation):
 
     needs_steps: ClassVar[bool] = True
 
-    start: int = count(0, 0, 2**31 - 2, unit="steps of the parameters", help="how many are left out, at least 0")
+    start: int = count(0, 0, 2**31 - 2, unit="steps of the parameters", help="how many are left out")
     rate: float = number(
-        0.0, 0, 1, help=r"$\rho \in [0, 1]$; 0 averages all steps since `start`, more has a memory of $1/\rho$ steps"
+        0.0, 0, 1, help=r"$\rho$; 0 averages all steps since `start`, more has a memory of $1/\rho$ steps"
     )
 
     def init(self, policy: Policy) -> RunningMean:

@@ -19,7 +19,8 @@ from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._natural import LimitedMetric
 from motorgrad.learning._schedules import Annealed, Steps
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.learning._surrogate import empty_rows
+from motorgrad.policies import Policy, split
 from motorgrad.schema import count, number
 
 
@@ -51,23 +52,17 @@ class ConjugateGradient(LimitedMetric):
         1,
         1_000_000,
         unit="decisions",
-        help="over how many of the last decisions $F$ is a mean. A learner that improves once a batch should "
-        "have that of its batch",
+        help="over how many of the last decisions $F$ is a mean; of a learner that improves once a batch best its "
+        "batch",
     )
     iterations: int = count(5, 1, 10_000, help="greatest number of iterations of conjugate gradients")
-    damping: float = number(0.1, 0, help=r"$d \ge 0$, in the units of $F$")
+    damping: float = number(0.1, 0, help="$d$, in the units of $F$")
     kl: float | Annealed | None = number(
-        None,
-        0,
-        unit="nats",
-        help="none, or how far one step of the parameters may change the policy, as in `FisherMetric`",
+        None, 0, unit="nats", help="none, or how far one step may change the policy, as in `FisherMetric`"
     )
 
     def init(self, policy: Policy) -> Recent:
-        observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
-        action = policy.mode(observation)
-        rows = [jnp.zeros((self.memory, *each.shape), each.dtype) for each in (observation, action)]
-        return Recent(rows[0], rows[1], jnp.zeros((), jnp.int32))
+        return Recent(*empty_rows(policy, self.memory), jnp.zeros((), jnp.int32))
 
     def observe(self, state: Recent, policy: Policy, transition: Transition) -> Recent:
         place = state.seen % self.memory

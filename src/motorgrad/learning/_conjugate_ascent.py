@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._branching import Flag, ratio, where
 from motorgrad.learning._chain import Learner, Optimizer, Updates, inner
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
@@ -78,16 +78,11 @@ class ConjugateAscent(Optimizer):
     """
 
     initial: float = number(
-        10.0,
-        0,
-        open_low=True,
-        help="$s_0 > 0$, the first step of a line, in units of the learning rate of a plain ascent",
+        10.0, 0, open_low=True, help="$s_0$, the first step of a line, in units of the learning rate of a plain ascent"
     )
-    certainty: float = number(
-        0.0, 0, unit="standard errors", help="how far from 0 an inner product must be, at least 0"
-    )
-    most: int = count(10, 1, unit="batches", help="the most in an estimate, at least 1")
-    trials: int = count(12, 2, help="the most on a line, at least 2")
+    certainty: float = number(0.0, 0, unit="standard errors", help="how far from 0 an inner product must be")
+    most: int = count(10, 1, unit="batches", help="the most in an estimate")
+    trials: int = count(12, 2, help="the most on a line")
 
     def validate_in(self, agent: Learner) -> None:
         improve = agent.estimator.improve
@@ -154,7 +149,7 @@ class ConjugateAscent(Optimizer):
         """The first trial along a new direction."""
         before = inner(state.gradient, state.gradient)
         change = inner(gradient, gradient) - inner(state.gradient, gradient)
-        share = jnp.where(before > 0, jnp.maximum(change / jnp.where(before > 0, before, 1), 0), 0)
+        share = jnp.maximum(ratio(change, before), 0)
         direction = jax.tree.map(lambda g, h: g + share * h, gradient, state.direction)
         climbs = inner(gradient, direction) > 0
         direction = where(climbs, direction, gradient)

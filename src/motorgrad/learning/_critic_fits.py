@@ -76,7 +76,27 @@ class CriticFit(Part):
         return jnp.asarray(NEVER, jnp.int32)
 
 
-class TemporalDifference(CriticFit):
+def level_rate() -> Any:
+    """Declare the `level_rate` of a fit, one over the memory of the mean of rewards."""
+    return number(
+        1e-3,
+        0,
+        1,
+        help="the n-th reward moves the mean of rewards by the greater of 1/n and this share of its distance",
+    )
+
+
+class LevelFit(CriticFit):
+    """A fit with a rate of its own for the mean of rewards."""
+
+    level_rate: eqx.AbstractVar[float]
+
+    @property
+    def mean_rate(self) -> float:
+        return self.level_rate
+
+
+class TemporalDifference(LevelFit):
     r"""TD(λ) with accumulating traces (Sutton, 1988; Tsitsiklis & Van Roy, 1999).
 
     $w \leftarrow w + \alpha\,\delta e$ with $e \leftarrow \gamma\lambda e + \nabla_w v(y_t)$; for a linear critic the
@@ -88,20 +108,10 @@ class TemporalDifference(CriticFit):
     learning_rate: float = number(
         0.01,
         0,
-        help=r"$\alpha \ge 0$. Steps of a linear critic are stable where $\alpha$ times the squared length of "
-        r"the features is well below 1",
+        help=r"$\alpha$. Steps of a linear critic are stable where $\alpha$ times the squared length of the features "
+        r"is well below 1",
     )
-    level_rate: float = number(
-        1e-3,
-        0,
-        1,
-        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
-        r"its distance from it",
-    )
-
-    @property
-    def mean_rate(self) -> float:
-        return self.level_rate
+    level_rate: float = level_rate()
 
     def init(self, weights: PyTree, features: int) -> PyTree:
         return weights
@@ -153,22 +163,18 @@ class LeastSquares(CriticFit):
     leaves_errors: ClassVar[bool] = False
 
     rate: float = number(
-        1e-3,
-        0,
-        1,
-        help="rate of forgetting in [0, 1]; the means have a memory of 1/rate decisions. 0 forgets nothing, "
-        "for a policy that does not change",
+        1e-3, 0, 1, help="rate of forgetting: a memory of 1/rate decisions; 0 for a policy that does not change"
     )
     initial: float = number(
-        1.0, 0, open_low=True, at_start=True, help="first diagonal of $A$, above 0, of the order of a squared feature"
+        1.0, 0, open_low=True, at_start=True, help="first diagonal of $A$, of the order of a squared feature"
     )
     damping: float = number(
         1e-3,
         0,
-        help=r"$d \ge 0$, in the same units. It bounds the weights where features hardly vary. Values of the "
-        r"average reward are known only up to a constant; damping chooses small ones",
+        help="$d$, in the same units. It bounds the weights where features hardly vary, and chooses small values of "
+        "the average reward, which are known only up to a constant",
     )
-    interval: int = count(100, 1, unit="decisions", help="time from one solution to the next, at least 1")
+    interval: int = count(100, 1, unit="decisions", help="time from one solution to the next")
 
     @property
     def mean_rate(self) -> float:

@@ -28,36 +28,31 @@ from motorgrad.schema import Part, inner, number, static
 
 
 class Features(FeatureMap):
-    r"""The features of a linear critic: the inputs, and functions of them (see `FeatureMap`).
-
-    **Arguments:**
-
-    - `squares`: whether the squares of the inputs are among the features.
-    - `products`: whether the products of all pairs of inputs are among the features.
-    - `nonlinear`: the number of nonlinear features.
-    - `shape`: the kind of nonlinear features: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`.
-    - `scale`: a factor above 0; the greater, the shorter the distance between inputs that the nonlinear features tell
-      apart.
-    - `seed`: seed of the random numbers of the nonlinear features.
-    """
+    """The features of a linear critic: the inputs, and functions of them (see `FeatureMap`)."""
 
     actions: bool = static(
         False,
-        help="whether the critic also sees the previous action, whose effect the inputs may only hint at; 0 at "
-        "the start of an episode. A discrete action is one number per alternative, 1 for the one that "
-        "was taken",
+        help="whether the critic also sees the previous action, whose effect the inputs may only hint at: 0 at the "
+        "start of an episode, and a discrete one as a number per alternative, 1 for the one that was taken",
     )
     bias: bool = static(
         True,
-        help="whether the critic also has a constant input of 1. It is useless for the average reward of a "
-        "task without episodes, whose values are known only up to a constant",
+        help="whether the critic also has a constant input of 1, useless for the average reward of a task without "
+        "episodes, whose values are known only up to a constant",
     )
 
-    def __call__(self, observation: Float[Array, " inputs"], previous: Float[Array, " action"]) -> Weights:
+    def __call__(
+        self, observation: Float[Array, " inputs"], previous: Float[Array, " action"] | None = None
+    ) -> Weights:
         parts = [self.expanded(observation)]
-        parts += [previous] if self.actions else []
+        parts += [previous] if self.actions and previous is not None else []
         parts += [jnp.ones(1, observation.dtype)] if self.bias else []
         return jnp.concatenate(parts)
+
+
+def check_blind(features: Features) -> None:
+    """Refuse features that see the previous action."""
+    check(not features.actions, "features.actions", True, "False")
 
 
 def endless(discount: float | None, decay: float) -> str | None:
@@ -84,11 +79,23 @@ class Critic(Baseline):
 
     needs_decision: ClassVar[bool] = True
 
-    features: eqx.AbstractVar[Any]
-    discount: eqx.AbstractVar[float | None]
-    decay: eqx.AbstractVar[float]
-    fit: eqx.AbstractVar[CriticFit]
     centring: eqx.AbstractVar[Centring | None]
+    features: Features | Callable[..., Any] = inner(
+        Features(),
+        help=r"$\phi$, `Features` or a `Part` of your own, called as `features(observation, previous)` with two "
+        r"vectors, which returns a vector; their scale should be about 1 for a network",
+    )
+    discount: float | None = number(
+        None, 0, 1, help=r"none for the average reward, or $\gamma$; 1 needs a task with episodes"
+    )
+    decay: float = number(
+        0.9,
+        0,
+        1,
+        help=r"$\lambda$ of the critic's own trace. The longer the trace, the less it matters that $\phi$ cannot tell "
+        r"all states apart, and the noisier $v$ is. 1 for the average reward needs a task with episodes",
+    )
+    fit: CriticFit = inner(LeastSquares(), help="how $w$ is learned, `TemporalDifference` or `LeastSquares`")
 
     @abc.abstractmethod
     def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> PyTree:
@@ -203,28 +210,10 @@ class LinearCritic(Critic):
     ```
     """
 
-    features: Features | Callable[..., Any] = inner(
-        Features(),
-        help=r"$\phi$, `Features` or a `Part` of your own, called as `features(observation, previous)` with two "
-        r"vectors, which returns a vector",
-    )
-    discount: float | None = number(
-        None, 0, 1, help=r"none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes"
-    )
-    decay: float = number(
-        0.9,
-        0,
-        1,
-        help=r"$\lambda \in [0, 1]$ of the critic's own trace. The longer the trace, the less it matters that "
-        r"$\phi$ cannot tell all states apart, and the noisier $v$ is. 1 for the average reward needs a "
-        r"task with episodes",
-    )
-    fit: CriticFit = inner(LeastSquares(), help="how $w$ is learned, `TemporalDifference` or `LeastSquares`")
     centring: Centring | None = inner(
         None,
         help=r"none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or "
-        r"`ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for "
-        r"discounted values",
+        r"`ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for discounted values",
     )
 
     def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> Weights:
@@ -277,20 +266,8 @@ class NetworkCritic(Critic):
 
     starts_at_random: ClassVar[bool] = True
 
-    features: Features | Callable[..., Any] = inner(
-        Features(bias=False),
-        help=r"$\phi$, `Features` or a `Part` of your own, as for `LinearCritic`. Their scale should be about 1",
-    )
-    discount: float | None = number(
-        None, 0, 1, help=r"none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes"
-    )
-    decay: float = number(
-        0.8,
-        0,
-        1,
-        help=r"$\lambda \in [0, 1]$ of the critic's own trace. 1 for the average reward needs a task with "
-        r"episodes",
-    )
+    features: Features | Callable[..., Any] = Features(bias=False)
+    decay: float = 0.8
     fit: CriticFit = inner(
         BoundedTemporalDifference(),
         help="how the parameters are learned: at every decision by `BoundedTemporalDifference` or "
@@ -298,10 +275,7 @@ class NetworkCritic(Critic):
     )
     network: Architecture = inner(MultilayerPerceptron(), help="the hidden layers")
     centring: Centring | None = inner(
-        None,
-        help=r"none, or how the level $\rho$ that rewards are compared with is learned, `SimpleCentring` or "
-        r"`ValueBasedCentring`. None is `SimpleCentring` for the average reward, and no $\rho$ for "
-        r"discounted values",
+        None, help=r"none, or how the level $\rho$ of rewards is learned, as for `LinearCritic`"
     )
 
     def validate(self) -> None:

@@ -3,7 +3,6 @@ r"""Gradient estimators: how rewards and scores become gradient samples $g = \de
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
@@ -15,9 +14,9 @@ from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._overshooting import StepBound
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.learning._surrogate import Batch, ClippedSurrogate
+from motorgrad.learning._surrogate import Batch, ClippedSurrogate, gradient_of
 from motorgrad.learning._traces import Episodic, Exponential, Trace, credited
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.policies import Policy, trainable
 from motorgrad.schema import Part, count, inner, number, static
 
 
@@ -75,48 +74,43 @@ class Estimator(Part):
         0,
         1,
         open_low=True,
-        help=r"none where all decisions count alike, as for the average reward; $\gamma \in (0, 1]$ for the "
-        r"discounted return of an episode, $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose "
-        r"samples are $\gamma^t \delta z$. These weights discount later rewards already, so the decay of "
-        r"the trace is $\lambda$ then, and not $\gamma\lambda$; 1, or `Episodic`, leaves no bias",
+        help=r"none where all decisions count alike, as for the average reward; $\gamma$ for the discounted return of "
+        r"an episode, $\sum_t \gamma^t r_{t+1}$ from its start (section 2.5), whose samples are $\gamma^t \delta z$. "
+        r"These weights discount later rewards already, so the decay of the trace is $\lambda$ then, and not "
+        r"$\gamma\lambda$; 1, or `Episodic`, leaves no bias",
     )
     improve: int | Literal["episode", "never"] = count(
         1,
         1,
-        help='after how many samples the parameters move; `"episode"` for once at the end of each episode, '
-        '`"never"` for an estimate at fixed parameters',
+        help="after how many samples the parameters move; episode for once at its end, never for an estimate at fixed "
+        "parameters",
     )
-    batch: Literal["mean", "sum"] = static(
-        "mean", help='whether a step of several samples uses their `"mean"` or their `"sum"`'
-    )
+    batch: Literal["mean", "sum"] = static("mean", help="what a step of several samples uses of them")
     normalization: RootMeanSquare | None = inner(
         None, help=r"none for advantages $\delta$ as they are, or `RootMeanSquare` to normalize them"
     )
     entropy: float | Annealed | None = number(
         None,
         0,
-        help=r"none, or $\kappa \ge 0$, what a nat of entropy is worth in reward, or in normalized advantages. "
-        r"Every sample has $\kappa\,\nabla H(\pi(\cdot \mid y_t))$ added (Williams & Peng, 1991). It may "
-        r"be `Annealed`",
+        help=r"none, or $\kappa$, what a nat of entropy is worth in reward, or in normalized advantages. Every sample "
+        r"has $\kappa\,\nabla H(\pi(\cdot \mid y_t))$ added (Williams & Peng, 1991)",
     )
     entropy_in: Literal["sample", "trace"] = static(
         "sample",
-        help=r'`"sample"` as above; or `"trace"`: $\kappa\,\operatorname{sign}(\delta_t)\,\nabla H$ is added to '
-        r"the newest score in the trace, where $\delta$ multiplies it (Elsayed, Vasan & Mahmood, 2024). "
-        r"The bonus then grows with the size of the advantage and decays with the trace",
+        help=r"sample as above; with trace, $\kappa\,\operatorname{sign}(\delta_t)\,\nabla H$ is added to the newest "
+        r"score in the trace, where $\delta$ multiplies it (Elsayed, Vasan & Mahmood, 2024): the bonus grows with the "
+        r"size of the advantage and decays with the trace",
     )
     reward_scaling: RewardScaling | None = inner(
         None, help="none, or `RewardScaling` of rewards before anything else sees them"
     )
     bound: StepBound | None = inner(
         None,
-        help="none, or what limits each sample, the entropy's part included: an `OvershootingBound` as a "
-        "safeguard for networks that learn online, or `IntentionalStep`",
+        help="none, or what limits each sample, the entropy's part included: `OvershootingBound`, a safeguard for "
+        "networks that learn online, or `IntentionalStep`",
     )
     reuse: ClippedSurrogate | None = inner(
-        None,
-        help="none, so that each batch makes one step of the mean of its samples; or `ClippedSurrogate`, which "
-        "makes several steps from the decisions of a batch",
+        None, help="none for one step of the mean of a batch; `ClippedSurrogate` for several steps from its decisions"
     )
 
     def validate(self) -> None:
@@ -363,5 +357,4 @@ def _times(factor: Float[Array, ""], advantage: Advantage) -> Advantage:
 def entropy_gradient(policy: Policy, observation: Float[Array, " inputs"]) -> PyTree[Array]:
     r"""$\nabla_\theta H(\pi(\cdot \mid y))$, the entropy of the action of all units together, in nats; in the structure
     of the trainable part."""
-    parameters, settings = split(policy)
-    return jax.grad(lambda theta: eqx.combine(theta, settings).entropy(observation))(parameters)
+    return gradient_of(lambda present: present.entropy(observation), policy)

@@ -9,7 +9,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad.learning._branching import Flag, where, where_any
-from motorgrad.learning._critic_fits import CriticFit, CriticStep
+from motorgrad.learning._critic_fits import CriticFit, CriticStep, level_rate
 from motorgrad.policies import split
 from motorgrad.schema import count, number
 
@@ -46,22 +46,10 @@ class FittedReturns(CriticFit):
     one_stream: ClassVar[bool] = True
     leaves_errors: ClassVar[bool] = False
 
-    learning_rate: float = number(3e-3, 0, help="learning rate of Adam, at least 0")
-    rate: float = number(
-        1e-3,
-        0,
-        1,
-        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{rate})$ of its "
-        r"distance from it",
-    )
-    interval: int = count(
-        500,
-        1,
-        1_000_000,
-        unit="decisions",
-        help="length of a batch, at least 1; its decisions are kept until it is full",
-    )
-    passes: int = count(20, 1, 100_000, help="number of times that a batch is used, at least 1")
+    learning_rate: float = number(3e-3, 0, help="learning rate of Adam")
+    rate: float = level_rate()
+    interval: int = count(500, 1, 1_000_000, unit="decisions", help="length of a batch, which is kept until it is full")
+    passes: int = count(20, 1, 100_000, help="number of times that a batch is used")
 
     @property
     def mean_rate(self) -> float:

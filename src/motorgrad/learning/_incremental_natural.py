@@ -37,7 +37,7 @@ class CompatibleWeights(Metric):
 
     needs_decision: ClassVar[bool] = True
 
-    rate: float = number(0.02, 0, help=r"$\alpha \ge 0$. Stable where $\alpha|\psi|^2$ is well below 1")
+    rate: float = number(0.02, 0, help=r"$\alpha$. Stable where $\alpha|\psi|^2$ is well below 1")
 
     def validate_in(self, agent: Learner) -> None:
         wanted = "1, at every decision, with CompatibleWeights; FisherMetric takes batches"
@@ -95,16 +95,10 @@ class ShermanMorrison(Metric):
         1,
         open_low=True,
         open_high=True,
-        help=r"rate $\alpha \in (0, 1)$; the matrix is a mean over about $1/\alpha$ decisions",
+        help=r"$\alpha$; the matrix is a mean over about $1/\alpha$ decisions",
     )
-    damping: float = number(0.01, 0, open_low=True, help="$d > 0$, in the units of $F$")
-    initial: float = number(
-        1.0,
-        0,
-        open_low=True,
-        at_start=True,
-        help="factor above 0, in the same units, of the identity matrix with which $F$ starts",
-    )
+    damping: float = number(0.01, 0, open_low=True, help="$d$, in the units of $F$")
+    initial: float = number(1.0, 0, open_low=True, at_start=True, help="first diagonal of $F$, in the same units")
 
     def init(self, policy: Policy) -> InverseState:
         rows = policy.blocks(jax.tree.map(jnp.zeros_like, trainable(policy)))

@@ -23,9 +23,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad.learning._branching import Flag, Scalar, where
+from motorgrad.learning._branching import Flag, Scalar, ratio, where
 from motorgrad.learning._chain import inner
-from motorgrad.learning._critic_fits import CriticFit, CriticStep
+from motorgrad.learning._critic_fits import CriticStep, LevelFit, level_rate
 from motorgrad.learning._overshooting import StepBound
 from motorgrad.schema import number
 
@@ -64,7 +64,7 @@ class IntentionalFit(NamedTuple):
     weight: Float[Array, ""]
 
 
-class IntentionalTemporalDifference(CriticFit):
+class IntentionalTemporalDifference(LevelFit):
     r"""TD(λ) whose steps take back a given fraction of each error (Sharifnassab et al., 2026).
 
     $$w \leftarrow w + \frac{\eta\,\delta}{\sqrt{g'Pg \cdot e'Pe}}\,Pe, \qquad g = \nabla_w v(y_t), \qquad
@@ -76,27 +76,12 @@ class IntentionalTemporalDifference(CriticFit):
 
     linear: ClassVar[bool] = False
 
-    fraction: float = number(0.5, 0, 1, help=r"the fraction $\eta \in [0, 1]$ of the error that a step takes back")
-    rate: float = number(
-        1e-3, 0, 1, open_low=True, help="rate in (0, 1]; the running means have a memory of 1/rate decisions"
-    )
+    fraction: float = number(0.5, 0, 1, help=r"the fraction $\eta$ of the error that a step takes back")
+    rate: float = number(1e-3, 0, 1, open_low=True, help="one over the memory of the running means, in decisions")
     clip: float = number(
-        20.0,
-        0,
-        open_low=True,
-        help="bound above 0 on an error, in multiples of the running mean of the errors' magnitudes",
+        20.0, 0, open_low=True, help="bound on an error, in multiples of the running mean of the errors' magnitudes"
     )
-    level_rate: float = number(
-        1e-3,
-        0,
-        1,
-        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
-        r"its distance from it",
-    )
-
-    @property
-    def mean_rate(self) -> float:
-        return self.level_rate
+    level_rate: float = level_rate()
 
     def init(self, weights: PyTree, features: int) -> IntentionalFit:
         zero = jnp.zeros((), jax.tree.leaves(weights)[0].dtype)
@@ -106,7 +91,7 @@ class IntentionalTemporalDifference(CriticFit):
         self, weights: PyTree, state: IntentionalFit, step: CriticStep, dropped: Flag = False
     ) -> tuple[PyTree, IntentionalFit]:
         trace = jax.tree.map(lambda e, g: step.discount * step.decay * e + g, state.trace, step.slope)
-        most = jnp.where(state.weight > 0, self.clip * state.size / jnp.where(state.weight > 0, state.weight, 1), 0)
+        most = ratio(self.clip * state.size, state.weight)
         error = jnp.where(most > 0, jnp.clip(step.error, -most, most), step.error)
         means = (state.squares, state.size, state.weight)
         seen = (jax.tree.map(jnp.square, step.slope), jnp.abs(step.error), jnp.ones_like(state.weight))
@@ -143,12 +128,8 @@ class IntentionalStep(StepBound):
     this size the learner takes `SGD(1.0)`.
     """
 
-    change: float = number(
-        0.05, 0, unit="nats", help=r"change $\eta \ge 0$ of the log-probability for an advantage of 1"
-    )
-    rate: float = number(
-        1e-3, 0, 1, open_low=True, help="rate in (0, 1]; the running means have a memory of 1/rate decisions"
-    )
+    change: float = number(0.05, 0, unit="nats", help=r"change $\eta$ of the log-probability for an advantage of 1")
+    rate: float = number(1e-3, 0, 1, open_low=True, help="one over the memory of the running means, in decisions")
 
     def init(self, parameters: PyTree[Array]) -> IntentionalState:
         zeros = jax.tree.map(jnp.zeros_like, parameters)
@@ -165,8 +146,7 @@ class IntentionalStep(StepBound):
     def bounded(
         self, state: IntentionalState, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]
     ) -> PyTree[Array]:
-        some = state.weight > 0
-        usual = jnp.where(some, state.sensitivity / jnp.where(some, state.weight, 1), 0)
+        usual = ratio(state.sensitivity, state.weight)
         diagonal = scales(state.squares, state.weight)
         factor = self.change * _inverse_root(usual * length(eligibility, diagonal))
         return jax.tree.map(lambda p, g: (factor * p * g).astype(g.dtype), diagonal, sample)

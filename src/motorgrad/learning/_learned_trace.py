@@ -53,15 +53,14 @@ class LearnedTrace(Trace):
 
     learns: ClassVar[bool] = True
 
-    length: int = count(20, 1, MAX_FILTER_DECISIONS, unit="decisions", help=r"$n \ge 1$, lags from 0 to $n - 1$")
+    length: int = count(20, 1, MAX_FILTER_DECISIONS, unit="decisions", help="$n$, lags from 0 to $n - 1$")
     rate: float = number(
         1e-3,
         0,
         1,
         open_high=True,
-        help=r"$\kappa \in [0, 1)$; the n-th sample moves the means by $\max(1/n, \kappa)$ of its distance. "
-        r"Choose $1/\kappa$ about as many decisions as the policy needs to change; 0 is for a policy that "
-        r"stays",
+        help=r"$\kappa$; the n-th sample moves the means by $\max(1/n, \kappa)$ of its distance. Choose $1/\kappa$ "
+        r"about as many decisions as the policy needs to change; 0 is for a policy that stays",
     )
 
     def init(self, parameters: PyTree[Array]) -> LearnedState:

@@ -20,6 +20,7 @@ from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._schedules import Annealed, Steps, at
+from motorgrad.learning._surrogate import empty_rows
 from motorgrad.policies import Policy, trainable
 from motorgrad.schema import count, number
 
@@ -98,49 +99,40 @@ class FisherMetric(LimitedMetric):
     needs_decision: ClassVar[bool] = True
 
     rate: float = number(
-        1e-3,
-        0,
-        1,
-        open_low=True,
-        help=r"rate of forgetting $\rho \in (0, 1]$; the matrix is a mean over about $1/\rho$ decisions",
+        1e-3, 0, 1, open_low=True, help=r"rate of forgetting $\rho$; the matrix is a mean over about $1/\rho$ decisions"
     )
     damping: float | dict[str, Any] = number(
         0.01,
         0,
         groups=True,
-        help=r"$d \ge 0$, one number, or a mapping from names of the policy's fields to numbers or arrays that "
-        r"broadcast to the field (fields left out have 0). It has the units of $F$, one over the square of "
-        r"the parameter's, and bounds the step along parameters on which the actions hardly depend",
+        help="$d$, one number, or a mapping from names of the policy's fields to numbers or arrays that broadcast to "
+        "the field (fields left out have 0). It has the units of $F$, one over the square of the parameter's, and "
+        "bounds the step along parameters on which the actions hardly depend",
     )
-    initial: float = number(1.0, 0, at_start=True, help="first diagonal of $F$, at least 0, in the same units")
+    initial: float = number(1.0, 0, at_start=True, help="first diagonal of $F$, in the same units")
     interval: int = count(
         1,
         1,
         100_000,
         unit="decisions",
-        help="how many decisions the matrix takes in at once, each with its own weight. More are faster for "
-        "units with many parameters. A step of the parameters first takes in the decisions that wait. "
-        "They enter with the policy of that moment, so the result is the same for a learner that improves "
-        "once a batch",
+        help="how many decisions the matrix takes in at once, each with its own weight: more are faster for units "
+        "with many parameters. A step of the parameters first takes in those that wait, with the policy of that "
+        "moment, so the result is the same for a learner that improves once a batch",
     )
     kl: float | Annealed | None = number(
         None,
         0,
         unit="nats",
-        help=r"none, or how far one step of the parameters may change the policy, all units together. A step "
-        r"$\Delta$ of larger $\frac12 \Delta' F \Delta$, to second order the mean Kullback-Leibler "
-        r"divergence of the old policy from the new, is shortened to it after the optimizer. A number of "
-        r"at least 0, or one that is `Annealed`",
+        help=r"none, or how far one step may change the policy, all units together. A step $\Delta$ of larger "
+        r"$\frac12 \Delta' F \Delta$, to second order the mean Kullback-Leibler divergence of the old policy from the "
+        r"new, is shortened to it after the optimizer",
     )
 
     def init(self, policy: Policy) -> Blocks | Gathering:
         blocks = first_blocks(policy, jax.eval_shape(self._dampings, policy), self.initial, "ConjugateGradient")
         if self.interval == 1:
             return blocks
-        observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
-        action = policy.mode(observation)
-        rows = [jnp.zeros((self.interval, *each.shape), each.dtype) for each in (observation, action)]
-        return Gathering(blocks, rows[0], rows[1], jnp.zeros((), jnp.int32))
+        return Gathering(blocks, *empty_rows(policy, self.interval), jnp.zeros((), jnp.int32))
 
     def observe(self, state: Blocks | Gathering, policy: Policy, transition: Transition) -> Blocks | Gathering:
         if isinstance(state, Gathering):

@@ -19,7 +19,7 @@ from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Learner, Updates
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
-from motorgrad.learning._critics import Features, endless
+from motorgrad.learning._critics import Features, check_blind, endless
 from motorgrad.learning._natural import Metric, zeros_of
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
@@ -71,17 +71,17 @@ class LeastSquaresNatural(RegressionMetric):
 
     features: Features = inner(Features(), help=r"$\phi$, without the previous action")
     discount: float | None = number(
-        None, 0, 1, help=r"none for the average reward, or $\gamma \in [0, 1]$; 1 needs a task with episodes"
+        None, 0, 1, help=r"none for the average reward, or $\gamma$; 1 needs a task with episodes"
     )
-    decay: float = number(0.9, 0, 1, help=r"$\lambda \in [0, 1]$, of the trace of the features")
+    decay: float = number(0.9, 0, 1, help=r"$\lambda$ of the trace of the features")
     fit: CriticFit = inner(
         LeastSquares(),
-        help="`LeastSquares`: their memory, damping and interval. The interval is best that of the learner's "
-        "steps, and the memory a few of them",
+        help="`LeastSquares`: memory, damping and interval, best that of the learner's steps, and the memory a few of "
+        "them",
     )
 
     def validate(self) -> None:
-        check(not self.features.actions, "features.actions", True, "False")
+        check_blind(self.features)
         check(isinstance(self.fit, LeastSquares), "fit", type(self.fit).__name__, "LeastSquares")
 
     @property
@@ -90,7 +90,7 @@ class LeastSquaresNatural(RegressionMetric):
 
     def init(self, policy: Policy) -> CompatibleState:
         zeros = zeros_of(policy)
-        seen = self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
+        seen = self.features(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
         weights = jnp.zeros(seen.size + zeros.size, zeros.dtype)
         return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights, weights.size))
 
@@ -98,8 +98,8 @@ class LeastSquaresNatural(RegressionMetric):
         dtype = state.weights.dtype
         horizon = 1.0 if self.discount is None else self.discount
         score = self.score(policy, transition)
-        present = self._seen(policy.judged(transition.observation))
-        following = self._seen(transition.next_observation)
+        present = self.features(policy.judged(transition.observation))
+        following = self.features(transition.next_observation)
         following = jnp.where(transition.terminated, 0, following)
         slope = jnp.concatenate([present, score]).astype(dtype)
         later = jnp.concatenate([following, jnp.zeros_like(score)]).astype(dtype)
@@ -126,9 +126,6 @@ class LeastSquaresNatural(RegressionMetric):
 
     def restart(self, state: CompatibleState, ended: Flag) -> CompatibleState:
         return state._replace(fit=where(ended, self.fit.restart(state.fit), state.fit))
-
-    def _seen(self, observation: Array) -> Float[Array, " features"]:
-        return self.features(observation, jnp.zeros(0, observation.dtype))
 
     def _level(self, state: CompatibleState) -> Float[Array, ""]:
         return state.reward.mean if self.discount is None else jnp.zeros_like(state.reward.mean)
@@ -162,17 +159,11 @@ class EpisodicNatural(RegressionMetric):
 
     one_stream: ClassVar[bool] = True  # its means change with the end of an episode
 
-    discount: float = number(1.0, 0, 1, open_low=True, help=r"$\gamma \in (0, 1]$ within an episode")
+    discount: float = number(1.0, 0, 1, open_low=True, help=r"$\gamma$ within an episode")
     rate: float = number(
-        0.01,
-        0,
-        1,
-        help=r"rate in [0, 1], per episode; the n-th episode moves the means by $\max(1/n, \text{rate})$ of its "
-        r"distance",
+        0.01, 0, 1, help=r"the n-th episode moves the means by $\max(1/n, \text{rate})$ of its distance"
     )
-    damping: float = number(
-        0.1, 0, open_low=True, help="$d > 0$, in the units of the squared sum of scores of an episode"
-    )
+    damping: float = number(0.1, 0, open_low=True, help="$d$, in units of the squared sum of scores of an episode")
 
     @property
     def needs_episodes(self) -> str | None:

@@ -12,7 +12,6 @@ have a baseline of its own, which is the best one for its own part of $z$.
 import abc
 from typing import Any, ClassVar, Literal
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
@@ -20,7 +19,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._baselines import Advantage, Baseline, Transition
-from motorgrad.learning._branching import where
+from motorgrad.learning._branching import ratio, where
 from motorgrad.policies import Policy, trainable
 from motorgrad.schema import number, static
 
@@ -36,7 +35,9 @@ class EligibilityBaseline(Baseline):
 
     needs_eligibility: ClassVar[bool] = True
 
-    rate: eqx.AbstractVar[float]
+    rate: float = number(
+        0.0, 0, 1, help=r"$\gamma$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the distance"
+    )
 
     @property
     @abc.abstractmethod
@@ -54,11 +55,11 @@ class EligibilityBaseline(Baseline):
     def values(self, state: RunningMean) -> tuple[Float[Array, "units parameters"], ...]:
         """The baselines, in the form of `Policy.blocks` with axes of length 1 for what shares one; 0 for what has not
         been eligible yet."""
-        return tuple(_ratio(products, weights) for products, weights in state.mean)
+        return tuple(ratio(products, weights) for products, weights in state.mean)
 
     def level(self, state: RunningMean) -> Float[Array, ""]:
         products, weights = (sum(jnp.sum(pair[place]) for pair in state.mean) for place in (0, 1))
-        return _ratio(jnp.asarray(products), jnp.asarray(weights))
+        return ratio(jnp.asarray(products), jnp.asarray(weights))
 
     def update(self, state: RunningMean, policy: Policy, transition: Transition) -> tuple[Advantage, RunningMean]:
         reward, eligibility = transition.reward, transition.eligibility
@@ -94,18 +95,10 @@ class OptimalBaseline(EligibilityBaseline):
     ```
     """
 
-    rate: float = number(
-        0.0,
-        0,
-        1,
-        help=r"$\gamma \in [0, 1]$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the "
-        r"distance",
-    )
     each: Each = static(
         "policy",
         kw_only=True,
-        help='what has a baseline of its own: the `"policy"` as a whole, every `"unit"` (every row of '
-        '`Policy.blocks`), or every `"parameter"`. Keyword only',
+        help="what has a baseline of its own: the policy as a whole, every unit (row of `Policy.blocks`) or parameter",
     )
 
     @property
@@ -124,22 +117,9 @@ class UnitMean(EligibilityBaseline):
     the length of the unit's trace, where `OptimalBaseline` has its square.
     """
 
-    rate: float = number(
-        0.0,
-        0,
-        1,
-        help=r"$\gamma \in [0, 1]$, per reward; the n-th reward moves the means by $\max(1/n, \gamma)$ of the "
-        r"distance",
-    )
-
     @property
     def apart(self) -> Each:
         return "unit"
 
     def weight(self, squares: Float[Array, "*own"]) -> Float[Array, "*own"]:
         return jnp.sqrt(squares)
-
-
-def _ratio(products: Array, weights: Array) -> Array:
-    some = weights > 0
-    return jnp.where(some, products / jnp.where(some, weights, 1), 0)

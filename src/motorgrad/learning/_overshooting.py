@@ -39,8 +39,8 @@ class BoundedTemporalDifference(TemporalDifference):
     should be about 1 in size.
     """
 
-    learning_rate: float = number(1.0, 0, help=r"$\alpha \ge 0$, the step size where the bound leaves it")
-    scaling: float = number(2.0, 0, help=r"$\kappa \ge 0$; the greater, the shorter the steps. 0 bounds nothing")
+    learning_rate: float = number(1.0, 0, help=r"$\alpha$, the step size where the bound leaves it")
+    scaling: float = number(2.0, 0, help=r"$\kappa$; the greater, the shorter the steps. 0 bounds nothing")
 
     def rate_of(self, error: Float[Array, ""], trace: PyTree) -> Scalar:
         return self.learning_rate / overshooting(error, trace, self.learning_rate * self.scaling)
@@ -73,7 +73,7 @@ class OvershootingBound(StepBound):
     rate, the bound is as many times wider. Advantages should be about 1 in size; `RootMeanSquare` sees to that.
     """
 
-    scaling: float = number(3.0, 0, help=r"$\kappa \ge 0$; the greater, the shorter the steps. 0 bounds nothing")
+    scaling: float = number(3.0, 0, help=r"$\kappa$; the greater, the shorter the steps. 0 bounds nothing")
 
     def bounded(
         self, state: PyTree, sample: PyTree[Array], advantage: Float[Array, ""], eligibility: PyTree[Array]

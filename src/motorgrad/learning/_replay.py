@@ -70,21 +70,20 @@ class Hindsight(Part):
     **Raises:** `ValueError` for a value out of range.
     """
 
-    share: float = number(0.67, 0, 1, help="the share of decisions that get another target, in [0, 1]")
+    share: float = number(0.67, 0, 1, help="the share of decisions that get another target")
     ahead: float = number(
         20.0,
         1,
         unit="decisions",
-        help="how much later the body reached it, on average, at least 1. The number is drawn from a geometric "
-        "distribution. A decision whose episode ends before keeps its own target",
+        help="how much later the body reached it, on average. The number is drawn from a geometric distribution. A "
+        "decision whose episode ends before keeps its own target",
     )
     others: float = number(
         0.5,
         0,
         1,
-        help="the share of those that get the target of another decision that is kept, in place of a place "
-        "reached later, in [0, 1]. They keep their own where observations do not show it: see "
-        "`Goal.target`",
+        help="the share of those that get the target of another decision that is kept, in place of a place reached "
+        "later. They keep their own where observations do not show it: see `Goal.target`",
     )
 
     def relabelled(
@@ -129,15 +128,12 @@ class Replay(Part):
     """
 
     capacity: int = count(
-        300_000,
-        2,
-        100_000_000,
-        help="number of observations that are kept, at least 2; the oldest make room for new ones",
+        300_000, 2, 100_000_000, help="number of observations that are kept; the oldest make room for new ones"
     )
     start: int = count(1_000, 2, 100_000_000, help="number of observations from which a learner begins to move")
     batch: int = count(256, 1, 1_000_000, help="number of decisions of a step")
     updates: int = count(
-        1, 1, 1_000_000, help="number of steps each time that the parameters move, which the estimator's `improve` says"
+        1, 1, 1_000_000, help="number of steps each time that the parameters move, as `improve` of the estimator says"
     )
     hindsight: Hindsight | None = inner(None, help="none, or `Hindsight` for a task with a target")
 

@@ -27,7 +27,7 @@ class RewardScaling(Part):
     $u$ has varied, they stay as they are.
     """
 
-    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma \in [0, 1)$, as a rule that of the critic")
+    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma$, as a rule that of the critic")
 
     def init(self, dtype: DTypeLike) -> ScalingState:
         """The state before any reward."""
@@ -66,7 +66,7 @@ class RootMeanSquare(Part):
     $1/\sqrt\gamma$; this couples the two, a bias of the order of $\gamma$.
     """
 
-    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True, help=r"$\gamma \in (0, 1)$, per reward")
+    rate: float = number(1e-3, 0, 1, open_low=True, open_high=True, help=r"$\gamma$, per reward")
 
     def init(self, dtype: DTypeLike) -> NormalizationState:
         """The state before any advantage."""

@@ -9,8 +9,8 @@ from motorgrad.schema import Part, count, number
 class Annealed(Part):
     """A number that moves in a straight line from `start` to `end` and stays there."""
 
-    start: float = number(low=0, help="the first value, at least 0")
-    end: float = number(0.0, 0, help="the last value, at least 0")
+    start: float = number(low=0, help="the first value")
+    end: float = number(0.0, 0, help="the last value")
     steps: int = count(1000, 1, unit="steps of the parameters", help="duration of the change from `start` to `end`")
 
 

@@ -17,12 +17,14 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad.learning._baselines import Baseline, Transition
+from motorgrad.learning._action_values import PathwiseEstimator, check_differentiable
+from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.learning._critics import ValueNetwork, value_network
-from motorgrad.learning._estimator import Estimator, EstimatorState
+from motorgrad.learning._estimator import EstimatorState
 from motorgrad.learning._replay import Drawn, Experience, Replay
 from motorgrad.learning._schedules import Annealed, Steps, at
+from motorgrad.learning._surrogate import gradient_of
 from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
 from motorgrad.schema import Part, count, inner, number
 
@@ -46,15 +48,12 @@ class ActionValueEnsemble(Part):
     the share `tracking` at every step.
     """
 
-    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma \in [0, 1)$")
-    learning_rate: float | Annealed = number(5e-4, 0, help="learning rate of Adam, at least 0. It may be `Annealed`")
+    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma$, the weight of the next value")
+    learning_rate: float | Annealed = number(5e-4, 0, help="learning rate of Adam")
     tracking: float = number(
-        0.01,
-        0,
-        1,
-        help="the share of the distance to the networks by which their slow copies move at a step, in [0, 1]",
+        0.01, 0, 1, help="the share of the distance to the networks by which their slow copies move at a step"
     )
-    members: int = count(2, 1, 1_000, help="number of networks, at least 1")
+    members: int = count(2, 1, 1_000, help="number of networks")
     network: Architecture = inner(
         MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True),
         help="the hidden layers. They see the observation and the action, in one vector",
@@ -132,11 +131,11 @@ class EntropyTarget(Part):
     target: float = number(
         -1.0,
         unit="nats",
-        help="the wanted entropy of each number of an action, on average. A number that is uniform between two "
-        "bounds has the logarithm of their distance",
+        help="the wanted entropy of each number of an action, on average; that of a number that is uniform between two "
+        "bounds is the logarithm of their distance",
     )
-    start: float = number(0.1, 0, open_low=True, help=r"the first $\alpha$, in rewards, positive")
-    learning_rate: float = number(5e-4, 0, help="learning rate of Adam, at least 0")
+    start: float = number(0.1, 0, open_low=True, help=r"the first $\alpha$, in rewards")
+    learning_rate: float = number(5e-4, 0, help="learning rate of Adam")
 
     def init(self, dtype: DTypeLike) -> EntropyState:
         """The state at the start."""
@@ -154,7 +153,7 @@ class EntropyTarget(Part):
         return EntropyState(log_worth.astype(state.log_worth.dtype), rule)
 
 
-class SoftActorCritic(Estimator):
+class SoftActorCritic(PathwiseEstimator):
     r"""Soft actor-critic (Haarnoja et al., 2018): the policy climbs the value of its actions, at decisions from the
     past.
 
@@ -167,8 +166,8 @@ class SoftActorCritic(Estimator):
     average: by independent noise of the same spread. Without `entropy` or an `entropy_target`, the deviations of graded
     units shrink to their `floor`, which then sets how far they explore.
 
-    **Arguments:** those of `Estimator`, of which `improve`, `entropy` ($\alpha$) and `reward_scaling` have an effect;
-    the others are refused, except for `trace`, which has none.
+    Of the settings of `Estimator`, `improve`, `entropy` ($\alpha$) and `reward_scaling` have an effect; `trace` has
+    none, and the others are refused.
 
     **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
     real numbers.
@@ -180,7 +179,6 @@ class SoftActorCritic(Estimator):
     ```
     """
 
-    baseline: Baseline | None = None
     values: ActionValueEnsemble = inner(ActionValueEnsemble(), help="the values of actions, and how they are learned")
     replay: Replay = inner(Replay(), help="how much experience is kept, and how often it is used")
     entropy_target: EntropyTarget | None = inner(
@@ -189,10 +187,6 @@ class SoftActorCritic(Estimator):
 
     def validate(self) -> None:
         super().validate()
-        for name in ("baseline", "discount", "normalization", "bound", "reuse"):
-            found = getattr(self, name)
-            check(found is None, name, found, "None with SoftActorCritic, which has no advantages")
-        check(self.entropy_in == "sample", "entropy_in", self.entropy_in, "'sample' with SoftActorCritic")
         both = self.entropy is not None and self.entropy_target is not None
         check(not both, "entropy", self.entropy, "None with an entropy_target, which learns it")
         wanted = "a number of decisions with SoftActorCritic"
@@ -211,10 +205,6 @@ class SoftActorCritic(Estimator):
         return "the experience kept by SoftActorCritic"
 
     @property
-    def needs_decision(self) -> bool:
-        return True
-
-    @property
     def needs_goal(self) -> str | None:
         return None if self.replay.hindsight is None else "replay.hindsight"
 
@@ -228,21 +218,16 @@ class SoftActorCritic(Estimator):
         observation = jnp.zeros(lasting.inputs, dtype)
         numbers = jnp.zeros(lasting.uniforms, dtype)
         action = lasting.mode(observation)
-        (learned, settings) = split(lasting)
-        try:
-            drawn = lambda learned: jnp.sum(eqx.combine(learned, settings).sample(observation, numbers))  # noqa: E731
-            jax.eval_shape(jax.grad(drawn), learned)
-        except ValueError as error:  # such as the beta distribution, whose quantiles JAX does not differentiate
-            wanted = "one whose actions JAX can differentiate, such as of the densities 'squashed' and 'clipped'"
-            raise ValueError(f"policy = {type(policy).__name__!r}: must be {wanted}") from error
+
+        def slope(numbers: Array) -> PyTree[Array]:
+            return gradient_of(lambda present: jnp.sum(present.sample(observation, numbers)), lasting)
+
+        check_differentiable(policy, slope, numbers)
         values = self.values.init(observation.size + action.size, dtype, jax.random.fold_in(key, 2))
         experience = self.replay.init(observation, action, jax.random.fold_in(key, 3))
         scaling = None if self.reward_scaling is None else self.reward_scaling.init(dtype)
         entropy = None if self.entropy_target is None else self.entropy_target.init(dtype)
         return EstimatorState(None, values, None, None, scaling, experience, entropy=entropy)
-
-    def act(self, state: EstimatorState, observation: Float[Array, " inputs"], score: PyTree[Array]) -> EstimatorState:
-        return state
 
     def sample(
         self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None
@@ -307,16 +292,15 @@ class SoftActorCritic(Estimator):
         self, values: EnsembleState, policy: Policy, drawn: Drawn, entropy_coefficient: Scalar | None, key: jax.Array
     ) -> PyTree[Array]:
         """The mean gradient of the least value over a batch, for actions drawn anew."""
-        learned, settings = split(policy)
         observation = drawn.observation
         numbers = jax.random.uniform(key, (len(observation), policy.marginal.uniforms), observation.dtype)
 
-        def gain(parameters: PyTree) -> Float[Array, ""]:
-            present = eqx.combine(parameters, settings).marginal
+        def gain(whole: Policy) -> Float[Array, ""]:
+            present = whole.marginal
             action = jax.vmap(present.sample)(observation, numbers)
             gains = jnp.min(self.values.values(values.weights, observation, action), axis=0)
             if entropy_coefficient is not None:
                 gains = gains + entropy_coefficient * jax.vmap(present.entropy_estimate)(observation, numbers)
             return drawn.mean(gains)
 
-        return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
+        return gradient_of(gain, policy)

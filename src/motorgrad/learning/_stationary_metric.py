@@ -26,7 +26,7 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Learner, Updates
-from motorgrad.learning._critics import Features
+from motorgrad.learning._critics import Features, check_blind
 from motorgrad.learning._natural import Blocks, Metric, identities, zeros_of
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
@@ -88,38 +88,34 @@ class StationaryMetric(Metric):
         1.0,
         0,
         1,
-        help=r"$\iota \in [0, 1]$, the share of the states. 0 is the natural gradient of actions alone (Kakade, "
-        r"2001), 1 that of the joint distribution (Morimura et al., 2008)",
+        help=r"$\iota$, the share of the states. 0 is the natural gradient of actions alone (Kakade, 2001), 1 that of "
+        r"the joint distribution (Morimura et al., 2008)",
     )
     decay: float = number(
         0.0,
         0,
         1,
         open_high=True,
-        help=r"$\lambda \in [0, 1)$. The longer, the less it matters that $\phi$ cannot tell all states apart, "
-        r"and the noisier $\xi$ is",
+        help=r"$\lambda$. The longer, the less it matters that $\phi$ cannot tell all states apart, and the noisier "
+        r"$\xi$ is",
     )
     rate: float = number(
-        1e-3,
-        0,
-        1,
-        help=r"rate in [0, 1], per decision; the n-th decision moves the means by $\max(1/n, \text{rate})$ of "
-        r"its distance",
+        1e-3, 0, 1, help=r"the n-th decision moves the means by $\max(1/n, \text{rate})$ of its distance"
     )
     damping: float = number(
-        0.01, 0, open_low=True, help="$d > 0$, in the units of the Fisher matrix, one over the square of a parameter's"
+        0.01, 0, open_low=True, help="$d$, in the units of the Fisher matrix, one over the square of a parameter's"
     )
-    ridge: float = number(1e-3, 0, open_low=True, help=r"$\epsilon > 0$, in the units of a squared feature")
+    ridge: float = number(1e-3, 0, open_low=True, help=r"$\epsilon$, in the units of a squared feature")
     initial: float = number(
         1.0,
         0,
         at_start=True,
-        help="first diagonal, at least 0, in the units of the Fisher matrix. $F_a$ starts as this times the "
-        "identity, which counts as one decision",
+        help="first diagonal, in the units of the Fisher matrix. $F_a$ starts as this times the identity, which "
+        "counts as one decision",
     )
 
     def validate(self) -> None:
-        check(not self.features.actions, "features.actions", True, "False")
+        check_blind(self.features)
 
     def validate_in(self, agent: Learner) -> None:
         wanted = "None with StationaryMetric; FisherMetric takes policies that grow"
@@ -129,14 +125,14 @@ class StationaryMetric(Metric):
         zeros = zeros_of(policy)
         blocks = tuple(identities(block, self.initial) for block in policy.blocks(trainable(policy)))
         started = running_mean(blocks)._replace(mean=blocks)
-        phi = jnp.zeros_like(self._seen(policy.judged(jnp.zeros(policy.inputs, zeros.dtype))))
+        phi = jnp.zeros_like(self.features(policy.judged(jnp.zeros(policy.inputs, zeros.dtype))))
         square = jnp.zeros((phi.size, phi.size), zeros.dtype)
         means = running_mean(Backward(square, jnp.zeros((phi.size, zeros.size), zeros.dtype), phi, square))
         return StationaryState(started._replace(count=started.count + 1), means, phi, zeros, jnp.zeros((), bool))
 
     def observe(self, state: StationaryState, policy: Policy, transition: Transition) -> StationaryState:
         observation, action = transition.observation, transition.action
-        phi = self._seen(policy.judged(observation)).astype(state.earlier.dtype)
+        phi = self.features(policy.judged(observation)).astype(state.earlier.dtype)
         score = ravel_pytree(policy.score(observation, action))[0]
         blocks = add_sample(state.blocks, policy.fisher(observation, action), self.rate)
         outer = phi[:, None]
@@ -159,7 +155,7 @@ class StationaryMetric(Metric):
         self, state: StationaryState, observation: Float[Array, " inputs"]
     ) -> Float[Array, " parameters"]:
         r"""$\xi(y)$, the gradient of the logarithm of a state's stationary probability, as one vector."""
-        return self._seen(observation).astype(state.earlier.dtype) @ self.solution(state)
+        return self.features(observation).astype(state.earlier.dtype) @ self.solution(state)
 
     def fisher(self, state: StationaryState, policy: Policy) -> Float[Array, "parameters parameters"]:
         r"""$F_a + \iota\,\mathbb E[\xi\xi']$."""
@@ -188,6 +184,3 @@ class StationaryMetric(Metric):
             return unravel(jnp.linalg.solve(matrix, vector))
 
         return where_any(due, direction, updates), state
-
-    def _seen(self, observation: Array) -> Float[Array, " features"]:
-        return self.features(observation, jnp.zeros(0, observation.dtype))

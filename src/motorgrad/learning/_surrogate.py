@@ -11,7 +11,7 @@ of their advantage add nothing more.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,6 +21,22 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 from motorgrad.learning._branching import Flag, Scalar, where
 from motorgrad.policies import Policy, split, trainable
 from motorgrad.schema import Part, count, number, static
+
+
+def gradient_of(gain: Callable[[Any], Float[Array, ""]], policy: Policy) -> PyTree[Array]:
+    """The gradient of a function of a policy, in the structure and the types of its trainable part."""
+    learned, settings = split(policy)
+    slope = jax.grad(lambda parameters: gain(eqx.combine(parameters, settings)))(learned)
+    return jax.tree.map(lambda g, p: g.astype(p.dtype), slope, learned)
+
+
+def empty_rows(policy: Policy, size: int) -> tuple[Array, Array]:
+    """Zeros in the place of the observations and actions of so many decisions."""
+    observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
+    observations, actions = (
+        jnp.zeros((size, *each.shape), each.dtype) for each in (observation, policy.mode(observation))
+    )
+    return observations, actions
 
 
 class Batch(NamedTuple):
@@ -56,16 +72,15 @@ class ClippedSurrogate(Part):
         0.2,
         0,
         open_low=True,
-        help=r"$\epsilon > 0$; a decision whose probability has changed by this share of it, in the direction "
-        r"of its advantage, adds nothing to the gradient",
+        help=r"$\epsilon$; a decision whose probability has changed by this share of it, in the direction of its "
+        r"advantage, adds nothing to the gradient",
     )
-    epochs: int = count(10, 1, 10_000, help="number of times that each decision is used, at least 1")
+    epochs: int = count(10, 1, 10_000, help="number of times that each decision is used")
     minibatches: int = count(
         1,
         1,
         1_000_000,
-        help="into how many parts a batch is cut, each for a step of the parameters; a divisor of the "
-        "estimator's `improve`",
+        help="into how many parts a batch is cut, each for a step of the parameters; a divisor of `improve`",
     )
     standardise: bool = static(
         True, help="whether the advantages of a batch are made to have mean 0 and deviation 1; equal ones become 0"
@@ -73,10 +88,8 @@ class ClippedSurrogate(Part):
 
     def init(self, policy: Policy, size: int, key: jax.Array) -> Batch:
         """The state before any decision, for batches of this size."""
-        observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
-        action = policy.mode(observation)
-        seen, done = (jnp.zeros((size, *each.shape), each.dtype) for each in (observation, action))
-        numbers = jnp.zeros(size, observation.dtype)
+        seen, done = empty_rows(policy, size)
+        numbers = jnp.zeros(size, seen.dtype)
         words = jax.random.key_data(key)
         return Batch(seen, done, numbers, numbers, jnp.zeros(size, bool), jnp.zeros((), jnp.int32), words)
 
@@ -128,17 +141,15 @@ class ClippedSurrogate(Part):
     def gradient(self, policy: Policy, rows: PyTree, bonus: Float[Array, ""] | None = None) -> PyTree[Array]:
         r"""$\nabla_\theta L$ at the parameters of `policy`, for the decisions in `rows`: observations, actions, their
         log-probabilities under the old policy and advantages; `bonus`, what a nat of entropy is worth, if anything."""
-        learned, settings = split(policy)
         observations, actions, old, advantages = rows
 
-        def gain(parameters: PyTree) -> Float[Array, ""]:
-            present = eqx.combine(parameters, settings)
+        def gain(present: Policy) -> Float[Array, ""]:
             ratio = jnp.exp(jax.vmap(present.log_prob)(observations, actions) - old)
             limited = jnp.clip(ratio, 1 - self.clip, 1 + self.clip)
             total = jnp.mean(jnp.minimum(ratio * advantages, limited * advantages))
             return total if bonus is None else total + bonus * jnp.mean(jax.vmap(present.entropy)(observations))
 
-        return jax.tree.map(lambda g, p: g.astype(p.dtype), jax.grad(gain)(learned), learned)
+        return gradient_of(gain, policy)
 
     def climb(
         self,

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._critic_fits import CriticFit, CriticStep, Weights
+from motorgrad.learning._critic_fits import CriticStep, LevelFit, Weights, level_rate
 from motorgrad.schema import is_tracer, number
 
 MIN_STEP_SIZE = 1e-10
@@ -34,7 +34,7 @@ class SwiftState(NamedTuple):
     credit: Weights
 
 
-class SwiftTemporalDifference(CriticFit):
+class SwiftTemporalDifference(LevelFit):
     r"""SwiftTD (Javed, Sharifnassab & Sutton, 2024): true-online TD(λ) with a step size $\alpha_i = e^{\beta_i}$ for
     every feature, which is learned.
 
@@ -55,33 +55,24 @@ class SwiftTemporalDifference(CriticFit):
     """
 
     initial: float = number(
-        0.01, 0, 1, open_low=True, at_start=True, help="every step size at the start, above 0 and at most the `bound`"
+        0.01, 0, 1, open_low=True, at_start=True, help="every step size at the start, at most the `bound`"
     )
-    meta_rate: float = number(0.01, 0, help=r"$\theta \ge 0$; 0 leaves the step sizes as they are, but for the bound")
-    bound: float = number(0.5, 0, 1, open_low=True, help=r"$\eta \in (0, 1]$")
+    meta_rate: float = number(0.01, 0, help=r"$\theta$; 0 leaves the step sizes as they are, but for the bound")
+    bound: float = number(
+        0.5, 0, 1, open_low=True, help=r"$\eta$, the greatest share of an error that one step takes away"
+    )
     shrinkage: float = number(
         0.999,
         0,
         1,
         open_low=True,
-        help=r"$\epsilon \in (0, 1]$, what is left of a step size when the bound was exceeded, for a feature of "
-        r"1",
+        help=r"$\epsilon$, what is left of a step size when the bound was exceeded, for a feature of 1",
     )
-    level_rate: float = number(
-        1e-3,
-        0,
-        1,
-        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
-        r"its distance from it",
-    )
+    level_rate: float = level_rate()
 
     def validate(self) -> None:
         if not is_tracer(self.initial) and not is_tracer(self.bound):
             check(self.initial <= self.bound, "initial", self.initial, f"at most the bound, {self.bound}")
-
-    @property
-    def mean_rate(self) -> float:
-        return self.level_rate
 
     def init(self, weights: Weights, features: int) -> SwiftState:
         rates = jnp.full_like(weights, 1) * jnp.log(jnp.asarray(self.initial, weights.dtype))

@@ -13,9 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad._errors import check
 from motorgrad.policies import Policy
-from motorgrad.schema import Part, count, number, static
+from motorgrad.schema import Part, Range, count, number, static
 
 MAX_FILTER_DECISIONS = 100_000  # of a finite filter, which keeps as many copies of the parameters
 
@@ -71,9 +70,9 @@ class Exponential(Trace):
         0.9,
         0,
         1,
-        help=r"$\beta \in [0, 1]$, per decision. Choose $1/(1 - \beta)$ above the number of decisions over "
-        r"which actions still matter (the mixing time): a small $\beta$ biases the gradient, a large one "
-        r"makes it noisy. 1 never forgets and needs a task with episodes",
+        help=r"$\beta$, per decision. Choose $1/(1 - \beta)$ above the number of decisions over which actions still "
+        r"matter (the mixing time): a small $\beta$ biases the gradient, a large one makes it noisy. 1 never forgets "
+        r"and needs a task with episodes",
     )
 
     def init(self, parameters: PyTree[Array]) -> PyTree[Array]:
@@ -141,7 +140,7 @@ class Window(_Kernel):
     3.2.1) and keeps $n$ copies of the parameters.
     """
 
-    length: int = count(10, 1, MAX_FILTER_DECISIONS, unit="decisions", help=r"length of the window, $n \ge 1$")
+    length: int = count(10, 1, MAX_FILTER_DECISIONS, unit="decisions", help="length of the window, $n$")
 
     def weights(self) -> Float[Array, " length"]:
         return jnp.ones(self.length)
@@ -155,17 +154,12 @@ class LaggedGaussian(_Kernel):
     lag, where the weight is below 4e-4. Both numbers set its length, so they are static.
     """
 
-    lag: float = static(5.0, unit="decisions", help="the delay with the greatest weight, at least 0")
-    width: float = static(2.0, unit="decisions", help="the standard deviation, above 0")
-
-    def validate(self) -> None:
-        check(0 <= self.lag <= MAX_FILTER_DECISIONS, "lag", self.lag, f"from 0 to {MAX_FILTER_DECISIONS} decisions")
-        check(
-            0 < self.width <= MAX_FILTER_DECISIONS,
-            "width",
-            self.width,
-            f"a positive number of decisions, at most {MAX_FILTER_DECISIONS}",
-        )
+    lag: float = static(
+        5.0, allowed=Range(0, MAX_FILTER_DECISIONS), unit="decisions", help="the delay with the greatest weight"
+    )
+    width: float = static(
+        2.0, allowed=Range(0, MAX_FILTER_DECISIONS, open_low=True), unit="decisions", help="the standard deviation"
+    )
 
     def weights(self) -> Float[Array, " length"]:
         age = jnp.arange(math.ceil(self.lag + 4 * self.width) + 1)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._critic_fits import CriticFit, CriticStep, Weights
+from motorgrad.learning._critic_fits import CriticStep, LevelFit, Weights, level_rate
 from motorgrad.schema import number
 
 
@@ -17,7 +17,7 @@ class TrueOnlineState(NamedTuple):
     value: Float[Array, ""]
 
 
-class TrueOnlineTemporalDifference(CriticFit):
+class TrueOnlineTemporalDifference(LevelFit):
     r"""True-online TD(λ) (van Seijen et al., 2016, algorithm 1).
 
     With $v = w \cdot \phi$, $v' = w \cdot \phi'$ and $\bar v$, the $v'$ of the previous decision (0 at the start of an
@@ -37,20 +37,10 @@ class TrueOnlineTemporalDifference(CriticFit):
     learning_rate: float = number(
         0.01,
         0,
-        help=r"$\alpha \ge 0$. Steps are stable where $\alpha$ times the squared length of the features is "
-        r"below 1, for any decay",
+        help=r"$\alpha$. Steps are stable where $\alpha$ times the squared length of the features is below 1, for any "
+        r"decay",
     )
-    level_rate: float = number(
-        1e-3,
-        0,
-        1,
-        help=r"rate in [0, 1]; the n-th reward moves the mean of rewards by $\max(1/n, \text{level rate})$ of "
-        r"its distance from it",
-    )
-
-    @property
-    def mean_rate(self) -> float:
-        return self.level_rate
+    level_rate: float = level_rate()
 
     def init(self, weights: Weights, features: int) -> TrueOnlineState:
         return TrueOnlineState(weights, jnp.zeros((), weights.dtype))

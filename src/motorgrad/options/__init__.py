@@ -16,14 +16,12 @@ from motorgrad.options._configuration import (
     read_arguments,
     resolve,
 )
-from motorgrad.options._line import HELP, HELP_ALL, Positional
-from motorgrad.options._outputs import (
-    MARK,
-    OUTPUTS,
-    check_outputs,
-)
+from motorgrad.options._line import HELP, HELP_ALL
+from motorgrad.options._outputs import MARK, OUTPUTS
 from motorgrad.options._results import (
+    failure_text,
     finite_table,
+    json_help,
     listed_failures,
     print_outcome,
     print_place,
@@ -45,12 +43,12 @@ __all__ = [
     "MARK",
     "OUTPUTS",
     "Arguments",
-    "Positional",
     "changes_from_task",
-    "check_outputs",
     "command_with_learner",
+    "failure_text",
     "finite_table",
     "is_task_word",
+    "json_help",
     "listed_failures",
     "naming",
     "parse",

@@ -1,8 +1,7 @@
 """Options from a TOML file and the command line: one mechanism for every command.
 
-A command is a frozen dataclass. Its fields are its options, and the keys of its file; a field that is a dataclass is a
-table. `validate()` checks the options before any work. `effective()` returns what `--check` prints, where that is not
-the plain table of the fields.
+A command is a frozen dataclass of `Settings`. Its fields are its options, and the keys of its file; a field that is a
+dataclass is a table. `effective()` returns what `--check` prints, where that is not the plain table of the fields.
 """
 
 import contextlib
@@ -15,7 +14,7 @@ import tomli_w
 from motorgrad._errors import check, unknown
 from motorgrad._files import check_writable, read_toml
 from motorgrad.options._line import HELP, HELP_ALL, flag_of, nested, read_line
-from motorgrad.options._outputs import check_outputs
+from motorgrad.options._outputs import check_figure, check_outputs
 from motorgrad.schema import Words, build, convert, deeper, fields_of, table
 
 if TYPE_CHECKING:
@@ -97,15 +96,12 @@ def resolve(cls: type[T], given: Arguments, prog: str) -> T:
             raise unknown("option", flag_of(path), [flag_of(name) for name in known], map(flag_of, deeper(cls, path)))
     with naming(given.file):
         in_file = convert(cls, given.table)
-    try:
+        check_outputs(cls, in_file, line)
+    with naming(given.file, given.rest):
         options = build(cls, _over(given.table, nested(line)))
-        check_outputs(options, in_file, line)
-        getattr(options, "validate", lambda: None)()
+        check_figure(options, in_file, line)
         if (json := getattr(options, "json", None)) and str(json) != "-":
             check_writable("json", json)
-    except ValueError as error:
-        source = " ".join([str(given.file), *(["with", *given.rest] if given.rest else [])])
-        raise ValueError(f"{source}: {error}" if given.file else str(error)) from None
     if given.check:
         values = getattr(options, "effective", lambda: table(options))()
         print(tomli_w.dumps({name: value for name, value in values.items() if name not in ASKED}), end="")
@@ -114,13 +110,14 @@ def resolve(cls: type[T], given: Arguments, prog: str) -> T:
 
 
 @contextlib.contextmanager
-def naming(file: Path | None) -> Iterator[None]:
-    """Let a `ValueError` begin with the file that the options come from, unless it names it."""
+def naming(file: Path | None, words: Sequence[str] = ()) -> Iterator[None]:
+    """Let a `ValueError` begin with the file that the options come from, and the words with it, unless it does."""
     try:
         yield
     except ValueError as error:
-        message = str(error)
-        raise ValueError(message if file is None or str(file) in message else f"{file}: {message}") from None
+        source = " ".join([str(file), *(["with", *words] if words else [])])
+        named = file is None or str(error).startswith(str(file))
+        raise ValueError(str(error) if named else f"{source}: {error}") from None
 
 
 def _over(file: Mapping[str, Any], line: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,9 +11,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from motorgrad.options._line import flag_of, positional_of
+from motorgrad.options._line import flag_of
 from motorgrad.schema import (
     PART_CLASSES,
+    Declared,
     Part,
     declared_by,
     default_of,
@@ -39,13 +40,13 @@ COMMON = (
 
 class Option(NamedTuple):
     """An option: its path, the type of its value, its default (`dataclasses.MISSING` if it must be given), its text,
-    and what stands for its value where that is not said by the type."""
+    and what its field declares."""
 
     path: str
     hint: Any
     default: Any
     text: str
-    metavar: str | None = None
+    declared: Declared = Declared()
 
     @property
     def flag(self) -> str:
@@ -63,27 +64,26 @@ class Option(NamedTuple):
 def help_text(cls: type, prog: str, only: Container[str] | None = None) -> str:
     """The help of a command whose options are the fields of `cls`; of those, `only` some where the rest is too long."""
     known = list(_of_dataclass(cls, None, ""))
-    named = positional_of(cls)
-    arguments = [option for option in known if option.path in named]
-    shown = " ".join(named[option.path].metavar for option in arguments)
+    arguments = [option for option in known if option.declared.positional]
+    shown = " ".join(option.declared.positional for option in arguments)
     usage = f"usage: motorgrad {prog} [-h] [OPTIONS] {shown}".rstrip()
     lines = [usage, "", *(_wrapped(each) for each in description_of(cls).split("\n\n")), ""]
     if arguments:
         lines.append("arguments:")
         for option in arguments:
-            lines += _entry(named[option.path].metavar, "", f"{option.text}{_default_text(option)}")
+            lines += _entry(option.declared.positional, "", f"{option.text}{_details(option)}")
         lines.append("")
     groups: dict[str, list[Option]] = {"": []}
     for option in known:
-        if option.path not in named and (only is None or option.path in only):
+        if not option.declared.positional and (only is None or option.path in only):
             groups.setdefault(option.group, []).append(option)
     for group, members in groups.items():
         lines.append(f"options of {group}:" if group else "options:")
         for flag, metavar, text in () if group else COMMON:
             lines += _entry(flag, metavar, text)
         for option in members:
-            metavar = option.metavar or metavar_of(option.hint)
-            lines += _entry(option.flag, metavar, f"{option.text}{_default_text(option)}")
+            metavar = option.declared.metavar or metavar_of(option.hint)
+            lines += _entry(option.flag, metavar, f"{option.text}{_details(option)}")
         lines.append("")
     return "\n".join(lines)
 
@@ -114,21 +114,20 @@ def metavar_of(hint: Any) -> str:
 
 def _of_dataclass(cls: type, instance: Any, path: str) -> Iterator[Option]:
     """The options of a dataclass, and of those within it, whose values in the `instance` are the defaults."""
-    texts = descriptions(cls)
+    texts = descriptions(cls, units=False)
     hints = hints_of(cls)
-    declared = typing.get_type_hints(cls, include_extras=True)
     for name, field in fields_of(cls).items():
         default = default_of(field) if instance is None else getattr(instance, name)
         place = f"{path}.{name}" if path else name
-        if not declared_by(field).option:  # too much for a command line: it is given in a file
+        declared = declared_by(field)
+        if not declared.option:  # too much for a command line: it is given in a file
             continue
         if isinstance(default, Part):
             yield from _of_part(default, place)
         elif dataclasses.is_dataclass(default) and not isinstance(default, type):
             yield from _of_dataclass(type(default), default, place)
         else:
-            metavar = next((each.metavar for each in getattr(declared[name], "__metadata__", ())), None)
-            yield Option(place, hints[name], default, texts.get(name, ""), metavar)
+            yield Option(place, hints[name], default, texts.get(name, ""), declared)
 
 
 def _of_part(part: Part, path: str, optional: bool = False) -> Iterator[Option]:
@@ -141,25 +140,22 @@ def _of_part(part: Part, path: str, optional: bool = False) -> Iterator[Option]:
         names = [*(["none"] if optional else []), *kinds]
         text = f"The kind of {name_in_words(base)}. Another kind {keeps}."
         yield Option(f"{path}.kind", Literal[tuple(names)], kind_of(part), text)
-    texts = descriptions(cls)
-    for name, hint in hints_of(cls).items():
-        if name not in fields_of(cls) or (name == "transformations" and not getattr(part, name)):
-            continue
+    texts = descriptions(cls, units=False)
+    for name, field in fields_of(cls).items():
+        hint = hints_of(cls)[name]
         value = getattr(part, name)
         place = f"{path}.{name}"
-        yield from _of_setting(hint, value, place, texts.get(name, ""))
-
-
-def _of_setting(hint: Any, value: Any, place: str, text: str) -> Iterator[Option]:
-    """The options of a field of a part: those of the part that it holds, or its own."""
-    if isinstance(value, Part):
-        yield from _of_part(value, place, types.NoneType in options_of(hint))
-        return
-    if parts_in(hint) and float not in options_of(hint):  # absent: a choice among the kinds
-        yield Option(place, Literal[(*("none", *_names(hint)),)], "none", text)
-        return
-    plain = [option for option in options_of(hint) if not parts_in(option)]  # a number may be annealed
-    yield Option(place, typing.Union[tuple(plain)], np.asarray(value).tolist() if np.ndim(value) else value, text)  # noqa: UP007
+        text = texts.get(name, "")
+        if isinstance(value, Part):
+            yield from _of_part(value, place, types.NoneType in options_of(hint))
+        elif name == "transformations" and not value:
+            continue
+        elif parts_in(hint) and float not in options_of(hint):  # absent: a choice among the kinds
+            yield Option(place, Literal[(*("none", *_names(hint)),)], "none", text)
+        else:
+            plain = tuple(option for option in options_of(hint) if not parts_in(option))  # a number may be annealed
+            default = np.asarray(value).tolist() if np.ndim(value) else value
+            yield Option(place, typing.Union[plain], default, text, declared_by(field))  # noqa: UP007
 
 
 def _names(hint: Any) -> list[str]:
@@ -167,24 +163,28 @@ def _names(hint: Any) -> list[str]:
     return [name for kind in parts_in(hint) for name in (*kind.kinds(), *getattr(kind, "presets", {}))]
 
 
-def _default_text(option: Option) -> str:
-    """What leaving an option out gives; nothing where the text says it."""
+def _details(option: Option) -> str:
+    """What leaving an option out gives, its unit and its range, in parentheses: " (default: 30 s, at least 0)"."""
     default = option.default
+    unit = option.declared.unit
+    ends = "" if option.declared.range is None else option.declared.range.ends
     if default is dataclasses.MISSING:
-        return " (required)"
-    if isinstance(default, bool) or default is None or (isinstance(default, str | tuple) and not default):
-        return ""
-    shown = default if isinstance(default, str | int | float) else _in_words(default)
-    return f" (default: {shown})"
+        found = ["required", unit and f"in {unit}", ends]
+    elif isinstance(default, bool) or default is None or (isinstance(default, str | tuple) and not default):
+        found = [unit and f"in {unit}", ends]
+    else:
+        found = [f"default: {_in_words(default)} {unit}".rstrip(), ends]
+    said = ", ".join(filter(None, found))
+    return f" ({said})" if said else ""
 
 
 def _in_words(default: Any) -> str:
-    """A list or a table as the words that one would type."""
+    """A value as the words that one would type."""
     if isinstance(default, dict):
         return " ".join(f"{name} {value}" for name, value in default.items())
     if isinstance(default, tuple | list):
         return " ".join(map(_in_words, default))
-    return str(default)
+    return str(int(default) if isinstance(default, float) and default.is_integer() else default)
 
 
 def _entry(flag: str, metavar: str, text: str) -> list[str]:

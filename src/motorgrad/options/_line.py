@@ -3,36 +3,19 @@
 import types
 import typing
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from motorgrad._errors import check, unknown
-from motorgrad.schema import Words, fields_of, hints_of, options_of
+from motorgrad.schema import Words, declared_by, fields_of, hints_of, options_of
 
 HELP = {"-h", "--help"}
 HELP_ALL = "--help-all"
 
 
-class Positional(NamedTuple):
-    """Declares a field that is given as a word without a name, in the type of the field:
-    `file: Annotated[Path, Positional("FILE")]`.
-
-    `metavar` is what the help shows. With `named`, the field is an option all the same, and only shown so.
-    """
-
-    metavar: str
-    named: bool = False
-
-
-def positional_of(cls: type) -> dict[str, Positional]:
-    """The fields of a command that are words without a name, in order."""
-    hints = typing.get_type_hints(cls, include_extras=True)
-    declared = {name: getattr(hints[name], "__metadata__", ()) for name in fields_of(cls)}
-    return {
-        name: each
-        for name, about in declared.items()
-        for each in about
-        if isinstance(each, Positional) and not each.named
-    }
+def positional_of(cls: type) -> dict[str, str]:
+    """The fields of a command that are words without a name, in order, with what the help shows for them."""
+    declared = {name: declared_by(field).positional for name, field in fields_of(cls).items()}
+    return {name: shown for name, shown in declared.items() if shown}
 
 
 def flag_of(path: str) -> str:

@@ -12,25 +12,30 @@ MARK = "motorgrad"
 """The key of the version in every result that a command writes as JSON."""
 
 
-def check_outputs(options: Any, named: Mapping[str, Any], line: Container[str]) -> None:
+def check_outputs(cls: type, named: Mapping[str, Any], line: Container[str]) -> None:
     """Refuse paths to write to that a file names, where something is that motorgrad did not write.
 
-    **Arguments:** the `options`; those that the file `named`; the names of those on the command `line`.
+    **Arguments:** the command; the options that the file `named`; the names of those on the command `line`.
 
     **Raises** `ValueError` that names the option.
     """
     for name, is_ours in OUTPUTS.items():
-        if name not in named or name in line or name in getattr(options, "opened", ()):
+        if name not in named or name in line or name in getattr(cls, "opened", ()):
             continue
-        flag = f"--{name.replace('_', '-')}"
-        allowed = f"new, or written by motorgrad, where a file names it; {flag} on the command line replaces it"
         for path in named[name] if isinstance(named[name], tuple) else (named[name],):
             if isinstance(path, Path) and str(path) != "-" and os.path.lexists(path):
-                check(is_ours(path), name, str(path), allowed)
-        # a figure is a file in the folder, or has an ending that is added
-        if name == "out" and named[name] is not None and hasattr(options, "figure"):
-            figure = options.figure
-            check(not os.path.lexists(figure), name, str(figure), allowed)
+                check(is_ours(path), name, str(path), _allowed(name))
+
+
+def check_figure(options: Any, named: Mapping[str, Any], line: Container[str]) -> None:
+    """`check_outputs` for a figure, which is a file in the folder `out`, or has an ending that is added."""
+    if named.get("out") is not None and "out" not in line and hasattr(options, "figure"):
+        check(not os.path.lexists(options.figure), "out", str(options.figure), _allowed("out"))
+
+
+def _allowed(name: str) -> str:
+    flag = f"--{name.replace('_', '-')}"
+    return f"new, or written by motorgrad, where a file names it; {flag} on the command line replaces it"
 
 
 def _is_result(path: Path) -> bool:

@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,15 +55,22 @@ def write_json(path: Path | None, result: dict[str, Any]) -> None:
         write_atomically(path, text.encode())
 
 
-def finite_table(table: dict[str, Any]) -> dict[str, Any]:
-    """A table as JSON has it: `None` for numbers that are not finite, also of lists."""
+def json_help(what: str = "the result") -> str:
+    """The help of the option `--json`, the file that `what` is also written to."""
+    return f"Also write {what} to this file, as JSON; - for the standard output"
 
-    def finite(value: object) -> object:
+
+def finite_table(table: dict[str, Any]) -> dict[str, Any]:
+    """A table as JSON has it: `None` for numbers that are not finite, also of lists and of tables within."""
+
+    def finite(value: object) -> Any:
+        if isinstance(value, dict):
+            return {key: finite(item) for key, item in value.items()}
         if isinstance(value, list | tuple):
             return [finite(item) for item in value]
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
-    return {key: finite(value) for key, value in table.items()}
+    return finite(table)
 
 
 def print_outcome(results: "Results | SearchResults | ComparisonResults") -> None:
@@ -74,12 +82,17 @@ def print_outcome(results: "Results | SearchResults | ComparisonResults") -> Non
 def print_place(results: "Results | SearchResults | ComparisonResults", files: str, kind: str) -> None:
     """Print which jobs were set aside, where the results and their further `files` are, and how to continue."""
     for failure in results.failures[:10]:
-        print(plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}"))
+        print(failure_text(failure))
     print(plain(f"saved in {results.path}{files}"))
     if not results.complete:
         print(f"the same command continues this {kind}")
 
 
-def listed_failures(results: "Results | SearchResults | ComparisonResults") -> list[dict[str, Any]]:
+def failure_text(failure: dict[str, Any]) -> str:
+    """Which job was set aside, and why, as one line."""
+    return plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
+
+
+def listed_failures(failures: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The jobs that were set aside, as JSON has them."""
-    return [{key: failure[key] for key in ("job", "attempts", "message")} for failure in results.failures]
+    return [{key: failure[key] for key in ("job", "attempts", "message")} for failure in failures]

@@ -8,7 +8,7 @@ from typing import Any
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent
 from motorgrad.options._configuration import Arguments, naming, pop_option
-from motorgrad.options._line import HELP, HELP_ALL, nested, read_line
+from motorgrad.options._line import HELP, HELP_ALL, flag_of, nested, read_line
 from motorgrad.schema import as_hinted, default_of, fields_of, hints_of
 from motorgrad.tasks import ENVIRONMENT, TASKS, Task, is_environment, settings_in
 from motorgrad.training import RunDirectoryError, agent_for, agent_table, check_imports, with_changes
@@ -134,7 +134,7 @@ def _with_fields(base: type, name: str, does: str, task: Task, agent: Agent) -> 
 def _about_all(task: type[Task], command: str) -> str:
     """A sentence of the help on the options that it leaves out."""
     plain = (name for name, field in fields_of(task).items() if not dataclasses.is_dataclass(default_of(field)))
-    first = next((f"--task.{_dashed(name)}, " for name in plain), "")
+    first = next((f"{flag_of(f'task.{name}')}, " for name in plain), "")
     return (
         "Every setting of the task, its body and the learner is an option, too, such as "
         f"{first}--agent.decay or --agent.learning-rate: motorgrad {command} {task.name} --help-all lists them."
@@ -144,9 +144,8 @@ def _about_all(task: type[Task], command: str) -> str:
 def _short_names() -> str:
     """The short names of a learner's settings as a sentence of the help."""
     first, *others = sorted(Agent.aliases, key=lambda short: -Agent.aliases[short].count("."))
-    path = _dashed(Agent.aliases[first])
-    listed = ", ".join(map(_dashed, others))
-    return f"Short names: --agent.{_dashed(first)} is --agent.{path}; likewise {listed}."
+    listed = ", ".join(others).replace("_", "-")
+    return f"Short names: {flag_of(f'agent.{first}')} is {flag_of(f'agent.{Agent.aliases[first]}')}; likewise {listed}."
 
 
 def _leaves(value: object, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -156,7 +155,3 @@ def _leaves(value: object, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from _leaves(item, f"{path}.{name}" if path else name)
     else:
         yield path, value
-
-
-def _dashed(path: str) -> str:
-    return path.replace("_", "-")

@@ -2,24 +2,26 @@
 
 import abc
 import dataclasses
-from functools import cached_property
+import functools
+import sys
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check
 from motorgrad._extras import require
 from motorgrad._files import check_writable
 from motorgrad._processes import IMPORTED
-from motorgrad.options._line import Positional
-from motorgrad.schema import number, static
-from motorgrad.studies import EXECUTORS
+from motorgrad.options._results import json_help
+from motorgrad.schema import Settings, count, number, static
+from motorgrad.studies import EXECUTORS, On
+from motorgrad.training import MAX_THREADS
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ExecutorOptions:
+class ExecutorOptions(Settings):
     """Where jobs run."""
 
-    on: str = static("here", help="Where jobs run: here (in this process), processes (of this machine), ray or slurm")
+    on: On = static("here", help="Where jobs run; here is this process, processes are others of this machine")
     address: str = static(
         "",
         help="The address of a Ray cluster, such as auto or ray://HOST:10001; without it Ray starts on this "
@@ -28,13 +30,11 @@ class ExecutorOptions:
     slurm: tuple[str, ...] | None = static(
         None, help="Parameters of Slurm's jobs, such as partition=cpu timeout_min=120 mem_gb=4"
     )
-    workers: int = static(0, help="The number of jobs that run at the same time; 0 for one per processor")
-    threads: int = static(0, help="The number of threads of each job; 0 for its share of the processors")
-    attempts: int = static(3, help="How often a failing job is tried before it is set aside; the others continue")
+    workers: int = count(0, help="The number of jobs that run at the same time; 0 for one per processor")
+    threads: int = count(0, 0, MAX_THREADS, help="The number of threads of each job; 0 for its share of the processors")
+    attempts: int = count(3, 1, help="How often a failing job is tried before it is set aside; the others continue")
 
-    def check_executor(self) -> None:
-        """**Raises** `ValueError` for options that do not fit together."""
-        choice("on", self.on, EXECUTORS)
+    def validate(self) -> None:
         if needs := EXECUTORS[self.on].needs:
             require(*needs)
         check(self.on == "ray" or not self.address, "address", self.address, "left out, unless --on ray")
@@ -71,18 +71,18 @@ def _parameter(word: str) -> tuple[str, Any]:
 class StudyFile(ExecutorOptions, abc.ABC):
     """Options of a command that runs the study or comparison of a TOML file in a folder."""
 
-    study: Annotated[Path | None, Positional("[FILE]")] = static(
-        None, help="The TOML file of the study; without it, that of the folder --out"
+    study: Path | None = static(
+        None, positional="[FILE]", help="The TOML file of the study; without it, that of the folder --out"
     )
     out: Path | None = static(None, help="The folder of the study, by default runs/NAME for NAME.toml")
-    checkpoint_every: float = number(30.0, help="The time between two checkpoints of a job, in seconds")
+    checkpoint_every: float = number(30.0, 0, unit="s", help="The time between two checkpoints of a job")
     trust: bool = static(False, help="Run code that the file or the folder names: the module of a task")
-    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
+    json: Path | None = static(None, help=json_help())
 
     file_in_folder: ClassVar[str] = "study.toml"
 
     def validate(self) -> None:
-        self.check_executor()
+        super().validate()
         check(self.study or self.out, "study", None, "the TOML file of a study, or --out the folder of one")
         check_writable("out", self.folder, folder=True)
         made = self.made  # its errors name the file
@@ -96,7 +96,7 @@ class StudyFile(ExecutorOptions, abc.ABC):
     def kind(self) -> Any:
         """The class that the file describes."""
 
-    @cached_property
+    @functools.cached_property
     def made(self) -> Any:
         """The study or comparison in the file."""
         return self.kind.read(self.file, trust=self.trust)
@@ -113,6 +113,15 @@ class StudyFile(ExecutorOptions, abc.ABC):
             return self.out
         assert self.study is not None
         return Path("runs") / self.study.stem
+
+    @property
+    @abc.abstractmethod
+    def size(self) -> str:
+        """How much there is to do, in words."""
+
+    def effective(self) -> dict[str, Any]:
+        print(self.size, file=sys.stderr)
+        return self.made.as_table()
 
     @property
     def options(self) -> dict[str, Any]:

@@ -1,8 +1,4 @@
-"""What pages in a browser share: who may reach them, how they are opened, and going back in what they show.
-
-`Gate` lets in who has the token and nobody else, `open_in_browser` opens a page without showing the token to other
-users, and `Playback` keeps a live run's past, goes back in it and branches off.
-"""
+"""What pages in a browser share: who may reach them, how they are opened, and going back in what they show."""
 
 from motorgrad.pages._browser import open_in_browser
 from motorgrad.pages._gate import (

@@ -20,14 +20,9 @@ REDIRECT = """<!doctype html>
 
 
 def open_in_browser(gate: Gate, origin: str) -> bool:
-    """Open the page behind a gate by a file that only the user can read, whose ticket serves once.
-
-    The file is removed when the browser has come, when the page ends, and at exit.
-
-    **Arguments:** `origin`: where the page is, as `http://127.0.0.1:8080`.
-
-    **Returns** whether a browser was opened.
-    """
+    """Open the page behind a gate, at an `origin` such as `http://127.0.0.1:8080`, by a file that only the user can
+    read, whose ticket serves once. The file is removed when the browser has come, when the page ends, and at exit.
+    **Returns** whether a browser was opened."""
     folder = Path(tempfile.mkdtemp(prefix="motorgrad-"))  # its mode is 0700
     remove = functools.partial(shutil.rmtree, folder, ignore_errors=True)
     atexit.register(remove)

@@ -38,12 +38,9 @@ Ends = tuple[tuple[str, int], tuple[str, int]]
 
 
 class Passed(NamedTuple):
-    """A request that is served.
-
-    - `path`: what it asks for, without the token or the place.
-    - `framed`: whether it is for a frame, such as a notebook's, of someone who knows the token.
-    - `watches`: whether it came by the token for watching, and so may change nothing.
-    """
+    """A request that is served: the `path` it asks for, without the token or the place; whether it is for a frame, such
+    as a notebook's, of someone who knows the token; and whether it came by the token for watching, and so may change
+    nothing."""
 
     path: str
     framed: bool
@@ -79,11 +76,8 @@ class Answer(NamedTuple):
 class Gate:
     """Decides about requests by token, `Host` and `Origin`.
 
-    **Arguments:**
-
-    - `host`: where the page listens.
-    - `source`: what prints the whole address, as told to those who come without it.
-    - `watched`: whether there is a second token, for those who may watch and change nothing.
+    **Arguments:** the `host` where the page listens; the `source` that prints the whole address, as told to those who
+    come without it; whether there is a second token, for those who may watch and change nothing.
 
     **Attributes:** `token`, the secret; `place`, the path of the page once the token is in the cookie; `watching`, the
     door of those who may only watch, or None.
@@ -103,11 +97,8 @@ class Gate:
             self._names |= {name, f"{name}.local"}
 
     def judge(self, target: str, headers: Iterable[tuple[str, str]], upgrade: bool) -> Passed | Answer:
-        """Decide about a request.
-
-        **Arguments:** `target`: the path and query that it asks for; `headers`: their names and values; `upgrade`:
-        whether it asks for a WebSocket.
-        """
+        """Decide about a request by the `target`, the path and query that it asks for, its `headers`, and whether it
+        asks for a WebSocket (`upgrade`)."""
         known = _single(headers)
         if known is None or not self._comes_from_here(known, upgrade):
             return self._refusal()
@@ -156,8 +147,7 @@ class Gate:
 
     def _comes_from_here(self, headers: dict[str, str], upgrade: bool) -> bool:
         """Whether the host is ours, so that no foreign name leads here, and the origin is this very host. Browsers
-        always send an origin with a WebSocket.
-        """
+        always send an origin with a WebSocket."""
         host = headers.get("host", "").lower()
         origin = headers.get("origin")
         if origin is None:
@@ -172,11 +162,8 @@ class Gate:
 
 
 class Pace:
-    """Slow down a client that sends too fast: its next message is read later, and nothing is dropped.
-
-    **Arguments:** `rate`: messages per second; a message also counts once for every 64 KiB; `burst`: messages that are
-    taken at once.
-    """
+    """Slow down a client that sends too fast: its next message is read later, and nothing is dropped. A message, and
+    every 64 KiB of it, counts as one of `rate` per second; a `burst` of messages is taken at once."""
 
     def __init__(self, rate: float = 250.0, burst: float = 500.0):
         self._cost = 1 / rate
@@ -192,13 +179,9 @@ class Pace:
 
 
 class Lobby:
-    """The connections that have shown no token: limited in number and time, so that they exhaust nothing.
-
-    Where there are too many, the one that has waited longest is closed: whoever has the token shows it at once.
-
-    **Arguments:** how `many` at a time, by default `strangers()`;
-    `patience`: seconds that each may last.
-    """
+    """The connections that have shown no token: limited in number and time, so that they exhaust nothing. Where there
+    are too `many`, the one that has waited longest is closed: whoever has the token shows it at once. Each may last for
+    the seconds of `patience`."""
 
     def __init__(self, many: int | None = None, patience: float = PATIENCE):
         self._many = strangers() if many is None else many
@@ -278,10 +261,8 @@ def _lead(door: Door) -> Answer:
 
 
 def _ways(door: Door, first: str, cookies: str) -> list[bool]:
-    """How a door is opened: by its token in the address (true), or by its place and the cookie (false); empty if not.
-
-    **Arguments:** `first`: the first part of the path; `cookies`: the header.
-    """
+    """How a door is opened by the first part of a path and the header of cookies: by its token in the address (true),
+    or by its place and the cookie (false); empty if not."""
     if compare_digest(first.encode("utf-8", "replace"), door.token.encode()):
         return [True]
     pairs = (part.strip().partition("=") for part in cookies.split(";"))

@@ -22,16 +22,9 @@ MAX_PLAYBACK_BYTES = 256 * 2**20
 
 
 class Clock:
-    """Play, pause and speed: how many ticks are due.
-
-    A run that cannot keep up does not catch up later: at most `BEHIND` seconds of delay are made up for.
-
-    **Arguments:**
-
-    - `period`: simulated seconds of a tick.
-    - `speed`: simulated seconds per second of wall time; `math.inf` for as fast as possible.
-    - `slice`: wall time in s that the ticks due at once may take.
-    """
+    """Play, pause and speed: how many ticks of a `period` in simulated seconds are due, at a `speed` of so many
+    simulated seconds per second of wall time, which may be infinite. Those due at once take a `slice` of wall time at
+    most. A run that cannot keep up does not catch up later: at most `BEHIND` seconds of delay are made up for."""
 
     BEHIND = 0.25  # s
     SPAN = 0.5  # s of wall time over which the achieved speed is measured
@@ -89,10 +82,8 @@ class Clock:
         return 0.0 if math.isinf(self._speed) else max(0.0, (1.0 - self._due) * self.period / self._speed)
 
     def record(self, ticks: int, took: float) -> None:
-        """Update the estimated cost of a tick, after `ticks` took so many seconds.
-
-        The estimate rises slowly and falls fast, so that a tick that waited for compilation is soon forgotten.
-        """
+        """Update the estimated cost of a tick, after `ticks` took so many seconds. The estimate rises slowly and falls
+        fast, so that a tick that waited for compilation is soon forgotten."""
         each = max(took / ticks, 1e-9)
         self._cost = 0.7 * self._cost + 0.3 * each if each > self._cost else max(each, self._cost / 4)
 
@@ -118,11 +109,8 @@ class Kept(NamedTuple):
 
 
 class History:
-    """States of a run in order of their ticks, bounded in number and in bytes.
-
-    When there are too many or they are too large, every second one is dropped, so older states lie farther apart. The
-    first one and the newest one stay.
-    """
+    """States of a run in order of their ticks, bounded in number and in bytes. When there are too many or they are too
+    large, every second one is dropped, so older states lie farther apart. The first and the newest one stay."""
 
     def __init__(self, most: int = MAX_PLAYBACK_STATES, most_bytes: int = MAX_PLAYBACK_BYTES):
         self.most, self.most_bytes = most, most_bytes
@@ -208,10 +196,8 @@ R = TypeVar("R", bound=Playable)
 
 
 class Change(NamedTuple):
-    """Something that was changed by hand before the tick with this number.
-
-    `what` is for `Playback.apply`, and `said` is what that returned the first time.
-    """
+    """Something that was changed by hand before the tick with this number. `what` is for `Playback.apply`, and `said`
+    is what that returned the first time."""
 
     tick: int
     what: Any
@@ -281,11 +267,9 @@ class Playback(Generic[R]):
             self.every *= 2
 
     def advance(self, ticks: int, by: Callable[[int], Any] | None = None) -> list[Any]:
-        """Run a number of ticks, repeating the known future as far as it goes.
-
-        The run stops at changes and where states are kept. **Returns** what it returned for each stretch, of which
-        there is at least one. `by` advances it in place of `run.advance`.
-        """
+        """Run a number of ticks, repeating the known future as far as it goes. The run stops at changes and where
+        states are kept. **Returns** what it returned for each stretch, of which there is at least one. `by` advances it
+        in place of `run.advance`."""
         last = self.tick + ticks
         pieces = []
         while self.tick < last or not pieces:
@@ -325,10 +309,8 @@ class Playback(Generic[R]):
         return found
 
     def undo(self) -> Any:
-        """Go back to before the last change, and forget it with what followed. **Returns** what was changed.
-
-        **Raises** `ValueError` where nothing has been changed so far, or where no state from before it is kept.
-        """
+        """Go back to before the last change, and forget it with what followed. **Returns** what was changed. **Raises**
+        `ValueError` where nothing has been changed so far, or where no state from before it is kept."""
         number = self._made - 1
         check(number >= 0, "changes", self._made, "at least one to take back")
         change = self._log[number]

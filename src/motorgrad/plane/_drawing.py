@@ -32,11 +32,8 @@ RECTANGLE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)], float)
 
 @dataclass(frozen=True)
 class Shapes:
-    """Local units in the plane.
-
-    `centre` and `half`: centres and half extents; `square`: whether rectangles rather than ellipses; `active`: whether
-    switched on; `certainty`: probability of firing at the centre.
-    """
+    """Local units in the plane: their centres and half extents, whether they are rectangles rather than ellipses,
+    whether they are switched on, and the probability of firing at the centre."""
 
     centre: Float[np.ndarray, "units 2"]
     half: Float[np.ndarray, "units 2"]
@@ -102,13 +99,11 @@ DASH = 0.62  # share of a transition that is drawn; the rest is a gap
 
 
 def draw_regions(axes: Axes, regions: Sequence[Region], walls: Walls | None = None) -> None:
-    """Draw the reward of Gaussian regions as filled contours in the box: green where positive, red where negative.
+    """Draw the reward of Gaussian `regions` (`motorgrad.tasks.Region`) as filled contours in the box of the `walls`, by
+    default the unit square: green where positive, red where negative.
 
     Contour lines are at half of the greatest amplitude, solid for reward and dashed for penalty. Without regions only
-    the box is drawn.
-
-    **Arguments:** `regions`, of five numbers each (`motorgrad.tasks.Region`); `walls`, by default the unit square. The
-    axes get the box as fixed limits, equal scales and no ticks; a side without a wall is dotted.
+    the box is drawn. The axes get the box as fixed limits, equal scales and no ticks; a side without a wall is dotted.
     """
     check_arguments(draw_regions, locals())
     walls = _box(axes, walls)
@@ -124,10 +119,8 @@ def draw_regions(axes: Axes, regions: Sequence[Region], walls: Walls | None = No
 
 
 def draw_reward(axes: Axes, task: ParticleTask) -> None:
-    """Draw the reward of any task on a particle as filled contours in its box, as `draw_regions` does.
-
-    A goal is a green disc of its width. For a task without regions this is the reward for being at rest at each place.
-    """
+    """Draw the reward of any task on a particle as filled contours in its box, as `draw_regions` does. A goal is a
+    green disc of its width. For a task without regions this is the reward for being at rest at each place."""
     check_arguments(draw_reward, locals())
     from matplotlib.patches import Ellipse
 
@@ -157,26 +150,19 @@ def draw_units(
     to the right, ochre up, blue to the left, black down, grey without a force. A line is fainter, the lower the unit's
     probability of firing at its centre. Inactive units of a `Masked` pool are left out.
 
-    **Arguments:** `policy`, of local units over x and y, which further inputs may follow, plain or composed; `forces`,
-    one for each unit, such as `task.dynamics.forces`; `active`, true for the units to draw, in addition to the policy's
-    own mask.
+    **Arguments:** `policy`, of local units over x and y, which further inputs may follow; `forces`, one for each unit,
+    such as `task.dynamics.forces`; `active`, true for the units to draw, in addition to the policy's own mask.
 
-    **Returns:** a `DrawnUnits`, whose `update` shows another policy with the same number of units.
-
-    **Raises:** `ValueError` for units without a centre in the plane, and for a wrong number of forces.
+    **Returns** a `DrawnUnits`, whose `update` shows another policy with the same number of units. **Raises**
+    `ValueError` for units without a centre in the plane, and for a wrong number of forces.
     """
     check_arguments(draw_units, locals())
     return DrawnUnits(axes, policy, forces, active)
 
 
 def draw_paths(axes: Axes, paths: Sequence[Float[Any, "decisions 2"]], colour: ColorType = INK) -> DrawnPaths:
-    """Draw trajectories with a dash for each decision and a dot at the start; the longer a dash, the faster the
-    particle.
-
-    **Arguments:** `paths`, positions at successive decisions, as `trajectories` returns them; `colour`, of all.
-
-    **Returns:** a `DrawnPaths`, whose `update` shows other trajectories.
-    """
+    """Draw trajectories, as the function of that name returns them, with a dash for each decision and a dot at the
+    start; the longer a dash, the faster the particle. **Returns** a `DrawnPaths`, whose `update` shows others."""
     check_arguments(draw_paths, locals())
     return DrawnPaths(axes, paths, colour)
 
@@ -184,13 +170,10 @@ def draw_paths(axes: Axes, paths: Sequence[Float[Any, "decisions 2"]], colour: C
 def draw_occupancy(
     axes: Axes, occupancy: Float[np.ndarray, "rows columns"], walls: Walls | None = None, most: float | None = None
 ) -> AxesImage:
-    """Draw how often the particle visits each place: the darker, the more often. Shades follow the square root, so that
-    rare places show too.
-
-    **Arguments:** `occupancy`, as the function of that name returns it, rows from the bottom; `walls`, by default the
-    unit square; `most`, the value drawn black, by default the one that one cell in two hundred exceeds. Use the same
-    value for pictures that are compared.
-    """
+    """Draw how often the particle visits each place, as `occupancy` returns it, in the box of the `walls`, by default
+    the unit square: the darker, the more often. Shades follow the square root, so that rare places show too. `most` is
+    the value drawn black, by default the one that one cell in two hundred exceeds. Use the same value for pictures that
+    are compared."""
     check_arguments(draw_occupancy, locals())
     from matplotlib.colors import PowerNorm
 

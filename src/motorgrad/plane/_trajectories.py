@@ -20,14 +20,11 @@ if TYPE_CHECKING:
 def trajectories(
     task: ParticleTask, policy: Policy, episodes: int = 10, seed: int = 0, decisions: int = 200
 ) -> list[Float[np.ndarray, "decisions+1 2"]]:
-    """The particle's positions in some episodes under a policy that is sampled and does not learn.
+    """The particle's positions in some episodes under a policy that is sampled and does not learn, each at its start
+    and after every decision, including the last.
 
     The seed alone determines the starts. An episode lasts until the task ends it, but at most `decisions`; a task
-    without episodes runs for exactly that long.
-
-    **Returns:** for each episode the positions at its start and after every decision, including the last.
-
-    **Raises:** `ValueError` for a task that is not on a particle, and for a policy that does not fit it.
+    without episodes runs for exactly that long. **Raises** `ValueError` for a policy that does not fit the task.
     """
     check_arguments(trajectories, locals())
     track, lengths = _simulate(task, policy, episodes, seed, decisions)
@@ -35,22 +32,14 @@ def trajectories(
 
 
 def occupancy(
-    task: ParticleTask,
-    policy: Policy,
-    episodes: int = 15_000,
-    seed: int = 0,
-    decisions: int = 200,
-    cells: int = 100,
+    task: ParticleTask, policy: Policy, episodes: int = 15_000, seed: int = 0, decisions: int = 200, cells: int = 100
 ) -> Float[np.ndarray, "cells cells"]:
-    """The share of time that the particle spends in each cell of a grid over its box: a sample of the stationary
-    distribution.
+    """The share of time that the particle spends in each of `(cells, cells)` over its box, rows from the bottom and
+    columns from the left: a sample of the stationary distribution. The sum is 1; other arguments are as of
+    `trajectories`.
 
     Each transition is spread evenly over the cells that it crosses, and the result is blurred by a Gaussian with a
     variance of one cell (section 6.3 of the thesis); no share leaves the box.
-
-    **Arguments:** as of `trajectories`; `cells`: along each side.
-
-    **Returns:** `(cells, cells)`, rows from the bottom and columns from the left; the sum is 1.
     """
     check_arguments(occupancy, locals())
     from scipy.ndimage import gaussian_filter

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from motorgrad._errors import check
 from motorgrad.policies._standardisation import Standardisation
-from motorgrad.schema import Part, static
+from motorgrad.schema import Part, Range, static
 
 Activation = Literal["elu", "gelu", "leaky-relu", "relu", "silu", "tanh"]
 ACTIVATIONS: dict[str, Callable[..., Any]] = {
@@ -63,11 +63,16 @@ class MultilayerPerceptron(Architecture):
     """
 
     hidden: tuple[int, ...] = static(
-        (128, 128), converter=tuple, help="the number of units in each layer, from the inputs on"
+        (128, 128),
+        converter=tuple,
+        allowed=Range(1, MAX_LAYER_WIDTH, kind="int"),
+        help="the number of units in each layer, from the inputs on",
     )
     activation: Activation = static("leaky-relu", help="the nonlinearity $f$ of every layer, as in `jax.nn`")
     layer_norm: bool = static(True, help="whether potentials are normalised before the nonlinearity")
-    sparsity: float = static(0.9, help="the share of each unit's weights that start at 0, in [0, 1)")
+    sparsity: float = static(
+        0.9, allowed=Range(0, 1, open_high=True), help="the share of each unit's weights that start at 0"
+    )
     standardise: bool = static(
         False, help="whether the inputs are first made relative to their running mean and deviation, `Standardisation`"
     )
@@ -76,11 +81,7 @@ class MultilayerPerceptron(Architecture):
     )
 
     def validate(self) -> None:
-        whole = all(isinstance(width, int) and 0 < width <= MAX_LAYER_WIDTH for width in self.hidden)
-        check(
-            whole and len(self.hidden) > 0, "hidden", self.hidden, f"one or more whole numbers, 1 … {MAX_LAYER_WIDTH:,}"
-        )
-        check(0 <= self.sparsity < 1, "sparsity", self.sparsity, "in [0, 1)")
+        check(self.hidden, "hidden", self.hidden, "at least one layer, such as (128,)")
 
     def build(self, inputs: int, key: jax.Array) -> eqx.nn.Sequential:
         layers: list[Any] = [Standardisation.of(inputs)] if self.standardise else []

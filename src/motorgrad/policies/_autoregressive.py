@@ -1,7 +1,6 @@
 """Graded units whose noise lasts for several decisions."""
 
-from collections.abc import Callable
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -14,8 +13,10 @@ from motorgrad._errors import check
 from motorgrad.policies._delegating import Delegating, units_of
 from motorgrad.policies._parameters import fixed, in_structure, split, trainable, with_fields
 from motorgrad.policies._policy import Composed, Policy
+from motorgrad.policies._starting import Initial, InitialPolicy, then
+from motorgrad.schema import Range, static
 
-P = TypeVar("P", bound=Policy)
+CORRELATION = Range(0, 1, open_high=True)
 
 
 class Autoregressive(Delegating, Composed):
@@ -68,7 +69,8 @@ class Autoregressive(Delegating, Composed):
         check(getattr(pool, "normal", False), "policy", type(pool).__name__, units)
         check(self.autocorrelation.shape == (), "autocorrelation", self.autocorrelation.shape, "one number")
         if not isinstance(self.autocorrelation, Tracer):  # a tracer has no value to check
-            check_autocorrelation(float(np.asarray(self.autocorrelation)))
+            rho = float(np.asarray(self.autocorrelation))
+            check(CORRELATION.allows(rho), "autocorrelation", rho, str(CORRELATION))
 
     @property
     def observation_size(self) -> int:
@@ -133,9 +135,6 @@ class Autoregressive(Delegating, Composed):
         factors = self.policy.blocks(self._by_own_parameters(observation, ones))
         return tuple(row[:, :, None] * row[:, None, :] * F for row, F in zip(factors, matrices, strict=True))
 
-    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        return self.policy.hidden_activations(self.seen(observation))
-
     def _given(self, seen: Float[Array, " inputs"], own: Policy) -> Any:
         """What acts alike after the last activation, for units whose `own` policy this is."""
         last = seen[self.observation_size :]
@@ -160,21 +159,21 @@ class Autoregressive(Delegating, Composed):
         return pull(gradient)[0]
 
 
-def check_autocorrelation(value: float) -> None:
-    """Refuse an autocorrelation out of range."""
-    check(0 <= value < 1, "autocorrelation", value, "at least 0 and below 1")
+class InitialLasting(InitialPolicy):
+    """Graded units whose noise may last for several decisions."""
 
-
-def autoregressive(
-    made: P | Callable[[jax.Array], P], autocorrelation: float, filtered: bool = True
-) -> P | Autoregressive | Callable[[jax.Array], P | Autoregressive]:
-    """An initial policy with noise of this `autocorrelation`; unchanged if it is 0."""
-    check_autocorrelation(autocorrelation)
-    if autocorrelation == 0:
-        return made
-    rho = jnp.asarray(autocorrelation)
-    return (
-        Autoregressive(made, rho, filtered)
-        if isinstance(made, Policy)
-        else lambda key: Autoregressive(made(key), rho, filtered)
+    autocorrelation: float = static(
+        0.0,
+        allowed=CORRELATION,
+        help="correlation of the noise of two successive decisions; above 0, the policy is `Autoregressive`",
     )
+    filtered: bool = static(
+        True, help="whether the mean action is filtered like such noise, which keeps the score exact"
+    )
+
+    def lasting(self, made: Initial) -> Initial:
+        """An initial policy with noise of this autocorrelation; unchanged if it is 0."""
+        if self.autocorrelation == 0:
+            return made
+        rho = jnp.asarray(self.autocorrelation)
+        return then(lambda policy: Autoregressive(policy, rho, self.filtered), made)

@@ -9,20 +9,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import xlog1py, xlogy
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check
-from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
-from motorgrad.policies._featured import featured
-from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import in_structure, outer, outer_sum, per_unit, with_fields
-from motorgrad.policies._policy import Policy, has_rows, unit_rows
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._policy import Units, has_rows
+from motorgrad.policies._starting import Initial, InitialPolicy, check_interval, function_of
+from motorgrad.schema import kind_of, static
 
 
-class BinaryUnits(Policy):
+class BinaryUnits(Units):
     r"""A pool of $N$ units that fire independently with probabilities $p_i(y)$.
 
     An action is a vector of $N$ zeros and ones, in the floating type of the parameters. Its log-probability is the sum
@@ -51,16 +49,8 @@ class BinaryUnits(Policy):
         return (p > 0.5).astype(p.dtype)
 
     def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
-        r"""The term of each unit in $\log\pi$."""
         p = self.prob(observation)
         return jnp.where(action > 0, jnp.log(p), jnp.log1p(-p))
-
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
-        return jnp.sum(self.log_probs(observation, action))
-
-    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
-        """One row per unit if every trainable array leads with the units, else a single row."""
-        return (unit_rows(self, gradient),)
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
@@ -218,24 +208,12 @@ class Motoneurons(SigmoidUnits):
         return with_fields(self, gain=self.gain / factor)
 
 
-class InitialHyperplanes(InitialPolicy):
-    """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
-    """
-
-    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
-    network: Architecture | None = static(
-        None,
-        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
-        "function from a key to a `Network`",
-    )
+class InitialHyperplanes(InitialFeatured):
+    """Hyperplanes with zero weights: every unit fires with probability one half, the maximum of entropy."""
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        return featured(self.features, inputs, lambda count: zero_hyperplanes(count, outputs), self.network)
+        return self.behind(inputs, lambda seen: zero_hyperplanes(seen, outputs))
 
 
 hyperplanes = function_of(InitialHyperplanes)
@@ -247,42 +225,34 @@ def zero_hyperplanes(inputs: int, outputs: int) -> Hyperplanes:
 
 
 class InitialMotoneurons(InitialPolicy):
-    """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis).
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
-    """
+    """Motoneurons of gain 0 with thresholds drawn from U[`low`, `high`] (section 4.3.1 of the thesis)."""
 
     low: float = static(0.0, help="the lower end of the range of the thresholds")
     high: float = static(1.0, help="its upper end")
 
+    def validate(self) -> None:
+        super().validate()
+        check_interval(self.low, self.high)
+
+    def outputs(self, task: SizedTask | int) -> int:
+        """The number of units. **Raises** `ValueError`, naming the policy, unless there is exactly one input."""
+        inputs, outputs = sizes(task, self.units)
+        if inputs != 1 and not isinstance(task, int):
+            named = f"task {getattr(task, 'name', type(task).__name__)!r} has {inputs} observed numbers"
+            raise ValueError(f"policy = {kind_of(self)!r}: {named}, a motoneuron has a single input")
+        check(inputs == 1, "inputs", inputs, "1: a motoneuron has a single input")
+        return outputs
+
+    def thresholds(self, key: jax.Array, units: int) -> Float[Array, " units"]:
+        """The thresholds of a seed."""
+        return jax.random.uniform(key, (units,), minval=self.low, maxval=self.high)
+
     def start(self, task: SizedTask | int) -> Initial:
-        outputs = single_input_units("motoneurons", task, self.units, self.low, self.high)
-
-        def initial(key: jax.Array) -> Motoneurons:
-            return Motoneurons(
-                jax.random.uniform(key, (outputs,), minval=self.low, maxval=self.high), jnp.zeros(outputs)
-            )
-
-        return initial
+        units = self.outputs(task)
+        return lambda key: Motoneurons(self.thresholds(key, units), jnp.zeros(units))
 
 
 motoneurons = function_of(InitialMotoneurons)
-
-
-def single_input_units(name: str, task: SizedTask | int, units: int | None, low: float, high: float) -> int:
-    """The number of units of an initial policy with thresholds in [`low`, `high`].
-
-    **Raises:** `ValueError` unless there is exactly one input, naming the policy.
-    """
-    inputs, outputs = sizes(task, units)
-    if inputs != 1 and not isinstance(task, int):
-        named = f"task {getattr(task, 'name', type(task).__name__)!r} has {inputs} observed numbers"
-        raise ValueError(f"policy = {name!r}: {named}, a motoneuron has a single input")
-    check(inputs == 1, "inputs", inputs, "1: a motoneuron has a single input")
-    check(low < high, "low, high", (low, high), "an interval, low < high")
-    return outputs
 
 
 def entropy_of(p: Float[Array, " units"]) -> Float[Array, ""]:

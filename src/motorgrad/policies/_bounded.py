@@ -10,16 +10,14 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
-from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
-from motorgrad.policies._autoregressive import autoregressive
+from motorgrad.policies._autoregressive import InitialLasting
 from motorgrad.policies._densities import DENSITIES, Clipped, Density, Squashed
-from motorgrad.policies._featured import featured
-from motorgrad.policies._features import INPUTS, FeatureMap
-from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, log_deviations
+from motorgrad.policies._featured import InitialFeatured
+from motorgrad.policies._graded import GradedHyperplanes, GradedUnits, StartsNoisy
 from motorgrad.policies._parameters import fixed
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
+from motorgrad.schema import Range, static
 
 Shape = Literal["squashed", "clipped", "truncated", "beta"]
 
@@ -150,55 +148,43 @@ class BoundedHyperplanes(BoundedUnits, GradedHyperplanes):
             check(bounded, "low, high", (low.tolist(), high.tolist()), "finite, low < high")
 
 
-class InitialBoundedHyperplanes(InitialPolicy):
+class InitialBounded(StartsNoisy, InitialPolicy):
+    """Graded units that act within bounds."""
+
+    density: Shape = static("squashed", help="density of a graded activation; squashed and clipped ones are normal")
+    level: float = static(
+        0.0,
+        allowed=Range(-1, 1, open_low=True, open_high=True),
+        help="the most probable activation at the start, as a fraction of half the range from its middle",
+    )
+    deviation: float = static(0.5, allowed=POSITIVE, help="the spread at the start, in units of half the range")
+    floor: float = static(0.02, allowed=POSITIVE, help="the least spread that learning may reach")
+
+    def within(self, ranges: Sequence[tuple[float, float]], inputs: int) -> BoundedHyperplanes:
+        """Bounded hyperplanes with zero weights, one for each of the `ranges`."""
+        units = len(ranges)
+        noise, floor = self.noise(units)
+        location = jnp.full(units, DENSITIES[self.density].location(self.level))
+        low, high = jnp.asarray(ranges, noise.dtype).T
+        return BoundedHyperplanes(jnp.zeros((units, inputs)), location, noise, floor, low, high, self.density)
+
+
+class InitialBoundedHyperplanes(InitialLasting, InitialFeatured, InitialBounded):
     """Graded hyperplanes that act within the bounds of the task's actions (its `action_range`), from −1 to 1 without a
     task.
 
     All units have zero weights: their most probable activation is the same for every observation.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
     """
 
-    density: Shape = static("squashed", help="density of an activation: squashed, clipped or truncated normal, or beta")
-    level: float = static(
-        0.0, help="the most probable activation at the start, as a fraction of half the range from its middle"
-    )
-    deviation: float = static(0.5, help="the spread at the start, in units of half the range")
-    floor: float = static(0.02, help="the least spread that learning may reach")
-    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
-    network: Architecture | None = static(
-        None,
-        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
-        "function from a key to a policy with a `Network`",
-    )
-    autocorrelation: float = static(
-        0.0,
-        help="correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is "
-        "`Autoregressive`, and the density squashed or clipped",
-    )
-    filtered: bool = static(
-        True, help="whether the mean action is filtered like such noise, which keeps the score exact"
-    )
+    def validate(self) -> None:
+        super().validate()
+        normal = isinstance(DENSITIES[self.density], Clipped) or not self.autocorrelation
+        check(normal, "density", self.density, "'squashed' or 'clipped' with an autocorrelation")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
         ranges = bounds_of(task, outputs)
-        normal = isinstance(DENSITIES.get(self.density, Clipped()), Clipped)
-        check(
-            normal or not self.autocorrelation,
-            "density",
-            self.density,
-            "'squashed' or 'clipped' with an autocorrelation",
-        )
-        made = featured(
-            self.features,
-            inputs,
-            lambda count: start_bounded(count, ranges, self.density, self.level, self.deviation, self.floor),
-            self.network,
-        )
-        return autoregressive(made, self.autocorrelation, self.filtered)
+        return self.lasting(self.behind(inputs, lambda seen: self.within(ranges, seen)))
 
 
 bounded_hyperplanes = function_of(InitialBoundedHyperplanes)
@@ -209,16 +195,3 @@ def bounds_of(task: SizedTask | int, outputs: int) -> Sequence[tuple[float, floa
     ranges = getattr(task, "action_range", ((-1.0, 1.0),) * outputs)
     check(len(ranges) == outputs, "units", outputs, f"{len(ranges)}, one for each action of the task")
     return ranges
-
-
-def start_bounded(
-    inputs: int, ranges: Sequence[tuple[float, float]], density: str, level: float, deviation: float, floor: float
-) -> BoundedHyperplanes:
-    """Bounded hyperplanes with zero weights, one for each of the `ranges`."""
-    choice("density", density, DENSITIES)
-    check(-1 < level < 1, "level", level, "above -1 and below 1")
-    noise = log_deviations(len(ranges), deviation, floor)
-    least = jnp.asarray(floor, noise.dtype)
-    low, high = jnp.asarray(ranges, noise.dtype).T
-    location = jnp.full(len(ranges), DENSITIES[density].location(level))
-    return BoundedHyperplanes(jnp.zeros((len(ranges), inputs)), location, noise, least, low, high, density)

@@ -1,7 +1,6 @@
 """Pools side by side, and pools behind gates."""
 
 import itertools
-import math
 from collections.abc import Sequence
 from typing import Self
 
@@ -18,8 +17,8 @@ from motorgrad.policies._features import lattice
 from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
 from motorgrad.policies._parameters import in_structure
 from motorgrad.policies._policy import Composed, Policy, Regions, check_plain
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import POSITIVE, SHARE_ABOVE_0, Initial, InitialPolicy, function_of
+from motorgrad.schema import count, static
 
 
 class Pools(Composed):
@@ -286,23 +285,18 @@ class InitialMixture(InitialPolicy):
     """Local units laid out by `tiles`, plus global units (section 6.5.2 of the thesis).
 
     The last `hyperplanes` units of the action are global, with zero weights and one common `bias`.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
     """
 
-    hyperplanes: int = static(2, help="how many of them are global")
-    copies: int = static(1, help="consecutive local units that share a centre")
-    width: float = static(0.16, help="a standard deviation, as a fraction of the range")
-    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    hyperplanes: int = count(2, 1, help="how many of them are global")
+    copies: int = count(1, 1, help="consecutive local units that share a centre")
+    width: float = static(0.16, allowed=POSITIVE, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, allowed=SHARE_ABOVE_0, help="the probability of firing at a unit's centre")
     bias: float = static(0.0, help="the common bias of the global units")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        valid = isinstance(self.hyperplanes, int) and 1 <= self.hyperplanes < outputs
-        check(valid, "hyperplanes", self.hyperplanes, f"from 1 to {outputs - 1}, fewer than the {outputs} units")
-        check(-math.inf < self.bias < math.inf, "bias", self.bias, "a finite number")
+        wanted = f"from 1 to {outputs - 1}, fewer than the {outputs} units"
+        check(self.hyperplanes < outputs, "hyperplanes", self.hyperplanes, wanted)
         everywhere = Hyperplanes(jnp.zeros((self.hyperplanes, inputs)), jnp.full(self.hyperplanes, self.bias))
         return Factored([tiles(task, outputs - self.hyperplanes, self.copies, self.width, self.p_max), everywhere])
 
@@ -315,25 +309,20 @@ class InitialGated(InitialPolicy):
 
     The hyperplanes start with zero weights. The gates are laid out like the places of `tiles`. With more than one of
     `levels` there are further gates behind each gate, laid out over the region from one width below its centre to one
-    width above; the hyperplanes are behind the last level. `units` includes the gates; the rest are shared evenly among
-    the gates. The action is ordered as in `Gated`. `width` is a standard deviation as a fraction of the range.
-
-    **Arguments:**
-
-    - `units`: the number of units, the gates included, by default one for each action of the task.
+    width above; the hyperplanes are behind the last level, shared evenly among the gates. The action is ordered as in
+    `Gated`.
     """
 
-    gates: int = static(1, help="the number of gates on each level")
-    levels: int = static(1, help="the number of levels of gates, one behind the other")
-    width: float = static(0.3, help="a standard deviation, as a fraction of the range")
-    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    units: int | None = count(
+        None, 1, help="the number of units, the gates included, by default one for each action of the task"
+    )
+    gates: int = count(1, 1, help="the number of gates on each level")
+    levels: int = count(1, 1, help="the number of levels of gates, one behind the other")
+    width: float = static(0.3, allowed=POSITIVE, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, allowed=SHARE_ABOVE_0, help="the probability of firing at a unit's centre")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        for name, value in (("gates", self.gates), ("levels", self.levels)):
-            check(isinstance(value, int) and value >= 1, name, value, "an integer of at least 1")
-        check(0 < self.width < math.inf, "width", self.width, "positive")
-        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
         ranges = input_ranges(task, inputs)
         places = lattice(self.gates, inputs)
 

@@ -5,14 +5,14 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, check_finite, check_integer
+from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._layered import Draws, Sequential
 from motorgrad.policies._output_units import output_units
 from motorgrad.policies._policy import Policy, check_plain
 from motorgrad.policies._softmax import Softmax
 from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.schema import count, static
 
 
 class FiniteStateController(Sequential):
@@ -116,22 +116,20 @@ class InitialFiniteStateController(InitialPolicy):
     `strength`, all others at 0. So on a one-hot observation, a linked state is $e^{\text{strength}}$ times as probable
     as another. `links` of 0, or a strength of 0, leave all transitions equally probable; then the gradient with respect
     to the transitions is zero, and stays so but for chance (Aberdeen & Baxter, 2002).
-
-    **Arguments:**
-
-    - `units`: the number of output units, by default one for each action of the task.
     """
 
-    states: int = static(4, help="the number of internal states")
-    links: int = static(1, help="how many next states are favoured at first, from every state and on every input")
+    units: int | None = count(None, 1, help="the number of output units, by default one for each action of the task")
+    states: int = count(4, 1, 10_000, help="the number of internal states")
+    links: int = count(1, 0, help="how many next states are favoured at first, from every state and on every input")
     strength: float = static(3.0, help="how strongly they are favoured, as a difference of weights")
     output: str = static("", help="the output units, a name of an initial policy; by default as of `layered`")
 
+    def validate(self) -> None:
+        super().validate()
+        check(self.links <= self.states, "links", self.links, f"at most the {self.states} states")
+
     def start(self, task: SizedTask | int) -> Initial:
         inputs, _ = sizes(task, self.units)
-        check_integer("states", self.states, 1, 10_000)
-        check_integer("links", self.links, 0, self.states)
-        check_finite("strength", self.strength)
         make, _ = output_units(task, self.units, self.output)
 
         def made(key: jax.Array) -> FiniteStateController:

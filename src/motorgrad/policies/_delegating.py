@@ -62,6 +62,9 @@ class Delegating(Policy):
     def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
         return self.acting(observation).fisher_coordinates(self.seen(observation), action)
 
+    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
+        return self.inner.hidden_activations(self.seen(observation))
+
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return self.acting(observation).entropy(self.seen(observation))
 

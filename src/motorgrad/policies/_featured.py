@@ -1,7 +1,7 @@
 """Policies that see functions of the observation: fixed features, or the output of hidden layers."""
 
 from collections.abc import Callable
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -11,13 +11,13 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._errors import check
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._delegating import Seeing
-from motorgrad.policies._features import FeatureMap
+from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._frozen import frozen, thawed
 from motorgrad.policies._parameters import from_rows, in_structure, outer, rows, split, trainable, with_fields
 from motorgrad.policies._policy import Composed, Policy
 from motorgrad.policies._standardisation import adapted
-
-P = TypeVar("P", bound=Policy)
+from motorgrad.policies._starting import Initial, InitialPolicy
+from motorgrad.schema import static
 
 
 class Featured(Seeing, Composed):
@@ -56,9 +56,6 @@ class Featured(Seeing, Composed):
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
         pool = self.pool.adapted(self.seen(seen))
         return self if pool is self.pool else with_fields(self, pool=pool)
-
-    def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        return self.pool.hidden_activations(self.seen(observation))
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         return in_structure(self, pool=self.pool.score(self.seen(observation), action))
@@ -169,22 +166,34 @@ class Network(Seeing):
 
 
 def featured(
-    features: FeatureMap, inputs: int, make: Callable[[int], P], network: Architecture | None = None
-) -> P | Featured | Callable[[jax.Array], Policy]:
+    features: FeatureMap, inputs: int, make: Callable[[int], Policy], network: Architecture | None = None
+) -> Initial:
     """What `make` makes of a number of inputs: of the features, where there are any beside the inputs, or of the output
     of hidden layers. With those it is a function of a key, so that every seed has its own."""
-    check(isinstance(features, FeatureMap), "features", features, "a FeatureMap")
-    if network is None:
-        return Featured(make(features.size(inputs)), features, inputs) if features.adds else make(inputs)
-    wanted = "None or an Architecture; Network(units, module, observed) takes any equinox module"
-    check(isinstance(network, Architecture), "network", network, wanted)
-    make(1)  # so that impossible settings are refused now
 
-    def initial(key: jax.Array) -> Network | Featured:
-        count = features.size(inputs)
-        module: Any = network.build(count, key)
-        size = jax.eval_shape(module, jax.ShapeDtypeStruct((count,), jnp.result_type(float))).shape[0]
-        policy = Network(make(size), module, count)
+    def seeing(policy: Policy) -> Policy:
         return Featured(policy, features, inputs) if features.adds else policy
 
+    count = features.size(inputs)
+    if network is None:
+        return seeing(make(count))
+
+    def initial(key: jax.Array) -> Policy:
+        module: Any = network.build(count, key)
+        size = jax.eval_shape(module, jax.ShapeDtypeStruct((count,), jnp.result_type(float))).shape[0]
+        return seeing(Network(make(size), module, count))
+
     return initial
+
+
+class InitialFeatured(InitialPolicy):
+    """Units that see features of the inputs, or the output of hidden layers."""
+
+    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
+    network: Architecture | None = static(
+        None, help="hidden layers between these inputs and the units, drawn from a seed's key; by default none"
+    )
+
+    def behind(self, inputs: int, make: Callable[[int], Policy]) -> Initial:
+        """The units that `make` makes of a number of inputs, behind these features and layers."""
+        return featured(self.features, inputs, make, self.network)

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check
-from motorgrad.schema import Part, count, static
+from motorgrad.schema import Part, Range, count, static
 
 Kind = Literal["tanh", "fourier", "radial", "grid"]
 
@@ -40,14 +39,13 @@ class FeatureMap(Part):
     squares: bool = static(False, help="whether the squares of the inputs are among the features")
     products: bool = static(False, help="whether the products of all pairs of inputs are among the features")
     nonlinear: int = count(0, 0, 100_000, help="$K$, the number of nonlinear features")
-    shape: Kind = static("tanh", help='the kind of nonlinear features: `"tanh"`, `"fourier"`, `"radial"` or `"grid"`')
+    shape: Kind = static("tanh", help="the kind of nonlinear features")
     scale: float = static(
-        1.0, help="$c$, above 0; the greater, the shorter the distance between inputs that the features tell apart"
+        1.0,
+        allowed=Range(0, open_low=True),
+        help="$c$; the greater, the shorter the distance between inputs that the features tell apart",
     )
     seed: int = count(0, 0, help="seed of the random numbers. All seeds of a run have the same features")
-
-    def validate(self) -> None:
-        check(0 < self.scale < math.inf, "scale", self.scale, "a number above 0")
 
     @property
     def adds(self) -> bool:

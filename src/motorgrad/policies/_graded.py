@@ -9,23 +9,41 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._random import MIN_UNIFORM
-from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
-from motorgrad.policies._autoregressive import autoregressive
-from motorgrad.policies._binary import single_input_units
-from motorgrad.policies._featured import featured
-from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._autoregressive import InitialLasting
+from motorgrad.policies._binary import InitialMotoneurons
+from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import fixed, in_structure, outer, outer_sum, per_unit, trainable, with_fields
-from motorgrad.policies._policy import Policy, has_rows, unit_rows
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.policies._policy import Units, check_shapes, has_rows
+from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
 from motorgrad.schema import static
 
 
-class GradedUnits(Policy):
+class Noisy:
+    r"""What policies have in common that act with noise of the standard deviation $s = s_{\min} + e^\lambda$."""
+
+    log_deviation: Float[Array, " units"]
+    floor: Float[Array, ""]
+
+    @property
+    def actions(self) -> str:
+        return "graded"
+
+    @property
+    def deviation(self) -> Float[Array, " units"]:
+        """$s_i$, the standard deviation of the noise."""
+        return self.floor + jnp.exp(self.log_deviation)
+
+    def _log_deviation_slope(self) -> Float[Array, " units"]:
+        r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
+        return jnp.exp(self.log_deviation) / self.deviation
+
+
+class GradedUnits(Noisy, Units):
     r"""A pool of $N$ units with activations $a_i = m_i(y) + s_i\,\varepsilon_i$, where $\varepsilon_i \sim \mathcal
     N(0, 1)$ is independent noise (section 6.2.3 of the thesis; Williams, 1992; Gullapalli, 1990).
 
@@ -52,17 +70,8 @@ class GradedUnits(Policy):
         lead."""
 
     @property
-    def actions(self) -> str:
-        return "graded"
-
-    @property
     def outputs(self) -> int:
         return self.log_deviation.shape[0]
-
-    @property
-    def deviation(self) -> Float[Array, " units"]:
-        """$s_i$, the standard deviation of the noise."""
-        return self.floor + jnp.exp(self.log_deviation)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         """The mean activations, the counterpart of a binary unit's firing probability."""
@@ -78,10 +87,6 @@ class GradedUnits(Policy):
         """Log-density of each unit's activation."""
         s = self.deviation
         return -0.5 * ((action - self.mean(observation)) / s) ** 2 - jnp.log(s) - 0.5 * math.log(2 * math.pi)
-
-    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
-        """Log-density of the action."""
-        return jnp.sum(self.log_probs(observation, action))
 
     def score(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Self:
         location, spread = self._slopes(observation, action)
@@ -101,14 +106,6 @@ class GradedUnits(Policy):
         entries $mm$, $sm$ and $ss$."""
         none = jnp.zeros_like(self.log_deviation)
         return 1 / self.deviation, none, jnp.full_like(none, math.sqrt(2))
-
-    def _log_deviation_slope(self) -> Float[Array, " units"]:
-        r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
-        return jnp.exp(self.log_deviation) / self.deviation
-
-    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
-        """One row per unit if every trainable array leads with the units, else a single row."""
-        return (unit_rows(self, gradient),)
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
@@ -171,9 +168,6 @@ class GradedUnits(Policy):
         """Differential entropy in nats, negative for little noise; of normal units the same at all inputs."""
         return jnp.sum(self.entropies(observation))
 
-    def enumerate(self) -> Array:
-        raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
-
 
 class GradedMotoneurons(GradedUnits):
     r"""Motoneurons whose mean firing rate follows one common input, $m_i = \sigma(k_i (y - y^*_i))$.
@@ -192,9 +186,7 @@ class GradedMotoneurons(GradedUnits):
 
     def __check_init__(self) -> None:
         check(self.threshold.ndim == 1, "threshold", self.threshold.shape, "of shape (units,)")
-        for name in ("gain", "log_deviation"):
-            shape = getattr(self, name).shape
-            check(shape == self.threshold.shape, name, shape, f"of shape {self.threshold.shape}")
+        check_shapes(self, self.threshold.shape, "gain", "log_deviation")
         check_floor(self.floor)
 
     @property
@@ -228,9 +220,7 @@ class GradedHyperplanes(GradedUnits):
 
     def __check_init__(self) -> None:
         check(self.weights.ndim == 2, "weights", self.weights.shape, "of shape (units, inputs)")
-        for name in ("bias", "log_deviation"):
-            shape = getattr(self, name).shape
-            check(shape == self.weights.shape[:1], name, shape, f"of shape {self.weights.shape[:1]}")
+        check_shapes(self, self.weights.shape[:1], "bias", "log_deviation")
         check_floor(self.floor)
 
     @property
@@ -254,93 +244,65 @@ class GradedHyperplanes(GradedUnits):
         return {"weights": jnp.broadcast_to(observation, self.weights.shape), "bias": jnp.ones_like(self.bias)}
 
 
-class InitialGradedMotoneurons(InitialPolicy):
-    """Graded motoneurons of gain 0 (mean activation one half) with thresholds drawn from U[`low`, `high`].
+class StartsNoisy:
+    """What initial policies of units have in common whose noise starts with a standard deviation that learning keeps
+    above a floor."""
 
-    Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
+    deviation: float
+    floor: float
 
-    **Arguments:**
+    def validate(self) -> None:
+        super().validate()  # type: ignore[misc]
+        check(self.floor < self.deviation, "floor, deviation", (self.floor, self.deviation), "floor < deviation")
 
-    - `units`: the number of units, by default one for each action of the task.
-    """
+    def noise(self, units: int) -> tuple[Float[Array, " units"], Float[Array, ""]]:
+        r"""The parameters $\lambda$ of units, and $s_{\min}$."""
+        log_deviation = jnp.full(units, math.log(self.deviation - self.floor))
+        return log_deviation, jnp.asarray(self.floor, log_deviation.dtype)
 
-    low: float = static(0.0, help="the lower end of the range of the thresholds")
-    high: float = static(1.0, help="its upper end")
-    deviation: float = static(0.3, help="the standard deviation of the noise at the start")
-    floor: float = static(0.02, help="the least standard deviation that learning may reach")
+
+class InitialGradedMotoneurons(StartsNoisy, InitialMotoneurons):
+    """Graded motoneurons of gain 0 (mean activation one half) with thresholds drawn from U[`low`, `high`]."""
+
+    deviation: float = static(0.3, allowed=POSITIVE, help="the standard deviation of the noise at the start")
+    floor: float = static(0.02, allowed=POSITIVE, help="the least standard deviation that learning may reach")
 
     def start(self, task: SizedTask | int) -> Initial:
-        outputs = single_input_units("graded-motoneurons", task, self.units, self.low, self.high)
-        noise = log_deviations(outputs, self.deviation, self.floor)
-
-        def initial(key: jax.Array) -> GradedMotoneurons:
-            threshold = jax.random.uniform(key, (outputs,), minval=self.low, maxval=self.high)
-            return GradedMotoneurons(threshold, jnp.zeros(outputs), noise, jnp.asarray(self.floor, noise.dtype))
-
-        return initial
+        units = self.outputs(task)
+        noise = self.noise(units)
+        return lambda key: GradedMotoneurons(self.thresholds(key, units), jnp.zeros(units), *noise)
 
 
 graded_motoneurons = function_of(InitialGradedMotoneurons)
 
 
-class InitialGradedHyperplanes(InitialPolicy):
-    """Graded hyperplanes with zero weights: their mean is `level` for every observation.
-
-    Their noise starts with the standard deviation `deviation`; learning keeps it above `floor`.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
-    """
+class InitialGraded(StartsNoisy, InitialPolicy):
+    """Graded units that act alike for every observation."""
 
     level: float = static(0.0, help="the mean activation at the start, for every observation")
-    deviation: float = static(0.3, help="the standard deviation of the noise at the start")
-    floor: float = static(0.02, help="the least standard deviation that learning may reach")
-    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
-    network: Architecture | None = static(
-        None,
-        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
-        "function from a key to a policy with a `Network`",
-    )
-    autocorrelation: float = static(
-        0.0,
-        help="correlation of the noise of two successive decisions, in [0, 1). Above 0, the policy is `Autoregressive`",
-    )
-    filtered: bool = static(
-        True, help="whether the mean action is filtered like such noise, which keeps the score exact"
-    )
+    deviation: float = static(0.3, allowed=POSITIVE, help="the standard deviation of the noise at the start")
+    floor: float = static(0.02, allowed=POSITIVE, help="the least standard deviation that learning may reach")
+
+
+class InitialGradedHyperplanes(InitialLasting, InitialFeatured, InitialGraded):
+    """Graded hyperplanes with zero weights: their mean is `level` for every observation."""
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        made = featured(
-            self.features,
-            inputs,
-            lambda count: start_graded(count, outputs, self.level, self.deviation, self.floor),
-            self.network,
-        )
-        return autoregressive(made, self.autocorrelation, self.filtered)
+        return self.lasting(self.behind(inputs, lambda seen: level_units(seen, outputs, self.level, self)))
 
 
 graded_hyperplanes = function_of(InitialGradedHyperplanes)
 
 
-def start_graded(inputs: int, outputs: int, level: float, deviation: float, floor: float) -> GradedHyperplanes:
+def level_units(inputs: int, outputs: int, level: float, settings: StartsNoisy) -> GradedHyperplanes:
     """Graded hyperplanes with zero weights."""
-    check(math.isfinite(level), "level", level, "a finite number")
-    noise = log_deviations(outputs, deviation, floor)
-    least = jnp.asarray(floor, noise.dtype)
-    return GradedHyperplanes(jnp.zeros((outputs, inputs)), jnp.full(outputs, float(level)), noise, least)
+    return GradedHyperplanes(jnp.zeros((outputs, inputs)), jnp.full(outputs, level), *settings.noise(outputs))
 
 
 def normal_of(uniforms: Array) -> Array:
     """Standard normal numbers, as a function of numbers from U[0, 1)."""
     return jax.scipy.special.ndtri(jnp.maximum(uniforms, MIN_UNIFORM))
-
-
-def log_deviations(units: int, deviation: float, floor: float) -> jax.Array:
-    r"""The parameters $\lambda$ of units with the standard deviation `deviation`."""
-    check(0 < floor < deviation < math.inf, "floor, deviation", (floor, deviation), "positive, floor < deviation")
-    return jnp.full(units, math.log(deviation - floor))
 
 
 def check_floor(floor: Array) -> None:

@@ -1,7 +1,6 @@
 """Pools that change their number of units: masks, growing and pruning."""
 
 import math
-from collections.abc import Callable
 from typing import Literal, Self, TypeVar
 
 import equinox as eqx
@@ -12,16 +11,16 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PyTree
 from numpy.typing import ArrayLike
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
-from motorgrad.policies._local import LocalUnits, Pair, local_gaussians
+from motorgrad.policies._local import GAUSSIANS, LocalUnits, Pair
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_unit, with_fields
 from motorgrad.policies._policy import Composed, Policy, Regions, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import POSITIVE, SHARE_ABOVE_0, Initial, InitialPolicy, function_of
+from motorgrad.schema import count, static
 
 T = TypeVar("T")
 AnyPolicy = TypeVar("AnyPolicy", bound=Policy)
@@ -100,40 +99,41 @@ class Masked(Composed, BinaryUnits):
 class InitialGrowing(InitialPolicy):
     """A pool of local units that are all switched off, for a learner that grows (`motorgrad.learning.Growth`).
 
-    The learner places the units and switches them on. `p_max` applies to Gaussians, `hardness` to the other kinds.
-
-    **Arguments:**
-
-    - `units`: the size of the pool, by default one unit for each action of the task.
+    The learner places the units and switches them on.
     """
 
+    units: int | None = count(None, 1, help="the size of the pool, by default one unit for each action of the task")
     shape: Literal["gaussians", "soft-spheres", "soft-boxes"] = static("gaussians", help="the kind of local units")
-    p_max: float = static(0.5, help="the probability of firing at a unit's centre, in (0, 1]; of Gaussians only")
+    p_max: float = static(
+        0.5, allowed=SHARE_ABOVE_0, help="the probability of firing at a unit's centre; of Gaussians only"
+    )
     hardness: float = static(
-        10.0, help="how steeply the probability falls at a unit's surface; of soft spheres and boxes only"
+        10.0,
+        allowed=POSITIVE,
+        help="how steeply the probability falls at a unit's surface; of soft spheres and boxes only",
     )
     pair: Pair = static(
         "exact",
-        help='`"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`); of '
-        "Gaussians only",
+        help="printed for the biased score that the thesis prints (`PrintedGaussians`); of Gaussians only",
     )
+
+    def validate(self) -> None:
+        super().validate()
+        fits = self.pair == "exact" or self.shape == "gaussians"
+        check(fits, "pair", self.pair, f"exact for {self.shape}")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
-        check(0 < self.hardness < math.inf, "hardness", self.hardness, "positive")
-        kinds: dict[str, Callable[[], LocalUnits]] = {
-            "gaussians": lambda: local_gaussians(self.pair)(
-                centre, jnp.zeros_like(centre), p_max=jnp.asarray(self.p_max)
-            ),
-            "soft-spheres": lambda: SoftSpheres(centre, jnp.zeros(outputs), log_hardness),
-            "soft-boxes": lambda: SoftBoxes(centre, jnp.zeros_like(centre), log_hardness),
-        }
-        choice("shape", self.shape, kinds)
-        check(self.pair == "exact" or self.shape == "gaussians", "pair", self.pair, f"exact for {self.shape}")
         centre = jnp.zeros((outputs, inputs))
         log_hardness = jnp.full(outputs, math.log(self.hardness))
-        return Masked(kinds[self.shape](), jnp.zeros(outputs, bool))
+        pool: LocalUnits
+        if self.shape == "gaussians":
+            pool = GAUSSIANS[self.pair](centre, centre, p_max=jnp.asarray(self.p_max))
+        elif self.shape == "soft-spheres":
+            pool = SoftSpheres(centre, jnp.zeros(outputs), log_hardness)
+        else:
+            pool = SoftBoxes(centre, centre, log_hardness)
+        return Masked(pool, jnp.zeros(outputs, bool))
 
 
 growing = function_of(InitialGrowing)

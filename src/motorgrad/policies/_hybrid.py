@@ -11,17 +11,24 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
-from motorgrad.policies._graded import GradedUnits, check_floor, log_deviations, normal_of, start_graded
-from motorgrad.policies._local import tiles
+from motorgrad.policies._graded import (
+    GradedUnits,
+    Noisy,
+    StartsNoisy,
+    check_floor,
+    level_units,
+    normal_of,
+)
+from motorgrad.policies._local import InitialLaidOut, tiles
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, outer, per_unit, trainable
-from motorgrad.policies._policy import Composed, Policy, has_rows
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._policy import Composed, Policy, check_shapes, has_rows
+from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
+from motorgrad.schema import count, static
 
 P = TypeVar("P", bound=Policy)
 
 
-class GradedPool(Policy):
+class GradedPool(Noisy, Policy):
     r"""Binary units with a learned strength, $a_i = f_i\,(m_i + s_i\,\varepsilon_i)$.
 
     $f_i \in \{0, 1\}$ is the decision of a pool and $\varepsilon_i \sim \mathcal N(0, 1)$ (section 6.5.4 of the thesis,
@@ -54,9 +61,7 @@ class GradedPool(Policy):
         kind = type(self.pool).__name__
         check(isinstance(self.pool, BinaryUnits), "pool", kind, "a pool of binary units")
         check(has_rows(self.pool) and self.pool.independent, "pool", kind, "independent units of one kind")
-        for name in ("strength", "log_deviation"):
-            shape = getattr(self, name).shape
-            check(shape == (self.pool.outputs,), name, shape, f"of shape {(self.pool.outputs,)}")
+        check_shapes(self, (self.pool.outputs,), "strength", "log_deviation")
         check_floor(self.floor)
 
     @property
@@ -68,18 +73,9 @@ class GradedPool(Policy):
         return self.pool.outputs
 
     @property
-    def actions(self) -> str:
-        return "graded"
-
-    @property
     def uniforms(self) -> int:
         """The pool's, plus one per unit for its strength."""
         return self.pool.uniforms + self.outputs
-
-    @property
-    def deviation(self) -> Float[Array, " units"]:
-        """$s_i$, the standard deviation of the strength."""
-        return self.floor + jnp.exp(self.log_deviation)
 
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         """Firing probability of each unit."""
@@ -117,10 +113,6 @@ class GradedPool(Policy):
         """The units that fired, and each strength's distance from its mean in standard deviations."""
         return (action != 0).astype(self.strength.dtype), (action - self.strength) / self.deviation
 
-    def _log_deviation_slope(self) -> Float[Array, " units"]:
-        r"""$\partial \log s/\partial\lambda = e^\lambda/s$."""
-        return jnp.exp(self.log_deviation) / self.deviation
-
     def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row per unit: the pool's parameters, the strength, the log-deviation."""
         (rows,) = self.pool.blocks(gradient.pool)
@@ -151,9 +143,6 @@ class GradedPool(Policy):
         """Entropy of the pool plus the differential entropy of the strengths of firing units, in nats."""
         drawn = jnp.log(self.deviation) + 0.5 * math.log(2 * math.pi * math.e)
         return self.pool.entropy(observation) + jnp.sum(self.prob(observation) * drawn)
-
-    def enumerate(self) -> Array:
-        raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
 
 
 class Primitives(Composed):
@@ -285,73 +274,55 @@ class Primitives(Composed):
         starts = can_start * self.precondition.prob(rest)
         return entropy_of(starts) + jnp.sum(self._per_parameter(starts) * self.movement.entropies(rest))
 
-    def enumerate(self) -> Array:
-        raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
-
 
 def _masked_rows(mask: Float[Array, " units"], score: P) -> P:
     """The rows of a score where the mask is above 0, and zeros elsewhere."""
     return jax.tree.map(lambda x: jnp.where(per_unit(mask, x) > 0, x, 0), score)
 
 
-class InitialGradedTiles(InitialPolicy):
+class InitialGradedTiles(StartsNoisy, InitialLaidOut):
     """Local Gaussian units laid out by `tiles`, which act with a learned `strength` when they fire.
 
-    A negative strength acts against the force of the unit. The strength is drawn with a standard deviation that starts
-    at `deviation`; learning keeps it above `floor`.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
+    A negative strength acts against the force of the unit.
     """
 
-    copies: int = static(1, help="consecutive units that share a centre")
-    width: float = static(0.16, help="a standard deviation, as a fraction of the range")
-    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
     strength: float = static(0.0, help="the mean strength of every unit at the start")
-    deviation: float = static(0.5, help="the standard deviation of the strength at the start")
-    floor: float = static(0.05, help="the least standard deviation that learning may reach")
+    deviation: float = static(0.5, allowed=POSITIVE, help="the standard deviation of the strength at the start")
+    floor: float = static(0.05, allowed=POSITIVE, help="the least standard deviation that learning may reach")
 
     def start(self, task: SizedTask | int) -> Initial:
-        check(-math.inf < self.strength < math.inf, "strength", self.strength, "a finite number")
         pool = tiles(task, self.units, self.copies, self.width, self.p_max)
-        noise = log_deviations(pool.outputs, self.deviation, self.floor)
-        return GradedPool(pool, jnp.full_like(noise, self.strength), noise, jnp.asarray(self.floor, noise.dtype))
+        log_deviation, floor = self.noise(pool.outputs)
+        return GradedPool(pool, jnp.full_like(log_deviation, self.strength), log_deviation, floor)
 
 
 graded_tiles = function_of(InitialGradedTiles)
 
 
-class InitialPrimitives(InitialPolicy):
-    """`count` motor primitives, each of which starts with probability one half whenever it can.
+class InitialPrimitives(StartsNoisy, InitialPolicy):
+    """Motor primitives, each of which starts with probability one half whenever it can.
 
-    The movement parameters have mean 0, and a standard deviation that starts at `deviation`; learning keeps it above
-    `floor`. `units` is the length of an action: `count`, plus equally many parameters for each primitive.
-
-    **Arguments:**
-
-    - `units`: the length of an action, `count` plus equally many parameters for each primitive, by default the
-      task's.
+    The movement parameters have mean 0.
     """
 
-    count: int = static(2, help="the number of primitives")
-    deviation: float = static(0.3, help="the standard deviation of the movement parameters at the start")
-    floor: float = static(0.02, help="the least standard deviation that learning may reach")
+    units: int | None = count(
+        None,
+        1,
+        help="the length of an action: `count`, plus equally many parameters for each primitive; by default the task's",
+    )
+    count: int = count(2, 1, help="the number of primitives")
+    deviation: float = static(
+        0.3, allowed=POSITIVE, help="the standard deviation of the movement parameters at the start"
+    )
+    floor: float = static(0.02, allowed=POSITIVE, help="the least standard deviation that learning may reach")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        whole = isinstance(self.count, int) and not isinstance(self.count, bool) and self.count >= 1
-        check(
-            whole and outputs % self.count == 0 and outputs > self.count,
-            "count",
-            self.count,
-            f"a divisor of {outputs}, below it",
-        )
+        fits = outputs % self.count == 0 and outputs > self.count
+        check(fits, "count", self.count, f"a divisor of {outputs}, below it")
         check(inputs > self.count, "inputs", inputs, f"more than the {self.count} flags of primitives that can start")
-        return Primitives(
-            zero_hyperplanes(inputs - self.count, self.count),
-            start_graded(inputs - self.count, outputs - self.count, 0.0, self.deviation, self.floor),
-        )
+        seen = inputs - self.count
+        return Primitives(zero_hyperplanes(seen, self.count), level_units(seen, outputs - self.count, 0.0, self))
 
 
 primitives = function_of(InitialPrimitives)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import Hyperplanes, product
 from motorgrad.policies._featured import featured
@@ -20,8 +20,8 @@ from motorgrad.policies._features import INPUTS, FeatureMap
 from motorgrad.policies._output_units import output_units
 from motorgrad.policies._parameters import trainable, with_parts
 from motorgrad.policies._policy import Composed, Policy, check_plain
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
+from motorgrad.schema import Range, count, static
 
 MAX_EXACT_PATTERNS = 256  # of hidden units, over which a mean is an exact sum
 Draws = Sequence[Array]
@@ -265,51 +265,45 @@ class InitialLayered(InitialPolicy):
 
     Hidden weights are drawn from a normal distribution of standard deviation `scale` $/\sqrt{\text{inputs}}$; their
     biases as if there were one input more. Output units start as they do by themselves.
-
-    **Arguments:**
-
-    - `units`: the number of output units, by default one for each action of the task.
     """
 
+    units: int | None = count(None, 1, help="the number of output units, by default one for each action of the task")
     hidden: tuple[int, ...] = static(
-        (8,), help="the number of hidden units in each layer, the one next to the inputs first"
+        (8,),
+        allowed=Range(1, kind="int"),
+        help="the number of hidden units in each layer, the one next to the inputs first",
     )
     output: str = static(
         "",
         help='the output units, a name of an initial policy; by default `"softmax"` for discrete actions, '
         '`"hyperplanes"` for binary, `"bounded-hyperplanes"` for graded ones and `"mixed"` for both',
     )
-    scale: float = static(2.0, help="the size of the initial hidden weights, in units of a potential; above 0")
+    scale: float = static(2.0, allowed=POSITIVE, help="the size of the initial hidden weights, as a potential")
     skip: bool = static(False, help="whether further layers see the observation too")
     features: FeatureMap = static(INPUTS, help="what the first layer sees beside the inputs; by default nothing")
+
+    def validate(self) -> None:
+        super().validate()
+        check(self.hidden, "hidden", self.hidden, "at least one layer, such as (8,)")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, _ = sizes(task, self.units)
         make, constant = output_units(task, self.units, self.output)
-        check(len(self.hidden) > 0, "hidden", self.hidden, "at least one layer, such as (8,)")
-        for count in self.hidden:
-            check_integer("hidden", count, 1)
-        check(0 < self.scale < math.inf, "scale", self.scale, "positive")
 
         def made(key: jax.Array) -> Any:
-            def pools(count: int) -> Layered:
+            def pools(seen: int) -> Layered:
                 found = []
-                shown = count
+                shown = seen
                 for layer, width in enumerate(self.hidden):
-                    drawn = (
-                        self.scale
-                        / math.sqrt(shown)
-                        * jax.random.normal(jax.random.fold_in(key, layer), (width, shown + 1))
-                    )
+                    normal = jax.random.normal(jax.random.fold_in(key, layer), (width, shown + 1))
+                    drawn = self.scale / math.sqrt(shown) * normal
                     found.append(Hyperplanes(drawn[:, :-1], drawn[:, -1]))
-                    shown = width + self.skip * count
+                    shown = width + self.skip * seen
                 return Layered(found, make(shown + constant, key), self.skip)
 
             return featured(self.features, inputs, pools)
 
-        jax.eval_shape(
-            lambda: made(jax.random.key(0))
-        )  # refuses impossible settings at once, not only when a key arrives
+        jax.eval_shape(lambda: made(jax.random.key(0)))  # refuses what is impossible before a key arrives
         return made
 
 

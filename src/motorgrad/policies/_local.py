@@ -1,7 +1,6 @@
 """Local units: the contract, Gaussian units of fixed and of learned height, and their layout over the inputs."""
 
 import abc
-import math
 from typing import ClassVar, Literal, Self
 
 import equinox as eqx
@@ -11,14 +10,21 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, choice
+from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
 from motorgrad.policies._parameters import fixed, in_structure
 from motorgrad.policies._policy import Regions
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import (
+    POSITIVE,
+    SHARE_ABOVE_0,
+    Initial,
+    InitialPolicy,
+    check_interval,
+    function_of,
+)
+from motorgrad.schema import count, static
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike
 Limits = tuple[float, float] | None
@@ -180,11 +186,8 @@ Pair = Literal["exact", "printed"]
 """Which score local Gaussian units of fixed height have: the derivative of the log-probability, or the printed one."""
 
 
-def local_gaussians(pair: Pair) -> type[LocalGaussians]:
-    """The class of local Gaussian units with this score."""
-    kinds = {"exact": LocalGaussians, "printed": PrintedGaussians}
-    choice("pair", pair, kinds)
-    return kinds[pair]
+GAUSSIANS: dict[Pair, type[LocalGaussians]] = {"exact": LocalGaussians, "printed": PrintedGaussians}
+"""The classes of local Gaussian units, by their score."""
 
 
 class FreeGaussians(GaussianUnits):
@@ -234,26 +237,37 @@ def _check_shapes(units: GaussianUnits) -> None:
     check(limits is None or limits[0] < limits[1], "log_width_limits", limits, "None, or two numbers, low < high")
 
 
-class InitialGaussians(InitialPolicy):
-    """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input.
+class StartsScattered:
+    """What initial policies of local units have in common whose centres are drawn from U[`low`, `high`] in every
+    input."""
 
-    **Arguments:**
+    low: float
+    high: float
 
-    - `units`: the number of units, by default one for each action of the task.
-    """
+    def validate(self) -> None:
+        super().validate()  # type: ignore[misc]
+        check_interval(self.low, self.high)
 
-    width: float = static(0.5, help="the standard deviation of every unit, in the units of the inputs")
-    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
+    def centres(self, key: jax.Array, units: int, inputs: int) -> Float[Array, "units inputs"]:
+        """The centres of a seed."""
+        return jax.random.uniform(key, (units, inputs), minval=self.low, maxval=self.high)
+
+
+class InitialGaussians(StartsScattered, InitialPolicy):
+    """Local Gaussian units of equal `width`, with centres drawn from U[`low`, `high`] in every input."""
+
+    width: float = static(
+        0.5, allowed=POSITIVE, help="the standard deviation of every unit, in the units of the inputs"
+    )
+    p_max: float = static(1.0, allowed=SHARE_ABOVE_0, help="the probability of firing at a unit's centre")
     low: float = static(-1.0, help="the lower end of the range of the centres in every input")
     high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        check_random_layout({"width": self.width}, self.low, self.high)
-        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
 
         def initial(key: jax.Array) -> LocalGaussians:
-            centre = jax.random.uniform(key, (outputs, inputs), minval=self.low, maxval=self.high)
+            centre = self.centres(key, outputs, inputs)
             return LocalGaussians(centre, jnp.full_like(centre, jnp.log(self.width)), p_max=jnp.asarray(self.p_max))
 
         return initial
@@ -262,17 +276,21 @@ class InitialGaussians(InitialPolicy):
 gaussians = function_of(InitialGaussians)
 
 
-class InitialTiles(InitialPolicy):
+class InitialLaidOut(InitialPolicy):
+    """Local Gaussian units laid out evenly over the range of the inputs."""
+
+    copies: int = count(1, 1, help="consecutive units that share a centre")
+    width: float = static(0.16, allowed=POSITIVE, help="a standard deviation, as a fraction of the range")
+    p_max: float = static(1.0, allowed=SHARE_ABOVE_0, help="the probability of firing at a unit's centre")
+
+
+class InitialTiles(InitialLaidOut):
     """Local Gaussian units laid out evenly over the range of the inputs (section 6.3 of the thesis).
 
     The range is the task's `observation_range`, [0, 1] for a task without one, or [`low`, `high`] in every input. The
     centres form a lattice with about as many rows as there are centres in a row. Each centre is shared by `copies`
-    consecutive units, such as one that pushes left and one that pushes right. `width` is a standard deviation as a
-    fraction of the range. Learning clips the log-widths to the two limits.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
+    consecutive units, such as one that pushes left and one that pushes right. Learning clips the log-widths to the two
+    limits.
 
     **Example:**
 
@@ -281,36 +299,28 @@ class InitialTiles(InitialPolicy):
     ```
     """
 
-    copies: int = static(1, help="consecutive units that share a centre")
-    width: float = static(0.16, help="a standard deviation, as a fraction of the range")
-    p_max: float = static(1.0, help="the probability of firing at a unit's centre, in (0, 1]")
     low: float | None = static(None, help="the lower end of the range, by default the task's")
     high: float | None = static(None, help="the upper end of the range, by default the task's")
     least_log_width: float = static(-4.0, help="the lower limit of the logarithm of a width")
     most_log_width: float = static(2.0, help="the upper limit of the logarithm of a width")
-    pair: Pair = static(
-        "exact", help='`"exact"`, or `"printed"` for the biased score that the thesis prints (`PrintedGaussians`)'
-    )
+    pair: Pair = static("exact", help="printed for the biased score that the thesis prints (`PrintedGaussians`)")
+
+    def validate(self) -> None:
+        super().validate()
+        limits = (self.least_log_width, self.most_log_width)
+        check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        check(
-            isinstance(self.copies, int) and 1 <= self.copies <= outputs,
-            "copies",
-            self.copies,
-            f"from 1 to the {outputs} units",
-        )
-        check(0 < self.width < math.inf, "width", self.width, "positive")
-        check(0 < self.p_max <= 1, "p_max", self.p_max, "in (0, 1]")
-        limits = (self.least_log_width, self.most_log_width)
+        check(self.copies <= outputs, "copies", self.copies, f"from 1 to the {outputs} units")
         ranges = input_ranges(task, inputs, self.low, self.high)
-        check(limits[0] < limits[1], "least_log_width, most_log_width", limits, "an interval")
         extent = ranges[:, 1] - ranges[:, 0]
         places = ranges[:, 0] + extent * lattice(-(-outputs // self.copies), inputs)
+        limits = (self.least_log_width, self.most_log_width)
         log_width = np.clip(np.log(self.width * extent), *limits)
         centre = jnp.asarray(np.repeat(places, self.copies, axis=0)[:outputs], jnp.result_type(float))
         widths = jnp.broadcast_to(jnp.asarray(log_width, centre.dtype), centre.shape)
-        return local_gaussians(self.pair)(centre, widths, p_max=jnp.asarray(self.p_max), log_width_limits=limits)
+        return GAUSSIANS[self.pair](centre, widths, p_max=jnp.asarray(self.p_max), log_width_limits=limits)
 
 
 tiles = function_of(InitialTiles)
@@ -322,10 +332,3 @@ def input_ranges(task: SizedTask | int, inputs: int, low: float | None = None, h
     ranges = np.array([(a if low is None else low, b if high is None else high) for a, b in spans])
     check((ranges[:, 0] < ranges[:, 1]).all(), "low, high", (low, high), "an interval, low < high, in every input")
     return ranges
-
-
-def check_random_layout(lengths: dict[str, float], low: float, high: float) -> None:
-    """Refuse lengths that are not positive, and an empty interval of centres."""
-    for name, value in lengths.items():
-        check(0 < value < math.inf, name, value, "positive")
-    check(low < high, "low, high", (low, high), "an interval, low < high")

@@ -10,16 +10,14 @@ from jaxtyping import Array, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
-from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
 from motorgrad.policies._delegating import Seeing, units_of
-from motorgrad.policies._featured import featured
-from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Composed, Policy
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import Initial, function_of, then
+from motorgrad.schema import count
 
 
 def _python_numbers(values: ArrayLike) -> Any:
@@ -168,24 +166,17 @@ def _sum(one: PyTree, other: PyTree) -> PyTree:
     return jax.tree.map(jnp.add, one, other)
 
 
-class InitialMirrored(InitialPolicy):
+class InitialMirrored(InitialFeatured):
     """Hyperplanes with zero weights that act for both sides of a symmetric body (see `Mirrored`).
 
     There is one unit for every two actions that are mirror images of each other, as given by the `mirror` of the task.
-
-    **Arguments:**
-
-    - `units`: the number of units on both sides together, by default one for each action of the task.
 
     **Raises:** `ValueError` for a task without a mirror, for an action that is its own mirror image, and for a number
     of inputs in place of a task.
     """
 
-    features: FeatureMap = static(INPUTS, help="what the units see beside the inputs; by default nothing")
-    network: Architecture | None = static(
-        None,
-        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
-        "function from a key to a policy",
+    units: int | None = count(
+        None, 1, help="the number of units on both sides together, by default one for each action of the task"
     )
 
     def start(self, task: SizedTask | int) -> Initial:
@@ -202,12 +193,9 @@ class InitialMirrored(InitialPolicy):
                 f"policy = 'mirrored': actions {middle} of task {name} are their own mirror image, of no side"
             )
         left = [i for i, image in enumerate(mirror.outputs) if i < image]
-        pool: Any = featured(self.features, inputs, lambda count: zero_hyperplanes(count, len(left)), self.network)
-
-        def both(pool: Policy) -> Mirrored:
-            return Mirrored(pool, mirror.inputs, mirror.signs, left, [mirror.outputs[i] for i in left])
-
-        return both(pool) if isinstance(pool, Policy) else lambda key: both(pool(key))
+        right = [mirror.outputs[i] for i in left]
+        pool = self.behind(inputs, lambda seen: zero_hyperplanes(seen, len(left)))
+        return then(lambda pool: Mirrored(pool, mirror.inputs, mirror.signs, left, right), pool)
 
 
 mirrored = function_of(InitialMirrored)

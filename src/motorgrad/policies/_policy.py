@@ -338,12 +338,27 @@ class Policy(Parametric):
         del uniforms
         return self.entropy(observation)
 
-    @abc.abstractmethod
     def enumerate(self) -> Array:
         """All actions along a leading axis, for exact sums.
 
-        **Raises:** `ValueError` if there are infinitely many.
+        **Raises:** `ValueError` if there are infinitely many, as by default.
         """
+        raise ValueError(f"{type(self).__name__}: has infinitely many actions: real numbers")
+
+
+class Units(Policy):
+    """A pool of units that draw independently of each other, or each given the draws of others."""
+
+    @abc.abstractmethod
+    def log_probs(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, " units"]:
+        r"""The term of each unit in $\log\pi$: of its probability, or of its density."""
+
+    def log_prob(self, observation: Float[Array, " inputs"], action: Float[Array, " units"]) -> Float[Array, ""]:
+        return jnp.sum(self.log_probs(observation, action))
+
+    def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
+        """One row per unit if every trainable array leads with the units, else a single row."""
+        return (rows(gradient, self.outputs if has_rows(self) else 1),)
 
 
 class Composed(Policy):
@@ -383,15 +398,17 @@ def with_interface(policy: P, interface: Interface | None) -> P:
     return made
 
 
+def check_shapes(policy: Policy, wanted: tuple[int, ...], *names: str) -> None:
+    """Refuse fields of another shape than is wanted."""
+    for name in names:
+        shape = getattr(policy, name).shape
+        check(shape == wanted, name, shape, f"of shape {wanted}")
+
+
 def check_plain(name: str, *policies: Policy) -> None:
     """Refuse a part of a policy that has hidden units or a memory, which the policy would have to handle."""
     kinds = [type(policy).__name__ for policy in policies if policy.hides or policy.has_memory]
     check(not kinds, name, kinds, "units without hidden units or a memory")
-
-
-def unit_rows(policy: Policy, gradient: PyTree) -> Float[Array, "units parameters"]:
-    """One row per unit if every trainable array leads with the units, else a single row."""
-    return rows(gradient, policy.outputs if has_rows(policy) else 1)
 
 
 def has_rows(policy: Policy) -> bool:

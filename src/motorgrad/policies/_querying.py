@@ -11,11 +11,11 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask
-from motorgrad.policies._binary import BinaryUnits, motoneurons, single_input_units
+from motorgrad.policies._binary import BinaryUnits, InitialMotoneurons, Motoneurons
 from motorgrad.policies._parameters import fixed, in_structure
 from motorgrad.policies._policy import Composed
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import Initial, check_interval, function_of
+from motorgrad.schema import Range, count, static
 
 
 class Querying(Composed):
@@ -53,7 +53,7 @@ class Querying(Composed):
         check(1 <= self.cells <= 10_000, "cells", self.cells, "from 1 to 10,000")
         if not any(isinstance(value, Tracer) for value in (self.low, self.high, self.explore)):
             low, high, share = (float(np.asarray(value)) for value in (self.low, self.high, self.explore))
-            check(low < high, "low, high", (low, high), "an interval, low < high")
+            check_interval(low, high)
             check(0 <= share <= 1, "explore", share, "in [0, 1]")
 
     @property
@@ -124,34 +124,27 @@ class Querying(Composed):
         raise ValueError("Querying: has infinitely many actions: the query is a real number; enumerate its policy's")
 
 
-class InitialQueryingMotoneurons(InitialPolicy):
+class InitialQueryingMotoneurons(InitialMotoneurons):
     """The units of `motoneurons` for all actions but the last, which requests the next input.
 
     They request inputs from [`low`, `high`] in proportion to their entropy in each of `cells`, and a fraction `explore`
     uniformly.
-
-    **Arguments:**
-
-    - `units`: the length of an action, the request included, by default the task's.
     """
 
+    units: int | None = count(None, 1, help="the length of an action, the request included, by default the task's")
     low: float = static(0.0, help="the lower end of the range of the thresholds and of the requests")
-    high: float = static(1.0, help="its upper end")
-    explore: float = static(0.1, help="the share of requests that are uniform")
-    cells: int = static(32, help="the number of cells in which entropy is measured")
+    explore: float = static(0.1, allowed=Range(0, 1), help="the share of requests that are uniform")
+    cells: int = count(32, 1, 10_000, help="the number of cells in which entropy is measured")
 
     def start(self, task: SizedTask | int) -> Initial:
-        outputs = single_input_units("querying-motoneurons", task, self.units, self.low, self.high)
+        outputs = self.outputs(task)
         check(outputs > 1, "outputs", outputs, "at least 2: the last is the requested input")
-        pool = motoneurons(1, outputs - 1, self.low, self.high)
 
         def initial(key: jax.Array) -> Querying:
-            start, end, share = (
-                jnp.asarray(value, jnp.result_type(float)) for value in (self.low, self.high, self.explore)
-            )
-            return Querying(pool(key), start, end, share, self.cells)
+            pool = Motoneurons(self.thresholds(key, outputs - 1), jnp.zeros(outputs - 1))
+            low, high, share = jnp.asarray([self.low, self.high, self.explore], jnp.result_type(float))
+            return Querying(pool, low, high, share, self.cells)
 
-        initial(jax.random.key(0))  # refuses impossible settings at once, not only when a key arrives
         return initial
 
 

@@ -8,14 +8,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad._errors import check, check_integer, check_positive
+from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._delegating import Delegating
 from motorgrad.policies._output_units import output_units
 from motorgrad.policies._parameters import outer, trainable, with_fields
-from motorgrad.policies._policy import Composed, Policy
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._policy import Composed, Policy, check_shapes
+from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
+from motorgrad.schema import Range, count, static
+
+TIME_CONSTANTS = Range(0, 1e6, open_low=True, open_high=True)
 
 
 class Recurrence(NamedTuple):
@@ -68,9 +70,7 @@ class Recurrent(Delegating, Composed):
     def __check_init__(self) -> None:
         shape = self.weights.shape
         check(len(shape) == 2, "weights", shape, "of shape (units, observation)")
-        for name in ("log_rate", "bias"):
-            found = getattr(self, name).shape
-            check(found == shape[:1], name, found, f"of shape {shape[:1]}")
+        check_shapes(self, shape[:1], "log_rate", "bias")
         check(not self.output.has_memory, "output", type(self.output).__name__, "a policy without a memory")
         words = f"{sum(shape)}: {shape[1]} observed numbers and {shape[0]} recurrent units"
         check(self.output.inputs == sum(shape), "output.inputs", self.output.inputs, words)
@@ -182,28 +182,24 @@ class InitialRecurrent(InitialPolicy):
 
     The time constants of recurrent units are spread evenly on a logarithmic scale. Their weights are drawn from a
     normal distribution of standard deviation `scale` $/\sqrt{\text{inputs}}$, and their biases are 0.
-
-    **Arguments:**
-
-    - `units`: the number of output units, by default one for each action of the task.
     """
 
-    hidden: int = static(8, help="the number of recurrent units")
-    shortest: float = static(1.0, unit="decisions", help="the shortest time constant at the start, above 0")
-    longest: float = static(30.0, unit="decisions", help="the longest")
-    scale: float = static(1.0, help="the size of the initial weights of the recurrent units")
+    units: int | None = count(None, 1, help="the number of output units, by default one for each action of the task")
+    hidden: int = count(8, 1, help="the number of recurrent units")
+    shortest: float = static(
+        1.0, allowed=TIME_CONSTANTS, unit="decisions", help="the shortest time constant at the start"
+    )
+    longest: float = static(30.0, allowed=TIME_CONSTANTS, unit="decisions", help="the longest")
+    scale: float = static(1.0, allowed=POSITIVE, help="the size of the initial weights of the recurrent units")
     output: str = static("", help="the output units, a name of an initial policy; by default as of `layered`")
+
+    def validate(self) -> None:
+        super().validate()
+        times = (self.shortest, self.longest)
+        check(self.shortest <= self.longest, "shortest, longest", times, "shortest <= longest")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, _ = sizes(task, self.units)
-        check_integer("hidden", self.hidden, 1)
-        check_positive("scale", self.scale)
-        check(
-            0 < self.shortest <= self.longest < 1e6,
-            "shortest, longest",
-            (self.shortest, self.longest),
-            "0 < shortest <= longest < 1e6",
-        )
         make, _ = output_units(task, self.units, self.output)
 
         def made(key: jax.Array) -> Recurrent:

@@ -11,9 +11,10 @@ from jaxtyping import Array, Float
 from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import SigmoidUnits
-from motorgrad.policies._local import CappedUnits, LocalUnits, check_random_layout
+from motorgrad.policies._local import CappedUnits, LocalUnits, StartsScattered
 from motorgrad.policies._parameters import in_structure, with_fields
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
+from motorgrad.policies._policy import check_shapes
+from motorgrad.policies._starting import POSITIVE, Initial, InitialPolicy, function_of
 from motorgrad.schema import static
 
 
@@ -39,9 +40,7 @@ class SoftSpheres(LocalUnits, SigmoidUnits):
 
     def __check_init__(self) -> None:
         check(self.centre.ndim == 2, "centre", self.centre.shape, "of shape (units, inputs)")
-        for name in ("log_radius", "log_hardness"):
-            shape = getattr(self, name).shape
-            check(shape == self.centre.shape[:1], name, shape, f"of shape {self.centre.shape[:1]}")
+        check_shapes(self, self.centre.shape[:1], "log_radius", "log_hardness")
 
     def _distance(self, observation: Float[Array, " inputs"]) -> Float[Array, " units"]:
         square = jnp.sum((observation - self.centre) ** 2, axis=-1)
@@ -87,10 +86,9 @@ class SoftBoxes(CappedUnits):
     log_hardness: Float[Array, " units"] = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self) -> None:
-        shape = self.centre.shape
-        check(self.centre.ndim == 2, "centre", shape, "of shape (units, inputs)")
-        check(self.log_width.shape == shape, "log_width", self.log_width.shape, f"of shape {shape}")
-        check(self.log_hardness.shape == shape[:1], "log_hardness", self.log_hardness.shape, f"of shape {shape[:1]}")
+        check(self.centre.ndim == 2, "centre", self.centre.shape, "of shape (units, inputs)")
+        check_shapes(self, self.centre.shape, "log_width")
+        check_shapes(self, self.centre.shape[:1], "log_hardness")
 
     def _walls(self, observation: Float[Array, " inputs"]) -> Float[Array, "2 units inputs"]:
         """Distance inside each of the two opposed walls, times the hardness."""
@@ -114,29 +112,21 @@ class SoftBoxes(CappedUnits):
         )
 
 
-class InitialSoftSpheres(InitialPolicy):
-    """Soft spheres of equal `radius` and `hardness`, with centres drawn from U[`low`, `high`] in every input.
+class InitialSoftSpheres(StartsScattered, InitialPolicy):
+    """Soft spheres of equal `radius` and `hardness`, with centres drawn from U[`low`, `high`] in every input."""
 
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
-    """
-
-    radius: float = static(0.5, help="radius of every sphere, in the units of the inputs")
-    hardness: float = static(10.0, help="how steeply the probability falls at a unit's surface")
+    radius: float = static(0.5, allowed=POSITIVE, help="radius of every sphere, in the units of the inputs")
+    hardness: float = static(10.0, allowed=POSITIVE, help="how steeply the probability falls at a unit's surface")
     low: float = static(-1.0, help="the lower end of the range of the centres in every input")
     high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        check_random_layout({"radius": self.radius, "hardness": self.hardness}, self.low, self.high)
 
         def initial(key: jax.Array) -> SoftSpheres:
-            centre = jax.random.uniform(key, (outputs, inputs), minval=self.low, maxval=self.high)
-            log_radius, log_hardness = (
-                jnp.full(outputs, math.log(value), centre.dtype) for value in (self.radius, self.hardness)
-            )
-            return SoftSpheres(centre, log_radius, log_hardness)
+            centre = self.centres(key, outputs, inputs)
+            sizes = (jnp.full(outputs, math.log(value), centre.dtype) for value in (self.radius, self.hardness))
+            return SoftSpheres(centre, *sizes)
 
         return initial
 
@@ -144,27 +134,21 @@ class InitialSoftSpheres(InitialPolicy):
 soft_spheres = function_of(InitialSoftSpheres)
 
 
-class InitialSoftBoxes(InitialPolicy):
-    """Soft boxes of equal `hardness`, with centres drawn from U[`low`, `high`] in every input.
+class InitialSoftBoxes(StartsScattered, InitialPolicy):
+    """Soft boxes of equal `hardness`, with centres drawn from U[`low`, `high`] in every input."""
 
-    `width` is the distance from the centre to each wall.
-
-    **Arguments:**
-
-    - `units`: the number of units, by default one for each action of the task.
-    """
-
-    width: float = static(0.5, help="the distance from the centre to each wall, in the units of the inputs")
-    hardness: float = static(10.0, help="how steeply the probability falls at a unit's surface")
+    width: float = static(
+        0.5, allowed=POSITIVE, help="the distance from the centre to each wall, in the units of the inputs"
+    )
+    hardness: float = static(10.0, allowed=POSITIVE, help="how steeply the probability falls at a unit's surface")
     low: float = static(-1.0, help="the lower end of the range of the centres in every input")
     high: float = static(1.0, help="its upper end")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        check_random_layout({"width": self.width, "hardness": self.hardness}, self.low, self.high)
 
         def initial(key: jax.Array) -> SoftBoxes:
-            centre = jax.random.uniform(key, (outputs, inputs), minval=self.low, maxval=self.high)
+            centre = self.centres(key, outputs, inputs)
             log_hardness = jnp.full(outputs, math.log(self.hardness), centre.dtype)
             return SoftBoxes(centre, jnp.full_like(centre, math.log(self.width)), log_hardness)
 

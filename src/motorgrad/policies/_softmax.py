@@ -8,14 +8,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from motorgrad._errors import check
-from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._arguments import SizedTask, sizes
-from motorgrad.policies._featured import featured
-from motorgrad.policies._features import INPUTS, FeatureMap
+from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import in_structure, with_fields
 from motorgrad.policies._policy import Policy
-from motorgrad.policies._starting import Initial, InitialPolicy, function_of
-from motorgrad.schema import static
+from motorgrad.policies._starting import Initial, function_of
+from motorgrad.schema import count
 
 
 class Softmax(Policy):
@@ -94,24 +92,14 @@ class Softmax(Policy):
         return jnp.arange(self.outputs, dtype=jnp.int32)
 
 
-class InitialSoftmax(InitialPolicy):
-    """A softmax policy with zero weights: all actions are equally probable.
+class InitialSoftmax(InitialFeatured):
+    """A softmax policy with zero weights: all actions are equally probable."""
 
-    **Arguments:**
-
-    - `units`: the number of actions to choose from, by default the task's.
-    """
-
-    features: FeatureMap = static(INPUTS, help="what it sees beside the inputs; by default nothing")
-    network: Architecture | None = static(
-        None,
-        help="hidden layers between these inputs and the units; by default none. With them, the result is a "
-        "function from a key to a `Network`",
-    )
+    units: int | None = count(None, 1, help="the number of actions to choose from, by default the task's")
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
-        return featured(self.features, inputs, lambda count: Softmax(jnp.zeros((outputs, count))), self.network)
+        return self.behind(inputs, lambda seen: Softmax(jnp.zeros((outputs, seen))))
 
 
 softmax = function_of(InitialSoftmax)

@@ -11,9 +11,11 @@ import jax
 from motorgrad._errors import check, unknown
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._policy import Policy
-from motorgrad.schema import PART_CLASSES, Part, check_fields, fields_of, static
+from motorgrad.schema import PART_CLASSES, Part, Range, check_fields, count, fields_of
 
 MAX_POLICY_WEIGHTS = 100_000_000  # of the units for each observed number
+POSITIVE = Range(0, open_low=True)
+SHARE_ABOVE_0 = Range(0, 1, open_low=True)
 Initial = Policy | Callable[[jax.Array], Policy]
 """A policy, or a function from a seed's key to a policy."""
 
@@ -43,7 +45,7 @@ class InitialPolicy(Part):
     brief: ClassVar[bool] = True
     """A stored table has only what is not as by default."""
 
-    units: int | None = static(None, help="the number of units, by default one for each action of the task")
+    units: int | None = count(None, 1, help="the number of units, by default one for each action of the task")
     _task: _Bound | None = eqx.field(static=True, default=None, init=False, repr=False)
 
     def __check_init__(self) -> None:
@@ -104,11 +106,21 @@ def function_of(kind: type[InitialPolicy]) -> Callable[..., Any]:
     function.__name__ = function.__qualname__ = name
     function.__module__ = kind.__module__
     arguments = "**Arguments:**\n\n"
-    function.__doc__ = (kind.__doc__ or "").replace(arguments, f"{arguments}    - `task`: {TASK}\n", 1)
+    function.__doc__ = (kind.__doc__ or "").replace(arguments, f"{arguments}- `task`: {TASK}\n", 1)
     settings = list(inspect.signature(kind).parameters.values())
     first = inspect.Parameter("task", inspect.Parameter.POSITIONAL_OR_KEYWORD)
     function.__signature__ = inspect.Signature([first, *settings])  # type: ignore[attr-defined]
     return function
+
+
+def then(function: Callable[[Policy], Policy], made: Any) -> Initial:
+    """What a function makes of an initial policy: again a policy, or a function from a seed's key to one."""
+    return function(made) if isinstance(made, Policy) else lambda key: function(made(key))
+
+
+def check_interval(low: Any, high: Any) -> None:
+    """Refuse two ends of which the lower is not below the other."""
+    check(low < high, "low, high", (low, high), "an interval, low < high")
 
 
 def initial(name: str, task: SizedTask | int, **settings: Any) -> Any:

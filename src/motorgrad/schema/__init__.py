@@ -5,20 +5,20 @@
 `build` makes the object from a plain table, whoever wrote it: a file, a call, the command line, a stored run, a block.
 """
 
-from motorgrad.schema._build import (
-    MAX_SINGLE_PRECISION,
-    Settings,
-    as_hinted,
-    build,
-    check_fields,
-    convert,
-    deeper,
+from motorgrad.schema._build import MAX_SINGLE_PRECISION, as_hinted, build, convert, deeper, expanded, full_path
+from motorgrad.schema._declare import (
+    Declared,
+    Kind,
+    Range,
+    count,
+    declared_by,
     default_of,
-    expanded,
-    full_path,
-    table,
+    holds_numbers,
+    inner,
+    number,
+    plain_numbers,
+    static,
 )
-from motorgrad.schema._declare import Declared, Range, count, declared_by, inner, number, static
 from motorgrad.schema._numbers import (
     Numbers,
     check_rounded,
@@ -40,13 +40,16 @@ from motorgrad.schema._part import (
     register,
     with_article,
 )
-from motorgrad.schema._texts import description_of, descriptions, name_in_words, summary_of
+from motorgrad.schema._settings import Settings, check_fields
+from motorgrad.schema._table import table
+from motorgrad.schema._texts import description_of, descriptions, name_in_words, sentence, summary_of
 from motorgrad.schema._words import Words
 
 __all__ = [
     "MAX_SINGLE_PRECISION",
     "PART_CLASSES",
     "Declared",
+    "Kind",
     "Numbers",
     "Part",
     "Range",
@@ -68,6 +71,7 @@ __all__ = [
     "fields_of",
     "full_path",
     "hints_of",
+    "holds_numbers",
     "inner",
     "is_tracer",
     "kind_of",
@@ -78,7 +82,9 @@ __all__ = [
     "parts_by_path",
     "parts_in",
     "path_of",
+    "plain_numbers",
     "register",
+    "sentence",
     "static",
     "summary_of",
     "table",

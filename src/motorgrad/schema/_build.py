@@ -1,22 +1,23 @@
 """Settings: frozen dataclasses and parts of learners from plain tables, and back; unknown settings are refused."""
 
 import dataclasses
+import re
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from motorgrad._errors import check, shown, unknown
-from motorgrad.schema._declare import declared_by, inherit_declarations
-from motorgrad.schema._part import Part, fields_of, hints_of, kind_of, options_of, parts_in, with_article
-from motorgrad.schema._texts import with_fields
+from motorgrad.schema._declare import default_of
+from motorgrad.schema._part import Part, fields_of, hints_of, options_of, parts_in, with_article
+from motorgrad.schema._table import table
 from motorgrad.schema._words import Words
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+    pass
 
 T = TypeVar("T")
 MAX_SINGLE_PRECISION = 3.4e38
@@ -24,72 +25,82 @@ WHOLE = 2**63 - 1
 EXACT = 2**53  # the largest up to which a float is the one whole number that was written
 
 
-def build(cls: type[T], values: Mapping[str, Any], where: str = "", base: T | None = None) -> T:
-    """An instance of the dataclass `cls` from a table of `values`; a field that is a dataclass takes a table itself.
+def build(cls: type[T], values: Any, where: str = "", base: T | None = None) -> T:
+    """An instance of `cls`, a frozen dataclass or a part, from a table of `values`; a field that holds settings of its
+    own takes a table itself, and a part a table with its `kind`, or only the name of the kind.
 
     Settings that a table leaves out come from `base`, or are the defaults of `cls`; likewise in tables within it.
 
-    **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type, or the key
-    that is missing.
+    **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type or out of
+    its range, or the key that is missing.
     """
-    base = None if any(name in values for name in getattr(cls, "restarts", ())) else base
-    given = convert(cls, values, where, base)
-    fields = fields_of(cls)
-    for name, field in fields.items():
-        if base is None and name not in given and default_of(field) is dataclasses.MISSING:
-            raise ValueError(f"{_place(where, name)}: must be given")
-    try:
-        return cls(**given) if base is None else dataclasses.replace(base, **given)  # type: ignore[type-var]
-    except ValueError as error:
-        named = str(error).split(" ", 1)[0].partition(".")[0] in fields
-        raise ValueError(f"{where}{'.' if named else ': '}{error}" if where else str(error)) from None
+    outermost = _described(cls, _read(cls, values, where), where, base)
+    if outermost is None:
+        return _plain_value(cls, values, where, base)
+    # A loop over all tables in place of a function that calls itself for each: a value is read here, and the part that
+    # checks it is made here, however deep it stands.
+    tables = [outermost]
+    for each in tables:  # which grows; the outer ones come first
+        for name, hint, given, place, default in each.entries():
+            value = _read(hint, given, place)
+            inner = _described(hint, value, place, default)
+            if inner is None:
+                each.given[name] = _plain_value(hint, value, place, default)
+            else:
+                each.inner.append((name, inner))
+                tables.append(inner)
+    for each in reversed(tables):
+        each.given |= {name: inner.made for name, inner in each.inner}
+        each.check_complete()
+        try:
+            each.made = each.cls(**each.given) if each.base is None else dataclasses.replace(each.base, **each.given)
+        except ValueError as error:
+            raise each.named(error) from None
+    return outermost.made
 
 
-def check_fields(instance: "DataclassInstance") -> None:
-    """Convert the fields of a frozen dataclass to their annotated types, as settings from a file are.
+class _Table:
+    """A table of settings on its way to an instance of a class."""
 
-    An instance made in Python so has the types of one made from TOML.
+    def __init__(self, cls: type, settings: Mapping[str, Any], where: str, base: object = None):
+        self.cls: Any = cls
+        self.settings = settings
+        self.where = where
+        self.base: Any = None if any(name in settings for name in getattr(cls, "restarts", ())) else base
+        self.given: dict[str, Any] = {}
+        self.inner: list[tuple[str, _Table]] = []
+        self.made: Any = None
 
-    **Raises:** `ValueError` for a field of the wrong type, out of its range, or not among the options of its `Literal`.
-    """
-    for field in dataclasses.fields(instance):
-        if field.init:
-            value = as_hinted(hints_of(type(instance))[field.name], getattr(instance, field.name), field.name)
-            object.__setattr__(instance, field.name, value)
-            declared = declared_by(field)
-            plain = value is None or isinstance(value, str | Part)
-            check(plain or declared.range is None or declared.range.allows(value), field.name, value, declared.allowed)
+    def entries(self) -> Iterator[tuple[str, Any, Any, str, Any]]:
+        """For each setting in the table: its name, type, value, place, and what it is without."""
+        hints = hints_of(self.cls)
+        fields = fields_of(self.cls)
+        for name, value in expanded(self.cls, self.settings).items():
+            if name not in fields:
+                known = [*fields, *getattr(self.cls, "aliases", {})]
+                kind = f"setting of {self.where or self.cls.__name__.lower()}"
+                raise unknown(kind, name, known, deeper(self.cls, name, self.base))
+            default = default_of(fields[name]) if self.base is None else getattr(self.base, name)
+            yield name, hints[name], value, _place(self.where, name), default
+
+    def check_complete(self) -> None:
+        """Refuse a table without a setting that must be given."""
+        for name, field in fields_of(self.cls).items():
+            if self.base is None and name not in self.given and default_of(field) is dataclasses.MISSING:
+                raise ValueError(f"{_place(self.where, name)}: must be given")
+
+    def named(self, error: ValueError) -> ValueError:
+        """An error of the class with the place of the table before it."""
+        if not self.where:
+            return error
+        field = re.split(r"\W", str(error), maxsplit=1)[0] in fields_of(self.cls)  # also `low, high` and `hidden[0]`
+        return ValueError(f"{self.where}{'.' if field else ': '}{error}")
 
 
-class Settings:
-    """Base of frozen dataclasses whose fields declare what they are (`number`, `count`, `static`, `inner`): it converts
-    and checks their values, then calls `validate`."""
-
-    def __init_subclass__(cls, **keywords: Any) -> None:
-        super().__init_subclass__(**keywords)
-        inherit_declarations(cls)
-        with_fields(cls)
-
-    def __post_init__(self) -> None:
-        check_fields(self)  # type: ignore[arg-type]
-        self.validate()
-
-    def validate(self) -> None:
-        """Refuse values that do not go together. It is called once every field has passed its own check."""
-
-
-def convert(cls: type, values: Mapping[str, Any], where: str = "", base: object = None) -> dict[str, Any]:
+def convert(cls: type, values: Mapping[str, Any]) -> dict[str, Any]:
     """The values in the types of the fields of `cls`: `build` without making the instance."""
-    hints = hints_of(cls)
-    fields = fields_of(cls)
-    given = {}
-    for key, value in expanded(cls, values).items():
-        if key not in fields:
-            known = [*fields, *getattr(cls, "aliases", {})]
-            raise unknown(f"setting of {where or cls.__name__.lower()}", key, known, deeper(cls, key, base))
-        default = default_of(fields[key]) if base is None else getattr(base, key)
-        given[key] = as_hinted(hints[key], value, _place(where, key), default)
-    return given
+    entries = _Table(cls, values, "").entries()
+    return {name: as_hinted(hint, value, place, default) for name, hint, value, place, default in entries}
 
 
 class _Changes(dict[str, Any]):
@@ -155,40 +166,99 @@ def deeper(cls: type, key: str, base: object = None) -> list[str]:
     return found
 
 
-def table(instance: "DataclassInstance") -> dict[str, Any]:
-    """The inverse of `build`: a dataclass as a plain table.
-
-    Fields that are `None` by default are left out where they are `None`; others are then `"none"`. A part of a learner
-    names its `kind`, and all that it is without as `"none"`.
-    """
-    values = {name: getattr(instance, name) for name in fields_of(type(instance))}
-    if getattr(instance, "brief", False):
-        values = {name: v for name, v in values.items() if v != default_of(fields_of(type(instance))[name])}
-    if isinstance(instance, Part):
-        return {"kind": kind_of(instance)} | {name: _plain("none" if v is None else v) for name, v in values.items()}
-    fields = fields_of(type(instance))
-    given = {name: value for name, value in values.items() if value is not None or default_of(fields[name]) is not None}
-    plain = {name: declared_by(fields[name]).plain or _plain for name in given}
-    return {name: "none" if value is None else plain[name](value) for name, value in given.items()}
-
-
-def default_of(field: dataclasses.Field[Any]) -> Any:
-    """A field's default, made if it must be; `dataclasses.MISSING` where there is none."""
-    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
-
-
 def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     """A plain value as the type `hint`; a table changes the `default` if that is a dataclass.
 
     **Raises** `ValueError` that says where, the value and what it must be.
     """
+    value = _read(hint, value, where)
+    described = _described(hint, value, where, default)
+    return _plain_value(hint, value, where, default) if described is None else build(hint, value, where, default)
+
+
+def _read(hint: object, value: Any, where: str) -> Any:
+    """A value as a file would have it: words of the command line are read as the type says, and `None` is nothing."""
     value = value.item() if isinstance(value, np.generic) else value
     value = value.read(hint, where) if isinstance(value, Words) else value
-    if (kinds := parts_in(hint)) and (_is_kind(hint, value) or _is_part_table(hint, value, default)):
-        return _part(kinds, hint, value, where, default)
+    if type(None) in options_of(hint) and parts_in(hint):
+        if isinstance(value, Mapping) and value.get("kind") == "none":
+            check(len(value) == 1, where, value, "'none' without settings")
+            return None
+        return None if isinstance(value, str) and value == "none" else value
+    return value
+
+
+def _described(hint: Any, value: Any, where: str, default: object) -> _Table | None:
+    """The table from which a value is made; `None` for a value that is itself what it stands for.
+
+    This is where a kind is chosen by its name. Without a `kind` a table changes the `default`; where there is none,
+    the type itself is meant if it is a kind, or else the only one. A part of another kind than the default starts from
+    the kind's own settings.
+    """
+    kinds = parts_in(hint)
+    if not kinds or not (_is_kind(hint, value) or _is_part_table(hint, value, default)):
+        for option in options_of(hint) if isinstance(value, Mapping) else ():
+            if dataclasses.is_dataclass(option) and not issubclass(typing.cast(type, option), Part):
+                base = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
+                return _Table(typing.cast(type, option) if base is None else type(base), value, where, base)
+        return None
+    if isinstance(value, Part):
+        return None
+    known = {name: cls for kind in kinds for name, cls in (kind.kinds() or {kind.__name__: kind}).items()}
+    presets = {name: changes for kind in kinds for name, changes in getattr(kind, "presets", {}).items()}
+    settings = {"kind": value} if isinstance(value, str) else dict(value)
+    name = settings.pop("kind", None)
+    name = name.read(str, _place(where, "kind")) if isinstance(name, Words) else name
+    check(name is None or isinstance(name, str), _place(where, "kind"), name, "the name of a kind")
+    base: Any = default if isinstance(default, kinds) else None
+    if name in presets:
+        base = build(hint, presets[name], where, base)
+        name = None
+    if name is None:
+        usual = [hint] if hint in known.values() else list(known.values())
+        if base is None and len(usual) > 1:
+            raise ValueError(f"{_place(where, 'kind')}: must be given: {', '.join(known)}")
+        cls = usual[0] if base is None else type(base)
+    elif name not in known:
+        none = ["none"] if type(None) in options_of(hint) else []
+        raise unknown(where, name, [*known, *presets, *none], registered=True)
+    else:
+        cls = known[name]
+    if base is not None and type(base) is not cls:
+        # another kind of agent keeps the settings that both have
+        related = isinstance(base, cls) or issubclass(cls, type(base))
+        shared = {name: getattr(base, name) for name in fields_of(type(base)) if name in fields_of(cls)}
+        base = cls(**shared) if related and getattr(cls, "aliases", None) else None
+    return _Table(cls, settings, where, base)
+
+
+def _is_kind(hint: object, value: object) -> bool:
+    """Whether a value is a part or names its kind. Where a number may stand too, only a known name does."""
+    if not isinstance(value, str) or float not in options_of(hint):
+        return isinstance(value, str | Part)
+    return any(value in kind.kinds() for kind in parts_in(hint))
+
+
+def _is_part_table(hint: object, value: object, default: object) -> bool:
+    """Whether a table describes a part or changes the `default` part, and not numbers by group."""
+    mappings = any(
+        isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in options_of(hint)
+    )
+    if not isinstance(value, Mapping):
+        return False
+    changes = isinstance(default, Part) and value.keys() <= fields_of(type(default)).keys()
+    return not mappings or "kind" in value or changes
+
+
+def _plain_value(hint: Any, value: Any, where: str, default: Any = None) -> Any:
+    """A value that no table describes, as the type `hint`."""
     origin = typing.get_origin(hint)
     options = typing.get_args(hint)
+    kinds = parts_in(hint)
     if hint is Any:
+        return value
+    if kinds and isinstance(value, Part):
+        check(isinstance(value, kinds), where, value, _name(hint))
         return value
     if origin in (typing.Union, types.UnionType):
         return _one_of(hint, options, value, where, default)
@@ -197,7 +267,8 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
             raise unknown(where, value, map(str, options))
         return value
     if origin is tuple:
-        check(isinstance(value, tuple | list), where, value, "a list")
+        value = value.tolist() if isinstance(value, np.ndarray) else value
+        check(isinstance(value, Sequence) and not isinstance(value, str | bytes), where, value, "a list")
         inner = [options[0]] * len(value) if len(options) == 2 and options[1] is Ellipsis else list(options)
         check(len(inner) == len(value), where, value, f"a list of {len(inner)} entries")
         return tuple(as_hinted(i, v, f"{where}[{n}]") for n, (i, v) in enumerate(zip(inner, value, strict=True)))
@@ -210,19 +281,12 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         check(value is None or value == "none", where, value, "none")
         return None
     if dataclasses.is_dataclass(hint):
-        if isinstance(value, Mapping):
-            base = default if dataclasses.is_dataclass(default) and not isinstance(default, type) else None
-            return build(typing.cast(type, hint if base is None else type(base)), value, where, base)
         check(isinstance(value, typing.cast(type, hint)), where, value, f"a table of the settings of {_name(hint)}")
         return value
     if hint is float:
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        check(
-            number and -MAX_SINGLE_PRECISION <= value <= MAX_SINGLE_PRECISION,
-            where,
-            value,
-            "a finite number in single precision",
-        )
+        finite = number and -MAX_SINGLE_PRECISION <= value <= MAX_SINGLE_PRECISION
+        check(finite, where, value, "a finite number in single precision")
         return float(value)
     if hint is int:
         if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:  # 1e5
@@ -238,71 +302,9 @@ def as_hinted(hint: Any, value: Any, where: str, default: Any = None) -> Any:
     return value
 
 
-def _is_kind(hint: object, value: object) -> bool:
-    """Whether a value is a part or names its kind. Where a number may stand too, only a known name does."""
-    if not isinstance(value, str) or float not in options_of(hint):
-        return isinstance(value, str | Part)
-    return any(value in kind.kinds() for kind in parts_in(hint))
-
-
-def _is_part_table(hint: object, value: object, default: object) -> bool:
-    """Whether a table describes a part or changes the `default` part, and not numbers by group."""
-    mappings = any(
-        isinstance(o := typing.get_origin(option), type) and issubclass(o, Mapping) for option in typing.get_args(hint)
-    )
-    if not isinstance(value, Mapping):
-        return False
-    changes = isinstance(default, Part) and value.keys() <= fields_of(type(default)).keys()
-    return not mappings or "kind" in value or changes
-
-
-def _part(
-    kinds: tuple[type[Part], ...], hint: object, value: Part | str | Mapping[str, Any], where: str, default: object
-) -> Part | None:
-    """A part of a learner: itself, by the name of its kind, or as a table with its `kind` and its settings.
-
-    Without a `kind` the table changes the `default`; where there is no default, the only kind is meant. A part of
-    another kind than the default starts from the kind's own settings.
-    """
-    if isinstance(value, Part):
-        check(isinstance(value, kinds), where, value, _name(hint))
-        return value
-    known = {name: cls for kind in kinds for name, cls in kind.kinds().items()}
-    presets = {name: changes for kind in kinds for name, changes in getattr(kind, "presets", {}).items()}
-    optional = type(None) in typing.get_args(hint)
-    settings = {"kind": value} if isinstance(value, str) else dict(value)
-    name = settings.pop("kind", None)
-    name = name.read(str, _place(where, "kind")) if isinstance(name, Words) else name
-    check(name is None or isinstance(name, str), _place(where, "kind"), name, "the name of a kind")
-    if optional and name == "none":
-        check(not settings, where, value, "'none' without settings")
-        return None
-    base = default if isinstance(default, kinds) else None
-    if name in presets:
-        return _part(kinds, hint, settings, where, _part(kinds, hint, presets[name], where, default))
-    if name is None:
-        cls = type(base) if base is not None else next(iter(known.values())) if len(known) == 1 else None
-        if cls is None:
-            raise ValueError(f"{_place(where, 'kind')}: must be given: {', '.join(known)}")
-    elif name not in known:
-        raise unknown(where, name, [*known, *presets, *(["none"] if optional else [])], registered=True)
-    else:
-        cls = known[name]
-    if base is not None and type(base) is not cls:
-        # another kind of agent keeps the settings that both have
-        related = isinstance(base, cls) or issubclass(cls, type(base))
-        shared = {name: getattr(base, name) for name in fields_of(type(base)) if name in fields_of(cls)}
-        base = cls(**shared) if related and getattr(cls, "aliases", None) else None
-    return build(cls, settings, where, base)
-
-
 def _one_of(hint: object, options: tuple[Any, ...], value: object, where: str, default: object) -> Any:
     if (value is None or value == "none") and type(None) in options:
         return None
-    for option in options:
-        part = isinstance(option, type) and issubclass(option, Part)  # a table of one has a kind
-        if dataclasses.is_dataclass(option) and isinstance(value, Mapping) and not part:
-            return as_hinted(option, value, where, default)  # what is wrong in it is worth saying
     lists = [option for option in options if typing.get_origin(option) is tuple]
     if len(lists) == 1 and isinstance(value, tuple | list):
         return as_hinted(lists[0], value, where, default)
@@ -319,25 +321,13 @@ def _place(where: str, key: str) -> str:
     return f"{where}.{key}" if where else key
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return table(value)
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items() if item is not None}
-    return str(value) if isinstance(value, Path) else value
-
-
 def _name(hint: Any) -> str:
     names = {int: "an integer", float: "a number", str: "a string", bool: "true or false", Path: "a path"}
     if typing.get_origin(hint) is typing.Literal:
         return " or ".join(map(repr, typing.get_args(hint)))
     options = [option for option in typing.get_args(hint) if option is not type(None)]
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return " or ".join(map(_name, options))
+        return " or ".join(_name(option) for option in options if option is not int or float not in options)
     if isinstance(typing.get_origin(hint), type):
         return "a table" if issubclass(typing.get_origin(hint), Mapping) else "a list"  # type: ignore[arg-type]
     if hint in names:

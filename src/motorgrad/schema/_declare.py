@@ -4,49 +4,78 @@ import dataclasses
 import math
 import types
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from motorgrad._errors import check
+
+Kind = Literal["float", "int", "bool"]
 WIDE = 2**30  # whole numbers up to here or beyond are as good as unlimited, and messages name no end
 MAX_WHOLE = 2**31 - 1
 
 
 class Range(NamedTuple):
-    """The values that a number may take: finite, between `low` and `high`, and `whole` if it is an integer."""
+    """The values that a number may take: finite, between `low` and `high`, and of a `kind`."""
 
     low: float = -math.inf
     high: float = math.inf
     open_low: bool = False
     open_high: bool = False
-    whole: bool = False
+    kind: Kind = "float"
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is an integer."""
+        return self.kind == "int"
 
     def allows(self, value: object) -> bool:
         """Whether a number, or every number of an array, is finite and within the range."""
+        if type(value) is float and self.kind == "float":  # as most are, and arrays take their time
+            above = value > self.low if self.open_low else value >= self.low
+            return above and math.isfinite(value) and (value < self.high if self.open_high else value <= self.high)
         try:
             numbers = np.asarray(value)
         except (TypeError, ValueError):  # lists of different lengths
             return False
         floats = numbers.dtype.kind == "f" or jnp.issubdtype(numbers.dtype, jnp.floating)
+        if self.kind == "bool":
+            return numbers.dtype.kind == "b"
         if numbers.dtype.kind not in "iu" and (self.whole or not floats):
             return False
         above = numbers > self.low if self.open_low else numbers >= self.low
         below = numbers < self.high if self.open_high else numbers <= self.high
         return bool(np.all(np.isfinite(numbers) & above & below))
 
-    def __str__(self) -> str:
+    @property
+    def ends(self) -> str:
+        """The ends in words: "at least 0", "from 1 to 100", "in [0, 1)"; nothing where there are none."""
+        return self._ends(far=False)
+
+    def _ends(self, far: bool) -> str:
         if self.whole:
-            ends = f"of at least {self.low:,}" if self.high >= WIDE else f"from {self.low:,} to {self.high:,}"
-            return f"an integer {ends}"
-        if math.isinf(self.low) and math.isinf(self.high):
-            return "a finite number"
+            near = self.high < WIDE or far
+            return f"from {self.low:,} to {self.high:,}" if near else f"at least {self.low:,}"
         if math.isinf(self.high):
-            return f"a finite number {'above' if self.open_low else 'of at least'} {self.low:g}"
+            return "" if math.isinf(self.low) else f"{'above' if self.open_low else 'at least'} {self.low:g}"
         if math.isinf(self.low):
-            return f"a finite number {'below' if self.open_high else 'of at most'} {self.high:g}"
+            return f"{'below' if self.open_high else 'at most'} {self.high:g}"
         return f"in {'(' if self.open_low else '['}{self.low:g}, {self.high:g}{')' if self.open_high else ']'}"
+
+    def words(self, value: object = None) -> str:
+        """What is allowed instead of a value, in words that complete "must be …"."""
+        if self.kind == "bool":
+            return "true or false"
+        ends = self._ends(far=isinstance(value, int) and value > self.high)
+        if ends.startswith("in "):
+            return ends
+        kind = "an integer" if self.whole else "a finite number"
+        return f"{kind} {'of ' if ends.startswith('at') else ''}{ends}".rstrip()
+
+    def __str__(self) -> str:
+        return self.words()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,14 +96,31 @@ class Declared:
     """Whether it also takes a mapping from names of a policy's fields to numbers or arrays."""
     option: bool = True
     """Whether the command line offers it. What is too much for one is given in a file."""
+    positional: str = ""
+    """What the help of a command shows for a word without a name, such as "FILE"; empty for an option."""
+    metavar: str = ""
+    """What the help shows for the value of an option, where its type does not say it."""
     plain: Callable[[Any], Any] | None = None
     """How a value is written to a file, where it is no number, text, list, table or dataclass."""
 
     @property
+    def kind(self) -> Kind:
+        """The kind of its numbers."""
+        return "float" if self.range is None else self.range.kind
+
+    @property
     def allowed(self) -> str:
         """The values that a number may take, in words that complete "must be …"."""
+        return self.instead_of(None)
+
+    def instead_of(self, value: object) -> str:
+        """`allowed`, with a far end where it is what refuses the value."""
         unit = self.unit and f", in {self.unit}"
-        return f"{Range() if self.range is None else self.range}{unit}"
+        return f"{(self.range or Range()).words(value)}{unit}"
+
+    def check(self, name: str, value: object) -> None:
+        """Refuse a number, or numbers, out of the range. **Raises** `ValueError`, by the `name`."""
+        check(self.range is None or self.range.allows(value), name, value, self.instead_of(value))
 
 
 def number(
@@ -86,10 +132,12 @@ def number(
     open_high: bool = False,
     groups: bool = False,
     at_start: bool = False,
+    kind: Kind = "float",
     unit: str = "",
     help: str = "",
 ) -> Any:
-    """Declare a field that holds a number, or an array of numbers: in a part of a learner, a leaf of the tree.
+    """Declare a field that holds a number, or an array of numbers: in a part of a learner, a leaf of the tree; in
+    other settings, where its type is `Any`, one number or nested lists of numbers.
 
     **Arguments:**
 
@@ -98,11 +146,13 @@ def number(
     - `groups`: whether the field also takes a mapping from names of a policy's fields to numbers or arrays. A name may
       be the end of a field's path, such as `movement.weights`.
     - `at_start`: whether it is used only to build the first state, so that changing it during a run has no effect.
+    - `kind`: `"int"` or `"bool"` for integers or truth values that may change while something runs.
     - `unit`, `help`: for people.
     """
-    allowed = Range(low, high, open_low, open_high)
+    allowed = Range(low, high, open_low, open_high, kind)
     declared = Declared(help, unit, allowed, not at_start, groups)
-    return eqx.field(converter=as_number, metadata={"declared": declared}, **_default(default))
+    keywords = {"converter": as_number} if kind == "float" else {}
+    return eqx.field(metadata={"declared": declared}, **keywords, **_default(default))
 
 
 def count(
@@ -114,7 +164,7 @@ def count(
     help: str = "",
 ) -> Any:
     """Declare a field that holds a whole number which is part of the structure: a length, an interval or a count."""
-    declared = Declared(help, unit, Range(low, high, whole=True))
+    declared = Declared(help, unit, Range(low, high, kind="int"))
     return eqx.field(static=True, metadata={"declared": declared}, **_default(default))
 
 
@@ -128,6 +178,8 @@ def static(
     unit: str = "",
     help: str = "",
     option: bool = True,
+    positional: str = "",
+    metavar: str = "",
     plain: Callable[[Any], Any] | None = None,
 ) -> Any:
     """Declare a field that is part of the structure: a choice by name, a flag, a path, a list, or a number that fixes a
@@ -136,7 +188,7 @@ def static(
     **Arguments:** the `default`, or a `factory` that makes it; `converter` and `kw_only` as in `equinox.field`; the
     range of the numbers that are `allowed`; the others as in `Declared`.
     """
-    declared = Declared(help, unit, allowed, option=option, plain=plain)
+    declared = Declared(help, unit, allowed, option=option, positional=positional, metavar=metavar, plain=plain)
     keywords: dict[str, Any] = {"kw_only": True} if kw_only else {}  # kw_only=False would undo that of a whole class
     keywords |= {} if converter is None else {"converter": converter}
     keywords |= _default(default) if factory is None else {"default_factory": factory}
@@ -174,6 +226,16 @@ def declared_by(field: "dataclasses.Field[Any]") -> Declared:
 NOTHING = Declared()
 
 
+def holds_numbers(field: "dataclasses.Field[Any]") -> bool:
+    """Whether a field of a dataclass was declared by `number`: whether its numbers are carried along by a program."""
+    return declared_by(field).range is not None and not field.metadata.get("static", False)
+
+
+def default_of(field: dataclasses.Field[Any]) -> Any:
+    """A field's default, made if it must be; `dataclasses.MISSING` where there is none."""
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
+
+
 def inherited_fields(cls: type) -> dict[str, "dataclasses.Field[Any]"]:
     """The fields of the bases of a class, by name."""
     found: dict[str, dataclasses.Field[Any]] = {}
@@ -184,8 +246,10 @@ def inherited_fields(cls: type) -> dict[str, "dataclasses.Field[Any]"]:
 
 def inherit_declarations(cls: type) -> None:
     """Have fields that a class being defined declares again, only for another type or default, keep what their bases
-    declare."""
-    known = inherited_fields(cls)
+    declare, even bases that are no dataclasses."""
+    bases = reversed(cls.__mro__[1:])
+    known = {name: item for base in bases for name, item in vars(base).items() if isinstance(item, dataclasses.Field)}
+    known |= inherited_fields(cls)
     for name in vars(cls).get("__annotations__", {}):
         if name in known and declared_by(known[name]) is not NOTHING:
             given = getattr(cls, name, dataclasses.MISSING)
@@ -216,3 +280,27 @@ def as_number(value: object) -> Any:
             return value
         return array.astype(float) if array.dtype.kind in "iuf" else value
     return value
+
+
+def plain_numbers(value: object, name: str, declared: Declared, optional: bool = False) -> Any:
+    """One number of the declared kind, or nested lists of such numbers as nested tuples, whatever their range.
+
+    **Raises** `ValueError` for anything else, and for numbers that overflow single precision.
+    """
+    if value is None and optional:
+        return None
+    try:
+        given = np.asarray(value)
+    except (TypeError, ValueError, OverflowError):  # lists of different lengths
+        given = np.asarray(None)
+    right = given.size > 0 and given.dtype.kind in {"float": "biuf", "int": "biu", "bool": "b"}[declared.kind]
+    if right:
+        with np.errstate(over="ignore"):
+            right = bool(np.all(np.isfinite(given.astype(np.float32))))
+        right = right and (declared.kind != "int" or bool(np.all(np.abs(given.astype(float)) <= MAX_WHOLE)))
+    check(right, name, value, f"{declared.allowed}, or a list of such values{', or none' if optional else ''}")
+    return _nested(given.astype({"float": float, "int": int, "bool": bool}[declared.kind]).tolist())
+
+
+def _nested(value: object) -> Any:
+    return tuple(map(_nested, value)) if isinstance(value, list) else value

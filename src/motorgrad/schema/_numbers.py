@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import typing
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
@@ -131,23 +132,25 @@ def with_number(tree: T, path: str, value: object) -> T:
     if not _surely_number(tree, path) and path not in numbers_of(tree):
         raise unknown("number", path, numbers_of(tree))
 
-    def replaced(node: object, names: list[str], where: str) -> Any:
-        if not names:
-            return value
-        name, *rest = names
-        here = f"{where}.{name}" if where else name
-        if isinstance(node, Mapping):  # a name of a group may have dots
-            return {**node, ".".join(names): value}
-        if isinstance(node, tuple):
-            place = int(name)
-            return (*node[:place], replaced(node[place], rest, here), *node[place + 1 :])
-        inner = replaced(getattr(node, name), rest, here)
-        try:
-            return _with_field(node, name, inner)
-        except ValueError as error:
-            raise ValueError(f"{where}.{error}" if where else str(error)) from None
-
-    return replaced(tree, path.split("."), "")
+    *names, last = path.split(".")
+    nodes: list[Any] = [tree]
+    while names and not isinstance(nodes[-1], Mapping):
+        name = names.pop(0)
+        nodes.append(nodes[-1][int(name)] if isinstance(nodes[-1], tuple) else getattr(nodes[-1], name))
+    outer = path.split(".")[: len(nodes) - 1]
+    name = ".".join([*names, last])  # a name of a group may have dots
+    for node in reversed(nodes):
+        if isinstance(node, Mapping):
+            value = {**node, name: value}
+        elif isinstance(node, tuple):
+            value = (*node[: int(name)], value, *node[int(name) + 1 :])
+        else:
+            try:
+                value = _with_field(node, name, value)
+            except ValueError as error:
+                raise ValueError(".".join([*outer, str(error)])) from None
+        name = outer.pop() if outer else ""
+    return typing.cast(T, value)
 
 
 def _surely_number(tree: object, path: str) -> bool:

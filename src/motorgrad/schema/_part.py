@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jax.core import Tracer
 
-from motorgrad._errors import check, shown, unknown
+from motorgrad._errors import check, is_number, shown, unknown
 from motorgrad.schema._declare import Declared, Range, declared_by, inherit_declarations
 from motorgrad.schema._texts import with_fields
 
@@ -120,10 +120,14 @@ def check_part_field(part: Part, name: str, field: dataclasses.Field[Any]) -> No
     if value is None and type(None) in options:
         return
     declared = declared_by(field)
-    if declared.range is not None and declared.range.whole:
+    listed = isinstance(value, tuple) and any(typing.get_origin(option) is tuple for option in options)
+    if listed and declared.range is not None:
+        for place, item in enumerate(typing.cast(tuple[Any, ...], value)):
+            declared.check(f"{name}[{place}]", item)
+    elif declared.range is not None and declared.range.whole:
         words = _words_of(options)
         whole = isinstance(value, int) and not isinstance(value, bool) and declared.range.allows(value)
-        allowed = [declared.allowed, *map(shown, words), *(["None"] if type(None) in options else [])]
+        allowed = [declared.instead_of(value), *map(shown, words), *(["None"] if type(None) in options else [])]
         check(whole or value in words, name, value, " or ".join(allowed))
     elif declared.range is not None:
         _check_number(name, value, declared, options)
@@ -156,7 +160,7 @@ def _check_number(name: str, value: object, declared: Declared, options: tuple[A
                 f"{declared.allowed}, or an array of such numbers",
             )
         return
-    single = isinstance(value, float) or (declared.groups and isinstance(value, np.ndarray))
+    single = is_number(value) or (declared.groups and isinstance(value, np.ndarray))
     words = declared.allowed
     if type(None) in options:
         words = f"None or {words}"

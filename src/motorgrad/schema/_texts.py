@@ -6,7 +6,7 @@ import inspect
 import re
 from typing import Any
 
-from motorgrad.schema._declare import declared_by, inherited_fields
+from motorgrad.schema._declare import Declared, declared_by, inherited_fields
 
 WORD = re.compile(r"[a-z]+(?=[\s,:;-]|$)")  # not a symbol or a name, such as ρ, k_SE and motorgrad.make
 SYMBOLS = {
@@ -57,16 +57,17 @@ def with_fields(cls: type) -> None:
 
 
 @functools.cache
-def descriptions(cls: Any) -> dict[str, str]:
-    """What the fields of a class declare that they are, as sentences in plain characters, each with its unit."""
-    found: dict[str, str] = {}
-    for field in dataclasses.fields(cls):
-        declared = declared_by(field)
-        if field.init and declared.help:
-            said = " ".join(_without_formulas(declared.help).replace("`", "").split())
-            said = said[:1].upper() + said[1:] if WORD.match(said) else said
-            found[field.name] = f"{said.rstrip('.')}{declared.unit and f' ({declared.unit})'}."
-    return found
+def descriptions(cls: Any, units: bool = True) -> dict[str, str]:
+    """What the fields of a class declare that they are, as sentences in plain characters, each with its unit or not."""
+    declared = {field.name: declared_by(field) for field in dataclasses.fields(cls) if field.init}
+    return {name: sentence(each, units) for name, each in declared.items() if each.help}
+
+
+def sentence(declared: Declared, unit: bool = True) -> str:
+    """What a field declares that it is, as a sentence in plain characters, with its unit or without."""
+    said = " ".join(_without_formulas(declared.help).replace("`", "").split())
+    said = said[:1].upper() + said[1:] if WORD.match(said) else said
+    return f"{said.rstrip('.')}{f' ({declared.unit})' if unit and declared.unit else ''}."
 
 
 def _without_formulas(text: str) -> str:

@@ -1,28 +1,26 @@
 """Bayesian optimisation: a Gaussian process over the scores so far chooses what to try next."""
 
 import dataclasses
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 from scipy.stats import qmc
 
-from motorgrad._errors import check, check_integer, check_not_negative, choice
+from motorgrad._errors import check
 from motorgrad._extras import require
-from motorgrad.schema import number, static
-from motorgrad.search._methods import Method, Places, State
+from motorgrad.schema import Range, count, number, static
+from motorgrad.search._methods import Places, State, WithCandidates
 
 if TYPE_CHECKING:
     from motorgrad.search._gaussian_process import Data
 
-KERNELS = ("matern", "squared-exponential")
-ACQUISITIONS = ("expected-improvement", "upper-confidence-bound")
 MIN_CANDIDATES = 16  # for which the arrays of the process have room; the room is doubled when it is used up
 
 
 @dataclasses.dataclass(frozen=True)
-class BayesianOptimisation(Method):
+class BayesianOptimisation(WithCandidates):
     r"""Bayesian optimisation with a Gaussian process (thesis, section 7.3; Jones et al., 1998), by the package tinygp.
 
     The process is conditioned on all scores so far, and on their gradients where the score function returns
@@ -41,44 +39,35 @@ class BayesianOptimisation(Method):
     **Raises:** `RuntimeError` if tinygp is missing (`motorgrad[search]`).
     """
 
-    candidates: int = static(4, help="per round, at least 1. With fewer, each is chosen with more known")
-    initial: int = static(
-        8, help="candidates, at least 2, that must have a score before the process is used; they come in whole rounds"
+    candidates: int = count(4, 1, help="per round. With fewer, each is chosen with more known")
+    initial: int = count(
+        8, 2, help="candidates that must have a score before the process is used; they come in whole rounds"
     )
-    kernel: str = static(
+    kernel: Literal["matern", "squared-exponential"] = static(
         "matern",
-        help=r'`"matern"`, with $\nu = 5/2$, twice differentiable; or `"squared-exponential"`, infinitely '
-        r"smooth",
+        help=r'`"matern"`, with $\nu = 5/2$, twice differentiable; or `"squared-exponential"`, infinitely smooth',
     )
-    acquisition: str = static(
-        "expected-improvement",
-        help=r'`"expected-improvement"`, or `"upper-confidence-bound"` for $\mu + \kappa\sigma$ (Srinivas et '
-        r"al., 2010)",
+    acquisition: Literal["expected-improvement", "upper-confidence-bound"] = static(
+        "expected-improvement", help=r'`"upper-confidence-bound"` is $\mu + \kappa\sigma$ (Srinivas et al., 2010)'
     )
-    exploration: float = number(2.0, help=r"$\kappa$, at least 0, of the upper confidence bound")
+    exploration: float = number(2.0, 0, help=r"$\kappa$ of the upper confidence bound")
     lengths: tuple[float, float] = static(
-        (0.05, 5.0), help="bounds of the length scales, above 0, as fractions of every number's range"
+        (0.05, 5.0),
+        allowed=Range(0, open_low=True),
+        help="bounds of the length scales, as fractions of every number's range",
     )
     noise: tuple[float, float] = static(
         (1e-3, 1.0),
-        help="bounds of the standard deviation of a score's noise, above 0, in standard deviations of all "
-        "scores. Two equal bounds fix it",
+        allowed=Range(0, open_low=True),
+        help="bounds of the standard deviation of a score's noise, in standard deviations of all scores. Two equal "
+        "bounds fix it",
     )
 
-    def __post_init__(self) -> None:
-        check_integer("BayesianOptimisation.candidates", self.candidates, 1)
-        check_integer("BayesianOptimisation.initial", self.initial, 2)
-        choice("BayesianOptimisation.kernel", self.kernel, KERNELS)
-        choice("BayesianOptimisation.acquisition", self.acquisition, ACQUISITIONS)
-        check_not_negative("BayesianOptimisation.exploration", self.exploration)
+    def validate(self) -> None:
         for name in ("lengths", "noise"):
-            pair = getattr(self, name)
-            right = isinstance(pair, tuple) and len(pair) == 2 and 0.0 < pair[0] <= pair[1] < np.inf
-            check(right, f"BayesianOptimisation.{name}", pair, "two finite numbers above 0, the lower first")
+            low, high = getattr(self, name)
+            check(low <= high, name, (low, high), "two numbers, the lower first")
         require("Bayesian optimisation needs", "tinygp", "search")
-
-    def batch(self, size: int) -> int:
-        return self.candidates
 
     def begin(self, start: Float[np.ndarray, " size"]) -> State:
         none = np.zeros((0, len(start)))
@@ -100,10 +89,10 @@ class BayesianOptimisation(Method):
         settings = self._fitted(state)
         exploration = float(self.exploration) if self.acquisition == "upper-confidence-bound" else None
         places = np.zeros((self.candidates, size))
-        for number in range(self.candidates):
+        for place in range(self.candidates):
             posterior = Posterior(self.kernel, settings, data)
-            places[number] = most_worth(posterior, exploration, random)
-            data = data.believed(len(state["scores"]) + number, places[number], posterior(places[number, None])[0][0])
+            places[place] = most_worth(posterior, exploration, random)
+            data = data.believed(len(state["scores"]) + place, places[place], posterior(places[place, None])[0][0])
         return places, {**state, "settings": settings}
 
     def tell(self, state: State, candidates: Places, scores: Float[np.ndarray, " batch"]) -> State:

@@ -16,9 +16,9 @@ import optax
 from jaxtyping import Float, PyTree
 from scipy.stats import rankdata
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check
 from motorgrad._extras import require
-from motorgrad.schema import number, path_of, static
+from motorgrad.schema import count, number, path_of
 from motorgrad.search._methods import Method, Places, State
 from motorgrad.search._space import reflected
 
@@ -28,7 +28,7 @@ class _Evosax(Method):
 
     title: ClassVar[str]
 
-    def _check_installed(self) -> None:
+    def validate(self) -> None:
         require(f"{self.title} needs", "evosax", "search")
 
     @abc.abstractmethod
@@ -86,18 +86,15 @@ class CmaEs(_Evosax):
 
     title: ClassVar[str] = "CMA-ES"
 
-    population: int | None = static(
+    population: int | None = count(
         None,
-        help=r"candidates per round, at least 4; by default $4 + \lfloor 3 \ln n \rfloor$ for $n$ numbers. A "
-        r"larger population tolerates more noise",
+        4,
+        help=r"candidates per round; by default $4 + \lfloor 3 \ln n \rfloor$ for $n$ numbers. A larger population "
+        "tolerates more noise",
     )
-    width: float = number(0.2, help="initial standard deviation, above 0, as a fraction of every number's range")
-
-    def __post_init__(self) -> None:
-        if self.population is not None:
-            check_integer("CmaEs.population", self.population, 4)
-        check(0.0 < self.width < math.inf, "CmaEs.width", self.width, "a finite number above 0")
-        self._check_installed()
+    width: float = number(
+        0.2, 0, open_low=True, help="initial standard deviation, as a fraction of every number's range"
+    )
 
     def batch(self, size: int) -> int:
         return self.population or 4 + int(3.0 * math.log(size))
@@ -130,17 +127,13 @@ class EvolutionStrategy(_Evosax):
 
     title: ClassVar[str] = "an evolution strategy"
 
-    population: int = static(32, help="candidates per round, an even number of at least 2")
-    width: float = number(0.05, help=r"$\sigma$, above 0, as a fraction of every number's range")
-    learning_rate: float = number(0.02, help="learning rate of Adam, above 0, in the same units")
+    population: int = count(32, 2, help="candidates per round, an even number")
+    width: float = number(0.05, 0, open_low=True, help=r"$\sigma$, as a fraction of every number's range")
+    learning_rate: float = number(0.02, 0, open_low=True, help="learning rate of Adam, in the same units")
 
-    def __post_init__(self) -> None:
-        check_integer("EvolutionStrategy.population", self.population, 2)
-        check(self.population % 2 == 0, "EvolutionStrategy.population", self.population, "an even number")
-        for name in ("width", "learning_rate"):
-            value = getattr(self, name)
-            check(0.0 < value < math.inf, f"EvolutionStrategy.{name}", value, "a finite number above 0")
-        self._check_installed()
+    def validate(self) -> None:
+        super().validate()
+        check(self.population % 2 == 0, "population", self.population, "an even number")
 
     def batch(self, size: int) -> int:
         return self.population

@@ -172,10 +172,7 @@ _posterior_at = eqx.filter_jit(posterior_at)
 
 
 def fitted(
-    profile: str,
-    data: Data,
-    starts: Float[np.ndarray, "starts settings"],
-    bounds: Float[np.ndarray, "settings 2"],
+    profile: str, data: Data, starts: Float[np.ndarray, "starts settings"], bounds: Float[np.ndarray, "settings 2"]
 ) -> Float[np.ndarray, " settings"]:
     """The settings within `bounds` of the greatest marginal likelihood that L-BFGS finds from the best of `starts`."""
 
@@ -206,12 +203,9 @@ class Posterior:
     def __call__(self, places: Float[np.ndarray, "places size"]) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the function at some places."""
         count = len(places)
-        blocks = np.concatenate([places, np.zeros((-count % BLOCK, places.shape[1]))]).reshape(
-            -1, BLOCK, places.shape[1]
-        )
+        size = places.shape[1]
+        blocks = np.concatenate([places, np.zeros((-count % BLOCK, size))]).reshape(-1, BLOCK, size)
         with jax.enable_x64(True):
             found = [_posterior_at(self.prior, self.values, jnp.asarray(block)) for block in blocks]
-        mean, variance = (
-            np.concatenate([np.asarray(each) for each in part])[:count] for part in zip(*found, strict=True)
-        )
+        mean, variance = (np.concatenate(part)[:count] for part in zip(*found, strict=True))
         return mean, np.sqrt(variance)

@@ -6,8 +6,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check, check_integer
-from motorgrad.schema import number, static
+from motorgrad.schema import Settings, count, number
 from motorgrad.search._space import reflected
 
 State = dict[str, np.ndarray]
@@ -17,7 +16,7 @@ Places = Float[np.ndarray, "batch size"]
 """Candidates: one per row, as places from 0 to 1 within the bounds of the numbers."""
 
 
-class Method(abc.ABC):
+class Method(Settings, abc.ABC):
     """A method that proposes candidates. Subclasses are frozen dataclasses of settings, with pure functions:
 
     ```
@@ -54,16 +53,18 @@ class Method(abc.ABC):
 
 
 @dataclasses.dataclass(frozen=True)
-class Uniform(Method):
-    """Independent uniform samples within the bounds: a baseline for other methods."""
+class WithCandidates(Method):
+    """A method whose number of candidates per round is a setting."""
 
-    candidates: int = static(12, help="per round, at least 1")
-
-    def __post_init__(self) -> None:
-        check_integer("Uniform.candidates", self.candidates, 1)
+    candidates: int = count(12, 1, help="per round")
 
     def batch(self, size: int) -> int:
         return self.candidates
+
+
+@dataclasses.dataclass(frozen=True)
+class Uniform(WithCandidates):
+    """Independent uniform samples within the bounds: a baseline for other methods."""
 
     def begin(self, start: Float[np.ndarray, " size"]) -> State:
         return {"start": np.asarray(start, float)}
@@ -76,7 +77,7 @@ class Uniform(Method):
 
 
 @dataclasses.dataclass(frozen=True)
-class Boltzmann(Method):
+class Boltzmann(WithCandidates):
     r"""Random search with Boltzmann selection (thesis, section 5.3.3).
 
     A candidate is made from an existing sample, selected with a probability that increases with its average score $\bar
@@ -89,32 +90,23 @@ class Boltzmann(Method):
     thesis gives no settings; the defaults are ours.
     """
 
-    candidates: int = static(12, help="per round, at least 1")
     temperature: float = number(
-        0.5, help="$T$, above 0, in standard deviations of the scores; lower values are greedier"
+        0.5, 0, open_low=True, help="$T$, in standard deviations of the scores; lower values are greedier"
     )
-    changed: int = static(2, help="how many numbers are changed, at least 1")
+    changed: int = count(2, 1, help="how many numbers are changed")
     width: float = number(
         0.1,
-        help="standard deviation of the noise, above 0, as a fraction of a number's range. Numbers are "
-        "reflected at the bounds",
+        0,
+        open_low=True,
+        help="standard deviation of the noise, as a fraction of a number's range. Numbers are reflected at the bounds",
     )
     again: float = number(
         0.0,
-        help="the fraction of candidates, in [0, 1), that repeat a selected sample unchanged, which averages "
-        "noisy scores",
+        0,
+        1,
+        open_high=True,
+        help="the fraction of candidates that repeat a selected sample unchanged, which averages noisy scores",
     )
-
-    def __post_init__(self) -> None:
-        check_integer("Boltzmann.candidates", self.candidates, 1)
-        check_integer("Boltzmann.changed", self.changed, 1)
-        for name in ("temperature", "width"):
-            value = getattr(self, name)
-            check(0.0 < value < np.inf, f"Boltzmann.{name}", value, "a finite number above 0")
-        check(0.0 <= self.again < 1.0, "Boltzmann.again", self.again, "in [0, 1)")
-
-    def batch(self, size: int) -> int:
-        return self.candidates
 
     def begin(self, start: Float[np.ndarray, " size"]) -> State:
         """One sample, the start, without a score."""

@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check, check_integer
-from motorgrad.schema import number, static
-from motorgrad.search._methods import Method, Places, State
+from motorgrad.schema import count, number
+from motorgrad.search._methods import Places, State, WithCandidates
 from motorgrad.search._space import reflected
 
 
 @dataclasses.dataclass(frozen=True)
-class Pulled(Method):
+class Pulled(WithCandidates):
     r"""Random search with a pull towards the best (Rosenstein & Barto, 2001; thesis, section 2.5.1).
 
     Several walkers begin at the start. In each round Gaussian noise moves each of them, whatever its score. With
@@ -24,22 +23,12 @@ class Pulled(Method):
     candidates are never the best.
     """
 
-    candidates: int = static(
-        12, help="walkers, one candidate each per round, at least 1. The first candidate of all is the start"
+    candidates: int = count(
+        12, 1, help="walkers, one candidate each per round. The first candidate of all is the start"
     )
-    width: float = number(0.05, help=r"$\sigma$, above 0, as a fraction of every number's range")
-    chance: float = number(0.3, help=r"$\beta$, in [0, 1]")
-    pull: float = number(0.8, help=r"$\alpha$, in [0, 1]; 1 returns to the best place")
-
-    def __post_init__(self) -> None:
-        check_integer("Pulled.candidates", self.candidates, 1)
-        check(0.0 < self.width < np.inf, "Pulled.width", self.width, "a finite number above 0")
-        for name in ("chance", "pull"):
-            value = getattr(self, name)
-            check(0.0 <= value <= 1.0, f"Pulled.{name}", value, "in [0, 1]")
-
-    def batch(self, size: int) -> int:
-        return self.candidates
+    width: float = number(0.05, 0, open_low=True, help=r"$\sigma$, as a fraction of every number's range")
+    chance: float = number(0.3, 0, 1, help=r"$\beta$")
+    pull: float = number(0.8, 0, 1, help=r"$\alpha$; 1 returns to the best place")
 
     def begin(self, start: Float[np.ndarray, " size"]) -> State:
         start = np.array(start, float)

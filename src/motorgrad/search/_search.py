@@ -3,9 +3,9 @@
 import dataclasses
 import hashlib
 import json
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -135,10 +135,13 @@ def search(
     batch = method.batch(space.size)
     check_integer("evaluations", evaluations, batch)
     file = None if out is None else Path(out)
-    mark = _mark(space, method, seed)
+    marks = _marks(space, method, seed)
     if file is not None:
         check_writable("out", file)
-    state, candidates, scores = _begin(space, method) if file is None or not file.exists() else _read(file, mark, space)
+    if file is None or not file.exists():
+        state, candidates, scores = method.begin(space.start), np.zeros((0, space.size)), np.zeros(0)
+    else:
+        state, candidates, scores = _read(file, marks, space)
     first = len(scores) // batch
     rounds = evaluations // batch
     with Progress(f"search by {type(method).__name__}", "evaluations", rounds * batch, first * batch, progress) as bar:
@@ -158,13 +161,9 @@ def search(
             scores = np.concatenate([scores, given])
             if file is not None:
                 kept = {f"state.{name}": value for name, value in state.items()}
-                write_arrays(file, {**kept, "candidates": candidates, "scores": scores, "mark": np.array(mark)})
+                write_arrays(file, {**kept, "candidates": candidates, "scores": scores, "mark": np.array(marks[0])})
             bar.update(len(scores), _facts(scores))
     return Found(space, candidates[: rounds * batch], scores[: rounds * batch], batch)
-
-
-def _begin(space: Space, method: Method) -> tuple[State, np.ndarray, np.ndarray]:
-    return method.begin(space.start), np.zeros((0, space.size)), np.zeros(0)
 
 
 def _by_place(scored: WithGradients, slopes: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -179,9 +178,9 @@ def _by_place(scored: WithGradients, slopes: np.ndarray, known: np.ndarray) -> t
     return np.where(known, gradients * slopes, np.nan), np.where(known, variances * slopes**2, np.nan)
 
 
-def _read(file: Path, mark: str, space: Space) -> tuple[State, np.ndarray, np.ndarray]:
+def _read(file: Path, marks: list[str], space: Space) -> tuple[State, np.ndarray, np.ndarray]:
     stored = read_arrays(file)
-    check(str(stored.get("mark")) == mark, "out", str(file), "new, or of a search with this space, method and seed")
+    check(str(stored.get("mark")) in marks, "out", str(file), "new, or of a search with this space, method and seed")
     state = {name.removeprefix("state."): value for name, value in stored.items() if name.startswith("state.")}
     candidates, scores = (stored.get(name, np.zeros(())) for name in ("candidates", "scores"))
     whole = scores.ndim == 1 and candidates.shape == (len(scores), space.size)
@@ -190,10 +189,13 @@ def _read(file: Path, mark: str, space: Space) -> tuple[State, np.ndarray, np.nd
     return state, candidates, scores
 
 
-def _mark(space: Space, method: Method, seed: int) -> str:
-    """A fingerprint of what a stored search must have in common with this one to be continued."""
-    asked: dict[str, Any] = {"space": repr(dict(space.ranges)), "method": repr(method), "seed": int(seed)}
-    return hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:16]
+def _marks(space: Space, method: Method, seed: int) -> list[str]:
+    """Fingerprints of what a stored search must have in common with this one to be continued: the one that is stored,
+    and the one of spaces whose bounds were numbers of NumPy, as `PolicyScore` once gave them."""
+    ranges = repr(dict(space.ranges))
+    of_numpy = re.sub(r"(low|high|start)=(-?\d[\d.e+-]*)", r"\1=np.float64(\2)", ranges)
+    asked = [{"space": each, "method": repr(method), "seed": int(seed)} for each in (ranges, of_numpy)]
+    return [hashlib.sha256(json.dumps(each).encode()).hexdigest()[:16] for each in asked]
 
 
 def _facts(scores: np.ndarray) -> str:

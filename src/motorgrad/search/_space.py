@@ -3,39 +3,31 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from motorgrad._errors import check, check_finite
+from motorgrad._errors import check
 from motorgrad.schema import Settings, number, static
 
 
 @dataclasses.dataclass(frozen=True)
 class Range(Settings):
-    """The range of one number, in its own unit.
+    """The range of one number, in its own unit."""
 
-    - `low`, `high`: the bounds, both included.
-
-    **Raises:** `ValueError` naming the field and what it may be.
-    """
-
-    low: float
-    high: float
-    start: float | None = number(None, help="where a search starts; by default in the middle")
+    # integers stay such, as a stored search knows its space by how this is written
+    low: int | float = number(help="the lower bound, which is included")
+    high: int | float = number(help="the upper bound, which is included")
+    start: int | float | None = number(None, help="where a search starts; by default in the middle")
     log: bool = static(False, help="whether the scale is logarithmic; then both bounds are above 0")
 
-    def __post_init__(self) -> None:
-        for name in ("low", "high") if self.start is None else ("low", "high", "start"):
-            check_finite(f"Range.{name}", getattr(self, name))
-        least = 0.0 if self.log else -math.inf
-        check(self.low > least, "Range.low", self.low, f"a finite number above {least:g}")
-        check(self.high > self.low, "Range.high", self.high, f"finite and above low = {self.low!r}")
+    def validate(self) -> None:
+        check(self.low > 0 or not self.log, "low", self.low, "above 0, as the scale is logarithmic")
+        check(self.high > self.low, "high", self.high, f"above low = {self.low!r}")
         if self.start is not None:
-            check(self.low <= self.start <= self.high, "Range.start", self.start, f"from {self.low!r} to {self.high!r}")
+            check(self.low <= self.start <= self.high, "start", self.start, f"from {self.low!r} to {self.high!r}")
 
     def number(self, place: float | np.ndarray) -> Any:
         """The numbers at places from 0, the lower bound, to 1, the upper one; of any shape."""
@@ -60,8 +52,6 @@ class Range(Settings):
 class Space(Settings):
     """Named numbers within bounds. Search methods see *places* from 0 to 1, score functions see the numbers themselves.
 
-    **Raises:** `ValueError` unless there is at least one.
-
     ```python
     space = Space({"rate": Range(1e-4, 1e-2, log=True), "decay": Range(0.9, 0.999)})
     ```
@@ -69,10 +59,8 @@ class Space(Settings):
 
     ranges: Mapping[str, Range] = static(help="a `Range` for every name")
 
-    def __post_init__(self) -> None:
-        right = len(self.ranges) > 0 and all(isinstance(each, Range) for each in self.ranges.values())
-        check(right, "Space.ranges", self.ranges, "at least one Range by name")
-        object.__setattr__(self, "ranges", MappingProxyType(dict(self.ranges)))
+    def validate(self) -> None:
+        check(self.ranges, "ranges", self.ranges, "at least one Range by name")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Methods compared across tasks, as Agarwal et al. (2021) recommend: scores are `(tasks, runs)`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,8 @@ Statistic = Callable[..., np.ndarray]
 
 
 def interquartile_mean(scores: Float[np.ndarray, "*batch tasks runs"]) -> Float[np.ndarray, "*batch"]:
-    """The mean of the middle half of all runs of all tasks: of n runs, without the n // 4 lowest and n // 4 highest.
-
-    It is as robust against a few bad runs as a median, and needs fewer runs (Agarwal et al., 2021).
-    """
+    """The mean of the middle half of all runs of all tasks: of n runs, without the n // 4 lowest and n // 4 highest. It
+    is as robust against a few bad runs as a median, and needs fewer runs (Agarwal et al., 2021)."""
     pooled = np.sort(np.asarray(scores, float).reshape(*np.shape(scores)[:-2], -1), axis=-1)
     cut = pooled.shape[-1] // 4
     return pooled[..., cut : pooled.shape[-1] - cut].mean(axis=-1)
@@ -33,8 +31,7 @@ def mean_over_tasks(scores: Float[np.ndarray, "*batch tasks runs"]) -> Float[np.
 
 
 def median_over_tasks(scores: Float[np.ndarray, "*batch tasks runs"]) -> Float[np.ndarray, "*batch"]:
-    """The median over the tasks of the means over their runs (Agarwal et al., 2021). For a single task it is
-    the mean."""
+    """The median over the tasks of the means over their runs (Agarwal et al., 2021); for a single task, the mean."""
     return np.median(np.asarray(scores, float).mean(axis=-1), axis=-1)
 
 
@@ -53,10 +50,8 @@ def probability_of_improvement(
     one: Float[np.ndarray, "*batch tasks runs"], other: Float[np.ndarray, "*batch tasks others"]
 ) -> Float[np.ndarray, "*batch"]:
     """The probability that a run of one method scores higher than a run of the other on the same task, the mean over
-    the tasks; equal scores count half (Agarwal et al., 2021).
-
-    On one task it is the statistic of Mann and Whitney (1947), divided by the number of pairs.
-    """
+    the tasks; equal scores count half (Agarwal et al., 2021). On one task it is the statistic of Mann and Whitney
+    (1947), divided by the number of pairs."""
     one = np.asarray(one, float)[..., :, None]
     other = np.asarray(other, float)[..., None, :]
     return ((one > other).mean(axis=(-2, -1)) + 0.5 * (one == other).mean(axis=(-2, -1))).mean(axis=-1)
@@ -113,10 +108,8 @@ def stratified_bootstrap(
 
 
 def interquartile_mean_of(scores: npt.ArrayLike, level: float = LEVEL, seed: int = 0) -> Measured:
-    """`interquartile_mean` with its interval by `stratified_bootstrap`.
-
-    **Arguments:** `scores`: `(tasks, runs)`, or the runs of a single task.
-    """
+    """`interquartile_mean` with its interval by `stratified_bootstrap`, of scores `(tasks, runs)` or the runs of a
+    task."""
     return _measured("interquartile mean", interquartile_mean, _scores(scores), level=level, seed=seed)
 
 
@@ -138,10 +131,5 @@ def _scores(values: npt.ArrayLike) -> Scores:
     found = found[None] if found.ndim == 1 else found
     shaped = found.ndim == 2 and found.size > 0
     check(shaped, "scores", np.shape(values), "a table (tasks, runs), or the runs of one task")
-    check(bool(np.isfinite(found).all()), "scores", _first(found), "finite")
+    check(bool(np.isfinite(found).all()), "scores", found[~np.isfinite(found)][:5].tolist(), "finite")
     return found
-
-
-def _first(values: np.ndarray) -> Sequence[float]:
-    """The values that are not finite, the first few."""
-    return values[~np.isfinite(values)][:5].tolist()

@@ -50,13 +50,7 @@ def exact(value: SupportsFloat) -> Measured:
 
 
 def mean_of(values: npt.ArrayLike, level: float = LEVEL) -> Measured:
-    """Mean of independent numbers, with Student's interval; unbounded for a single number.
-
-    **Arguments:**
-
-    - `values`: finite numbers, at least one.
-    - `level`: level of the interval, in (0, 1).
-    """
+    """Mean of independent finite numbers, with Student's interval of a level in (0, 1), unbounded for a single one."""
     count = np.size(values)
     values = finite(values, level)
     centre = float(values.mean())
@@ -70,9 +64,7 @@ def mean_of(values: npt.ArrayLike, level: float = LEVEL) -> Measured:
 
 def ratio_of(above: npt.ArrayLike, below: npt.ArrayLike, level: float = LEVEL) -> Measured:
     """Pairwise ratio of two sets of positive numbers: geometric mean, with Student's interval of the logarithms.
-
-    **Raises** `ValueError` for numbers that are not above 0, or are not as many in each set.
-    """
+    **Raises** `ValueError` for numbers that are not above 0, or are not as many in each set."""
     sets = {"above": finite(above, level, "above"), "below": finite(below, level, "below")}
     for name, each in sets.items():
         check((each > 0).all(), name, each[~(each > 0)].tolist(), "above 0, to have a ratio")
@@ -96,17 +88,9 @@ def difference_of(one: npt.ArrayLike, other: npt.ArrayLike, level: float = LEVEL
 
 
 def median_of(values: npt.ArrayLike, level: float = LEVEL) -> Measured:
-    """Median of independent numbers, with the interval of order statistics, which assumes nothing about their
-    distribution.
-
-    The interval spans the whole sample if that is too small: at 95 %, if it has fewer than six numbers. `level` of the
-    result is then the level that it reaches, and its words say so.
-
-    **Arguments:**
-
-    - `values`: finite numbers, at least one.
-    - `level`: level of the interval, in (0, 1).
-    """
+    """Median of independent finite numbers, with the interval of order statistics, which assumes nothing about their
+    distribution. It spans the whole sample if that is too small: at 95 %, if it has fewer than six numbers. `level` of
+    the result is then the level that it reaches, and its words say so."""
     from scipy import stats
 
     values = np.sort(finite(values, level))
@@ -121,15 +105,8 @@ def median_of(values: npt.ArrayLike, level: float = LEVEL) -> Measured:
 
 
 def share_of(happened: npt.ArrayLike, level: float = LEVEL) -> Measured:
-    """Share of independent cases in which something happened, with Wilson's interval.
-
-    The share of no cases is unknown: NaN, from 0 to 1.
-
-    **Arguments:**
-
-    - `happened`: a boolean for each case.
-    - `level`: level of the interval, in (0, 1).
-    """
+    """Share of independent cases in which something happened, a boolean for each, with Wilson's interval. The share of
+    no cases is unknown: NaN, from 0 to 1."""
     happened = np.asarray(happened, bool)
     check_level(level)
     if not happened.size:
@@ -155,14 +132,8 @@ def per_case(total: npt.ArrayLike, cases: npt.ArrayLike) -> np.ndarray:
 
 
 def first_time(time: np.ndarray, happened: np.ndarray, never: float = math.nan) -> np.ndarray:
-    """When something first happened: `(records,)` and `(…, records)` to `(…)`.
-
-    **Arguments:**
-
-    - `time`: time of each record, in any unit.
-    - `happened`: whether it had happened by the record.
-    - `never`: the result where it never happened.
-    """
+    """When something first happened: the `time` `(records,)` of the first record by which it `happened` `(…, records)`,
+    as `(…)`; `never` where it did not."""
     return np.where(happened.any(-1), time[happened.argmax(-1)], never)
 
 

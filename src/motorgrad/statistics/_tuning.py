@@ -19,11 +19,9 @@ MAX_DIMENSIONS = 12
 
 
 def percentile_range(pool: npt.ArrayLike, low: float = 5.0, high: float = 95.0) -> tuple[float, float]:
-    r"""Two percentiles of the finite values of a pool, by default the 5th and the 95th. They are the 0 and the 1 of
-    normalized scores, $(p - p_5) / (p_{95} - p_5)$ (Adkins, Bowling & White, 2024).
-
-    Where they are equal, the high one is raised by 1, so that the common value scores 0.
-    """
+    """Two percentiles of the finite values of a pool, by default the 5th and the 95th. They are the 0 and the 1 of
+    normalized scores, $(p - p_5) / (p_{95} - p_5)$ (Adkins, Bowling & White, 2024). Where they are equal, the high one
+    is raised by 1, so that the common value scores 0."""
     pool = np.asarray(pool, float)
     pool = pool[np.isfinite(pool)]
     check(pool.size > 0, "pool", pool, "at least one finite value")
@@ -32,8 +30,7 @@ def percentile_range(pool: npt.ArrayLike, low: float = 5.0, high: float = 95.0) 
 
 
 def distribution_scores(values: Float[np.ndarray, "*any"], pool: npt.ArrayLike) -> Float[np.ndarray, "*any"]:
-    """The share of a pool that is at most as high as each value: its empirical distribution function (Patterson et al.,
-    2024). A value that is not finite scores 0."""
+    """The share of a pool at most as high as each value (Patterson et al., 2024); 0 for a value that is not finite."""
     ordered = np.sort(np.asarray(pool, float)[np.isfinite(pool)])
     check(ordered.size > 0, "pool", pool, "at least one finite value")
     found = np.searchsorted(ordered, values, side="right") / ordered.size
@@ -54,14 +51,11 @@ def sensitivity_of(tuned: npt.ArrayLike, shared: npt.ArrayLike, level: float = L
     - `tuned`, `shared`: normalized scores `(tasks, runs)` with $h_m$ and with $h$; run k of both has the same seed.
     - `level`: level of the interval, which is a paired `stratified_bootstrap`.
     """
-    value, low, high = stratified_bootstrap(
-        lambda one, other: mean_over_tasks(one) - mean_over_tasks(other),
-        tuned,
-        shared,
-        paired=True,
-        level=level,
-        seed=seed,
-    )
+
+    def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return mean_over_tasks(one) - mean_over_tasks(other)
+
+    value, low, high = stratified_bootstrap(difference, tuned, shared, paired=True, level=level, seed=seed)
     return Measured(float(value), float(low), float(high), np.size(tuned), "sensitivity", level)
 
 
@@ -100,7 +94,9 @@ def effective_dimension(
     usable = np.isfinite(scores).all(axis=0)
     check(bool(usable.any()), "scores", scores, "finite for at least one setting")
     names = list(dict.fromkeys(name for setting in settings for name in setting))
-    codes = np.array([_codes([setting.get(name) for setting in settings]) for name in names], int)
+    # a number for every value, equal for equal values
+    values = [[repr(setting.get(name)) for setting in settings] for name in names]
+    codes = np.array([np.unique(row, return_inverse=True)[1] for row in values], int)
     names = [name for name, row in zip(names, codes, strict=True) if len(set(row)) > 1]
     codes = np.array([row for row in codes if len(set(row)) > 1], int).reshape(len(names), len(settings))
     check(len(names) <= MAX_DIMENSIONS, "settings", names, f"at most {MAX_DIMENSIONS} that differ")
@@ -124,17 +120,12 @@ def effective_dimension(
 def expected_best(
     chosen_by: Float[np.ndarray, " settings"], reported: Float[np.ndarray, " settings"], counts: Int[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    r"""The expected score of the best of k settings, the mean over all ways to try k of n.
+    r"""The expected score of the best of k settings, for all of the `counts` k, the mean over all ways to try k of n.
 
     With the settings in the order in which they would be chosen, the i-th of them is the best of k tried in
     $\binom{i-1}{k-1}$ of $\binom nk$ cases. Dodge et al. (2019) estimate this with replacement, and report the number
-    that chose; here `reported` may come from other seeds than `chosen_by`, without the luck of the choice.
-
-    **Arguments:**
-
-    - `chosen_by`: the scores that choose among settings. Those that are not finite are never chosen, but were tried.
-    - `reported`: the scores that are reported, finite where `chosen_by` is.
-    - `counts`: the numbers k of settings, from 1 to n.
+    that chose; here `reported` may come from other seeds than `chosen_by`, without the luck of the choice. Settings
+    whose `chosen_by` is not finite are never chosen, but were tried.
     """
     from scipy.special import gammaln
 
@@ -156,9 +147,3 @@ def expected_best(
 
     shares = [np.exp(ways(rank - 1, k - 1) - ways(total, k)) * usable for k in np.asarray(counts)]
     return np.array([share[usable] @ ordered[usable] / share.sum() if share.sum() else np.nan for share in shares])
-
-
-def _codes(values: Sequence[Any]) -> list[int]:
-    """A number for every value, equal for equal values."""
-    known: dict[str, int] = {}
-    return [known.setdefault(repr(value), len(known)) for value in values]

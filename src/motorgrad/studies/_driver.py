@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Generic, Literal, Protocol, TypeVar
 
 from motorgrad._consent import allowed
-from motorgrad._errors import check, check_integer, unknown
+from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import check_writable
 from motorgrad._progress import Progress
 from motorgrad._signals import interrupt, stop_when_asked
@@ -132,8 +132,7 @@ def drive(
 
     **Returns** whether it has come to its end, rather than been asked to stop.
     """
-    if on not in EXECUTORS:
-        raise unknown("on", on, EXECUTORS)
+    choice("on", on, EXECUTORS)
     check_integer("attempts", attempts, 1)
     check_integer("threads", job_settings.threads, 0, 4096)
     with folder:

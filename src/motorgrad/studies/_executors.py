@@ -113,9 +113,8 @@ class Processes(Executor):
     def submit(self, job: AnyJob, path: Path) -> "Future[Outcome]":
         context = multiprocessing.get_context("spawn")
         pool = self._free.pop() if self._free else ProcessPoolExecutor(1, context, _begin)
-        with environment(
-            process_settings(self._job_settings.threads)
-        ):  # of the process, which starts with the first job
+        settings = process_settings(self._job_settings.threads)
+        with environment(settings):  # of the process, which starts with its first job
             future = pool.submit(work, job, path, self._job_settings)
         self._busy[future] = pool
         return future

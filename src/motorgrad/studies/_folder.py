@@ -237,12 +237,7 @@ class StudyFolder(JobFolder[Job, pa.Table]):
             marks = json_in((table.schema.metadata or {})[b"marks"])
             names = table["job"].cast(pa.string()).to_numpy()
             metrics = table.select(range(table.column_names.index("status") + 1, table.num_columns))
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            pa.ArrowException,
-        ):  # missing or damaged: the run directories have everything
+        except (OSError, ValueError, KeyError, pa.ArrowException):  # the run directories have everything
             return {}
         numbers = all(map(_is_number, metrics.schema.types)) and len({*metrics.column_names}) == metrics.num_columns
         if not (isinstance(marks, dict) and len(names) and numbers):

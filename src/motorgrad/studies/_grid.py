@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard
 
 import numpy as np
 
-from motorgrad._errors import check, check_finite, check_integer, unknown
+from motorgrad._errors import check, check_finite, unknown
 
 MAX_POINTS = 100_000
 Point = dict[str, Any]
@@ -47,10 +47,8 @@ def expand(table: Mapping[str, Any], ranges: bool = False) -> list[Point]:
 def draw(points: Sequence[Point], kind: Literal["random", "sobol"], count: int, seed: int) -> list[Point]:
     """Every point with its ranges replaced by `count` draws. All points have the same draws.
 
-    **Raises** `ValueError` where there is no range, and for a Sobol sequence whose length is no power of two.
+    **Raises** `ValueError` where there is no range.
     """
-    check_integer("design.count", count, 1, MAX_POINTS)
-    check(kind != "sobol" or count & (count - 1) == 0, "design.count", count, "a power of two for a Sobol sequence")
     found = dict.fromkeys(
         value.path for point in points for _, value in leaves(point) if isinstance(value, RangeOfNumbers)
     )

@@ -2,19 +2,19 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
 
+from motorgrad import schema
 from motorgrad._errors import check, check_integer, choice
 from motorgrad._files import read_toml
-from motorgrad.schema import Settings, as_hinted, build, static, table
-from motorgrad.studies._grid import Point, bounded, distinctions, draw, expand, frozen, has_range
+from motorgrad.schema import Range, Settings, build, inner, static, table
+from motorgrad.studies._grid import MAX_POINTS, Point, bounded, distinctions, draw, expand, frozen, has_range
 from motorgrad.studies._partition import Job, Measure, partition
 from motorgrad.tasks import TASKS
-from motorgrad.training import check_imports
+from motorgrad.training import MAX_STEPS, check_imports
 
-DEFAULT_LANES = 1024
 DEFAULT_EVALUATE = 2000
 
 
@@ -26,40 +26,61 @@ class Design(Settings):
         help='`"random"`, independent and uniform draws; or `"sobol"`, a scrambled Sobol sequence, which fills '
         "the space more evenly (Owen, 1998)"
     )
-    count: int = static(help="draws for each combination of the lists; for Sobol a power of two")
-    seed: int = static(0, help="seed of the draws")
+    count: int = schema.count(
+        low=1, high=MAX_POINTS, help="draws for each combination of the lists; for Sobol a power of two"
+    )
+    seed: int = schema.count(0, help="seed of the draws")
 
-    def __post_init__(self) -> None:
-        choice("design.kind", self.kind, ("random", "sobol"))
-        check_integer("design.seed", self.seed, 0, 2**31 - 1)
+    def validate(self) -> None:
+        right = self.kind != "sobol" or self.count & (self.count - 1) == 0
+        check(right, "count", self.count, "a power of two for a Sobol sequence")
 
 
 @dataclasses.dataclass(frozen=True)
 class StudyPlan(Settings):
     """All that `Study` is but how it runs: the table, its settings and its jobs."""
 
-    task: Any = None
-    agent: Any = dataclasses.field(default_factory=dict)
-    steps: int = 100_000
-    seeds: int | tuple[int, ...] = 1
-    window: int | None = None
-    lanes: int = DEFAULT_LANES
-    design: Design | None = None
-    cases: Any = None
-    measures: tuple[Measure, ...] | None = None
-    evaluate: int | None = None
+    task: Any = static(None, help="the name of a task, a table with its `name` and settings, or a list of these")
+    agent: Any = static(
+        factory=dict,
+        help="changes to the task's own learner, as in `agent_for`; or a list of such tables. A list of numbers or "
+        "names is a grid; a setting that takes a list itself is a list of lists",
+    )
+    steps: int = schema.count(100_000, 1, MAX_STEPS, unit="decisions", help="length of each run")
+    seeds: int | tuple[int, ...] = static(
+        1, allowed=Range(0, 2**31 - 1, kind="int"), help="their number (0, 1, 2 …), or a list of them"
+    )
+    window: int | None = schema.count(
+        None, 1, unit="decisions", help="per record of the metrics, by default a fiftieth of the steps"
+    )
+    lanes: int = schema.count(
+        1024,
+        1,
+        1_000_000,
+        help="the most settings × seeds of one compiled call. Another number may change the last bits of results",
+    )
+    design: Design | None = inner(
+        None,
+        help='how ranges are drawn. With it, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range; without '
+        "a `scale` it is linear",
+    )
+    cases: Any = static(
+        None,
+        help="instead of `task` and `agent`, a list of tables with a `task`, an `agent` and, if they have their own, "
+        "`steps` and `window`: settings that belong to some tasks only. What occurs in several cases learns once",
+    )
+    measures: tuple[Measure, ...] | None = static(
+        None,
+        help="what the table has of every metric beside its mean over the last tenth of the records, while learning: "
+        '`"online"`, the mean over all records, as `NAME_online`; `"frozen"` and `"frozen-mode"`, the mean without '
+        "learning at the end, with actions drawn or the most probable ones (`evaluate`), as `NAME_frozen` and "
+        "`NAME_frozen_mode`",
+    )
+    evaluate: int | None = schema.count(
+        None, 1, 10**9, unit="decisions", help="per seed without learning, by default 2,000"
+    )
 
-    def __post_init__(self) -> None:
-        hints = {"steps": int, "seeds": int | tuple[int, ...], "window": int | None, "lanes": int}
-        hints |= {"measures": tuple[Measure, ...] | None, "evaluate": int | None}
-        for name, hint in hints.items():
-            value = getattr(self, name)
-            value = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
-            object.__setattr__(self, name, as_hinted(hint, value, name))
-        object.__setattr__(self, "design", as_hinted(Design | None, self.design, "design"))
-        check_integer("lanes", self.lanes, 1, 1_000_000)
-        if self.evaluate is not None:
-            check_integer("evaluate", self.evaluate, 1, 10**9)
+    def validate(self) -> None:
         if self.cases is not None:
             self._check_cases()
             return

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from motorgrad._errors import check, check_integer, unknown
+from motorgrad._errors import check_integer, choice, unknown
 from motorgrad.statistics import Measured, mean_of, median_of
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._grid import frozen
@@ -162,11 +162,8 @@ class Results:
         Settings with a value that is not finite come last, with NaN: a seed whose policy is not finite, or in which the
         metric never occurred. Those that have no values yet are left out.
         """
-        for name, value, known in (
-            ("direction", direction, ("maximize", "minimize")),
-            ("statistic", statistic, ("mean", "median")),
-        ):
-            check(value in known, name, value, " or ".join(map(repr, known)))
+        choice("direction", direction, ("maximize", "minimize"))
+        choice("statistic", statistic, ("mean", "median"))
         settings = self.study.settings
         for path in where or {}:
             if not any(path in setting for setting in settings):

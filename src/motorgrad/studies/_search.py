@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import tomli_w
 
-from motorgrad._errors import check, check_integer, choice
+from motorgrad._errors import check
 from motorgrad._extras import require
 from motorgrad._files import read_json, read_toml, write_atomically
-from motorgrad.schema import Settings, build, static, table
+from motorgrad.schema import Settings, build, count, inner, static, table
 from motorgrad.studies._driver import run_study, whole
 from motorgrad.studies._folder import check_folder, locked
 from motorgrad.studies._grid import as_given, at_ends, expand, frozen, in_file_order, is_range, leaves, range_in
@@ -37,49 +37,53 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Search(Settings):
-    """A search by Optuna over the ranges and lists of a study's `agent`, for one task.
+    """A search by Optuna over the ranges and lists of a study's `agent`, for one task."""
 
-    **Arguments:**
-
-    - `rungs`, `reduction`: for successive halving (Li et al., 2018). At the first of several rungs every setting learns
-      for steps / reduction^(rungs − 1). About one in `reduction` goes on to the next, where it learns from the start,
-      for `reduction` times as long.
-    """
-
-    study: Study = static(
+    study: Study = inner(
         help='in its `agent`, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range, and a list is a choice'
     )
-    trials: int = static(help="settings to try in all")
-    batch: int = static(
-        8, help="settings of a round, which learn side by side. The next round knows the values of all before it"
+    trials: int = count(low=1, high=10**6, help="settings to try in all")
+    batch: int = count(
+        8,
+        1,
+        10**6,
+        help="settings of a round, which learn side by side. The next round knows the values of all before it",
     )
     sampler: Literal["tpe", "random"] = static(
         "tpe", help='`"tpe"`, tree-structured Parzen estimators (Bergstra et al., 2011); `"random"`'
     )
-    rungs: int = 1
-    reduction: int = 3
+    rungs: int = count(
+        1,
+        1,
+        10**6,
+        help="of successive halving (Li et al., 2018). At the first of several every setting learns for "
+        "steps / reduction^(rungs − 1)",
+    )
+    reduction: int = count(
+        3,
+        2,
+        10**6,
+        help="about one setting in so many goes on to the next rung, where it learns from the start, for so many times "
+        "as long",
+    )
     metric: str = static(
         "reward",
-        help="what is to be best, as in `Results.best`: its mean over every second seed, if there are four or "
-        "more. The other seeds report it",
+        help="what is to be best, as in `Results.best`: its mean over every second seed, if there are four or more. "
+        "The other seeds report it",
     )
-    direction: Literal["maximize", "minimize"] = static("maximize", help='`"maximize"` or `"minimize"`')
-    seed: int = static(0, help="seed of the search")
+    direction: Literal["maximize", "minimize"] = static("maximize", help="what is best")
+    seed: int = count(0, 0, 10**6, help="seed of the search")
 
     needs: ClassVar[tuple[str, str, str]] = ("a search needs", "optuna", "search")
     """What `require` is given before it runs."""
 
-    def __post_init__(self) -> None:
-        choice("search.sampler", self.sampler, ("tpe", "random"))
-        choice("search.direction", self.direction, ("maximize", "minimize"))
-        for name, least in (("trials", 1), ("batch", 1), ("rungs", 1), ("reduction", 2), ("seed", 0)):
-            check_integer(f"search.{name}", getattr(self, name), least, 10**6)
+    def validate(self) -> None:
         check(self.study.cases is None, "cases", self.study.cases, "left out where there is a search")
         check(self.study.design is None, "design", self.study.design, "left out where there is a search")
         alone = len(expand({"task": self.study.task})) == 1
         check(alone, "task", self.study.task, "one task: rewards of several do not compare")
         first = self.steps(0)
-        check(first >= 1, "search.rungs", self.rungs, f"fewer: the first would have {first} steps")
+        check(first >= 1, "rungs", self.rungs, f"fewer: the first would have {first} steps")
 
     @staticmethod
     def read(path: Path | str, *, trust: bool = False) -> "Search":

@@ -14,24 +14,6 @@ from motorgrad.studies._results import Results
 class Study(StudyPlan):
     """Tasks × settings × seeds. In every table a list is a grid.
 
-    **Arguments:**
-
-    - `task`: the name of a task, a table with its `name` and settings, or a list of these.
-    - `agent`: changes to the task's own learner, as in `agent_for`; or a list of such tables. A list of numbers or
-      names is a grid; a setting that takes a list itself is a list of lists.
-    - `steps`: decisions per seed.
-    - `seeds`: their number (0, 1, 2 …), or a list of them.
-    - `window`: decisions per record of the metrics, by default a fiftieth of the steps.
-    - `lanes`: the most settings × seeds of one compiled call. Another number may change the last bits of results.
-    - `design`: how ranges are drawn. With it, a table `{"low": 1e-4, "high": 1e-1, "scale": "log"}` is a range; without
-      a `scale` it is linear.
-    - `cases`: instead of `task` and `agent`, a list of tables with a `task`, an `agent` and, if they have their own,
-      `steps` and `window`: settings that belong to some tasks only. What occurs in several cases learns once.
-    - `measures`: what the table has of every metric beside its mean over the last tenth of the records, while learning:
-      `"online"`, the mean over all records, as `NAME_online`; `"frozen"` and `"frozen-mode"`, the mean without learning
-      at the end, with actions drawn or the most probable ones (`evaluate`), as `NAME_frozen` and `NAME_frozen_mode`.
-    - `evaluate`: decisions per seed without learning, by default 2,000.
-
     The study alone determines its `jobs`, each of which is one compiled call and one run directory: neither the
     number of workers nor a failure changes a number.
 

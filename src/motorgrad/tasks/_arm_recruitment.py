@@ -14,7 +14,7 @@ from jaxtyping import Array
 from motorgrad._errors import check
 from motorgrad.bodies import Arm, LiftTable, lift, lift_table
 from motorgrad.schema import inner, number, static
-from motorgrad.tasks._recruitment import Recruitment, RecruitmentMemory
+from motorgrad.tasks._recruitment import WITHIN, Recruitment, RecruitmentMemory
 from motorgrad.tasks._task import Flag, Metric, Scalar
 from motorgrad.worlds import SweepingLoads
 
@@ -39,6 +39,7 @@ class ArmRecruitment(Recruitment):
         "learning_rate": {"gain": 2e-4, "threshold": 4e-4},
     }
     metric_names: ClassVar[tuple[str, ...]] = ("height", "active")
+    metric_units: ClassVar[Mapping[str, str]] = {"active": "1"}
     episodic: ClassVar[bool] = True
 
     body: Arm = inner(factory=Arm, help="the arm (`motorgrad.bodies.Arm`); its own `load` is ignored")
@@ -50,26 +51,31 @@ class ArmRecruitment(Recruitment):
         help='`"height"`, the reward grows with the height; or `"complete"`, a lift that is not complete '
         "counts as none",
     )
-    scale: float = number(10.0, help="the height of the full lift")
-    cost: float = number(4.0, help="cost of the whole pool's firing")
-    unloaded: float = number(0.0, help="the height credited for loads of 0 and below, whatever fires")
-    low: float = number(-2.0, unit="kg", help="the load at the start of a sweep")
-    high: float = number(14.0, unit="kg", help="the load above which a sweep ends; at most 20, including drift")
-    least: float = number(0.1, unit="kg", help="the least increase of the load per decision")
-    most: float = number(0.3, unit="kg", help="the greatest increase of the load per decision")
+    scale: float = static(10.0, allowed=WITHIN, help="the height of the full lift")
+    cost: float = static(4.0, allowed=WITHIN, help="cost of the whole pool's firing")
+    unloaded: float = static(0.0, allowed=WITHIN, help="the height credited for loads of 0 and below, whatever fires")
+    low: float = number(-2.0, -1e6, open_low=True, unit="kg", help="the load at the start of a sweep")
+    high: float = number(
+        14.0, high=LiftTable.heaviest, unit="kg", help="the load, including drift, above which a sweep ends"
+    )
+    least: float = number(0.1, 0, open_low=True, unit="kg", help="the least increase of the load per decision")
+    most: float = number(
+        0.3, 0, 1e6, open_low=True, open_high=True, unit="kg", help="the greatest increase of the load per decision"
+    )
 
     def validate(self) -> None:
         super().validate()
-
-        for name in ("scale", "cost", "unloaded"):
-            check(abs(getattr(self, name)) < 1e6, name, getattr(self, name), "a number between -1e6 and 1e6")
+        check(self.low < self.high, "low, high", (self.low, self.high), "an interval, low < high")
         most = LiftTable.heaviest
-        check(-1e6 < self.low < self.high <= most, "low, high", (self.low, self.high), f"low < high <= {most:g} kg")
         if self.drift.of == "load":
             heaviest = self.high + self.drift.amount
             allowed = f"such that high + drift.amount <= {most:g} kg"
             check(heaviest <= most, "drift.amount", self.drift.amount, allowed)
-        check(0 < self.least <= self.most < 1e6, "least, most", (self.least, self.most), "positive, least <= most")
+        check(self.least <= self.most, "least, most", (self.least, self.most), "least <= most")
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        return ("kg",)
 
     @property
     def dynamics(self) -> SweepingLoads:

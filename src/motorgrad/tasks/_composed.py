@@ -18,7 +18,7 @@ from motorgrad._interface import ObservationCode
 from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean, counted_on
 from motorgrad.bodies import Body, BodyState, start_pose
-from motorgrad.schema import check_fields, kind_of, number, static
+from motorgrad.schema import kind_of, static
 from motorgrad.tasks._composed_goal import goal_of
 from motorgrad.tasks._composing import (
     BodyLike,
@@ -42,9 +42,8 @@ from motorgrad.tasks.terms import (
     Start,
     Target,
 )
-from motorgrad.tasks.terms._term import Now, bound
+from motorgrad.tasks.terms._term import Now, bound, common, scaled, units_of
 
-"""Metadata of fields that have no option on the command line, only in files and in Python."""
 MARK = 0.02  # m, the radius of the mark of a target without a tolerance
 
 
@@ -170,12 +169,8 @@ class Composed(BodyTask):
         help='scaling of observations: `"running"` subtracts the running mean of this seed\'s observations '
         'and divides by their standard deviation, clipped to ±5; `"none"` leaves them unchanged',
     )
-    action_period: float = number(
-        0.02, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
-    )
-    time_limit: float | None = number(
-        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
-    )
+    action_period: float = 0.02
+    time_limit: float | None = None
     commands: Literal["controls", "sigmoid"] = static(
         "controls",
         help='what an action means. `"controls"`: controls in the actuators\' ranges. `"sigmoid"`, as in '
@@ -190,10 +185,12 @@ class Composed(BodyTask):
                 if getattr(self, name) in ((), None):
                     object.__setattr__(self, name, value)
         object.__setattr__(self, "body", body_of(self.body))
-        check_fields(self)
+        super().__post_init__()
+
+    def validate(self) -> None:
+        super().validate()
         check(self.observations, "observations", self.observations, "at least one term, given as `observe`")
         check(self.rewards, "rewards", self.rewards, "at least one term, given as `reward`")
-        self.check_times()
         whole = self.commands == "controls" or self.groups is None
         check(whole, "groups", self.groups, "left out with the commands 'sigmoid'")
         names = self.metric_names
@@ -229,22 +226,17 @@ class Composed(BodyTask):
 
         def bind(what: str, term: Observation | Quantity) -> Bound:
             found = bound(what, term, scene)
+            found = found._replace(names=found.names or (_label(term),))
             if found.init is not None:
                 remembering.append(found)
             return found
 
-        observe = []
-        for term in self.observations:
-            found = bind("observe", term)
-            scale = getattr(term, "scale", 1.0)
-            observe.append((scale, found._replace(names=found.names or (_label(term),))))
-            if found.init is not None:
-                remembering[-1] = observe[-1][1]
+        observe = tuple((getattr(term, "scale", 1.0), bind("observe", term)) for term in self.observations)
         reward = tuple((term.weight, bind("reward", term)) for term in self.rewards)
         terminate = tuple((term, bind("terminate", term)) for term in self.terminations)
         metrics = tuple((_label(term), term.at_end, bind("metrics", term)) for term in self.metric_terms)
         reset = tuple(bound("reset", term, scene) for term in self.resets)
-        return _Bindings(scene, scene.sensed, tuple(observe), reward, terminate, metrics, reset, tuple(remembering))
+        return _Bindings(scene, scene.sensed, observe, reward, terminate, metrics, reset, tuple(remembering))
 
     @property
     def dynamics(self) -> Body:
@@ -302,6 +294,10 @@ class Composed(BodyTask):
     @property
     def observation_names(self) -> tuple[str, ...]:
         return tuple(name for _, each in self._bound.observe for name in each.names)
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        return tuple(scaled(unit, scale) for scale, each in self._bound.observe for unit in units_of(each))
 
     def observe(
         self, memory: ComposedMemory, state: BodyState, uniforms: Float[Array, " 0"]
@@ -401,6 +397,11 @@ class Composed(BodyTask):
         numbers = [labels[: place + 1].count(label) for place, label in enumerate(labels)]
         return tuple(label if n == 1 else f"{label} {n}" for label, n in zip(labels, numbers, strict=True))
 
+    @property
+    def reward_units(self) -> Mapping[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        units = [scaled(common(units_of(each)), weight) for weight, each in self._bound.reward]
+        return dict(zip(self.reward_names, units, strict=True))
+
     def reward_terms(self, memory: ComposedMemory, state: BodyState) -> dict[str, Scalar]:
         """Each term times its weight; a further one of a name has its number, too."""
         read = self._reader(memory, state)
@@ -412,6 +413,10 @@ class Composed(BodyTask):
     @property
     def metric_names(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return tuple(_label(term) for term in self.metric_terms)
+
+    @property
+    def metric_units(self) -> Mapping[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return {name: common(units_of(each)) for name, _, each in self._bound.metrics}
 
     def metrics(self, memory: ComposedMemory, state: BodyState) -> dict[str, Metric]:
         """Those that were asked for."""
@@ -479,20 +484,17 @@ def compose(
     )
     ```
     """
+    terms = map(tuple, (observe, reward, targets, reset, terminate, metrics))
+    units = None if groups is None else tuple(groups)
     return Composed(
         body,
-        tuple(observe),
-        tuple(reward),
-        tuple(targets),
-        tuple(reset),
-        tuple(terminate),
-        tuple(metrics),
-        actions,
-        None if groups is None else tuple(groups),
-        scaling,
-        action_period,
-        time_limit,
-        commands,
+        *terms,
+        actions=actions,
+        groups=units,
+        scaling=scaling,
+        action_period=action_period,
+        time_limit=time_limit,
+        commands=commands,
     )
 
 

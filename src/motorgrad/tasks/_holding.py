@@ -76,7 +76,7 @@ def tell_if_few_can_be_held(body: Body, model: mujoco.MjModel) -> None:
         "gives way: stronger muscles, longer moment arms, more muscles across a joint, less mass or narrower ranges of "
         "the joints help; mg.tasks.held_poses(model) has each pose",
         HoldingWarning,
-        stacklevel=5,
+        stacklevel=7,
     )
 
 

@@ -13,6 +13,7 @@ from jaxtyping import Float, PyTree
 from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad.bodies import Body, BodyBatch
+from motorgrad.schema import number
 from motorgrad.tasks._task import Task
 
 MAX_SUBSTEPS = 10_000  # physics steps per decision
@@ -86,14 +87,21 @@ class BodyTask(HostTask):
     """A task on a muscle-driven body. An action is the activation of each group of muscles, or of units that drive
     several groups each (`drives`).
 
-    Subclasses are dataclasses with the settings `body`, `action_period` (s between two decisions) and `time_limit` (s
-    after which an episode is cut, `None` for a continuing task). The `state` seen by the task's functions is a
-    `motorgrad.bodies.BodyState`.
+    Subclasses are dataclasses with the settings `body`, `action_period` and `time_limit`, each with a default of its
+    own. The `state` seen by the task's functions is a `motorgrad.bodies.BodyState`.
     """
 
     body: Any
-    action_period: float
-    time_limit: float | None
+    action_period: float = number(
+        unit="s", help="simulated time between two decisions, a multiple of the body's time step"
+    )
+    time_limit: float | None = number(
+        unit="s", help="simulated time after which an episode is cut; `None` for a continuing task"
+    )
+
+    def validate(self) -> None:
+        super().validate()
+        self.check_times()
 
     def check_times(self) -> None:
         """Refuse a period that is no multiple of the time step, and an episode shorter than it."""

@@ -10,14 +10,13 @@ from typing import Any, ClassVar, Literal
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check
 from motorgrad._random import normals
 from motorgrad._running import counted_on
-from motorgrad.schema import inner, number, static
-from motorgrad.tasks._task import Flag, Metric, Scalar, Task, check_time_limit
+from motorgrad.schema import count, inner, number, static
+from motorgrad.tasks._task import Flag, Metric, Scalar, Task
 from motorgrad.worlds import CircularField, Particle, ParticlePhysics, ParticleStart, ParticleState, Walls
 
-MAX_UNITS = 10_000
 MAX_USUAL_SPEED = 0.5  # per second, of the thesis's particle, for the observation range
 FLOOR = 1  # index among the sides of a box
 Region = tuple[float, float, float, float, float]
@@ -51,15 +50,17 @@ LAYOUTS: dict[str, tuple[Region, ...]] = {
 class ParticleTask(Task):
     """A particle that units push."""
 
-    units: int = static(8, help="number of actions, each a force on the particle, from 1 to 10,000")
+    units: int = count(8, 1, 10_000, help="number of actions, each a force on the particle")
     forces: tuple[tuple[float, float], ...] = static(
-        ((-0.4, 0.0), (0.4, 0.0)), unit="x, y", help="forces of the units, assigned in turn and repeated"
+        ((-0.4, 0.0), (0.4, 0.0)), help="x and y of the forces of the units, assigned in turn and repeated"
     )
     observe_velocity: bool = static(False, help="whether to observe the velocity in addition to the position")
     observation_noise: float = number(
-        0.0, help="standard deviation of normal noise on every observed number; 0 for none"
+        0.0, 0, 1e6, open_high=True, help="standard deviation of normal noise on every observed number; 0 for none"
     )
-    time_limit: int | None = static(None, help="decisions after which an episode is cut; `None` or 0 for never")
+    time_limit: int | None = count(
+        None, unit="decisions", help="length at which an episode is cut; `None` or 0 for never"
+    )
     physics: ParticlePhysics = inner(
         factory=ParticlePhysics,
         help="mass, gravity, drag, walls, field, noise, time step (`motorgrad.worlds.ParticlePhysics`)",
@@ -69,10 +70,8 @@ class ParticleTask(Task):
     )
 
     def validate(self) -> None:
-        check_integer("units", self.units, 1, MAX_UNITS)
-        check(len(self.forces) > 0, "forces", self.forces, "at least one")
-        check(0 <= self.observation_noise < 1e6, "observation_noise", self.observation_noise, "from 0 to 1e6")
-        check_time_limit(self.time_limit or None)
+        super().validate()
+        check(self.forces, "forces", self.forces, "at least one")
         self.dynamics  # noqa: B018 (raises for invalid settings)
 
     @property
@@ -151,7 +150,7 @@ class FallingParticle(ParticleTask):
         "learning_rate": {"centre": 2e-4, "log_width": 8e-4},
     }
 
-    layout: Literal["R1", "R2", "R3"] = static("R1", help='which regions: `"R1"`, `"R2"` or `"R3"`')
+    layout: Literal["R1", "R2", "R3"] = static("R1", help="which regions")
     regions: tuple[Region, ...] | None = static(
         None,
         help="instead of a layout, regions of five numbers each: amplitude, x and y of the centre, widths "
@@ -160,11 +159,9 @@ class FallingParticle(ParticleTask):
 
     def validate(self) -> None:
         super().validate()
-
-        check(len(self.places) > 0, "regions", self.places, "None or at least one region")
-        if self.regions is not None:
-            for number, region in enumerate(self.regions):
-                check_region(f"regions[{number}]", region, self.physics.walls)
+        check(self.places, "regions", self.places, "None or at least one region")
+        for place, region in enumerate(self.regions or ()):
+            check_region(f"regions[{place}]", region, self.physics.walls)
 
     @property
     def places(self) -> tuple[Region, ...]:
@@ -190,6 +187,7 @@ class ParticleNavigation(ParticleTask):
     name: ClassVar[str] = "particle-navigation"
     episodic: ClassVar[bool] = True
     metric_names: ClassVar[tuple[str, ...]] = ("arrival", "cost")
+    metric_units: ClassVar[Mapping[str, str]] = {"arrival": "decisions"}
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": {"kind": "tiles", "copies": 4, "p_max": 0.5},
         "decay": 0.95,
@@ -214,9 +212,9 @@ class ParticleNavigation(ParticleTask):
         walls = self.physics.walls
         check_region("goal", self.goal, walls)
         check(self.goal[0] > 0, "goal amplitude", self.goal[0], "positive")
-        for number, region in enumerate(self.obstacles):
-            check_region(f"obstacles[{number}]", region, walls)
-            check(region[0] < 0, f"obstacles[{number}] amplitude", region[0], "negative")
+        for place, region in enumerate(self.obstacles):
+            check_region(f"obstacles[{place}]", region, walls)
+            check(region[0] < 0, f"obstacles[{place}] amplitude", region[0], "negative")
 
     def arrived(self, position: Float[Array, " 2"]) -> Flag:
         """Whether the particle is within one width of the goal."""
@@ -292,7 +290,6 @@ def squared_distance(regions: Float[Array, "regions 5"], position: Float[Array, 
 def check_region(name: str, region: Region, walls: Walls) -> None:
     """Refuse a region without extent, or with its centre outside the box."""
     _, x, y, *widths = region
-    check(all(math.isfinite(number) for number in region), name, region, "finite numbers")
     box = f"within the box, x from {walls.left:g} to {walls.right:g} and y from {walls.bottom:g} to {walls.top:g}"
     check(walls.contains(x, y), f"{name} centre", (x, y), box)
     check(min(widths) > 0, f"{name} widths", tuple(widths), "positive")

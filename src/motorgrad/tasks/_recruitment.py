@@ -11,27 +11,27 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check, check_integer
-from motorgrad.schema import Settings, inner, number, static
-from motorgrad.tasks._task import Flag, Metric, Scalar, Task, check_time_limit
+from motorgrad._errors import check
+from motorgrad.schema import Range, Settings, count, inner, number, static
+from motorgrad.tasks._task import Flag, Metric, Scalar, Task
 from motorgrad.worlds import QueriedLoads, UniformLoads
 
-MAX_UNITS = 10_000
+WITHIN = Range(-1e6, 1e6, open_low=True, open_high=True)
 N = TypeVar("N", float, np.ndarray, Array)
 
 
 @dataclasses.dataclass(frozen=True)
 class Drift(Settings):
     r"""A periodic change over time $t$ of the muscle's strength, or of an unobserved additional load (section 4.4.1 of
-    the thesis).
-    """
+    the thesis)."""
 
-    amount: float = number(
+    amount: float = static(
         0.0,
+        allowed=WITHIN,
         help="$A$, the greatest change; 0 for none. For the strength a fraction above −1, such as −0.3 for a "
         "muscle that loses 30 % and regains it; for the load in units of the load",
     )
-    period: int = static(1_000_000, unit="decisions", help="$T$, the period of the change")
+    period: int = count(1_000_000, 2, unit="decisions", help="$T$, the period of the change")
     form: Literal["sine", "steps"] = static(
         "sine",
         help=r'`"sine"`, $A f(t)$ with $f = \tfrac12 (1 - \cos 2\pi t/T)$; `"steps"`, 0 in the first half of '
@@ -44,11 +44,8 @@ class Drift(Settings):
     )
 
     def validate(self) -> None:
-        if self.of == "strength":
-            check(-1 < self.amount < 100, "amount", self.amount, "above -1 and below 100, of the strength")
-        else:
-            check(abs(self.amount) < 1e6, "amount", self.amount, "between -1e6 and 1e6, in units of the load")
-        check_integer("period", self.period, 2, 2**31 - 1)
+        within = self.of == "load" or -1 < self.amount < 100
+        check(within, "amount", self.amount, "above -1 and below 100, of the strength")
 
     def strength(self, clock: Int[Array, ""] | None) -> Scalar | float:
         """The factor of the muscle's force at a decision of the period, counted from 0; 1 without a clock."""
@@ -93,9 +90,11 @@ class Recruitment(Task):
 
     clips_actions: ClassVar[bool] = True
 
-    units: int = static(4, help="number of units in the pool, from 1 to 10,000")
+    units: int = count(4, 1, 10_000, help="number of units in the pool")
     size_ratio: float = number(
         1.0,
+        1,
+        1e6,
         help="ratio of the largest unit's force to the smallest's; sizes grow exponentially from the first "
         "unit to the last. 1 for equal units",
     )
@@ -103,12 +102,9 @@ class Recruitment(Task):
         factory=Drift,
         help="how the muscle's strength, or an additional load, changes over time; by default neither does",
     )
-    time_limit: int | None = static(None, help="decisions after which an episode is cut; `None` for never")
-
-    def validate(self) -> None:
-        check_integer("units", self.units, 1, MAX_UNITS)
-        check(1 <= self.size_ratio <= 1e6, "size_ratio", self.size_ratio, "from 1 to 1e6")
-        check_time_limit(self.time_limit)
+    time_limit: int | None = count(
+        None, 1, unit="decisions", help="length at which an episode is cut; `None` for never"
+    )
 
     @property
     def observation_size(self) -> int:
@@ -197,15 +193,16 @@ class LinearRecruitment(Recruitment):
 
     name: ClassVar[str] = "linear-recruitment"
     metric_names: ClassVar[tuple[str, ...]] = ("error",)
+    metric_units: ClassVar[Mapping[str, str]] = {"error": "1"}
 
     output: Literal["count", "ratio"] = static(
         "count",
         help='`"count"` or `"ratio"`. They differ by the factor `units`² in the reward, and so in the step size',
     )
-    slope: float = number(1.2, help="$c_1$, for the output as a ratio; above 0")
-    intercept: float = number(-0.1, help="$c_2$, for the output as a ratio")
-    low: float = number(0.0, help="the least load")
-    high: float = number(1.0, help="the greatest load")
+    slope: float = number(1.2, 0, 1e6, open_low=True, open_high=True, help="$c_1$, for the output as a ratio")
+    intercept: float = static(-0.1, allowed=WITHIN, help="$c_2$, for the output as a ratio")
+    low: float = static(0.0, allowed=WITHIN, help="the least load")
+    high: float = static(1.0, allowed=WITHIN, help="the greatest load")
     loads: Literal["uniform", "queried"] = static(
         "uniform",
         help='`"uniform"`, as above; or `"queried"`: the action has one more number at its end, the load that '
@@ -214,10 +211,7 @@ class LinearRecruitment(Recruitment):
 
     def validate(self) -> None:
         super().validate()
-
-        check(0 < self.slope < 1e6, "slope", self.slope, "above 0 and below 1e6")
-        check(abs(self.intercept) < 1e6, "intercept", self.intercept, "a number between -1e6 and 1e6")
-        check(-1e6 < self.low < self.high < 1e6, "low, high", (self.low, self.high), "an interval, low < high")
+        check(self.low < self.high, "low, high", (self.low, self.high), "an interval, low < high")
 
     @property
     def learner(self) -> Mapping[str, Any]:  # pyright: ignore[reportIncompatibleVariableOverride]

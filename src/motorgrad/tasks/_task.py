@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
 from motorgrad.bodies import Body, BodyState
@@ -63,8 +63,12 @@ class Task(Settings, abc.ABC):
     """Whether graded actions beyond `action_range` act like its ends."""
     metric_names: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `metrics`."""
+    metric_units: ClassVar[Mapping[str, str]] = {}
+    """The units of these quantities by name: `1` of a pure number. One that is left out is unknown."""
     reward_names: ClassVar[tuple[str, ...]] = ()
     """The names of the terms in `reward_terms`, of a reward that is a sum."""
+    reward_units: ClassVar[Mapping[str, str]] = {}
+    """The units of these terms by name, as those of metrics."""
     episodic: ClassVar[bool] = False
     """Whether `reward` or `truncated` can end an episode."""
 
@@ -131,6 +135,18 @@ class Task(Settings, abc.ABC):
     def observation_names(self) -> tuple[str, ...]:
         """Names of the observed numbers, for display; by default their indices."""
         return tuple(f"input {index}" for index in range(self.observation_size))
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        """Units of the numbers that `sense` gives: `1` of a pure number, empty for one that is unknown, and by
+        default."""
+        return ("",) * len(self.observation_code.names)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the numbers that `observe` gives: those of `sense`, and unknown where it scales them."""
+        known = () if self.observation_code.scales else self.observation_units
+        return known if len(known) == self.observation_size else ("",) * self.observation_size
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...] | None:
@@ -320,9 +336,3 @@ def outcome(
     if terminated is not False and truncated is not False:
         truncated = truncated & ~terminated
     return Outcome(memory, observation, reward, terminated, truncated, elapsed)
-
-
-def check_time_limit(limit: int | None) -> None:
-    """Refuse a `time_limit` in decisions that is not positive, or does not fit into 32 bits. `None` means never."""
-    if limit is not None:
-        check_integer("time_limit", limit, 1, 2**31 - 1, "decisions, or None")

@@ -10,9 +10,8 @@ from motorgrad.training._agents import (
     changes_named,
     with_changes,
 )
-from motorgrad.training._arguments import check_training
+from motorgrad.training._arguments import MAX_ENVS, MAX_STEPS, MAX_THREADS, check_training
 from motorgrad.training._callbacks import EarlyStopping, Report
-from motorgrad.training._continuing import interface_of
 from motorgrad.training._episodes import MAX_EPISODES, EpisodeEvaluation
 from motorgrad.training._evaluate import STEPS, Evaluation, evaluate
 from motorgrad.training._evaluating import EvaluationCallback, KeepBest, evaluating_of
@@ -23,6 +22,7 @@ from motorgrad.training._run import Run, saved_agent
 from motorgrad.training._saving import NotSaved
 from motorgrad.training._sweep import setting_text, sweepable
 from motorgrad.training._train import resume, train
+from motorgrad.training._training import interface_of
 from motorgrad.training._trust import check_imports
 from motorgrad.training.engines import (
     BodyStepper,
@@ -47,7 +47,10 @@ from motorgrad.training.store import (
 )
 
 __all__ = [
+    "MAX_ENVS",
     "MAX_EPISODES",
+    "MAX_STEPS",
+    "MAX_THREADS",
     "PRESETS",
     "STEPS",
     "BodyStepper",

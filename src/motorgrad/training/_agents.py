@@ -14,17 +14,7 @@ from motorgrad._errors import check, choice, unknown
 from motorgrad._natural import STEPS, Learnable, PolicyTable
 from motorgrad.learning import Agent, Estimator, Optax
 from motorgrad.policies import InitialPolicy
-from motorgrad.schema import (
-    PART_CLASSES,
-    Words,
-    as_hinted,
-    build,
-    check_rounded,
-    full_path,
-    kind_of,
-    parts_by_path,
-    table,
-)
+from motorgrad.schema import PART_CLASSES, Words, build, check_rounded, full_path, kind_of, parts_by_path, table
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
 
@@ -80,7 +70,25 @@ def agent_for(
         choice("preset", preset, PRESETS)
         # a protocol cannot say "of the class or of the instance", which the kind of actions may be
         own = PRESETS[preset](task, steps, own.get("policy"))  # pyright: ignore[reportArgumentType]
-    return _built(task, own, given)
+    wanted = _kind_of_policy(given)
+    own_policy = own.pop("policy", "hyperplanes")
+    if wanted in policies.INITIAL and wanted != _kind_of_policy({"policy": own_policy}):
+        own_policy = wanted  # the settings of a policy do not pass to another kind, which may refuse them
+    policy = build(InitialPolicy, own_policy, "agent.policy")
+    kind = wanted or kind_of(policy)
+    agent = build(Agent, {**own, **policies.IMPLIED.get(kind, {})}, "agent", Agent(policy))
+    agent = bound_to(build(Agent, given, "agent", agent), task)
+    kind = kind_of(agent.policy) if isinstance(agent.policy, InitialPolicy) else ""
+    for name, value in policies.IMPLIED.get(kind, {}).items():
+        needed = f"set, such as {value!r}, for the policy {kind!r}"
+        check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
+    try:
+        jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
+    except ValueError as error:
+        advice = task.of_many_numbers if isinstance(task, Gymnasium) else ""
+        raise ValueError(f"{error}; {advice}" if advice else str(error)) from None
+    check_rounded(agent, agent.precision)
+    return agent
 
 
 class PresetAgent(Protocol):
@@ -111,21 +119,16 @@ def preset(name: str) -> Callable[[Table], PresetAgent]:
 
 
 def with_changes(agent: Agent, changes: Mapping[str, Any]) -> Agent:
-    """The agent with some settings changed, and with what a policy among them implies.
-
-    **Raises** `ValueError` for an unknown name or setting, with the nearest known one, and for impossible values.
-    """
+    """The agent with some settings changed, and with what a policy among them implies. **Raises** `ValueError` for an
+    unknown name or setting, with the nearest known one, and for impossible values."""
     task = agent.policy.task if isinstance(agent.policy, InitialPolicy) else None
     implied = policies.IMPLIED.get(_kind_of_policy(changes), {})  # such as growth, for a policy that grows
-    changed = as_hinted(Agent, {**implied, **changes}, "agent", agent)
+    changed = build(Agent, {**implied, **changes}, "agent", agent)
     return changed if task is None else bound_to(changed, task)
 
 
 def bound_to(agent: Agent, task: Task) -> Agent:
-    """The agent with its initial policy for this task.
-
-    **Raises** `ValueError` for a policy that is impossible for it.
-    """
+    """The agent with its initial policy for this task. **Raises** `ValueError` for one that is impossible for it."""
     if not isinstance(agent.policy, InitialPolicy):
         return agent
     try:
@@ -145,12 +148,8 @@ def _kind_of_policy(changes: Mapping[str, Any]) -> str:
 
 
 def changes_named(name: str, where: str = "agent") -> dict[str, Any]:
-    """The changes that a word stands for: a named estimator, or a preset.
-
-    **Arguments:** the `name`; `where` it is given.
-
-    **Raises** `ValueError` for an unknown name, with the nearest known one.
-    """
+    """The changes that a word given there stands for: a named estimator, or a preset. **Raises** `ValueError` for
+    others."""
     if name not in (known := [*Estimator.presets, *PRESETS]):
         raise unknown(where, name, known, registered=True)
     return {"preset": name} if name in PRESETS else {"estimator": name}
@@ -160,28 +159,6 @@ def changed(changes: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, An
     """Changes to a learner with `more` in their place, whether settings are named by path or by short name."""
     paths = {full_path(Agent, name) for name in more}
     return {name: value for name, value in changes.items() if full_path(Agent, name) not in paths} | dict(more)
-
-
-def _built(task: Task, own: dict[str, Any], given: Mapping[str, Any]) -> Agent:
-    wanted = _kind_of_policy(given)
-    own_policy = own.pop("policy", "hyperplanes")
-    if wanted in policies.INITIAL and wanted != _kind_of_policy({"policy": own_policy}):
-        own_policy = wanted  # the settings of a policy do not pass to another kind, which may refuse them
-    policy = as_hinted(InitialPolicy, own_policy, "agent.policy")
-    kind = wanted or kind_of(policy)
-    agent = as_hinted(Agent, {**own, **policies.IMPLIED.get(kind, {})}, "agent", Agent(policy))
-    agent = bound_to(as_hinted(Agent, given, "agent", agent), task)
-    kind = kind_of(agent.policy) if isinstance(agent.policy, InitialPolicy) else ""
-    for name, value in policies.IMPLIED.get(kind, {}).items():
-        needed = f"set, such as {value!r}, for the policy {kind!r}"
-        check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
-    try:
-        jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
-    except ValueError as error:
-        advice = task.of_many_numbers if isinstance(task, Gymnasium) else ""
-        raise ValueError(f"{error}; {advice}" if advice else str(error)) from None
-    check_rounded(agent, agent.precision)
-    return agent
 
 
 def agent_table(agent: Agent) -> dict[str, Any]:
@@ -204,16 +181,12 @@ def agent_table(agent: Agent) -> dict[str, Any]:
 
 
 def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agent") -> Agent:
-    """The agent of a saved configuration.
-
-    **Raises** `ValueError` where a part was made in Python and is not registered.
-    """
+    """The agent of a saved configuration. **Raises** `ValueError` where a part was made in Python and is not
+    registered."""
     made = _unregistered(settings, where)
     if made:
         raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
-    kind = PART_CLASSES[Agent][settings.get("kind", "dense")]
-    agent = build(kind, {name: value for name, value in settings.items() if name != "kind"}, where)
-    return bound_to(agent, task)
+    return bound_to(build(Agent, settings, where), task)
 
 
 def _unregistered(settings: object, where: str) -> list[str]:

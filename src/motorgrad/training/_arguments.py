@@ -1,37 +1,33 @@
 """The arguments of a training, checked before any work."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import KeyPath
 
-from motorgrad._errors import check
+from motorgrad._errors import check, is_integer
 from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy, trainable, with_interface
-from motorgrad.schema import check_rounded
+from motorgrad.schema import check_rounded, path_of
 from motorgrad.tasks import Gymnasium, HostTask, Task
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, Sweep, sweep_settings
 from motorgrad.training._trust import task_named
 from motorgrad.training.engines import MAX_TALLY_DECISIONS, check_carries, validate, validate_needs, validate_score
-from motorgrad.training.store import name_of
 
 MAX_LANES = 1_000_000
+MAX_STEPS = 2**32 - 256
 MAX_THREADS = 4096
 MAX_ENVS = 65_536
 
 
 class TrainingArguments(NamedTuple):
-    """The checked arguments of a training.
-
-    - `initial`: the policies from which the seeds start, where they were given.
-    - `settings`: the settings of a sweep; empty without one.
-    - `window`: decisions per record.
-    - `envs`: the environments of each learner; `workers`: the processes in which they are stepped.
-    """
+    """The checked arguments of a training: `initial`, the policies from which the seeds start, where they were given;
+    the `settings` of a sweep; the decisions per record (`window`); the environments of each learner (`envs`), and the
+    processes in which they are stepped (`workers`)."""
 
     task: Task
     agent: Agent
@@ -58,33 +54,31 @@ def check_training(
     envs: int = 1,
     workers: int = 0,
 ) -> TrainingArguments:
-    """Check the arguments of `train`, without allocating anything of the size of the run.
-
-    **Raises** `ValueError` that names the impossible argument.
-    """
+    """Check the arguments of `train`, without allocating anything of the size of the run. **Raises** `ValueError` that
+    names the impossible argument."""
     task = task_named(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
     known = agent is None or isinstance(agent, Agent | Mapping)
     check(known, "agent", agent, "an Agent, a mapping of changes, or None for the task's own")
     if isinstance(initial, Policy):  # it is said first what has changed, then what no longer fits
         check_carries(task, initial, "initial")
-    check(_whole(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "a number of seeds, or a list of them")
+    check(is_integer(seeds) or isinstance(seeds, Iterable), "seeds", seeds, "a number of seeds, or a list of them")
     if isinstance(seeds, int | np.integer):
         check(0 < seeds <= MAX_LANES, "seeds", seeds, f"from 1 to {MAX_LANES} seeds")
     chosen = list(range(seeds) if isinstance(seeds, int | np.integer) else seeds)
-    check(_whole(steps) and 1 <= steps <= 2**32 - 256, "steps", steps, "an integer from 1 to 4,294,967,040")
+    check(is_integer(steps) and 1 <= steps <= MAX_STEPS, "steps", steps, f"an integer from 1 to {MAX_STEPS:,}")
     check(0 < len(chosen) <= MAX_LANES, "seeds", chosen, f"from 1 to {MAX_LANES} seeds")
-    valid = all(_whole(seed) and 0 <= seed < 2**31 for seed in chosen)
+    valid = all(is_integer(seed) and 0 <= seed < 2**31 for seed in chosen)
     check(valid, "seeds", chosen, "integers from 0 to 2147483647")
     check(len(set(chosen)) == len(chosen), "seeds", chosen, "all different")
-    fine = window is None or (_whole(window) and 1 <= window <= MAX_TALLY_DECISIONS)
+    fine = window is None or (is_integer(window) and 1 <= window <= MAX_TALLY_DECISIONS)
     check(fine, "window", window, f"an integer from 1 to {MAX_TALLY_DECISIONS:,} decisions")
     for name, seconds in (("checkpoint_every", checkpoint_every), ("give_up_after", give_up_after)):
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
-    valid = _whole(threads) and 0 <= threads <= MAX_THREADS
+    valid = is_integer(threads) and 0 <= threads <= MAX_THREADS
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
     learner = agent if isinstance(agent, Agent) else agent_for(task, agent, steps=int(steps))
-    own_window = -(-max(1, int(steps) // 200) // envs) * envs if _whole(envs) and envs > 0 else 1
+    own_window = -(-max(1, int(steps) // 200) // envs) * envs if is_integer(envs) and envs > 0 else 1
     chosen_window = int(own_window if window is None else window)
     _check_envs(envs, workers, task, learner, {"steps": int(steps), "window": chosen_window})
     compiled = not isinstance(task, HostTask) or not isinstance(learner, SparseAgent)
@@ -105,8 +99,9 @@ def check_training(
 
 def _check_envs(envs: int, workers: int, task: Task, agent: Agent, decisions: Mapping[str, int]) -> None:
     """Refuse several environments where they cannot feed one learner, and numbers of decisions that do not divide."""
-    check(_whole(envs) and 1 <= envs <= MAX_ENVS, "envs", envs, f"from 1 to {MAX_ENVS} environments of each learner")
-    valid = _whole(workers) and 0 <= workers <= MAX_THREADS
+    valid = is_integer(envs) and 1 <= envs <= MAX_ENVS
+    check(valid, "envs", envs, f"from 1 to {MAX_ENVS} environments of each learner")
+    valid = is_integer(workers) and 0 <= workers <= MAX_THREADS
     check(valid, "workers", workers, f"0 to step environments in this process, or at most {MAX_THREADS} processes")
     check(workers == 0 or isinstance(task, Gymnasium), "workers", workers, f"0 for the task {task.name!r}")
     if envs == 1:
@@ -121,12 +116,9 @@ def _check_envs(envs: int, workers: int, task: Task, agent: Agent, decisions: Ma
 
 
 def check_initial(initial: Policy, like: Policy, seeds: int) -> Policy:
-    """The policies from which the seeds start, along a leading axis, in the dtypes of the agent's policy.
-
-    **Arguments:** `initial`, as in `train`; `like`, the shapes of one policy of the agent; the number of `seeds`.
-
-    **Raises** `ValueError` that names the field whose structure or shape differs from the agent's, or is not finite.
-    """
+    """The policies from which the seeds start, along a leading axis, in the dtypes of the agent's policy, one of which
+    has the shapes of `like`. **Raises** `ValueError` that names the field that is not finite or of another structure or
+    shape."""
     wanted = "policies of all seeds along a leading axis, such as the policies of a run, or None"
     check(isinstance(initial, Policy), "initial", initial, wanted)
     kinds = [type(policy).__name__ for policy in (initial, like)]
@@ -134,11 +126,11 @@ def check_initial(initial: Policy, like: Policy, seeds: int) -> Policy:
     interface = initial.interface
     initial = with_interface(initial, None)
     places = [dict(jax.tree_util.tree_leaves_with_path(policy)) for policy in (initial, like)]
-    parts = [sorted(map(name_of, place)) for place in places]
+    parts = [sorted(map(path_of, place)) for place in places]
     check(parts[0] == parts[1], "initial", parts[0], f"of the parts of the agent's policy, {parts[1]}")
 
     def fitting(place: KeyPath, leaf: jax.ShapeDtypeStruct) -> jax.Array:
-        name = f"initial.{name_of(place)}"
+        name = f"initial.{path_of(place)}"
         given = places[0][place]
         check(np.shape(given) == (seeds, *leaf.shape), f"{name}.shape", np.shape(given), f"{(seeds, *leaf.shape)}")
         return jnp.asarray(given, leaf.dtype)
@@ -146,7 +138,7 @@ def check_initial(initial: Policy, like: Policy, seeds: int) -> Policy:
     found = jax.tree_util.tree_map_with_path(fitting, like)
     for place, leaf in jax.tree_util.tree_leaves_with_path(trainable(found)):
         finite = bool(jnp.isfinite(leaf).all())
-        check(finite, f"initial.{name_of(place)}", "not all finite", "finite numbers")
+        check(finite, f"initial.{path_of(place)}", "not all finite", "finite numbers")
     if interface is None or interface.statistics is None:
         return with_interface(found, interface)
     shapes, statistics = interface.shapes.statistics, interface.statistics
@@ -156,7 +148,3 @@ def check_initial(initial: Policy, like: Policy, seeds: int) -> Policy:
     interface.check_statistics("initial.interface.statistics")
     numbers = jax.tree.map(lambda given, one: jnp.asarray(given, one.dtype), statistics, shapes)
     return with_interface(found, interface.with_statistics(numbers))
-
-
-def _whole(value: object) -> TypeGuard[int]:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from motorgrad._errors import check, counted, unknown
-from motorgrad.schema import Settings, number, static
+from motorgrad.schema import Settings, count, number, static
 
 if TYPE_CHECKING:
     from motorgrad.policies import Policy
@@ -40,11 +40,9 @@ class Report:
 
     @functools.cached_property
     def run(self) -> "Run":
-        """The run as it is now, in memory and without records: its present policies are in `run.policies`, in the
-        order of every array, and `mg.evaluate(report.run, episodes=10)` evaluates them. Made when first asked for.
-
-        **Raises** `ValueError` for a report that was made by hand.
-        """
+        """The run as it is now, in memory and without records: its present policies are in `run.policies`, in the order
+        of every array, and `mg.evaluate(report.run, episodes=10)` evaluates them. Made when first asked for. **Raises**
+        `ValueError` for a report that was made by hand."""
         if self.make_run is None:
             raise ValueError("run: this report was not made by train, so it has none")
         return self.make_run()
@@ -54,10 +52,8 @@ class Report:
         return self.run.policy(seed)
 
     def mean(self, quantity: str) -> float:
-        """The mean of a column over the seeds in which it occurred; NaN if it occurred in none.
-
-        **Raises** `ValueError` for an unknown column.
-        """
+        """The mean of a column over the seeds in which it occurred; NaN if in none. **Raises** `ValueError` for an
+        unknown one."""
         if quantity not in self.metrics:
             raise unknown("quantity", quantity, self.metrics)
         values = np.asarray(self.metrics[quantity], float)
@@ -101,23 +97,16 @@ class EarlyStopping(Settings):
 
     quantity: str = static("reward", help="a column of the metrics")
     goal: float | None = number(None, help="training ends at the first record that reaches it; `None` for no goal")
-    patience: int | None = static(
-        None, help="training ends after this many records without a new best value; `None` to wait forever"
-    )
-    least_gain: float = number(
-        0.0, help="how much better than the best so far a value must be to count, in units of the quantity"
-    )
+    patience: int | None = count(None, 1, help="records without a new best value that end training; `None` for no end")
+    least_gain: float = number(0.0, 0, help="how much better than the best a value must be to count, in its own units")
     larger_is_better: bool = static(True, help="whether the quantity is to grow")
     best: float | None = dataclasses.field(default=None, init=False)
     why: str = dataclasses.field(default="", init=False)
     _since: int = dataclasses.field(default=0, init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    def validate(self) -> None:
         given = (self.goal, self.patience)
         check(given != (None, None), "goal, patience", given, "at least one of the two")
-        check(self.goal is None or np.isfinite(self.goal), "goal", self.goal, "a finite number")
-        check(self.patience is None or self.patience >= 1, "patience", self.patience, "at least 1 record")
-        check(np.isfinite(self.least_gain) and self.least_gain >= 0, "least_gain", self.least_gain, "at least 0")
 
     def __call__(self, report: Report) -> bool:
         value = report.mean(self.quantity)

@@ -89,9 +89,8 @@ class EpisodeEvaluation:
 
         What is learned differs from seed to seed, so the seeds are the sample, however many episodes each has: more
         episodes make each seed's mean more exact, and say nothing of further seeds. Of a single seed the interval is
-        unbounded. Seeds whose mean is unknown are left out, and `count` says how many are in.
-
-        **Raises** `ValueError` for a sweep: evaluate each run of `run.split()`.
+        unbounded. Seeds whose mean is unknown are left out of the `count`. **Raises** `ValueError` for a sweep: use
+        `run.split()`.
         """
         check(not self.settings, "over_seeds", self, "of a run of one setting: evaluate run.split()[0]")
         means = self.means(quantity)
@@ -155,14 +154,10 @@ def evaluate_episodes(
     longest: int | None = None,
     settings: Sequence[Mapping[str, float]] = (),
 ) -> EpisodeEvaluation:
-    """Evaluate policies, with the memory of the task with which they were learned, in whole episodes.
-
-    Each episode is the first of dynamics of its own, with random numbers of its own. So no episode is counted because
-    it was short enough to end in time, as in a given number of decisions.
-
-    **Arguments:** as of `evaluate`; `policies` and `memory`, stacked along a leading axis of `settings` and `seeds`, as
-    in a `Run`; `longest`: decisions after which an episode is cut.
-    """
+    """Evaluate policies, with the memory of the task with which they were learned, in whole episodes, cut after
+    `longest` decisions. Other arguments are as of `evaluate`; `policies` and `memory` lead with `settings` and `seeds`,
+    as in a `Run`. Each episode is the first of dynamics of its own, with random numbers of its own. So no episode is
+    counted because it was short enough to end in time, as in a given number of decisions."""
     check_integer("episodes", episodes, 1, MAX_EPISODES)
     check_integer("seed", seed, 0, 2**31 - 1)
     check(task.has_episodes, "episodes", episodes, f"None for the task {task.name!r}, which has none; give it a limit")

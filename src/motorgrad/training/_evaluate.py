@@ -140,18 +140,8 @@ def evaluate(
     if episodes is None:
         assert steps is not None
         return _by_decisions(run, policies, steps, seed, mode, threads)
-    return evaluate_episodes(
-        run.task,
-        policies,
-        run.memory,
-        run.seeds,
-        episodes,
-        seed=seed,
-        mode=mode,
-        threads=threads,
-        longest=steps,
-        settings=run.settings,
-    )
+    more: Any = {"seed": seed, "mode": mode, "threads": threads, "longest": steps, "settings": run.settings}
+    return evaluate_episodes(run.task, policies, run.memory, run.seeds, episodes, **more)
 
 
 def _by_decisions(run: Run, policies: Policy, steps: int, seed: int, mode: Mode, threads: int) -> Evaluation:
@@ -168,11 +158,10 @@ def _by_decisions(run: Run, policies: Policy, steps: int, seed: int, mode: Mode,
     record = without_broken(stepper.harvest())
     broken = not_finite(policies)
     if broken.any():
-        found = lanes_in_words(broken, run.seeds, run.settings)
-        warnings.warn(
-            f"{found}: parameters that are not finite; nothing is said of them (NaN)", RunWarning, stacklevel=3
-        )
-    records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings))
+        said = lanes_in_words(broken, run.seeds, run.settings)
+        message = f"{said}: parameters that are not finite; nothing is said of them (NaN)"
+        warnings.warn(message, RunWarning, stacklevel=3)
+    records = Records(np.asarray(lanes, np.int32), run.task.period, len(run.settings), run.task.metric_units)
     records.add(record, steps, 0, 0.0)
     table = records.take()
     assert table is not None

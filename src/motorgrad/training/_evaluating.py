@@ -7,13 +7,13 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import PyTree
 
-from motorgrad._errors import check, check_integer, choice
+from motorgrad._errors import check, choice
 from motorgrad.policies import Policy
-from motorgrad.schema import Settings, static
+from motorgrad.schema import Settings, count, numbers_of, static
 from motorgrad.tasks import Task
 from motorgrad.training._callbacks import Report
 from motorgrad.training._episodes import MAX_EPISODES, EpisodeEvaluation, evaluate_episodes
-from motorgrad.training.store import by_name
+from motorgrad.training.store import part_of
 
 SETTINGS = ("every", "episodes", "seed", "mode")
 SHARE = 20
@@ -40,26 +40,20 @@ class EvaluationCallback(Settings):
     ```
     """
 
-    every: int | None = static(
+    every: int | None = count(
         None,
-        help="decisions between two evaluations, which take place at the ends of records: the first end of a "
-        "record after each multiple of it. By default a twentieth of the steps of the run",
+        1,
+        2**32,
+        unit="decisions",
+        help="between two evaluations, which take place at the ends of records: the first end of a record after each "
+        "multiple of it. By default a twentieth of the steps of the run",
     )
-    episodes: int = static(10, help="episodes of each seed")
-    seed: int = static(1, help="of their random numbers. Those of `evaluate` differ unless its `seed` is the same")
-    mode: Literal["sample", "mode"] = static(
-        "sample", help='`"sample"` draws every action; `"mode"` takes the most probable one'
-    )
+    episodes: int = count(10, 1, MAX_EPISODES, help="episodes of each seed")
+    seed: int = count(1, help="of their random numbers. Those of `evaluate` differ unless its `seed` is the same")
+    mode: Literal["sample", "mode"] = static("sample", help="whether actions are drawn, or the most probable ones")
     last: EpisodeEvaluation | None = dataclasses.field(default=None, init=False, repr=False)
     _found: dict[str, Any] = dataclasses.field(default_factory=dict, init=False, repr=False)
     _every: int = dataclasses.field(default=0, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        if self.every is not None:
-            check_integer("every", self.every, 1, None, "decisions")
-        check_integer("episodes", self.episodes, 1, MAX_EPISODES)
-        check_integer("seed", self.seed, 0, 2**31 - 1)
-        choice("mode", self.mode, ("sample", "mode"))
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -69,9 +63,7 @@ class EvaluationCallback(Settings):
 
     def begin(self, task: Task, steps: int, every: int | None = None) -> None:
         """Forget earlier runs. Evaluations are `every` so many decisions, unless the callback itself says it.
-
-        **Raises** `ValueError` for a task that cannot be evaluated so.
-        """
+        **Raises** `ValueError` for a task that cannot be evaluated so."""
         check(task.has_episodes, "callbacks", self, f"none for the task {task.name!r}, which has no episodes")
         self._every = self.every or every or max(1, steps // SHARE)
         self._found = {}
@@ -102,7 +94,7 @@ class EvaluationCallback(Settings):
 
     def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Restore the `state` from the arrays of a checkpoint, by path."""
-        self._found = evaluations_in(arrays)
+        self._found = part_of(arrays, STATE)
 
 
 @dataclasses.dataclass(eq=False)
@@ -119,9 +111,7 @@ class KeepBest(EvaluationCallback):
     ```
     """
 
-    of: str = static(
-        "return", help='what is compared, the mean over the episodes: `"return"`, `"length"`, or a metric of the task'
-    )
+    of: str = static("return", help="what is compared, the mean over episodes: return, length or a metric of the task")
     larger_is_better: bool = static(True, help="whether the best is the largest. Of equal ones the first is kept")
 
     @property
@@ -136,7 +126,7 @@ class KeepBest(EvaluationCallback):
     def _judge(self, decision: int, found: EpisodeEvaluation, policies: Policy, memory: PyTree) -> None:
         value = found.means(self.of)
         new = {"policy": policies, **({} if memory is None else {"memory": memory})}
-        new = {name: np.asarray(leaf) for name, leaf in by_name(new).items()}
+        new = {name: np.asarray(leaf) for name, leaf in numbers_of(new).items()}
         new |= {"value": value, "at": np.full(len(value), decision)}
         before = {name: self._found.get(f"best.{name}") for name in new}
         sign = 1.0 if self.larger_is_better else -1.0
@@ -147,11 +137,6 @@ class KeepBest(EvaluationCallback):
                 better = np.isfinite(value) & ~(sign * value <= sign * known)  # also than one that is unknown
                 leaf = np.where(better.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, old)
             self._found[f"best.{name}"] = leaf
-
-
-def evaluations_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a checkpoint that are of evaluations, by their paths within them."""
-    return {name[len(STATE) + 1 :]: array for name, array in arrays.items() if name.startswith(f"{STATE}.")}
 
 
 def evaluating_of(run: Mapping[str, Any]) -> EvaluationCallback | None:

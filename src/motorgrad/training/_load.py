@@ -15,12 +15,16 @@ from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._interface import Interface
 from motorgrad.policies import Policy, rebuild, trainable, with_interface
+from motorgrad.schema import path_of
 from motorgrad.tasks import Task
-from motorgrad.training._evaluating import evaluations_in
+from motorgrad.training._evaluating import STATE
 from motorgrad.training._metrics import mean_of_samples
 from motorgrad.training._run import Run
-from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, name_of, release_changes, versions
+from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, part_of, release_changes, versions
 
+MEMORY = "cycle.memory"
+CRITIC = "cycle.agent.estimator.baseline"
+"""Where a state has the task's memory, and the learner's baseline or critic."""
 Given = TypeVar("Given")
 Found = TypeVar("Found")
 
@@ -72,28 +76,14 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
         learned = trainable(with_interface(policies, None))
         one = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), learned)
         estimate = mean_of_samples(_filled(path, one, arrays, lanes, mean), count)
-    return Run(
-        config,
-        about["decision"],
-        pa.table({}) if metrics is None else metrics,
-        policies,
-        initial,
-        estimate,
-        Path(path),
-        task,
-        trust,
-        memory_in(arrays),
-        evaluations_in(arrays),
-        critic_in(arrays),
-    )
+    records = pa.table({}) if metrics is None else metrics
+    parts = [part_of(arrays, place) for place in (MEMORY, STATE, CRITIC)]
+    return Run(config, about["decision"], records, policies, initial, estimate, Path(path), task, trust, *parts)
 
 
 def saved_config(path: Path | str, allow_changed: bool = False) -> dict[str, Any]:
-    """The configuration of the run in a directory, compared with that of its newest checkpoint.
-
-    **Raises:** `RunDirectoryError` where there is no run, or a setting in `config.toml` was changed, unless
-    `allow_changed`.
-    """
+    """The configuration of the run in a directory, compared with that of its newest checkpoint. **Raises**
+    `RunDirectoryError` where there is no run, or a setting was changed, unless `allow_changed`."""
     directory = RunDirectory(path)
     found = directory.latest() if directory.is_run else None
     return directory.config(found and found[1], allow_changed)
@@ -101,9 +91,7 @@ def saved_config(path: Path | str, allow_changed: bool = False) -> dict[str, Any
 
 def given_initial(path: Path | str) -> Policy | None:
     """The `initial` policies that a stored run was given, seeds leading; `None` without any, or without a run.
-
-    **Raises** `RunDirectoryError` where they are missing.
-    """
+    **Raises** `RunDirectoryError` where they are missing."""
     directory = RunDirectory(path)
     found = directory.latest() if directory.is_run else None
     run = found[1]["config"]["run"] if found else directory.read_config()["run"] if directory.is_run else {}
@@ -145,7 +133,7 @@ def _filled(path: Path | str, shapes: PyTree, arrays: Mapping[str, np.ndarray], 
     """Stored arrays by name in the structure of `shapes`, lanes leading. **Raises** `RunDirectoryError` for others."""
 
     def fitting(place: KeyPath, shape: jax.ShapeDtypeStruct) -> np.ndarray:
-        name = prefix + name_of(place)
+        name = prefix + path_of(place)
         found = arrays.get(name)
         wanted = (lanes, *shape.shape)
         if found is None or (found.shape, found.dtype) != (wanted, shape.dtype):
@@ -154,17 +142,3 @@ def _filled(path: Path | str, shapes: PyTree, arrays: Mapping[str, np.ndarray], 
         return found
 
     return jax.tree_util.tree_map_with_path(fitting, shapes)
-
-
-def memory_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a state that are the task's memory, by their paths within it."""
-    return _part_of(arrays, "cycle.memory")
-
-
-def critic_in(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a state that are of the learner's baseline or critic, by their paths within it."""
-    return _part_of(arrays, "cycle.agent.estimator.baseline")
-
-
-def _part_of(arrays: Mapping[str, np.ndarray], place: str) -> dict[str, np.ndarray]:
-    return {name[len(place) + 1 :]: array for name, array in arrays.items() if f"{name}.".startswith(f"{place}.")}

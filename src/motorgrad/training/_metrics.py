@@ -1,6 +1,7 @@
 """The metrics of a run: records while it learns, means and totals at the end."""
 
 import math
+from collections.abc import Mapping
 
 import jax
 import numpy as np
@@ -16,13 +17,14 @@ from motorgrad.training.plots import mean_of_last
 
 
 class Records:
-    """The records since the last checkpoint: rows of a table, one per window, lane and setting.
+    """The records since the last checkpoint: rows of a table (`docs/training.md`), one per window, lane and setting.
 
-    `docs/training.md` lists the columns.
+    Columns have their `unit` as metadata where one of these `units` is theirs.
     """
 
-    def __init__(self, seeds: np.ndarray, period: float, settings: int = 0):
+    def __init__(self, seeds: np.ndarray, period: float, settings: int = 0, units: Mapping[str, str] | None = None):
         self.seeds, self.period = seeds, period
+        self._units = units or {}
         self._setting = np.repeat(np.arange(settings), len(seeds) // settings) if settings else None
         self._tables: list[pa.Table] = []
 
@@ -56,9 +58,13 @@ class Records:
 
     def take(self) -> pa.Table | None:
         """Remove and return all rows."""
-        table = pa.concat_tables(self._tables) if self._tables else None
+        if not self._tables:
+            return None
+        table = pa.concat_tables(self._tables)
         self._tables = []
-        return table
+        units = {name: {"unit": unit} for name, unit in self._units.items()}
+        fields = [field.with_metadata(units[field.name]) if field.name in units else field for field in table.schema]
+        return table.cast(pa.schema(fields))
 
 
 CLOCKS = ("simulated_time", "wall_time", "cpu_time")
@@ -67,13 +73,12 @@ NOT_FINAL = frozenset({"setting", "seed", "decision", *CLOCKS, "parameters", "ba
 
 
 def final_metrics(run: Run, share: float = 0.1) -> dict[str, np.ndarray]:
-    """One number per lane for every column of a run's metrics: the results of learning.
-
-    **Arguments:** `share`: of the records, the last ones, at least one.
+    """One number per lane for every column of a run's metrics: the results of learning, over the last `share` of the
+    records, at least one. Empty for a run without records.
 
     **Returns** means over all that occurred in these records (NaN where nothing did in any, and for policies that are
     not finite): a record counts as often as the quantity occurred in it, or for its decisions; of what is counted, such
-    as episodes and divergences, the totals of the whole run as `NAME_total`. Empty for a run without records.
+    as episodes and divergences, the totals of the whole run as `NAME_total`.
     """
     check(0 < share <= 1, "share", share, "above 0, at most 1")
     found: dict[str, np.ndarray] = {}

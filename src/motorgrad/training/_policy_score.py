@@ -12,14 +12,14 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from motorgrad._errors import check, check_integer, choice
+from motorgrad._errors import check, choice
 from motorgrad.learning import Agent, Estimator
 from motorgrad.policies import Policy, split
-from motorgrad.schema import Settings, path_of, static
+from motorgrad.schema import Settings, count, path_of, static
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task
 from motorgrad.training._trust import task_named
-from motorgrad.training.engines import MAX_TALLY_DECISIONS, mean_reward, stepper_for, validate, validate_needs
+from motorgrad.training.engines import mean_reward, stepper_for, validate, validate_needs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -45,19 +45,12 @@ class PolicyScore(Settings):
     """
 
     task: Any = static(help="a task, or the name of one")
-    policy: Any = static(
-        help="a policy whose trainable parameters are optimised, starting from their present values; or a "
-        "function from a key to one"
-    )
-    steps: int = static(1000, unit="decisions", help="length of each candidate's run in each stream, at least 1")
-    streams: int = static(8, help="number of streams of random numbers, at least 1")
+    policy: Any = static(help="a policy, from whose parameters the search starts, or a function from a key to one")
+    steps: int = count(1000, 1, unit="decisions", help="length of each candidate's run in each stream")
+    streams: int = count(8, 1, help="number of streams of random numbers")
     fixed: bool = static(True, help="whether the streams are the same in all rounds")
-    seed: int = static(0, help="seed of the first stream, at least 0, if they are fixed; the others follow it")
-    of: str = static(
-        "reward",
-        help='`"reward"`, the mean reward per decision, or the name of a metric of the task, such as '
-        '`"return"`: its mean where it occurred',
-    )
+    seed: int = count(0, help="seed of the first stream, if they are fixed; the others follow it")
+    of: str = static("reward", help="mean reward per decision, or the task's metric of this name, where it occurred")
     gradient: Estimator | None = static(
         None,
         help="none, or an estimator of the gradient at fixed parameters, such as `gpomdp(0.9)`. The score then "
@@ -66,7 +59,7 @@ class PolicyScore(Settings):
         "two streams. The estimates have the estimator's bias, which the variances do not contain",
     )
 
-    def __post_init__(self) -> None:
+    def validate(self) -> None:
         task = task_named(self.task) if isinstance(self.task, str) else self.task
         check(isinstance(task, Task), "task", task, "a task, or the name of one")
         made: Any = self.policy
@@ -76,9 +69,7 @@ class PolicyScore(Settings):
         validate(task, made)
         object.__setattr__(self, "task", task)
         object.__setattr__(self, "policy", made)
-        check_integer("steps", self.steps, 1, MAX_TALLY_DECISIONS, "decisions")
-        check_integer("streams", self.streams, 1)
-        check_integer("seed", self.seed, 0, 2**31 - 1 - self.streams)
+        check(self.seed < 2**31 - self.streams, "seed", self.seed, f"at most {2**31 - 1 - self.streams:,}")
         choice("of", self.of, ("reward", *task.metric_names))
         if self.gradient is not None:
             check(self.gradient.improve == "never", "gradient.improve", self.gradient.improve, '"never"')

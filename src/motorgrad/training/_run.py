@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import equinox as eqx
 import jax
@@ -15,34 +15,28 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Bool, Float, PyTree
+from jax.typing import ArrayLike
+from jaxtyping import Bool, Float, Int, PyTree
 
-from motorgrad._errors import check, counted, unknown
+from motorgrad._errors import check, choice, counted, unknown
 from motorgrad.learning import Agent
 from motorgrad.policies import Actor, Masked, Policy, split, with_interface
+from motorgrad.schema import numbers_of
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
-from motorgrad.training._acting import Acting
 from motorgrad.training._agents import agent_from_table
 from motorgrad.training._broken import not_finite
-from motorgrad.training._evaluated import Evaluated
 from motorgrad.training._sweep import setting_text
 from motorgrad.training._trust import check_imports
 from motorgrad.training.plots import Axis, Format, axis_for, curve_of, learning_curves, mean_of_last
-from motorgrad.training.store import (
-    RunDirectory,
-    RunDirectoryError,
-    RunWarning,
-    fill_tree,
-    name_of,
-)
+from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, fill_tree, part_of
 
 if TYPE_CHECKING:
     from motorgrad.training.plots._plot_figure import LearningCurves
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Run(Acting, Evaluated):
+class Run:
     """The outcome of training.
 
     - `config`: the effective configuration, as in `config.toml`.
@@ -133,17 +127,12 @@ class Run(Acting, Evaluated):
 
     def best(self) -> "Run":
         """The run with the policy of each seed that did best while training, where `KeepBest` was among its callbacks.
-
         `best_at` says after which decision each policy was kept, and `best_value` with which mean. The records are
-        those of the whole run.
-
-        **Raises** `ValueError` where none was kept.
-        """
-        kept = {name[5:]: each for name, each in self._found_evaluations().items() if name.startswith("best.")}
+        those of the whole run. **Raises** `ValueError` where none was kept."""
+        kept = part_of(self._found_evaluations(), "best")
         check(kept, "best", self, "of a run that kept it: train(..., callbacks=mg.training.KeepBest())")
-        policy = {name[7:]: each for name, each in kept.items() if name.startswith("policy.")}
-        memory = {name[7:]: each for name, each in kept.items() if f"{name}.".startswith("memory.")}
-        return dataclasses.replace(self, policies=fill_tree(self.policies, policy), _memory=memory)
+        policies = fill_tree(self.policies, part_of(kept, "policy"))
+        return dataclasses.replace(self, policies=policies, _memory=part_of(kept, "memory"))
 
     @property
     def complete(self) -> bool:
@@ -152,10 +141,8 @@ class Run(Acting, Evaluated):
 
     @property
     def task(self) -> Task:
-        """The task, rebuilt from the configuration where the run was loaded.
-
-        **Raises:** `NotTrusted` where that imports a module, and `load` was not told to `trust` the run.
-        """
+        """The task, rebuilt from the configuration where the run was loaded. **Raises** `NotTrusted` where that imports
+        a module, and `load` was not told to `trust` the run."""
         return saved_task(self.config, self.path, self._trust) if self._task is None else self._task
 
     @property
@@ -164,13 +151,9 @@ class Run(Acting, Evaluated):
         return not_finite(self.policies)
 
     def with_task(self, task: Task) -> "Run":
-        """The run in a changed task, to evaluate its policies on other ground or without a time limit.
-
-        Policies and `config` stay as they are.
-
-        **Arguments:** `task`, of the run's own kind, with the same observations and actions.
-
-        **Raises:** `ValueError` for a task of another kind, or with other observations or actions.
+        """The run in a changed task, to evaluate its policies on other ground or without a time limit. Policies and
+        `config` stay as they are. **Raises** `ValueError` for a task of another kind, or with other observations or
+        actions.
 
         ```python
         import dataclasses
@@ -185,6 +168,57 @@ class Run(Acting, Evaluated):
         for name in ("observation_names", "action_size"):
             check(getattr(task, name) == getattr(own, name), f"task.{name}", getattr(task, name), "as the run's own")
         return dataclasses.replace(self, _task=task)
+
+    def evaluated(self, quantity: Literal["return", "length"] = "return") -> tuple[np.ndarray, np.ndarray]:
+        """The evaluations that were made while training (`EvaluationCallback`): the decision of each `(evaluations,)`,
+        and the means over its episodes `(seeds, evaluations)`, in a sweep of all lanes. **Raises** `ValueError` without
+        any."""
+        choice("quantity", quantity, ("return", "length"))
+        found = self._found_evaluations()
+        return found["decision"], found[f"{quantity}s"].mean(axis=2, dtype=float)
+
+    @property
+    def evaluations(self) -> pa.Table:
+        """The episodes of all evaluations that were made while training, a row for each: `seed`, in a sweep `setting`,
+        `decision`, `episode`, `return`, `length`, and whether it `diverged` or was `cut`."""
+        found = self._found_evaluations()
+        lanes, times, episodes = found["returns"].shape
+        lane, time, episode = (each.ravel() for each in np.indices((lanes, times, episodes)))
+        seeds = self.config["run"]["seeds"]
+        columns = {"seed": np.array(seeds)[lane % len(seeds)]}
+        if self.config.get("sweep"):
+            columns["setting"] = lane // len(seeds)
+        columns |= {"decision": found["decision"][time], "episode": episode}
+        names = {"return": "returns", "length": "lengths", "diverged": "diverged", "cut": "cut"}
+        return pa.table(columns | {name: found[array].ravel() for name, array in names.items()})
+
+    @property
+    def best_at(self) -> Int[np.ndarray, " lanes"]:
+        """After how many decisions each of the `best` policies was kept. **Raises** `ValueError` where none was."""
+        return self._kept("at")
+
+    @property
+    def best_value(self) -> Float[np.ndarray, " lanes"]:
+        """The mean over its episodes with which each of the `best` policies was chosen, which is too good an estimate.
+        **Raises** `ValueError` where none was."""
+        return self._kept("value")
+
+    def _kept(self, name: str) -> np.ndarray:
+        found = self._found_evaluations()
+        check("best.at" in found, "best", self, "of a run that kept it: train(..., callbacks=mg.training.KeepBest())")
+        return found[f"best.{name}"]
+
+    def _found_evaluations(self) -> Mapping[str, np.ndarray]:
+        """What evaluations while training found, by name."""
+        if not self._evaluations:
+            every = self.config["run"].get("evaluate_every")
+            why = (
+                "callbacks=mg.training.EvaluationCallback() makes some"
+                if every is None
+                else f"the first is due at {every:,} decisions, and {self.decision:,} were made"
+            )
+            raise ValueError(f"{self.path or 'the run'}: has no evaluations: {why}")
+        return self._evaluations
 
     @property
     def critic(self) -> Mapping[str, np.ndarray]:
@@ -201,33 +235,68 @@ class Run(Acting, Evaluated):
         template = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((seeds, *leaf.shape), leaf.dtype), one)
         if self.config["run"].get("envs", 1) == 1:
             return fill_tree(template, self._memory)
-        sizes = {name_of(place): leaf.ndim for place, leaf in jax.tree_util.tree_leaves_with_path(template)}
+        sizes = {name: leaf.ndim for name, leaf in numbers_of(template).items()}
         # of several environments the first: what outlives an episode, such as the scale of observations, is shared
         first = {name: array[:, 0] if array.ndim > sizes[name] else array for name, array in self._memory.items()}
         return fill_tree(template, first)
 
     def policy(self, seed: int | None = None) -> Policy:
-        """The learned policy of one seed, by default the first. A sweep has one for each setting: `split` it first.
-
-        Its `act`, and what `export` writes, take raw observations and give raw actions, in the environment's units. It
-        warns (`RunWarning`) where this is unknown.
-        """
+        """The learned policy of one seed, by default the first. A sweep has one for each setting: `split` it first. Its
+        `act`, and what `export` writes, take raw observations and give raw actions, in the environment's units. It
+        warns (`RunWarning`) where this is unknown."""
         check(not self.settings, "policy", self, "of a run of one setting: run.split()[0].policy()")
         seed = self.seeds[0] if seed is None else seed
         check(seed in self.seeds, "seed", seed, f"one of the run's seeds, {self.seeds}")
         row = self.seeds.index(seed)
         return jax.tree.map(lambda leaf: jax.numpy.asarray(leaf[row]), self.whole_policies)
 
+    @property
+    def whole_policies(self) -> Policy:
+        """The `policies` with their interface, made again where an earlier version stored the run without it."""
+        policies = self.policies
+        if policies.interface is not None:
+            return policies
+        try:
+            task = self.task
+            interface = task.interface(jax.tree.map(lambda leaf: leaf[0], policies).actions)
+            statistics = task.statistics(self.memory) if self._memory else None
+        except (ValueError, RuntimeError) as error:
+            why = " ".join(str(error).split())
+            warnings.warn(
+                f"{self.path or 'the run'}: its policies are without their interface: they see observations as the "
+                f"task scales them, and `act` refuses: {why}",
+                RunWarning,
+                stacklevel=3,
+            )
+            return policies
+        return with_interface(policies, interface.with_statistics(statistics))
+
+    def act(self, observation: ArrayLike, seed: int | None = None, uniforms: ArrayLike | None = None) -> np.ndarray:
+        """The raw action of a seed's policy, by default the first's, for a raw observation, both as the environment has
+        them; see `Policy.act`. **Raises** `ValueError` for a policy with a memory; `actor` keeps it.
+
+        ```python
+        environment = gymnasium.make("Pendulum-v1")
+        observation, _ = environment.reset(seed=1)
+        observation, *_ = environment.step(run.act(observation, seed=0))
+        ```
+        """
+        actor = self.actor(seed)
+        wanted = "without a memory; run.actor(seed) keeps it: actor = run.actor(), actor.act(observation)"
+        check(not actor.policy.has_memory, "policy", type(actor.policy).__name__, wanted)
+        return actor.act(observation, uniforms)
+
+    def actor(self, seed: int | None = None) -> Actor:
+        """What acts in the environment itself by a seed's policy, and keeps its memory: `Actor(run.policy(seed))`."""
+        actors = self._actors
+        if seed not in actors:
+            actors[seed] = Actor(self.policy(seed))
+        return actors[seed] if not actors[seed].policy.has_memory else Actor(actors[seed].policy)
+
     def policies_at(self, records: Iterable[int] | None = None, seed: int | None = None) -> Any:
-        """The policies at some records: all parameters over time as arrays, `(records, seeds, …)` each.
-
-        **Arguments:**
-
-        - `records`: numbered from 0, or from the end if negative; by default all.
-        - `seed`: a single seed, without the axis of seeds.
-
-        **Returns** a policy whose arrays have these leading axes. Where parameters are averaged, they are those that
-        learn, not their average.
+        """The policies at some `records`, numbered from 0, or from the end if negative, by default all: a policy whose
+        arrays have leading axes `(records, seeds, …)`, or, with a `seed`, `(records, …)`. Where parameters are
+        averaged, they are those that learn, not their average.
 
         ```python
         run = mg.train("linear-recruitment", steps=2_000, seeds=4, progress=False)
@@ -253,7 +322,9 @@ class Run(Acting, Evaluated):
     def curve(
         self, quantity: str = "reward", *, x: Axis = "decisions", smooth: float | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A column of the metrics over time: `(records,)` and `(seeds, records)`, in a sweep of all lanes.
+        """A column of the metrics over time: the end of each record `(records,)` and its values `(seeds, records)`, in
+        a sweep of all lanes. **Raises** `ValueError` for an unknown column, for simulated time of a task that has none,
+        and where there are no records yet.
 
         **Arguments:**
 
@@ -261,11 +332,6 @@ class Run(Acting, Evaluated):
         - `x`: what time is: `"decisions"`, `"simulated"`, `"wall"` or `"cpu"` seconds.
         - `smooth`: if given, each value is the mean over the last `smooth` units of `x`, of all that occurred there,
           and over two records at least.
-
-        **Returns** the time at the end of each record, and the values.
-
-        **Raises** `ValueError` for an unknown column, for simulated time of a task that has none, and where there are
-        no records yet.
         """
         if x != "decisions" or smooth is not None:
             axis = axis_for([self], x)
@@ -332,14 +398,9 @@ class Run(Acting, Evaluated):
         smooth: float | None = None,
         never: float = math.nan,
     ) -> np.ndarray:
-        """When a quantity first passed a bar, `(seeds,)`: the end of the first record in which it did.
-
-        **Arguments:**
-
-        - `quantity`: a column of the metrics.
-        - `above`, `below`: the bar, one of the two.
-        - `x`, `smooth`: as in `curve`. Nothing counts before `smooth`, when the mean would be over fewer records.
-        - `never`: the result for a seed in which it never did.
+        """When a quantity first passed a bar, `above` or `below`, `(seeds,)`: the end of the first record in which it
+        did; `never` for a seed in which it did not. `x` and `smooth` are as in `curve`. Nothing counts before `smooth`,
+        when the mean would be over fewer records.
 
         ```python
         run = mg.train("three-state", steps=20_000, seeds=4, progress=False)
@@ -362,10 +423,8 @@ class Run(Acting, Evaluated):
         format: Format | None = None,
     ) -> "LearningCurves":
         """The learning curve: every seed, their median and their interquartile band; a colour for each setting of a
-        sweep; see `learning_curves`.
-
-        Saved to `path`, by default to `figures/` of the run directory if there is one. In a notebook it shows itself.
-        """
+        sweep; see `learning_curves`. Saved to `path`, by default to `figures/` of the run directory if there is one. In
+        a notebook it shows itself."""
         if path is None and self.path is not None:
             path = self.path / "figures"
             path.mkdir(exist_ok=True)
@@ -399,12 +458,9 @@ def _with_setting(agent: dict[str, Any], setting: Mapping[str, float]) -> dict[s
 
 
 def saved_task(config: dict[str, Any], path: Path | str | None = None, trust: bool = False) -> Task:
-    """The task of a run's configuration.
-
-    A run that this user made, on this machine, is trusted to import what its task names.
-
-    **Raises:** `RunDirectoryError` for one that is not in the registry, `NotTrusted` for one that imports a module.
-    """
+    """The task of a run's configuration. A run that this user made, on this machine, is trusted to import what its task
+    names. **Raises** `RunDirectoryError` for one that is not in the registry, `NotTrusted` for one that imports a
+    module."""
     ours = path is not None and RunDirectory(path).is_ours(config["task"])
     check_imports(config["task"], "the run" if path is None else str(path), trust or ours)
     settings = dict(config["task"])

@@ -23,16 +23,8 @@ class NotSaved(RunDirectoryError):
 
 
 class Saving:
-    """Saves a run at its checkpoints, and keeps what could not be written until it can be.
-
-    The clock is monotonic: what the time of day does has no effect.
-
-    **Arguments:**
-
-    - `directory`: the run directory.
-    - `every`: seconds between two attempts.
-    - `give_up_after`: seconds of failed attempts after which `given_up` is true.
-    """
+    """Saves a run at its checkpoints, `every` so many seconds of a monotonic clock, and keeps what could not be written
+    until it can be. After `give_up_after` seconds of failed attempts `given_up` is true."""
 
     def __init__(self, directory: RunDirectory, every: float, give_up_after: float):
         self.directory, self.every, self.give_up_after = directory, every, give_up_after
@@ -71,7 +63,7 @@ class Saving:
     def save(
         self, state: PyTree[np.ndarray], about: dict[str, Any], records: pa.Table | None, short: pa.Table | None
     ) -> bool:
-        """Commit, as `RunDirectory.save`. Returns whether that succeeded. Warns of a failure, and when it is over."""
+        """Commit, as `RunDirectory.save`; whether that succeeded. Warns of a failure, and when it is over."""
         if records is not None:
             self._waiting.append(records)
         self._short = [] if short is None else [short]

@@ -19,13 +19,8 @@ Sweep = Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]]
 
 
 def sweep_settings(sweep: Sweep, task: Task, agent: Agent) -> list[Setting]:
-    """The settings of a sweep, each a mapping from paths to numbers, in the order of the lanes.
-
-    **Arguments:** `sweep`: a mapping from paths to lists of numbers, which combine as a product, the last path changing
-    fastest; or a list of mappings from paths to numbers, all with the same paths.
-
-    **Raises** `ValueError` for an unknown path, a static one, and for impossible numbers.
-    """
+    """The settings of a sweep, each a mapping from paths to numbers, in the order of the lanes: in a product, the last
+    path changes fastest. **Raises** `ValueError` for an unknown path, a static one, and for impossible numbers."""
     wanted = 'paths and lists of numbers, such as {"optimizer.learning_rate": [1e-3, 1e-2]}, or a list of settings'
     if isinstance(sweep, Mapping):
         for name, values in sweep.items():

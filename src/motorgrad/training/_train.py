@@ -13,7 +13,6 @@ from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training._arguments import check_training
 from motorgrad.training._callbacks import Callback, check_callbacks
-from motorgrad.training._continuing import continued
 from motorgrad.training._load import given_initial, saved_config
 from motorgrad.training._progress import TrainingProgress
 from motorgrad.training._run import Run, saved_agent, saved_task
@@ -21,6 +20,7 @@ from motorgrad.training._saving import GIVE_UP_AFTER, Saving
 from motorgrad.training._sweep import Sweep
 from motorgrad.training._training import Training
 from motorgrad.training._trust import task_named
+from motorgrad.training.engines import check_carries
 from motorgrad.training.plots import check_tensorboard
 from motorgrad.training.store import RunDirectory
 
@@ -102,7 +102,12 @@ def train(
     check_arguments(train, locals(), ("seeds", "out", "progress", "tensorboard", "allow_changed"))
     if isinstance(initial, Run):
         task = task_named(task) if isinstance(task, str) else task
-        agent, seeds, initial = continued(initial, task, agent, seeds)
+        run = initial
+        check(not run.settings, "initial", run, "a run of one setting: run.split()[0]")
+        initial = run.whole_policies
+        check_carries(task, initial, "initial")
+        agent = saved_agent(task, run.config["agent"], "initial: the learner of the run") if agent is None else agent
+        seeds = run.seeds if seeds is None else seeds
     seeds = 1 if seeds is None else seeds
     arguments = check_training(
         task, agent, steps, seeds, window, checkpoint_every, threads, initial, sweep, give_up_after, envs, workers

@@ -1,5 +1,6 @@
 """One call of `train`: advance, record, commit; the same for every task and engine."""
 
+import dataclasses
 import time
 import warnings
 from collections.abc import Callable
@@ -12,19 +13,18 @@ import pyarrow as pa
 from jaxtyping import Bool, PyTree
 
 from motorgrad._errors import check, counted, shown
-from motorgrad._interface import Statistics
+from motorgrad._interface import Interface, Statistics
 from motorgrad._signals import interrupt, stop_when_asked
 from motorgrad.learning import RunningMean
 from motorgrad.policies import Policy, describe, with_interface
-from motorgrad.schema import table
-from motorgrad.tasks import HostTask
+from motorgrad.schema import numbers_of, table
+from motorgrad.tasks import HostTask, Task
 from motorgrad.training._agents import agent_table
 from motorgrad.training._arguments import TrainingArguments
 from motorgrad.training._broken import lanes_in_words, not_all_finite, not_finite
 from motorgrad.training._callbacks import Callback, Report
-from motorgrad.training._continuing import interface_of
 from motorgrad.training._evaluating import STATE, EvaluationCallback, evaluating_of
-from motorgrad.training._load import critic_in, memory_in
+from motorgrad.training._load import CRITIC
 from motorgrad.training._metrics import Records, mean_of_samples
 from motorgrad.training._progress import TrainingProgress
 from motorgrad.training._run import Run
@@ -37,10 +37,10 @@ from motorgrad.training.store import (
     RunDirectory,
     RunDirectoryError,
     RunWarning,
-    by_name,
     differences,
     fill_tree,
     fingerprint,
+    part_of,
     release_changes,
     versions,
 )
@@ -86,7 +86,7 @@ class Training:
             self.config["run"] |= self.evaluating.settings
         start = self.stepper.state["cycle"].agent
         self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
-        self.records = Records(self.stepper.seeds, task.period, len(settings))
+        self.records = Records(self.stepper.seeds, task.period, len(settings), task.metric_units)
         self.interface = interface_of(task, self.stepper.policy)
         self.initial = self._with_interface(self.stepper.policies(), self.stepper.start_statistics)
         self.wall = 0.0
@@ -299,17 +299,12 @@ class Training:
         learner = state["cycle"].agent
         batches = isinstance(learner.gradient, RunningMean)
         metrics = self.records.take() if saving is None else saving.metrics()
-        return Run(
-            self.config,
-            self.stepper.decision,
-            pa.table({}) if metrics is None else metrics,
-            self._present(state["cycle"].memory),
-            self.initial,
-            mean_of_samples(learner.gradient.mean, learner.gradient.count) if batches else None,
-            None if saving is None else saving.directory.path,
-            self.task,
-            _memory=memory_in(by_name(state)),
-            _critic=critic_in(by_name(state)),
+        return dataclasses.replace(
+            self._run_of(state["cycle"].memory),
+            metrics=pa.table({}) if metrics is None else metrics,
+            gradient=mean_of_samples(learner.gradient.mean, learner.gradient.count) if batches else None,
+            path=None if saving is None else saving.directory.path,
+            _critic=part_of(numbers_of(state), CRITIC),
             _evaluations={} if self.evaluating is None else self.evaluating.state,
         )
 
@@ -352,17 +347,17 @@ class Training:
         """The run as it is now, without records."""
         if self._remembered is None:
             self._remembered = self.stepper.viewer(lambda cycle, state: cycle.memory)
-        remembered = self._remembered()
+        return self._run_of(self._remembered())
+
+    def _run_of(self, remembered: PyTree) -> Run:
         decision = self.stepper.decision
         policies = self._present(remembered)
-        memory = by_name(remembered)
+        memory = numbers_of(remembered)
         return Run(self.config, decision, pa.table({}), policies, self.initial, _task=self.task, _memory=memory)
 
     def _commit(self) -> bool:
-        """Save everything, where there is a directory; whether that succeeded.
-
-        At the end, the unfinished window has a record, too. It is not part of the state, so more steps complete it.
-        """
+        """Save everything, where there is a directory; whether that succeeded. At the end, the unfinished window has a
+        record, too. It is not part of the state, so more steps complete it."""
         short = self.recorded < self.stepper.decision == self.config["run"]["steps"]
         if self.saving is None:
             if short:
@@ -383,6 +378,16 @@ class Training:
             last = self.records.take()
             self._ending = (state, about, None, last)
         return self.saving.save(state, about, records, last)
+
+
+def interface_of(task: Task, policy: Policy) -> Interface | None:
+    """What observations and actions of a policy mean on a task; `None`, with a warning, where the task does not say."""
+    try:
+        return task.interface(policy.actions)  # type: ignore[arg-type]
+    except ValueError as error:
+        message = f"{error}: its policies act in this task alone, and start others without it"
+        warnings.warn(message, RunWarning, stacklevel=2)
+        return None
 
 
 def _wait(seconds: float, stopped: Callable[[], bool]) -> None:

@@ -14,12 +14,8 @@ show what it is about."""
 
 
 def check_imports(settings: object, where: str, trust: bool = False) -> None:
-    """Refuse to make the task of a stored configuration if that would import what the user has not named.
-
-    **Arguments:** the table `settings` of the task, with its `name`; `where` it was found; whether its user trusts it.
-
-    **Raises:** `NotTrusted` that says what would be imported.
-    """
+    """Refuse to make the task of a stored configuration, the table `settings`, if that would import what the user has
+    not named. **Raises** `NotTrusted` that says what would be imported, and `where` that was found."""
     if not isinstance(settings, Mapping) or not isinstance(settings.get("name"), str):
         return
     if settings["name"] not in TASKS and is_environment(settings["name"]):  # which `make` takes for its name
@@ -41,11 +37,8 @@ def check_imports(settings: object, where: str, trust: bool = False) -> None:
 
 
 def task_named(word: str) -> Task:
-    """The task that a word of the user's names, in a program as on the command line: its name, the id of a Gymnasium
-    environment, or a TOML file.
-
-    **Raises:** `ValueError` for an unknown name; `NotTrusted` where the file names code that would be imported.
-    """
+    """The task that a word of the user's names: its name, the id of a Gymnasium environment, or a TOML file. **Raises**
+    `ValueError` for an unknown name; `NotTrusted` where the file names code that would be imported."""
     if not word.lower().endswith(".toml"):
         return make(word)
     settings = settings_in(Path(word))

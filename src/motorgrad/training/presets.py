@@ -342,17 +342,8 @@ def _in_batches(
     discount: float = DISCOUNT,
     **estimator: object,
 ) -> dict[str, Any]:
-    """A batch method as a table: networks, scaled rewards, and generalised advantages from a critic.
-
-    **Arguments:**
-
-    - `task`, `policy`: as of a preset.
-    - `batch` (decisions): number of decisions between two updates of the policy.
-    - `decay`: the lambda of critic and advantages.
-    - `fit`: how the critic learns.
-    - `discount`: discount of the critic, and of the sum by which rewards are scaled.
-    - `estimator`: further settings of the estimator.
-    """
+    """A batch method as a table: networks, scaled rewards, and generalised advantages from a critic, with the policy
+    updated every `batch` decisions, the lambda `decay`, the critic's `fit`, and further settings of the `estimator`."""
     return {
         "policy": _behind_layers(task, SMALL, policy),
         "estimator": {

@@ -5,17 +5,15 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check
 from motorgrad._random import normals
-from motorgrad.schema import Settings, inner, number, static
-from motorgrad.worlds._particle_forces import CircularField, Components, Flags, Walls
+from motorgrad.schema import Settings, count, inner, static
+from motorgrad.worlds._particle_forces import NOT_NEGATIVE, POSITIVE, WITHIN, CircularField, Components, Flags, Walls
 from motorgrad.worlds._world import World, runge_kutta
 
 MAX_FORCES = 10_000
-MAX_SUBSTEPS = 10_000
 STABLE = 2.78  # stability limit of the fourth-order Runge–Kutta method on the negative real axis
 FEW = 1_024  # forces summed elementwise; beyond, a matrix product is faster
 UNROLLED = 4  # integration steps that are unrolled; more run in a loop
@@ -36,26 +34,22 @@ class ParticlePhysics(Settings):
     **Raises:** `ValueError` naming the field and what it may be; also for a circular field without a stable orbit.
     """
 
-    mass: float = number(1.0, help="mass of the particle, positive")
-    gravity: tuple[float, float] = static((0.0, -0.25), help="acceleration of gravity, along x and y")
-    drag: float = number(1.0, help="drag coefficient $k_d$, the force per speed, at least 0")
-    noise: float = number(
-        0.0, help="standard deviation of a random force per axis, drawn at every time step; 0 for none"
+    mass: float = static(1.0, allowed=POSITIVE, help="mass of the particle")
+    gravity: tuple[float, float] = static((0.0, -0.25), allowed=WITHIN, help="acceleration of gravity, along x and y")
+    drag: float = static(1.0, allowed=NOT_NEGATIVE, help="drag coefficient $k_d$, the force per speed")
+    noise: float = static(
+        0.0,
+        allowed=NOT_NEGATIVE,
+        help="standard deviation of a random force per axis, drawn at every time step; 0 for none",
     )
-    timestep: float = number(0.1, unit="s", help="time step of the integration")
-    substeps: int = static(2, help="time steps per decision, during which the action is held")
+    timestep: float = static(0.1, allowed=POSITIVE, unit="s", help="time step of the integration")
+    substeps: int = count(2, 1, 10_000, help="time steps per decision, during which the action is held")
     walls: Walls = inner(factory=Walls, help="the box (`motorgrad.worlds.Walls`)")
     field: CircularField = inner(
         factory=CircularField, help="a field of force (`motorgrad.worlds.CircularField`); by default none"
     )
 
-    def __post_init__(self) -> None:
-        for name in ("mass", "timestep"):
-            check(1e-6 < getattr(self, name) < 1e6, name, getattr(self, name), "between 1e-6 and 1e6")
-        check(np.abs(self.gravity).max() < 1e6, "gravity", self.gravity, "two numbers between -1e6 and 1e6")
-        for name in ("drag", "noise"):
-            check(0 <= getattr(self, name) < 1e6, name, getattr(self, name), "from 0 to 1e6")
-        check_integer("substeps", self.substeps, 1, MAX_SUBSTEPS)
+    def validate(self) -> None:
         most = STABLE * self.mass / max(self.drag, 1e-12)
         check(self.timestep < most, "timestep", self.timestep, f"below {most:.4g}, where drag is integrated stably")
         bent = self.mass * self.field.tangential**2
@@ -112,19 +106,17 @@ class ParticleState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ParticleStart(Settings):
-    """The initial state of an episode: every number is drawn independently from U[low, high].
+    """The initial state of an episode: every number is drawn independently from U[low, high], and fixed where both are
+    equal."""
 
-    **Arguments:** low and high of each; equal values for a fixed number.
-    """
+    x: Span = static((0.0, 1.0), allowed=WITHIN, help="low and high of the position from left to right")
+    y: Span = static((0.9, 1.0), allowed=WITHIN, help="low and high of the position upwards")
+    velocity_x: Span = static((0.0, 0.0), allowed=WITHIN, help="low and high of the speed to the right, per second")
+    velocity_y: Span = static((0.0, 0.0), allowed=WITHIN, help="low and high of the speed upwards, per second")
 
-    x: Span = static((0.0, 1.0), help="position from left to right")
-    y: Span = static((0.9, 1.0), help="position upwards")
-    velocity_x: Span = static((0.0, 0.0), help="speed to the right, per second")
-    velocity_y: Span = static((0.0, 0.0), help="speed upwards, per second")
-
-    def __post_init__(self) -> None:
+    def validate(self) -> None:
         for name, (low, high) in self._spans().items():
-            check(-1e6 < low <= high < 1e6, name, (low, high), "low <= high, within 1e6")
+            check(low <= high, name, (low, high), "low <= high")
 
     @property
     def uniforms(self) -> int:
@@ -145,14 +137,14 @@ class ParticleStart(Settings):
 
 
 @dataclasses.dataclass(frozen=True)
-class Particle(World):
+class Particle(Settings, World):
     """A particle, and the forces that actions switch on.
 
     **Raises:** `ValueError` naming the invalid number; also for a start beyond a wall.
     """
 
     forces: tuple[tuple[float, float], ...] = static(
-        unit="x, y", help="one per action. Actions multiply them, so they may be graded too"
+        allowed=WITHIN, help="x and y of one per action. Actions multiply them, so they may be graded too"
     )
     physics: ParticlePhysics = inner(
         factory=ParticlePhysics, help="everything else that moves the particle (`motorgrad.worlds.ParticlePhysics`)"
@@ -161,11 +153,8 @@ class Particle(World):
         factory=ParticleStart, help="the initial state of an episode (`motorgrad.worlds.ParticleStart`)"
     )
 
-    def __post_init__(self) -> None:
+    def validate(self) -> None:
         check(1 <= len(self.forces) <= MAX_FORCES, "number of forces", len(self.forces), f"from 1 to {MAX_FORCES}")
-        pairs = np.asarray(self.forces, float)
-        shaped = pairs.shape == (len(self.forces), 2) and np.abs(pairs).max() < 1e6
-        check(shaped, "forces", self.forces, "pairs of numbers between -1e6 and 1e6")
         walls, start = self.physics.walls, self.start
         for name, (low, high), ends in (
             ("start.x", start.x, (walls.left, walls.right)),

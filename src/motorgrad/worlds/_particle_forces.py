@@ -5,14 +5,17 @@ import dataclasses
 from typing import Literal
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check, choice
-from motorgrad.schema import Settings, number, static
+from motorgrad._errors import check
+from motorgrad.schema import Range, Settings, number, static
 
 Side = Literal["left", "bottom", "right", "top"]
 SIDES: tuple[Side, ...] = ("left", "bottom", "right", "top")
+
+WITHIN = Range(-1e6, 1e6, open_low=True, open_high=True)
+POSITIVE = Range(1e-6, 1e6, open_low=True, open_high=True)
+NOT_NEGATIVE = Range(0, 1e6, open_high=True)
 
 Components = tuple[Float[Array, ""], Float[Array, ""]]
 """x and y. Separate scalars compile to much faster code than an array of two."""
@@ -30,22 +33,18 @@ class Walls(Settings):
     source, it would accelerate.)
     """
 
-    left: float = number(0.0, help="coordinate x of the left side")
-    bottom: float = number(0.0, help="coordinate y of the lower side")
-    right: float = number(1.0, help="coordinate x of the right side")
-    top: float = number(1.0, help="coordinate y of the upper side")
+    left: float = static(0.0, allowed=WITHIN, help="coordinate x of the left side")
+    bottom: float = static(0.0, allowed=WITHIN, help="coordinate y of the lower side")
+    right: float = static(1.0, allowed=WITHIN, help="coordinate x of the right side")
+    top: float = static(1.0, allowed=WITHIN, help="coordinate y of the upper side")
     open: tuple[Side, ...] = static((), help="the sides without a wall")
-    restitution: float = number(0.5, help="ratio of the speeds after and before a collision, from 0 to 1")
-    friction: float = number(0.1, unit="s/length", help="friction coefficient $k_f$ of the walls, at least 0")
+    restitution: float = number(0.5, 0, 1, help="ratio of the speeds after and before a collision")
+    friction: float = static(0.1, allowed=NOT_NEGATIVE, unit="s/length", help="friction coefficient $k_f$ of the walls")
 
-    def __post_init__(self) -> None:
-        wide = -1e6 < self.left < self.right < 1e6 and -1e6 < self.bottom < self.top < 1e6
+    def validate(self) -> None:
         sides = (self.left, self.bottom, self.right, self.top)
-        check(wide, "left, bottom, right, top", sides, "a box, left < right and bottom < top, within 1e6")
-        for side in self.open:
-            choice("open", side, SIDES)
-        check(0 <= self.restitution <= 1, "restitution", self.restitution, "from 0 to 1")
-        check(0 <= self.friction < 1e6, "friction", self.friction, "from 0 to 1e6")
+        wide = self.left < self.right and self.bottom < self.top
+        check(wide, "left, bottom, right, top", sides, "a box, left < right and bottom < top")
 
     @property
     def spans(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -115,20 +114,16 @@ class CircularField(Settings):
     here.
     """
 
-    tangential: float = number(
-        0.0, unit="1/s² for a mass of 1", help="strength $k_1$ of the tangential term; 0 for none"
+    tangential: float = static(
+        0.0, allowed=WITHIN, unit="1/s²", help="strength $k_1$ of the tangential term for a mass of 1; 0 for none"
     )
-    radial: float = number(
-        0.0, unit="1/s² for a mass of 1", help="strength $k_2$ of the radial term, at least 0; 0 for none"
+    radial: float = static(
+        0.0, allowed=NOT_NEGATIVE, unit="1/s²", help="strength $k_2$ of the radial term for a mass of 1; 0 for none"
     )
-    radius: float = number(0.25, help="radius $r^*$, towards which the second term pushes")
-    centre: tuple[float, float] = static((0.5, 0.5), unit="x, y", help="centre of the field")
-
-    def __post_init__(self) -> None:
-        check(abs(self.tangential) < 1e6, "tangential", self.tangential, "a number between -1e6 and 1e6")
-        check(0 <= self.radial < 1e6, "radial", self.radial, "from 0 to 1e6")
-        check(0 < self.radius < 1e6, "radius", self.radius, "positive, below 1e6")
-        check(np.abs(self.centre).max() < 1e6, "centre", self.centre, "two numbers between -1e6 and 1e6")
+    radius: float = number(
+        0.25, 0, 1e6, open_low=True, open_high=True, help="radius $r^*$, towards which the second term pushes"
+    )
+    centre: tuple[float, float] = static((0.5, 0.5), allowed=WITHIN, help="x and y of the centre of the field")
 
     @property
     def acts(self) -> bool:

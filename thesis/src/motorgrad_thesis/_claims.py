@@ -28,10 +28,6 @@ class Claim(Settings):
     """A statement, the quantity that decides it, and the range in which that should lie. The verdict follows.
 
     `above`, `at_least`, `below`, `at_most`, `within`, `more_than_half` and `in_every` make claims.
-
-    **Arguments:**
-
-    - `low`, `high`: the bounds of the range; infinite for none.
     """
 
     statement: str = static(help="in our own words")
@@ -44,8 +40,8 @@ class Claim(Settings):
         help="where the statement is made; by default that of the experiment for a statement of the thesis, "
         "else a description of the kind",
     )
-    low: float = -math.inf
-    high: float = math.inf
+    low: float = static(-math.inf, help="lower bound of the range; infinite for none")
+    high: float = static(math.inf, help="upper bound of the range; infinite for none")
     closed: bool = static(False, help="whether the range contains its bounds")
     kind: Kind = static("thesis", help='whose statement it is: `"thesis"`, `"extension"` (ours) or `"reference model"`')
     of: str = static(

@@ -7,18 +7,19 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 import filelock
 import numpy as np
 
+from motorgrad._errors import check, counted
 from motorgrad._extras import installed, missing
 from motorgrad._files import read_arrays, write_arrays
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.schema import Settings, table
+from motorgrad.schema import Settings, declared_by, fields_of, table
 from motorgrad.tasks import Task
 from motorgrad.training import Run, agent_table, fingerprint, train
 from motorgrad_thesis._claims import Claim
@@ -112,6 +113,20 @@ class Experiment(Settings, abc.ABC):
             return ""
         return str(missing(f"{cls.name} needs", *cls.needs))
 
+    def check_least(self, **least: float) -> None:
+        """Refuse settings that are less than others allow, by name."""
+        for name, low in least.items():
+            value = getattr(self, name)
+            unit = declared_by(fields_of(type(self))[name]).unit
+            shown = f"{low:,}" if isinstance(low, int) else f"{low:g}"
+            check(value >= low, name, value, f"at least {shown} {unit}".rstrip())
+
+    def check_rising(self, name: str, least: int = 1) -> None:
+        """Refuse a list that does not rise, or is of fewer numbers than `least`."""
+        values = getattr(self, name)
+        right = len(values) >= least and list(values) == sorted(set(values))
+        check(right, name, values, f"{counted(least, 'number')} or more, rising")
+
     @property
     def part(self) -> str:
         """The chapter or appendix: `"chapter-5"`, `"appendix-a"`."""
@@ -166,8 +181,3 @@ def experiment(
         return dataclasses.dataclass(frozen=True)(cls)
 
     return complete
-
-
-def rising(values: Sequence[float], least: int = 1, above: float = -np.inf) -> bool:
-    """Whether there are at least so many numbers, all greater than `above`, each greater than the one before."""
-    return len(values) >= least and min(values, default=0) > above and list(values) == sorted(set(values))

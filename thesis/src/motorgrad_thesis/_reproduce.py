@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import math
 import re
 import time
 import warnings
@@ -15,6 +14,7 @@ import tomli_w
 
 from motorgrad._errors import check, unknown
 from motorgrad._files import read_arrays, read_toml, refuse_links, replacing, write_arrays, write_atomically
+from motorgrad.options import finite_table
 from motorgrad.schema import table
 from motorgrad.training import RunWarning, provenance, provenance_changes
 from motorgrad_thesis._claims import Claim, claim_source
@@ -85,7 +85,7 @@ class Reproduction:
             "settings": table(about),
             "quick": self.quick,
             "command": self.command,
-            "claims": [_plain(claim.record()) for claim in self.claims],
+            "claims": [finite_table(claim.record()) for claim in self.claims],
             "seconds": self.seconds,
             "trained": self.trained,
             "versions": _every([session["versions"] for session in self.sessions]),
@@ -200,12 +200,6 @@ def _every(versions: Sequence[dict[str, str]]) -> dict[str, str]:
     """Versions over all sessions, listing every version of a library that changed."""
     names = dict.fromkeys(name for each in versions for name in each)
     return {name: ", ".join(dict.fromkeys(each[name] for each in versions if name in each)) for name in names}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def select_experiments(names: Sequence[str], registry: dict[str, type[Experiment]]) -> list[str]:

@@ -3,20 +3,21 @@
 import dataclasses
 import sys
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 from motorgrad._errors import check, choice
-from motorgrad.options import Positional, parse
-from motorgrad.schema import static
+from motorgrad.options import parse
+from motorgrad.schema import Settings, count, static
 from timlab import gallery, load
 
 
 @dataclasses.dataclass(frozen=True)
-class Lab:
+class Lab(Settings):
     """Build diagrams of blocks, run them and retune them while they run, in a browser on this machine."""
 
-    file: Annotated[Path | None, Positional("[FILE]")] = static(
+    file: Path | None = static(
         None,
+        positional="[FILE]",
         help="A diagram to edit; a new file is created when saved. Without one, an empty diagram in the current folder",
     )
     gallery: str | None = static(
@@ -27,12 +28,11 @@ class Lab:
         help="Run code that the diagram's file contains or that is typed into the page: Python functions and "
         "Functional Mock-up Units. Anyone who has the page's address can then run programs",
     )
-    port: int = static(0, help="The port on 127.0.0.1; 0 for a free port")
+    port: int = count(0, 0, 2**16 - 1, help="The port on 127.0.0.1; 0 for a free port")
     browser: bool = static(True, help="Open the browser; otherwise only print the address")
     opened: ClassVar[tuple[str, ...]] = ("file",)
 
     def validate(self) -> None:
-        check(0 <= self.port < 2**16, "port", self.port, "an integer from 0 to 65535, 0 for a free one")
         if self.gallery is not None:
             check(self.file is None, "gallery", self.gallery, "given without a file")
             choice("diagram of the gallery", self.gallery, gallery.GALLERY)

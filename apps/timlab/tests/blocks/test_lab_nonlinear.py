@@ -18,7 +18,7 @@ def test_saturation_dead_zone_and_quantiser():
     np.testing.assert_allclose(steps, 0.25 * np.round((U + 0.01) / 0.25), atol=1e-7)
     with pytest.raises(ValueError, match=r"low = 2\.0: must be below high = 1\.0"):
         of("saturation", 2.0, 1.0)
-    with pytest.raises(ValueError, match=r"interval = 0\.0: must be finite numbers above 0"):
+    with pytest.raises(ValueError, match=r"interval = 0\.0: must be a finite number above 0"):
         of("quantiser", 0.0)
 
 

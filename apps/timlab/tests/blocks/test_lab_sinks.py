@@ -217,7 +217,7 @@ def test_wrong_sinks_are_refused_by_name():
     for name, arguments, message in (
         ("scope", {"limits": (1.0, 0.0)}, "limits = .*: must be None, or a list of two numbers"),
         ("scope", {"labels": ()}, "labels = .*: must be a list of 1"),
-        ("scope", {"window": 0}, "window = 0.0: must be a positive number"),
+        ("scope", {"window": 0}, "window = 0.0: must be a finite number above 0, in s"),
         ("recorder", {"labels": ("time",)}, "labels = .*: must be names other than seed"),
         ("histogram", {"bins": 0}, "bins = 0: must be an integer"),
         ("policy map", {"axes": (0, 2)}, "axes = .*: must be two different integers from 0 to 1"),

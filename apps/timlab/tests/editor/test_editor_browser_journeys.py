@@ -35,19 +35,17 @@ def test_nan_is_seen_with_where_it_began_and_a_fast_filter_is_warned_of(opened):
     editor = opened(falling())
     warning = editor.block("fast").get_by_label(re.compile("problem: is faster than the tick"))
     expect(warning).to_have_class(re.compile("warning"), timeout=WAIT)
-    editor.play_until(30)
+    editor.button("Play").click()
     began = "becomes NaN at tick 6 (0.06 s). It begins here: its input u = -0.005"
     editor.told(f"root.y: {began}")
+    expect(editor.button("Play")).to_be_visible()
+    editor.wait(lambda: editor.tick == 6)  # it stops there
     expect(editor.block("root").locator(".block")).to_have_class(re.compile("faulty"))
     expect(editor.block("ramp").locator(".block")).not_to_have_class(re.compile("faulty"))
     editor.page.get_by_role("tab", name="Problems").click()
     problems = editor.page.get_by_role("list", name="problems")
     expect(problems).to_contain_text(began)
     expect(problems).to_contain_text("Warning. is faster than the tick")
-    plot = editor.scope("scope").locator(".u-over")
-    end = 0.25 / 10 * plot.bounding_box()["width"]  # at 0.25 s of the ten that are shown
-    plot.hover(position={"x": end, "y": 20})
-    expect(editor.page.get_by_label("cursor of scope")).to_contain_text("root –")  # a gap
     editor.look("NaN and a warning", panel="inspector")
 
 
@@ -58,6 +56,10 @@ def test_a_diagram_goes_on_after_a_fault_where_its_form_says_so(opened):
     form.get_by_label("on_fault").select_option("warn")
     editor.play_until(30)  # it would stop at tick 6
     editor.told("root.y: becomes NaN at tick 6")
+    plot = editor.scope("scope").locator(".u-over")
+    end = 0.25 / 10 * plot.bounding_box()["width"]  # at 0.25 s of the ten that are shown
+    plot.hover(position={"x": end, "y": 20})
+    expect(editor.page.get_by_label("cursor of scope")).to_contain_text("root –")  # a gap
 
 
 def faces() -> timlab.Diagram:

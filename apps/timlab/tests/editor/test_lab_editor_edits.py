@@ -191,7 +191,7 @@ def test_parameters_and_single_units_by_address():
         ({"op": "add", "at": ["nowhere"], "type": "gain"}, "unknown subsystem 'nowhere'"),
         ({"op": "add", "at": [], "type": "data file"}, "data file: path must be given"),
         ({"op": "add", "at": [], "type": "gain", "fields": {"gian": 1}}, "did you mean 'gain'"),
-        ({"op": "add", "at": [], "type": "gain", "fields": {"gain": "much"}}, "gain = 'much': must be finite"),
+        ({"op": "add", "at": [], "type": "gain", "fields": {"gain": "much"}}, "gain = 'much': must be a finite number"),
         ({"op": "add", "at": [], "type": "gain", "position": [1]}, "add.position = .*: must be a list"),
         ({"op": "add", "type": "gain"}, "add.at: must be given"),
         ({"op": "remove", "at": [], "names": ["wrld"]}, "did you mean 'world'"),
@@ -199,7 +199,7 @@ def test_parameters_and_single_units_by_address():
         ({"op": "rename", "at": [], "name": "world", "to": "a/b"}, "without '.' and '/'"),
         (
             {"op": "set", "at": [], "name": "optimizer", "field": "learning_rate", "value": -1},
-            "learning_rate = -1: must be",
+            "learning_rate = -1.0: must be a finite number of at least 0",
         ),
         ({"op": "set", "at": [], "field": "tick", "value": 0}, "tick = 0: must be a positive"),
         (

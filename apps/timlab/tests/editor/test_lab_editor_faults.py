@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,7 @@ import pytest
 from editor_clients import Client
 
 import timlab
+from motorgrad.schema import static
 from timlab.blocks._scopes import Raster
 from timlab.editor import Session, _compilation
 from timlab.editor._warnings import warnings
@@ -178,9 +179,7 @@ class Slow(timlab.Block):
 
     name: ClassVar[str] = "slow"
     category: ClassVar[str] = "tests"
-    number: Annotated[int, timlab.Setting("each is another program")] = dataclasses.field(
-        default_factory=NUMBERS.__next__
-    )
+    number: int = static(factory=NUMBERS.__next__, help="each is another program")
 
     @property
     def outputs(self):
@@ -283,7 +282,8 @@ def test_closing_a_session_does_not_wait_for_the_compiler(tmp_path, block):
 STOPPED = """
 import sys, threading
 sys.path[:0] = {path!r}
-from test_lab_editor_faults import RELEASED, Client, Session, Slow, chain, lab, start
+import timlab
+from test_lab_editor_faults import RELEASED, Client, Session, Slow, chain, start
 block = Slow()
 client = Client(Session(chain(block, timlab.Scope())))
 start(client)
@@ -328,9 +328,7 @@ class Doubling(timlab.Block):
 
     name: ClassVar[str] = "doubling"
     category: ClassVar[str] = "tests"
-    number: Annotated[int, timlab.Setting("each is another program")] = dataclasses.field(
-        default_factory=NUMBERS.__next__
-    )
+    number: int = static(factory=NUMBERS.__next__, help="each is another program")
     compiled: ClassVar[set[int]] = set()
     found: ClassVar[dict[int, threading.Event]] = defaultdict(threading.Event)
 

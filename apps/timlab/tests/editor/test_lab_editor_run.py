@@ -319,7 +319,7 @@ def test_a_broken_diagram_does_not_play_and_says_where(client):
         ("fork", {"branch": "main", "name": "main"}, "name = 'main': must be a new name"),
         ("watch", {"addresses": ["gain.z"]}, "unknown output 'gain.z'"),
         ("parameter", {"address": "gain.gian", "value": 1}, "did you mean 'gain'"),
-        ("parameter", {"address": "gain.gain", "value": None}, "gain = None: must be finite numbers"),
+        ("parameter", {"address": "gain.gain", "value": None}, "gain = None: must be a finite number"),
         ("play", {"speed": 0}, "speed = 0.0: must be a number above 0"),
         ("tick", {"n": 0}, "n = 0: must be an integer from 1"),
         ("prune", {"branch": "main"}, "must be one of several"),

@@ -263,7 +263,7 @@ def test_the_command_serves_until_it_is_stopped(tmp_path, process_environment):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--port", "70000"], "port = 70000: must be an integer from 0 to 65535"),
+        (["--port", "70000"], "port = 70000: must be an integer from 0 to 65,535"),
         (["--gallery", "chian"], "did you mean 'chain'"),
         (["x.json", "--gallery", "chain"], "must be given without a file"),
         ([".."], "must be a file, not a folder"),

@@ -15,6 +15,7 @@ import timlab
 from timlab import gallery
 from timlab.editor import Session
 from timlab.editor._views import view
+from ways_in import assert_short, calls_to
 
 
 @pytest.fixture
@@ -156,6 +157,7 @@ def test_files_are_saved_opened_and_never_lost(start, tmp_path):
 WORK = """
 import json, sys, time
 from pathlib import Path
+import timlab
 from timlab.editor import Session
 session = Session(file=Path(sys.argv[1]) if sys.argv[1] else None, states=Path(sys.argv[2]))
 operations = [dict(op="add", at=[], type="gain", position=[1, 2]), dict(op="add", at=[], type="scope"),
@@ -163,7 +165,7 @@ operations = [dict(op="add", at=[], type="gain", position=[1, 2]), dict(op="add"
     dict(op="parameter", address="gain.gain", value=0.1 + 0.2), dict(op="group", at=[], names=["gain"])]
 for n, operation in enumerate(operations):
     session.handle(json.dumps({"client": "a", "sequence": n, **operation}), lambda event: None)
-print(json.dumps(__import__("timlab").lab.dumps(session.diagram)), flush=True)
+print(json.dumps(timlab.dumps(session.diagram)), flush=True)
 time.sleep(600)
 """
 
@@ -434,3 +436,11 @@ def test_a_log_with_bad_seeds_leaves_those_of_the_run(start, seeds):
     assert "seeds" in client.ask("replay", log=log)["message"]
     client.do("pause")
     assert client.last("run")["seeds"] == [0]
+
+
+def test_a_number_of_a_form_is_near_the_field_that_checks_it(start):
+    diagram = timlab.Diagram()
+    diagram.add("trace", timlab.EligibilityTrace(size=2))
+    session = start(diagram)
+    client = Client(session)
+    assert_short(calls_to("decay", 0.97, lambda: client.do("parameter", address="trace.decay", value=0.97)))

@@ -72,7 +72,7 @@ def test_a_network_saved_before_it_had_some_settings_means_the_same():
     ("make", "names"),
     [
         (lambda: timlab.Network("tiles"), "unknown policy 'tiles'"),
-        (lambda: timlab.Network(hidden=(0,)), "hidden = (0,)"),
+        (lambda: timlab.Network(hidden=(0,)), "hidden[0] = 0"),
         (lambda: timlab.Network(settings="units = 2.5"), "units"),
     ],
 )

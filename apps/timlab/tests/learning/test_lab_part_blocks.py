@@ -8,7 +8,7 @@ import pytest
 import motorgrad as mg
 import timlab
 from motorgrad import learning
-from motorgrad.schema import PART_CLASSES
+from motorgrad.schema import PART_CLASSES, Range, declared_by, fields_of
 from timlab.blocks.learning import PART_BLOCKS
 from timlab.diagram import blocks_of
 from timlab.diagram._verify import function_problems
@@ -20,16 +20,10 @@ SIZE = 3
 
 
 class Fading(learning.Trace):
-    r"""Keeps a share of every score, several times over.
+    """Keeps a share of every score, several times over."""
 
-    **Arguments:**
-
-    - `fade` (decisions): how much is left.
-    - `steps`: how often it fades.
-    """
-
-    fade: float = learning.number(0.5, 0, 1, open_high=True)
-    steps: int = learning.count(2, 1, 9)
+    fade: float = learning.number(0.5, 0, 1, open_high=True, unit="decisions", help="how much is left")
+    steps: int = learning.count(2, 1, 9, help="how often it fades")
 
     def init(self, parameters):
         return jax.tree.map(jnp.zeros_like, parameters)
@@ -68,9 +62,11 @@ def test_a_registered_part_has_a_block(registered):
     assert "fading trace" in list(timlab.BLOCKS)
     assert "Keeps a share" in kind.__doc__
     fade = timlab.parameters_of(kind)["fade"]
-    assert (fade.low, fade.high, fade.unit, fade.help) == (0.0, 1.0, "decisions", "how much is left")
+    assert fade == declared_by(fields_of(Fading)["fade"])
     assert timlab.settings_of(kind)["steps"].help == "how often it fades"
-    assert {field["name"]: field["default"] for field in declaration(kind)["fields"]}.items() >= {"fade": 0.5}.items()
+    told = {field["name"]: field for field in declaration(kind)["fields"]}
+    assert (told["fade"]["default"], told["fade"]["allowed"]) == (0.5, "in [0, 1), in decisions")
+    assert (told["steps"]["low"], told["steps"]["high"], told["steps"]["help"]) == (1, 9, "how often it fades")
     for wrong in ({"fade": 1.0}, {"fade": 2.0}, {"steps": 0}, {"steps": "two"}):
         with pytest.raises(ValueError, match=rf"^{next(iter(wrong))} = "):
             kind(**wrong)
@@ -111,8 +107,10 @@ def test_every_part_block_keeps_what_it_declares(name):
     assert list(function_problems(block)) == []
     declared = {**timlab.parameters_of(kind), **timlab.settings_of(kind)}
     assert all(part.help for part in declared.values())
-    for field, part in timlab.parameters_of(kind).items():
-        if part.optional:
+    for path, field in kind.places.items():
+        assert "." in path or declared[field] is declared_by(fields_of(kind.part)[path])
+    for field in timlab.parameters_of(kind):
+        if getattr(block, field) is None:
             present = block.retuned({field: 0.5})
             assert list(function_problems(present)) == []
             assert field in present.parameters
@@ -161,7 +159,7 @@ def test_the_numbers_of_a_learner_are_parameters_by_path():
     parameters = block.parameters
     assert set(parameters) >= {"estimator.trace.decay", "optimizer.learning_rate", "metric.rate", "metric.damping"}
     decay = parameters["estimator.trace.decay"]
-    assert (decay.low, decay.high) == (0, 1)
+    assert decay.range == Range(0, 1)
     assert "per decision" in decay.help
     after = block.retuned({"estimator.trace.decay": 0.5, "metric.rate": 0.2, "frozen": True})
     assert after.frozen

@@ -149,7 +149,7 @@ def test_settings_are_a_table_or_its_text():
     [
         (lambda: timlab.World("chain", "length = "), "settings = 'length = '.*TOML"),
         (lambda: timlab.World("chain", "lenght = 4"), "did you mean 'length'"),
-        (lambda: timlab.World("chain", "length = 1"), "length = 1: must be from 2"),
+        (lambda: timlab.World("chain", "length = 1"), "length = 1: must be an integer"),
         (lambda: timlab.World("chain", {"length": object()}), "numbers, strings, lists and tables only"),
         (lambda: timlab.World("chain", 4), "settings = 4: must be a string or a table"),
         (lambda: timlab.World("chian"), "did you mean 'chain'"),

@@ -172,8 +172,8 @@ def test_every_registered_body_is_simulated_by_its_name(monkeypatch):
 @pytest.mark.parametrize(
     ("make_it", "says"),
     [
-        (lambda: live.Stage(gravity=(0.0, math.nan, 0.0)), "gravity = "),
-        (lambda: live.Stage(timestep=0.0), "timestep = 0.0: must be above 0"),
+        (lambda: live.Stage(gravity=(0.0, math.nan, 0.0)), "gravity[1] = nan"),
+        (lambda: live.Stage(timestep=0.0), "timestep = 0.0: must be in (0, 0.1], in s"),
         (lambda: live.Camera((0.0, 0.0, 0.0)), "target = "),
         (
             lambda: live.Stage(gravity=(0.0, 0.0, -1.0)).of_task(make("chain")),

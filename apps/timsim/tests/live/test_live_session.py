@@ -86,7 +86,7 @@ def test_a_worker_that_is_killed_is_told_and_waits_for_nobody(page):
 def test_a_task_of_the_users_own_script_needs_no_guard(tmp_path, compiled_environment):
     script = tmp_path / "mine.py"
     script.write_text(
-        "import motorgrad as mg, time\n"
+        "import motorgrad as mg, time, timsim\n"
         "class Mine(type(mg.make('chain'))):\n"
         "    name = 'mine'\n"
         "agent = mg.Agent(lambda key: mg.policies.softmax(task), mg.learning.olgarb(0.5))\n"

@@ -8,6 +8,7 @@ import motorgrad as mg
 from motorgrad.schema import with_number
 from motorgrad.training import agent_for, stepper_for
 from timsim import live
+from ways_in import assert_short, calls_to
 
 KEYS = ("position", "velocity", "control", "observation", "probability", "baseline", "parameters")
 
@@ -320,3 +321,8 @@ def test_a_push_that_throws_the_body_away_is_told_and_taken_back(hopper):
     for name in ("position", "velocity", "parameters"):
         np.testing.assert_array_equal(now[name][0], before[name][0])
     assert watched(live.Undo())[0] == ("error", "changes = 0: must be at least one to take back")
+
+
+def test_an_edit_reaches_the_field_that_checks_it_in_few_calls(hopper):
+    calls = calls_to("decay", 0.97, lambda: hopper(live.Edit("agent.estimator.trace.decay", 0.97)))
+    assert_short(calls)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import motorgrad as mg
+from motorgrad.plane import trajectories
 from motorgrad.policies import initial
 from motorgrad.training import agent_for, stepper_for
-from timsim import plane
 from timsim.live._probe import probe
 
 
@@ -53,6 +53,6 @@ def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_mem
 def test_episodes_of_a_particle_can_be_walked_with_a_memory():
     task = mg.make("particle")
     policy = jax.jit(initial("recurrent", task, hidden=2))(jax.random.key(0))
-    tracks = plane.trajectories(task, policy, episodes=2, decisions=5)
+    tracks = trajectories(task, policy, episodes=2, decisions=5)
     assert len(tracks) == 2
     assert all(len(track) > 1 and np.isfinite(track).all() for track in tracks)

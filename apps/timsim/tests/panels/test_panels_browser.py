@@ -72,6 +72,7 @@ def test_the_page_shows_the_run_and_follows_it(seen, hopping):
 
 
 def test_pause_step_and_play(seen, hopping):
+    press(seen, "Run")
     press_button(seen, "Pause")
     assert until(lambda: not hopping.snapshot().playing)
     before = hopping.snapshot().decision
@@ -96,6 +97,7 @@ def test_keys_play_and_pause(seen, hopping):
 
 @pytest.mark.journey
 def test_scrub_back_and_continue(seen, hopping):
+    press(seen, "Run")
     assert until(lambda: hopping.snapshot().newest - hopping.snapshot().oldest > 200)  # more than there is to go back
     press_button(seen, "Pause")
     assert until(lambda: not hopping.snapshot().playing)
@@ -116,6 +118,7 @@ def test_scrub_back_and_continue(seen, hopping):
 def test_push(seen, hopping):
     from timsim.live import Scrub
 
+    press(seen, "Run")
     press_button(seen, "Pause")
     assert until(lambda: not hopping.snapshot().playing)
     press_button(seen, "Step")

@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from motorgrad.schema import descriptions
+from motorgrad.tasks import Hopper, make
 from motorgrad.training import agent_for
 from timsim.panels._charts import SIZE, fitting_ticks, smoothed, tick_label
 from timsim.panels._panel import brief, columns_of, csv_of, table
@@ -83,11 +85,12 @@ def test_what_is_no_number_is_refused_by_name(text):
 
 def test_settings_have_words():
     agent = agent_for("particle")
-    assert words_of("agent.estimator.trace.decay", agent)[0] == "trace decay"
-    assert "per decision" in words_of("agent.estimator.trace.decay", agent)[1]
+    assert words_of("agent.estimator.trace.decay", None, agent)[0] == "trace decay"
+    assert "per decision" in words_of("agent.estimator.trace.decay", None, agent)[1]
     assert words_of("body.flexor_left.damping")[0] == "damping (N·s/m)"
-    assert words_of("agent.optimizer.learning_rate.log_width", agent)[0] == "learning rate log width"
-    assert words_of("task.hop_height")[0] == "hop height"
+    assert words_of("agent.optimizer.learning_rate.log_width", None, agent)[0] == "learning rate log width"
+    label, hint = words_of("task.hop_height", make("hopper"))
+    assert (label, hint[:10]) == ("hop height (m)", descriptions(Hopper)["hop_height"][:10])
 
 
 LOADED = """

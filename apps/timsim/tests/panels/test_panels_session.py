@@ -4,6 +4,7 @@ import csv
 import io
 import math
 import types
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
@@ -144,24 +145,28 @@ def test_moment_arms_take_a_small_share_of_a_core(server, hopping, monkeypatch):
 def test_the_form_makes_the_film_that_is_chosen(server, hopping):
     form = panels_of(server, hopping).panels["Capture"]._film
     form._format.value, form._camera.value, form._pace.value = "GIF", "framed", "½×"
+    client = Mock()
+    event = types.SimpleNamespace(client=client)
     form._plots[0].value, form._height.value, form._width.value = True, 64, 65
     with pytest.raises(ValueError, match="width = 65"):
-        form._toggle(nobody())
+        form._toggle(event)
     assert not form.at_work
     form._width.value = 96
     hopping.order(Play())
-    form._toggle(nobody())
+    form._toggle(event)
     film = form._film
     assert form._button.label == "Stop film"
     assert until(lambda: film.seconds > 0.4)
     film.stop()
     hopping.order(Pause())
     assert dict(form.rows())["being made"] == "100%"
-    with Image.open(film.path) as made:
+    content = film.path.read_bytes()
+    with Image.open(io.BytesIO(content)) as made:
         assert (made.format, made.size) == ("GIF", (96 + 4 + 84, 64))  # the body and a plot
         assert made.info["duration"] == 50
         assert abs(made.n_frames - film.seconds / 0.5 * 20) < 3
-    form._toggle(nobody())  # sends it
+    form._toggle(event)  # sends it to who asked
+    client.send_file_download.assert_called_once_with(film.path.name, content, save_immediately=True)
     assert not form.at_work
     assert form._button.label == "Record film"
     assert not film.path.exists()
@@ -349,3 +354,14 @@ def test_what_cannot_be_filmed_is_refused_before_it_begins(hopping, tmp_path, na
     with pytest.raises(ValueError, match=said):
         FilmRecorder(hopping, tmp_path / name, **settings)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_form_refuses_a_number_out_of_range_before_it_is_sent(server, hopping):
+    learning = panels_of(server, hopping).panels["Learning"]
+    form = learning._form
+    field = form._fields[form._names.index("agent.estimator.trace.decay")]
+    field.value = "1.5"
+    message = r"agent\.estimator\.trace\.decay = 1\.5: must be in \[0, 1\]"
+    with pytest.raises(ValueError, match=message) as refused:
+        form._submit(nobody())
+    assert [each.name for each in refused.traceback][-6:] == ["_submit", "order", "order", "check", "check", "check"]

@@ -18,7 +18,7 @@ from timsim.scene import Pose
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [
-        ({"radii": (3.0, 0.0, 3.0)}, r"radii = \(3.0, 0.0, 3.0\): must be three lengths from 1 to 1,000,000 m"),
+        ({"radii": (3.0, 0.0, 3.0)}, r"radii\[1\] = 0.0: must be in \[1, 1e\+06\], in m"),
         ({"radii": (3.0, 3.0)}, "radii"),
         ({"kind": "hills"}, "unknown kind 'hills'"),
         ({"height": -1.0}, "height = -1.0"),

@@ -30,7 +30,7 @@ from typing import Literal, get_args
 import mujoco
 import numpy as np
 
-from motorgrad._errors import check, check_not_negative, check_positive, choice
+from motorgrad._errors import check
 from motorgrad.bodies._body import START, add_geom, add_muscles, add_scenery, add_sensors
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, groups_of
 from motorgrad.schema import Settings, number, static
@@ -69,54 +69,40 @@ class Arm(Settings):
     `elbow`, 0 when the lower arm hangs, positive when bent; tendon and actuator `flexor`; site `hand`.
 
     **Sensors:** `flexion` (rad from hanging), `flexion_velocity` (rad/s), `hand_height` (m above the floor).
-
-    **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    load: float = number(5.0, unit="kg", help="mass in the hand, at least 0")
-    bone_length: float = number(0.3, unit="m", help="length of each of the two bones")
-    lower_mass: float = number(1.0, unit="kg", help="mass of the lower arm, evenly distributed")
+    load: float = number(5.0, 0, unit="kg", help="mass in the hand")
+    bone_length: float = number(0.3, 0, open_low=True, unit="m", help="length of each of the two bones")
+    lower_mass: float = number(1.0, 0, open_low=True, unit="kg", help="mass of the lower arm, evenly distributed")
     strength: float | None = number(
         None,
+        0,
+        open_low=True,
         unit="N",
         help="the muscle's force at full activation. By default just enough to lift 14 kg to the top with "
         "bones, offset and stop as they are by default: 371.6 N with a vertical upper arm, 164.6 N with a "
         "horizontal one",
     )
-    offset: float = number(0.02, unit="m", help="distance of the muscle's ends from the bones")
+    offset: float = number(0.02, 0, unit="m", help="distance of the muscle's ends from the bones")
     least_angle: float = number(
         20.0,
         unit="degrees",
         help="the interior angle of the elbow at the stop, less than where it hangs. The muscle's ends would "
         "meet at 2 atan(2 `offset` / `bone_length`), and the stop must come before",
     )
-    joint_damping: float = number(0.02, unit="N m s/rad", help="damping of the elbow")
-    elbow_height: float = number(0.6, unit="m", help="height above the floor, which nothing touches")
-    timestep: float = number(0.001, unit="s", help="time step of the physics, at most 0.01")
+    joint_damping: float = number(0.02, 0, unit="N m s/rad", help="damping of the elbow")
+    elbow_height: float = number(0.6, 0, open_low=True, unit="m", help="height above the floor, which nothing touches")
+    timestep: float = number(0.001, 0, MAX_TIMESTEP, open_low=True, unit="s", help="time step of the physics")
     posture: Posture = static(
         "vertical",
-        help='`"vertical"` or `"horizontal"`, how the upper arm is held. More of the thesis\'s text agrees '
-        "with the first: the torque above zero only because of the offset, full extension, loads that"
-        " are lifted or not, and large pools that fall silent (section 4.4)",
+        help="how the upper arm is held. More of the thesis's text agrees with vertical: the torque above zero only "
+        "because of the offset, full extension, loads that are lifted or not, and large pools that fall silent "
+        "(section 4.4)",
     )
 
-    def __post_init__(self) -> None:
-        choice("posture", self.posture, POSTURES)
-        for name in ("bone_length", "lower_mass", "elbow_height", "timestep"):
-            check_positive(name, getattr(self, name))
-        check_positive("strength", self.full_force)
-        for name in ("load", "offset", "joint_damping"):
-            check_not_negative(name, getattr(self, name))
-        check(
-            self.timestep <= MAX_TIMESTEP,
-            "timestep",
-            self.timestep,
-            f"a finite number > 0 and at most {MAX_TIMESTEP:g} s",
-        )
+    def validate(self) -> None:
         meet = math.degrees(2.0 * math.atan(2.0 * self.offset / self.bone_length))
-        allowed = (
-            f"an interior angle between {meet:.4g}, where the muscle's ends would meet, and {self.hanging:g} degrees"
-        )
+        allowed = f"between {meet:.4g} degrees, where the muscle's ends would meet, and {self.hanging:g} degrees"
         check(meet < self.least_angle < self.hanging, "least_angle", self.least_angle, allowed)
 
     @property

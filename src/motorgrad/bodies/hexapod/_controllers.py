@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 from motorgrad._arrays import AnyArray, Real
-from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad._errors import check
 from motorgrad.bodies.hexapod._sensors import LEGS, HexapodReading
 from motorgrad.schema import Settings, number, static
 
@@ -57,32 +57,25 @@ class TripodController(Settings):
     | wait | 0 | −`press` |
     | swing | `swing` | `lift` |
     | drop | 0 | −`drop` |
-
-    **Raises:** `ValueError` naming the field and what it may be.
     """
 
     back: float = number(-20.0, unit="degrees", help="lateral angle at which stance ends, positive forward")
     forward: float = number(20.0, unit="degrees", help="lateral angle at which swing ends")
-    stance: float = number(3.0, unit="rad/s", help="backward velocity in stance")
-    swing: float = number(6.0, unit="rad/s", help="forward velocity in swing")
-    lift: float = number(6.0, unit="rad/s", help="upward velocity in swing")
-    drop: float = number(6.0, unit="rad/s", help="downward velocity while dropping")
-    press: float = number(1.0, unit="rad/s", help="downward velocity in stance and wait")
-    contact: float = number(0.5, unit="N", help="force above which a foot counts as touching the ground")
+    stance: float = number(3.0, 0, open_low=True, unit="rad/s", help="backward velocity in stance")
+    swing: float = number(6.0, 0, open_low=True, unit="rad/s", help="forward velocity in swing")
+    lift: float = number(6.0, 0, open_low=True, unit="rad/s", help="upward velocity in swing")
+    drop: float = number(6.0, 0, open_low=True, unit="rad/s", help="downward velocity while dropping")
+    press: float = number(1.0, 0, unit="rad/s", help="downward velocity in stance and wait")
+    contact: float = number(0.5, 0, unit="N", help="force above which a foot counts as touching the ground")
     margin: float = number(
-        1.0, unit="degrees", help="distance from the lower limit that counts as contact, if `mended`"
+        1.0, 0, unit="degrees", help="distance from the lower limit that counts as contact, if `mended`"
     )
     mended: bool = static(
         True, help="whether a leg at its lower limit counts as touching the ground; without, the rules are the thesis's"
     )
 
-    def __post_init__(self) -> None:
-        for name in ("stance", "swing", "lift", "drop"):
-            check_positive(name, getattr(self, name))
-        for name in ("press", "contact", "margin"):
-            check_not_negative(name, getattr(self, name))
-        right = math.isfinite(self.back) and math.isfinite(self.forward) and self.back < self.forward
-        check(right, "back", self.back, f"a finite angle in degrees below forward = {self.forward!r}")
+    def validate(self) -> None:
+        check(self.back < self.forward, "back", self.back, f"below forward = {self.forward!r}")
 
     @property
     def turning(self) -> dict[LegState, Turning]:
@@ -138,14 +131,11 @@ class TripodClock(Settings):
 
     A phase from 0 to 1 spans one stride. The first tripod is in stance while the phase is in [0, `duty`), the second
     half a stride later; each swings for the rest of the stride.
-
-    **Raises:** `ValueError` for a duty out of range.
     """
 
-    duty: float = number(0.5, help="the fraction of a stride that each tripod spends in stance, in (0, 1)")
-
-    def __post_init__(self) -> None:
-        check(0 < self.duty < 1, "duty", self.duty, "in (0, 1)")
+    duty: float = number(
+        0.5, 0, 1, open_low=True, open_high=True, help="the fraction of a stride that each tripod spends in stance"
+    )
 
     def advance(self, phase: Real, period: Real, seconds: float) -> Any:
         """The phase `seconds` later, for a stride of `period` seconds. NumPy or JAX, any shape."""

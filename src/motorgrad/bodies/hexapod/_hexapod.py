@@ -12,21 +12,13 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from motorgrad._errors import check, check_positive
+from motorgrad._errors import check
 from motorgrad.bodies._body import START, about, add_geom, add_muscles, add_scenery
-from motorgrad.bodies.hexapod._numbers import (
-    Drive,
-    Hinge,
-    LateralPair,
-    Leg,
-    Section,
-    Segment,
-    VerticalPair,
-)
+from motorgrad.bodies.hexapod._numbers import Drive, Hinge, LateralPair, Leg, Section, Segment, VerticalPair
 from motorgrad.bodies.hexapod._sensors import LEGS, add_hexapod_sensors
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, add_servos, groups_of
 from motorgrad.bodies.muscles._wrapping import wrapped_length
-from motorgrad.schema import Settings, number, static
+from motorgrad.schema import Settings, inner, number, static
 
 SIDES = ("left", "right")
 _BONE = (0.90, 0.87, 0.80, 1.0)
@@ -55,32 +47,32 @@ class Hexapod(Settings):
     muscles `protractor_…`, `retractor_…`, `levator_…`, `depressor_…`; servos `lateral_…`, `vertical_…`.
 
     **Sensors:** `read_hexapod` returns them by meaning.
-
-    **Raises:** `ValueError` naming the field and what it may be.
     """
 
-    front: Section = static(_SECTION, help="the first section with its legs (`Section`, `Leg`)")
-    middle: Section = static(_SECTION, help="the second section with its legs")
-    rear: Section = static(_SECTION, help="the third section with its legs")
-    spacing: float = number(0.26, unit="m", help="distance between the centres of neighbouring sections")
-    spine: Hinge = static(_SPINE, help="the two joints between the sections, each in the middle of its gap")
+    front: Section = inner(_SECTION, help="the first section with its legs (`Section`, `Leg`)")
+    middle: Section = inner(_SECTION, help="the second section with its legs")
+    rear: Section = inner(_SECTION, help="the third section with its legs")
+    spacing: float = number(
+        0.26, 0, open_low=True, unit="m", help="distance between the centres of neighbouring sections"
+    )
+    spine: Hinge = inner(_SPINE, help="the two joints between the sections, each in the middle of its gap")
     spine_axis: Literal["pitch", "yaw"] = static(
         "pitch", help='"pitch" lets front and rear rise and sink, "yaw" lets them turn sideways'
     )
     drive: Drive = static(
         "muscles", help='"muscles", or "servos" that turn lateral and vertical joints at desired velocities'
     )
-    servo_gain: float = number(20.0, unit="N m s/rad", help="torque of a servo per rad/s of velocity error")
-    lateral_torque: float = number(6.0, unit="N m", help="greatest torque of a lateral servo")
-    vertical_torque: float = number(12.0, unit="N m", help="greatest torque of a vertical servo")
-    timestep: float = number(0.0025, unit="s", help="time step of the physics")
+    servo_gain: float = number(
+        20.0, 0, open_low=True, unit="N m s/rad", help="torque of a servo per rad/s of velocity error"
+    )
+    lateral_torque: float = number(6.0, 0, open_low=True, unit="N m", help="greatest torque of a lateral servo")
+    vertical_torque: float = number(12.0, 0, open_low=True, unit="N m", help="greatest torque of a vertical servo")
+    timestep: float = number(0.0025, 0, open_low=True, unit="s", help="time step of the physics")
     muscle_model: Literal["thesis", "native"] = static(
         "thesis", help='"thesis" (exact law, needs the callback) or "native" (MuJoCo\'s own muscle, an approximation)'
     )
 
     def validate(self) -> None:
-        for name in ("spacing", "servo_gain", "lateral_torque", "vertical_torque", "timestep"):
-            check_positive(f"Hexapod.{name}", getattr(self, name))
         least = (self.middle.length + max(self.front.length, self.rear.length)) / 2.0
         check(self.spacing >= least, "spacing", self.spacing, f"at least {least:g} m, so that no sections overlap")
         height = _standing_height(self)
@@ -150,12 +142,8 @@ class Hexapod(Settings):
         if self.muscles:
             add_muscles(spec, self.muscles, self.muscle_model)
         add_servos(spec, self.servos)
-        spec.add_key(name=START, qpos=self._start)
+        spec.add_key(name=START, qpos=_start_pose(self, _skeleton(self).compile()))
         return spec
-
-    @property
-    def _start(self) -> np.ndarray:
-        return _start_pose(self, _skeleton(self).compile())
 
     def _muscles(self) -> Iterator[Muscle]:
         for kind in ("protractor", "retractor"):

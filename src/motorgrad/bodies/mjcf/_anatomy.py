@@ -4,7 +4,6 @@
 # (MuJoCo's compiled modules carry no type information.)
 
 import dataclasses
-import fnmatch
 import functools
 from collections.abc import Sequence
 from typing import Any
@@ -17,6 +16,7 @@ from jaxtyping import Bool, Float, Int
 from motorgrad._errors import check, unknown
 from motorgrad.bodies._body import Body, WrappedBody, actuators_of, group_places
 from motorgrad.bodies.mjcf._mjcf import Mjcf
+from motorgrad.bodies.mjcf._to_hill import matching
 from motorgrad.bodies.models._read import compile_spec
 from motorgrad.bodies.muscles._hill import hill_actuators
 
@@ -30,9 +30,6 @@ _PLACED = ("site", "body", "geom")
 class Sensor:
     """A MuJoCo sensor to add to a model.
 
-    **Arguments:**
-
-    - `name`: name of the sensor.
     - `kind`: its type, such as `"FRAMEPOS"`.
     - `of`, `target`: the kind of object that it observes, such as `"SITE"`, and its name.
     - `whole`: its integer parameters, where it has any.
@@ -85,14 +82,8 @@ class Anatomy:
     def named(self, kind: str, patterns: str | Sequence[str]) -> list[str]:
         """The names of the model's parts of a kind, such as `"joint"`, that match; each once, in the model's order for
         each pattern."""
-        known = self._names(kind)
-        found: dict[str, None] = {}
-        for pattern in (patterns,) if isinstance(patterns, str) else patterns:
-            matching = [name for name in known if name == pattern] or fnmatch.filter(known, pattern)
-            if not matching:
-                raise unknown(kind, pattern, known)
-            found |= dict.fromkeys(matching)
-        return list(found)
+        each = (patterns,) if isinstance(patterns, str) else patterns
+        return list(dict.fromkeys(name for pattern in each for name in matching(kind, pattern, self._names(kind))))
 
     def positions(self, joints: str | Sequence[str] = "*") -> tuple[list[str], Int[np.ndarray, " numbers"]]:
         """Names of the generalised positions of these joints, and their places in `BodyState.position`."""

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import mujoco
 
-from motorgrad._errors import check, check_positive, unknown
+from motorgrad._errors import check, unknown
 from motorgrad._myosuite import composing, description
 from motorgrad.bodies._body import Actuator, to_mjcf
 from motorgrad.bodies.mjcf._to_hill import to_hill
@@ -24,7 +24,7 @@ from motorgrad.bodies.models._read import checksum_of, compile_bare, compile_spe
 from motorgrad.bodies.models._scan import Documents, read_bytes
 from motorgrad.bodies.muscles._hill import Curves, Hill, Tendon
 from motorgrad.bodies.muscles._muscle import Muscle
-from motorgrad.schema import Settings, check_fields, number, static
+from motorgrad.schema import Settings, number, static
 
 BUNDLED = {"arm6": Path(__file__).with_name("arm6.xml")}
 """Models that come with the library, by name."""
@@ -69,49 +69,51 @@ class Mjcf(Settings):
         help="the keyframe in which simulations start; by default the first, or the model's reference pose "
         "where it has none",
     )
-    timestep: float = number(math.nan, unit="s", help="time step of the physics, by default the model's own")
+    timestep: float = number(
+        math.nan, 0, open_low=True, unit="s", help="time step of the physics, by default the model's own"
+    )
     assets: tuple[tuple[str, str], ...] = static(
         (),
-        help="the content of files that a document given as text names: pairs of the file's name and its "
-        "content in base64. It is filled in",
+        help="the content of files that a document given as text names: pairs of the file's name and its content in "
+        "base64. It is filled in",
     )
     checksum: str | None = static(
         None,
-        help="checksum of a file and all that it includes or names, or of a model of MyoSuite. It is filled "
-        "in. A body with another one is refused, so that a run never continues with a model that has "
-        "changed",
+        help="checksum of a file and all that it includes or names, or of a model of MyoSuite. It is filled in. A body "
+        "with another one is refused, so that a run never continues with a model that has changed",
     )
     muscle_model: Literal["native", "hill"] = static(
         "native",
-        help='`"native"` for MuJoCo\'s own muscles; `"hill"` to put a Hill-type muscle in place of each '
-        "that is on a tendon (see the page on muscles)",
+        help='`"native"` for MuJoCo\'s own muscles; `"hill"` to put a Hill-type muscle in place of each that is on a '
+        "tendon (see the page on muscles)",
     )
-    tendon: Tendon = static("compliant", help='the tendons of Hill-type muscles, `"compliant"` or `"rigid"`')
-    curves: Curves = static("de-groote", help='the curves of Hill-type muscles, `"de-groote"` or `"millard"`')
+    tendon: Tendon = static("compliant", help="the tendons of Hill-type muscles")
+    curves: Curves = static("de-groote", help="the curves of Hill-type muscles")
     hill: tuple[tuple[str, Hill], ...] = static(
         (),
-        help='the numbers of some of them: pairs of an actuator\'s name, or a pattern such as `"flexor*"`, '
-        "and a `Hill`. All others resemble MuJoCo's, as `hill_of` says",
+        help='the numbers of some of them: pairs of an actuator\'s name, or a pattern such as `"flexor*"`, and a '
+        "`Hill`. All others resemble MuJoCo's, as `hill_of` says",
     )
 
     def __post_init__(self) -> None:
         source: Any = self.source
         if isinstance(source, mujoco.MjSpec):
             object.__setattr__(self, "assets", _assets_of(source, Documents(set(), set())))
-            source = to_mjcf(source)
+            object.__setattr__(self, "source", to_mjcf(source))
         own_step = isinstance(self.timestep, float) and math.isnan(self.timestep)
         if own_step:  # until the model is read
             object.__setattr__(self, "timestep", 1.0)
-        object.__setattr__(self, "source", source)
-        check_fields(self)
-        check(not self.hill or self.muscle_model == "hill", "hill", self.hill, "left out, or muscle_model be 'hill'")
-        check_positive("timestep", self.timestep)
+        super().__post_init__()
+        source = self.source
         named = isinstance(source, str) and (source in BUNDLED or source.startswith(MYOSUITE))
         if isinstance(source, str) and not named and not Path(source).suffix and "<" not in source:
             raise unknown("model", source, [*BUNDLED, "or the path of an MJCF file"])
         if isinstance(source, Path) or (not named and "<" not in source):
             object.__setattr__(self, "source", Path(source).absolute())
         in_source(self._place, lambda: self._read(own_step))
+
+    def validate(self) -> None:
+        check(not self.hill or self.muscle_model == "hill", "hill", self.hill, "left out, or muscle_model be 'hill'")
 
     def _read(self, own_step: bool) -> None:
         """Read the model once: to refuse it before any work, and to know what it is."""
@@ -181,8 +183,8 @@ class Mjcf(Settings):
         spec, documents = read_spec(self._place, self._content)
         spec.option.timestep = self.timestep
         for kind in _UNNAMED:
-            for number, each in enumerate(getattr(spec, f"{kind}s"), 1):
-                each.name = each.name or f"{kind} {number}"
+            for place, each in enumerate(getattr(spec, f"{kind}s"), 1):
+                each.name = each.name or f"{kind} {place}"
         if self.muscle_model == "hill":
             to_hill(spec, compile_bare(spec, documents.folders), self.hill, self.tendon, self.curves)
         return spec, documents

@@ -77,10 +77,7 @@ def to_hill(
     names = [each.name for each in spec.actuators]
     chosen: dict[str, Hill] = {}
     for pattern, hill in numbers:
-        matching = [name for name in names if name == pattern] or fnmatch.filter(names, pattern)
-        if not matching:
-            raise unknown("actuator in hill", pattern, names)
-        chosen |= dict.fromkeys(matching, hill)
+        chosen |= dict.fromkeys(matching("actuator in hill", pattern, names), hill)
     for i, name in enumerate(names):
         on_path = model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON
         if name in chosen:
@@ -94,6 +91,14 @@ def to_hill(
             set_hill(each, chosen[each.name])
     for key, states in zip(spec.keys, keys, strict=True):
         key.act = [state for i in range(model.nu) for state in _states(spec.actuators[i], model, i, states)]
+
+
+def matching(kind: str, pattern: str, known: Sequence[str]) -> list[str]:
+    """The names that a name, or a pattern such as `flexor*`, means. **Raises** `ValueError` where it means none."""
+    found = [name for name in known if name == pattern] or fnmatch.filter(known, pattern)
+    if not found:
+        raise unknown(kind, pattern, known)
+    return found
 
 
 def _states(actuator: mujoco.MjsActuator, model: mujoco.MjModel, i: int, before: np.ndarray) -> list[float]:

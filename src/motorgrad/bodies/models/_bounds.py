@@ -74,12 +74,8 @@ def check_size(spec: mujoco.MjSpec, folders: Iterable[Path] = ()) -> None:
         check_bytes(what, value, total)
     search = spec.compiler.LRopt
     steps = search.inttotal / max(search.timestep, 1e-12)
-    check(
-        steps <= MAX_MODEL_RANGE_STEPS,
-        "lengthrange: inttotal / timestep",
-        steps,
-        f"at most {MAX_MODEL_RANGE_STEPS:,} steps",
-    )
+    limit = f"at most {MAX_MODEL_RANGE_STEPS:,} steps"
+    check(steps <= MAX_MODEL_RANGE_STEPS, "lengthrange: inttotal / timestep", steps, limit)
 
 
 def _sizes(spec: mujoco.MjSpec, dofs: int, pairs: int, folders: list[Path]) -> Iterator[tuple[str, Any, float]]:
@@ -218,12 +214,8 @@ def _assets(spec: mujoco.MjSpec, folders: list[Path]) -> Iterator[tuple[str, Any
             yield from _file(spec, each, f"{kind} {each.name!r}", each.file, folders, image=False)
     for each in spec.meshes:
         deep = each.octree_maxdepth
-        check(
-            deep <= MAX_MODEL_OCTREE_LEVELS,
-            f"octree_maxdepth of mesh {each.name!r}",
-            deep,
-            f"at most {MAX_MODEL_OCTREE_LEVELS}",
-        )
+        limit = f"at most {MAX_MODEL_OCTREE_LEVELS}"
+        check(deep <= MAX_MODEL_OCTREE_LEVELS, f"octree_maxdepth of mesh {each.name!r}", deep, limit)
 
 
 def _file(

@@ -185,12 +185,8 @@ def _check_sensor(model: mujoco.MjModel, i: int, which: str) -> None:
     samples = model.sensor_history[i, 0]
     every = model.sensor_interval[i, 0]
     _check_delay(which, model.sensor_delay[i], samples, every or model.opt.timestep)
-    check(
-        every == 0 or samples,
-        f"interval of {which}",
-        float(every),
-        "left out, or nsample given: alone, it does nothing",
-    )
+    wanted = "left out, or nsample given: alone, it does nothing"
+    check(every == 0 or samples, f"interval of {which}", float(every), wanted)
 
 
 def _check_delay(which: str, delay: float, samples: int, every: float) -> None:

@@ -116,18 +116,10 @@ class _Document:
         """Count a file that belongs to the document, where it stands."""
         reading = self._reading
         reading.text += len(text)
-        check(
-            reading.text <= MAX_MODEL_CHARACTERS,
-            "length of the text",
-            reading.text,
-            f"at most {MAX_MODEL_CHARACTERS:,} characters",
-        )
-        check(
-            reading.depth < MAX_MODEL_FILE_DEPTH,
-            "files within files",
-            reading.depth + 1,
-            f"at most {MAX_MODEL_FILE_DEPTH} deep",
-        )
+        limit = f"at most {MAX_MODEL_CHARACTERS:,} characters"
+        check(reading.text <= MAX_MODEL_CHARACTERS, "length of the text", reading.text, limit)
+        limit = f"at most {MAX_MODEL_FILE_DEPTH} deep"
+        check(reading.depth < MAX_MODEL_FILE_DEPTH, "files within files", reading.depth + 1, limit)
         reading.depth += 1
         reading.folders.add(folder)
         check(b"\0" not in text and not text.startswith(_WIDE), "encoding", "UTF-16 or binary", "UTF-8")

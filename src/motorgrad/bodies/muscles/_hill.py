@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from motorgrad._errors import check, check_not_negative, check_positive
+from motorgrad._errors import check
 from motorgrad.bodies.muscles._curve_sets import CURVES, with_curves
 from motorgrad.bodies.muscles._hill_curves import STRAIN
 from motorgrad.bodies.muscles._hill_dynamics import tendon_length
 from motorgrad.bodies.muscles._machine_code import compiled_hill
-from motorgrad.bodies.muscles._muscle import Attachment, Wrap
-from motorgrad.schema import Settings, number, static
+from motorgrad.bodies.muscles._muscle import OnPath, Wrap
+from motorgrad.schema import Settings, inner, number, static
 
 Tendon = Literal["compliant", "rigid"]
 Curves = Literal["de-groote", "millard"]
@@ -36,56 +36,49 @@ class Hill(Settings):
 
     The page on muscles explains it, and `hill_curves` has the curves.
 
-    **Arguments:**
-
-    - `activation_time_constant`, `deactivation_time_constant` (s): time constants of the activation.
-
-    **Raises:** `ValueError` naming the field and what it may be.
-
     Source: De Groote et al. (2016); Millard et al. (2013).
     """
 
-    max_isometric_force: float = number(unit="N", help="greatest isometric force of the fiber, at its optimal length")
-    optimal_fiber_length: float = number(unit="m", help="length at which a fiber is strongest")
-    tendon_slack_length: float = number(unit="m", help="length beyond which the tendon pulls")
+    max_isometric_force: float = number(
+        low=0, open_low=True, unit="N", help="greatest isometric force of the fiber, at its optimal length"
+    )
+    optimal_fiber_length: float = number(low=0, open_low=True, unit="m", help="length at which a fiber is strongest")
+    tendon_slack_length: float = number(low=0, unit="m", help="length beyond which the tendon pulls")
     pennation_angle: float = number(
         0.0,
+        0,
+        math.pi / 2,
+        open_high=True,
         unit="rad",
-        help="between fiber and tendon at the optimal length; the fiber keeps its height as it changes its "
-        "length. Less than π/2",
+        help="between fiber and tendon at the optimal length; the fiber keeps its height as it changes its length",
     )
     max_contraction_velocity: float = number(
-        10.0, unit="1/s", help="greatest velocity of shortening, in optimal fiber lengths per second"
+        10.0, 0, open_low=True, unit="1/s", help="greatest velocity of shortening, in optimal fiber lengths per second"
     )
-    activation_time_constant: float = 0.015
-    deactivation_time_constant: float = 0.06
-    fiber_damping: float = number(0.1, help="β, which acts on the velocity as a multiple of the greatest")
+    activation_time_constant: float = number(
+        0.015, 0, open_low=True, unit="s", help="time constant with which the activation rises"
+    )
+    deactivation_time_constant: float = number(
+        0.06, 0, open_low=True, unit="s", help="time constant with which the activation falls"
+    )
+    fiber_damping: float = number(0.1, 0, help="β, which acts on the velocity as a multiple of the greatest")
     tendon: Tendon = static(
         "compliant",
         help='`"compliant"` for one that stretches, and a fiber whose length is a state; `"rigid"` for one '
         "that always has its slack length, or pulls on nothing",
     )
-    tendon_strain: float = number(STRAIN, help="strain of a compliant tendon at the greatest isometric force")
+    tendon_strain: float = number(
+        STRAIN, 0, open_low=True, help="strain of a compliant tendon at the greatest isometric force"
+    )
     curves: Curves = static(
         "de-groote",
         help='`"de-groote"` for those of De Groote et al. (2016), `"millard"` for those of Millard et al. (2013)',
     )
 
     def validate(self) -> None:
-        for name in (
-            *("max_isometric_force", "optimal_fiber_length", "max_contraction_velocity", "tendon_strain"),
-            *("activation_time_constant", "deactivation_time_constant"),
-        ):
-            check_positive(name, getattr(self, name))
-        check_not_negative("fiber_damping", self.fiber_damping)
-        right = 0.0 <= self.pennation_angle < math.pi / 2
-        check(right, "pennation_angle", self.pennation_angle, "from 0 to less than π/2 (rad)")
-        if self.tendon == "rigid":
-            check_not_negative("tendon_slack_length", self.tendon_slack_length)
-        else:
-            least = MIN_TENDON_SLACK * self.optimal_fiber_length
-            wanted = f"at least {least:g} m, or the tendon 'rigid'"
-            check(self.tendon_slack_length >= least, "tendon_slack_length", self.tendon_slack_length, wanted)
+        least = MIN_TENDON_SLACK * self.optimal_fiber_length if self.tendon == "compliant" else 0.0
+        wanted = f"at least {least:g} m, or the tendon 'rigid'"
+        check(self.tendon_slack_length >= least, "tendon_slack_length", self.tendon_slack_length, wanted)
 
     @classmethod
     def spanning(
@@ -112,12 +105,8 @@ class Hill(Settings):
 
 
 @dataclasses.dataclass(frozen=True)
-class HillMuscle(Settings):
+class HillMuscle(OnPath):
     """A Hill-type muscle and its path, for a body of your own; otherwise as `Muscle`.
-
-    **Arguments:**
-
-    - `origin`, `insertion`: the two ends; the path is the shortest one between them.
 
     ```python
     soleus = mg.bodies.HillMuscle(
@@ -130,18 +119,8 @@ class HillMuscle(Settings):
     ```
     """
 
-    name: str = static(help="unique within the body; also the name of the tendon and of the actuator")
-    group: str = static(help="muscles of one group share one component of the action, their excitation")
-    origin: Attachment
-    insertion: Attachment
-    hill: Hill = static(help="the numbers of fiber and tendon")
-    wrap: Wrap | None = static(None, help="what the path wraps around, or None for a straight muscle")
-
-    def __post_init__(self) -> None:
-        check(isinstance(self.name, str) and self.name, "HillMuscle.name", self.name, "a name that is not empty")
-        where = f"HillMuscle {self.name!r} "
-        check(isinstance(self.group, str) and self.group, where + "group", self.group, "a name that is not empty")
-        check(isinstance(self.hill, Hill), where + "hill", self.hill, "a Hill")
+    hill: Hill = inner(help="the numbers of fiber and tendon")
+    wrap: Wrap | None = inner(None, help="what the path wraps around, or None for a straight muscle")
 
     @property
     def damping(self) -> float:
@@ -200,9 +179,7 @@ def check_hill(model: mujoco.MjModel) -> None:
     """
     user = (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_USER) | hill_actuators(model)
     for i in np.flatnonzero(user):
-        wanted = (
-            "a Hill-type muscle, as `set_hill` makes it: other dynamics or biases of type 'user' are not known here"
-        )
+        wanted = "a Hill-type muscle, as `set_hill` makes it: no other dynamics or biases of type 'user' are known here"
         check(_is_hill(model, int(i)), "actuator", model.actuator(i).name, wanted)
 
 

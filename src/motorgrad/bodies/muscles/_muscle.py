@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from motorgrad._arrays import Real
-from motorgrad._errors import check, check_not_negative, check_positive
-from motorgrad.schema import Settings, number, static
+from motorgrad._errors import check
+from motorgrad.schema import Settings, inner, number, static
 
 
 def tension(
@@ -54,70 +54,63 @@ def tension(
 
 @dataclasses.dataclass(frozen=True)
 class Attachment(Settings):
-    """A point where a muscle is attached: the name of a body, and (x, y, z) in m in that body's frame."""
+    """A point where a muscle is attached."""
 
-    body: str
-    position: tuple[float, float, float]
+    body: str = static(help="name of the body")
+    position: tuple[float, float, float] = static(unit="m", help="(x, y, z) in that body's frame")
 
-    def __post_init__(self) -> None:
-        check(isinstance(self.body, str) and self.body, "Attachment.body", self.body, "the name of a body")
-        point = tuple(float(x) for x in self.position)
-        check(
-            len(point) == 3 and all(map(math.isfinite, point)),
-            "Attachment.position",
-            self.position,
-            "three finite numbers (m)",
-        )
-        object.__setattr__(self, "position", point)
+    def validate(self) -> None:
+        check(self.body, "body", self.body, "the name of a body")
 
 
 @dataclasses.dataclass(frozen=True)
 class Wrap(Settings):
-    """An obstacle on a muscle's path: the name of a sphere or cylinder geom, and of the site that tells MuJoCo on which
-    side the path passes. Put the site near the middle of the arc; the page on bodies explains why."""
+    """An obstacle on a muscle's path."""
 
-    geom: str
-    side_site: str
+    geom: str = static(help="name of a sphere or cylinder geom")
+    side_site: str = static(
+        help="name of the site that tells MuJoCo on which side the path passes; put it near the middle of the arc (the "
+        "page on bodies explains why)"
+    )
 
-    def __post_init__(self) -> None:
-        check(isinstance(self.geom, str) and self.geom, "Wrap.geom", self.geom, "the name of a sphere or cylinder geom")
-        check(isinstance(self.side_site, str) and self.side_site, "Wrap.side_site", self.side_site, "a site's name")
+    def validate(self) -> None:
+        check(self.geom, "geom", self.geom, "the name of a sphere or cylinder geom")
+        check(self.side_site, "side_site", self.side_site, "a site's name")
 
 
 @dataclasses.dataclass(frozen=True)
-class Muscle(Settings):
-    """A muscle: its path and its strength. `tension` gives its force.
-
-    **Arguments:**
-
-    - `origin`, `insertion`: the two ends; the path is the shortest one between them.
-
-    **Raises:** `ValueError` naming the field and its range.
-    """
+class OnPath(Settings):
+    """What all muscles have: a name, and two ends of a path."""
 
     name: str = static(help="unique within the body; also the name of the tendon and of the actuator")
     group: str = static(help="muscles of one group share one component of the action")
-    origin: Attachment
-    insertion: Attachment
-    strength: float = number(help="greatest contractile force $f_{max}$, N, > 0")
-    rest_length: float = number(help="$r$, m, > 0")
-    damping: float = number(8.0, help="$k_{SE}$, N s/m, ≥ 0")
+    origin: Attachment = inner(help="one end of the path, which is the shortest one between its ends")
+    insertion: Attachment = inner(help="the other end")
+
+    def validate(self) -> None:
+        for field in ("name", "group"):
+            check(getattr(self, field), field, getattr(self, field), "a name that is not empty")
+
+
+@dataclasses.dataclass(frozen=True)
+class Muscle(OnPath):
+    """A muscle: its path and its strength. `tension` gives its force."""
+
+    strength: float = number(low=0, open_low=True, unit="N", help="greatest contractile force $f_{max}$")
+    rest_length: float = number(low=0, open_low=True, unit="m", help="$r$, at which the contractile force is greatest")
+    damping: float = number(8.0, 0, unit="N s/m", help="$k_{SE}$")
     shape: float = number(
-        0.5, help="$k_{CE}$, > 0; infinite for a contractile force that does not depend on the length"
+        0.5, 0, open_low=True, help="$k_{CE}$; infinite for a contractile force that does not depend on the length"
     )
-    wrap: Wrap | None = static(
-        None, help="the joint capsule around which the path wraps, or None for a straight muscle"
-    )
+    wrap: Wrap | None = inner(None, help="the joint capsule around which the path wraps, or None for a straight muscle")
 
     def __post_init__(self) -> None:
-        check(isinstance(self.name, str) and self.name, "Muscle.name", self.name, "a name that is not empty")
-        where = f"Muscle {self.name!r} "
-        check(isinstance(self.group, str) and self.group, where + "group", self.group, "a name that is not empty")
-        for field in ("strength", "rest_length"):
-            check_positive(where + field, getattr(self, field))
-        if self.shape != math.inf:
-            check_positive(where + "shape", self.shape)
-        check_not_negative(where + "damping", self.damping)
+        infinite = self.shape == math.inf  # which a setting otherwise is not
+        if infinite:
+            object.__setattr__(self, "shape", 1.0)
+        super().__post_init__()
+        if infinite:
+            object.__setattr__(self, "shape", math.inf)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,12 +120,8 @@ class Servo(Settings):
     name: str = static(help="unique within the body")
     group: str = static(help="servos of one group share one component of the action, the desired velocity $u$ in rad/s")
     joint: str = static(help="the name of the hinge")
-    gain: float = number(unit="N m s/rad", help="$k_v$")
-    limit: float = number(unit="N m", help=r"$\tau_{max}$")
-
-    def __post_init__(self) -> None:
-        for field in ("gain", "limit"):
-            check_positive(f"Servo {self.name!r} {field}", getattr(self, field))
+    gain: float = number(low=0, open_low=True, unit="N m s/rad", help="$k_v$")
+    limit: float = number(low=0, open_low=True, unit="N m", help=r"$\tau_{max}$")
 
 
 def groups_of(muscles: Iterable[Any]) -> tuple[str, ...]:

@@ -89,9 +89,8 @@ def path_points(
     normal = np.cross(a, b)
     if np.linalg.norm(normal) <= 1e-12 * length_a * length_b:  # a straight joint: the side point defines the plane
         normal = np.cross(a, toward)
-    check(
-        np.linalg.norm(normal) > 0.0, "side", tuple(side), "off the line of the attachments when the joint is straight"
-    )
+    wanted = "off the line of the attachments when the joint is straight"
+    check(np.linalg.norm(normal) > 0.0, "side", tuple(side), wanted)
     up = np.cross(normal, across)
     up /= np.linalg.norm(up)
     # polar angles in the plane, starting at the origin and turning through the muscle's side

@@ -4,7 +4,6 @@ import abc
 import math
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jax.scipy.special import ndtri
 from jax.typing import DTypeLike
@@ -12,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import counted_on
+from motorgrad.learning._branching import where
 from motorgrad.schema import Part, count, number
 
 BATCHES = 20
@@ -45,11 +45,7 @@ class Clock(Criterion):
     """A unit every `interval` decisions, until the pool is full (section 6.4.3 of the thesis)."""
 
     interval: int = count(
-        10_000,
-        1,
-        2**30 - 1,
-        unit="decisions",
-        help="time from one unit to the next, at least the length of the adding phase",
+        10_000, 1, 2**30 - 1, unit="decisions", help="time from one unit to the next, at least the adding phase"
     )
 
     def check(self, adding: int) -> None:
@@ -109,21 +105,13 @@ class Plateau(Criterion):
     """
 
     window: int = count(
-        4_000,
-        2 * BATCHES,
-        2**30 - 1,
-        unit="decisions",
-        help="length of the windows whose mean rewards are compared, at least 40",
+        4_000, 2 * BATCHES, 2**30 - 1, unit="decisions", help="length of the windows whose mean rewards are compared"
     )
     confidence: float = number(
-        0.95, 0, 1, open_low=True, open_high=True, help="level of the two-sided interval of a difference, in (0, 1)"
+        0.95, 0, 1, open_low=True, open_high=True, help="level of the two-sided interval of a difference"
     )
     patience: int = count(
-        3,
-        1,
-        2**30 - 1,
-        unit="units",
-        help="number of successive units without improvement after which growth stops, at least 1",
+        3, 1, 2**30 - 1, unit="units", help="successive ones without improvement after which growth stops"
     )
 
     def init(self, dtype: DTypeLike) -> PlateauState:
@@ -147,7 +135,7 @@ class Plateau(Criterion):
             batches=batches,
         )  # fmt: skip
         whole = part & (batches >= BATCHES)
-        return _where(grown, _where(whole, self._judge(within), within), state)
+        return where(grown, where(whole, self._judge(within), within), state)
 
     def _judge(self, state: PlateauState) -> PlateauState:
         """The state after a whole window: has the reward risen in it, and above the best level before?"""
@@ -176,7 +164,3 @@ class Plateau(Criterion):
     def renew(self, state: PlateauState) -> PlateauState:
         fresh = self.init(state.mean.dtype)
         return fresh._replace(best=state.best, best_variance=state.best_variance, vain=state.vain)
-
-
-def _where(condition: Bool[Array, ""], yes: PlateauState, no: PlateauState) -> PlateauState:
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)

@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
 from motorgrad._errors import check
+from motorgrad.learning._branching import where
 from motorgrad.learning.growth._criteria import Clock, Criterion
 from motorgrad.learning.growth._visited import Visited, VisitedState, hash_bits
 from motorgrad.policies import LocalUnits, Masked, Policy
-from motorgrad.schema import Part, count, inner, number, static
+from motorgrad.schema import Part, Range, count, inner, number, static
 
 LONG = 2**30  # where the count of decisions since an addition stands still
 
@@ -67,25 +68,28 @@ class Growth(Part):
     )
     placement: Visited | None = inner(
         None,
-        help="none to start there, or `Visited(slots, every)` to start at an observation drawn from the recent "
-        "ones: a unit has an effect only where the learner goes (section 6.5.4). The first unit starts "
-        "at `centre`",
+        help="none to start there, or `Visited(slots, every)` to start at an observation drawn from the recent ones: "
+        "a unit has an effect only where the learner goes (section 6.5.4). The first unit starts at `centre`",
     )
     width: float = static(
         1.0,
-        help=r"width of a new unit, positive, in the units of the inputs: $\sigma$ of Gaussians, half the "
-        r"length of boxes, the radius of spheres, in every input. With `cutoff` and `shrink` it sets the "
-        r"length of the adding phase, so all three are static",
+        allowed=Range(0, open_low=True),
+        help=r"width of a new unit, in the units of the inputs: $\sigma$ of Gaussians, half the length of boxes, the "
+        r"radius of spheres, in every input. With `cutoff` and `shrink` it sets the length of the adding phase",
     )
-    cutoff: float = static(0.15, help="the width at which the adding phase ends, positive and at most `width`")
-    shrink: float = static(0.99975, help="the factor on the width at every decision of the adding phase, in (0, 1)")
-    boost: float = number(8.0, 0, help="the factor on the steps of the newest unit in the adding phase, at least 0")
-    damp: float = number(0.5, 0, help="the factor on the steps of the other units meanwhile, at least 0")
+    cutoff: float = static(
+        0.15, allowed=Range(0, open_low=True), help="the width at which the adding phase ends, at most `width`"
+    )
+    shrink: float = static(
+        0.99975,
+        allowed=Range(0, 1, open_low=True, open_high=True),
+        help="the factor on the width at every decision of the adding phase",
+    )
+    boost: float = number(8.0, 0, help="the factor on the steps of the newest unit in the adding phase")
+    damp: float = number(0.5, 0, help="the factor on the steps of the other units meanwhile")
 
     def validate(self) -> None:
-        check(0 < self.width < math.inf, "width", self.width, "positive")
-        check(0 < self.cutoff <= self.width, "cutoff", self.cutoff, f"positive and at most the width, {self.width}")
-        check(0 < self.shrink < 1, "shrink", self.shrink, "in (0, 1)")
+        check(self.cutoff <= self.width, "cutoff", self.cutoff, f"at most the width, {self.width}")
         wanted = "such that the adding phase has fewer than 1,073,741,824 decisions"
         check(self.adding < LONG, "shrink", self.shrink, wanted)
         self.criterion.check(self.adding)
@@ -105,12 +109,7 @@ class Growth(Part):
         size = pool.outputs
         check((self.units or 1) <= size, "growth.units", self.units, f"at most the pool's, {size}")
         shape = np.shape(self.centre)
-        check(
-            shape in ((), (pool.inputs,)),
-            "growth.centre",
-            self.centre,
-            f"one number or {pool.inputs} of them",
-        )
+        check(shape in ((), (pool.inputs,)), "growth.centre", self.centre, f"one number or {pool.inputs} of them")
         dtype = _size(pool)[1].dtype
         state = GrowthState(
             unit=jnp.int32(-1),
@@ -181,7 +180,7 @@ class Growth(Part):
         )
         added = due & room
         fresh = state._replace(unit=place, age=jnp.int32(0), criterion=self.criterion.renew(state.criterion))
-        return jax.tree.map(lambda a, b: jnp.where(added, a, b), fresh, state), pool, new
+        return where(added, fresh, state), pool, new
 
 
 def _masked(policy: Policy) -> Masked:

@@ -30,10 +30,7 @@ class Visited(Part):
 
     slots: int = count(64, 1, 100_000, help="number of observations that are kept")
     every: int = count(
-        100,
-        1,
-        unit="decisions",
-        help="distance between two kept observations. The memory reaches back `slots` times `every` decisions",
+        100, 1, unit="decisions", help="distance between two kept observations; the memory is `slots` times as long"
     )
 
     def init(self, inputs: int, dtype: DTypeLike) -> VisitedState:

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check
 from motorgrad.policies import LocalGaussians
-from motorgrad.schema import Part, count, static
+from motorgrad.schema import Part, Range, count, static
 
 SLACK = 1e-3  # of a cell: how much wider a cell is taken than it is, for the rounding of single precision
 UNITS_A_CELL = 4  # of all units, when the number of cells is chosen
@@ -28,14 +27,15 @@ class SpatialIndex(Part):
 
     neglect: float = static(
         1e-3,
-        help=r"$\varepsilon$, the greatest probability with which a unit may fire where it is not listed, in "
-        r"(0, 1)",
+        allowed=Range(0, 1, open_low=True, open_high=True),
+        help=r"$\varepsilon$, the greatest probability with which a unit may fire where it is not listed",
     )
     margin: float = static(
         1.0,
+        allowed=Range(0, open_low=True),
         unit="widths",
-        help="$m > 0$, how far units move before a table is made anew. A wide margin lists more units, a "
-        "narrow one makes more tables",
+        help="$m$, how far units move before a table is made anew. A wide margin lists more units, a narrow one makes "
+        "more tables",
     )
     cells: int | None = count(
         None,
@@ -48,13 +48,9 @@ class SpatialIndex(Part):
         1,
         1024,
         unit="decisions",
-        help="greatest time between updates of all units; shorter if the trace decays so fast that rounding "
-        "would matter",
+        help="greatest time between updates of all units; shorter if the trace decays so fast that rounding would "
+        "matter",
     )
-
-    def validate(self) -> None:
-        check(0 < self.neglect < 1, "neglect", self.neglect, "in (0, 1)")
-        check(0 < self.margin < math.inf, "margin", self.margin, "positive")
 
     def sides(self, units: int, inputs: int) -> int:
         """How many cells the grid has in every input."""

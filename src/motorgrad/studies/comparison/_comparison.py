@@ -16,24 +16,6 @@ from motorgrad.studies.comparison._run import run_comparison
 class Comparison(ComparisonPlan):
     """Methods compared on tasks. Every method's settings are chosen on some seeds and judged on others.
 
-    **Arguments:**
-
-    - `tasks`: a list of names, or a table of them: each with the fields of `JudgedTask`, or none.
-    - `methods`: a table of changes to the task's own learner for every method, as in `agent_for`; a list is a grid,
-      from which the settings are chosen. `tasks` among them names the tasks that the method is for, by default all.
-      A word stands for a named estimator or a preset; a list of words for several.
-    - `metric`: the metric by which methods are compared: `"reward"`, or a reading that all tasks have.
-    - `seeds`: `Seeds`, or a table with `tune` and `judge`.
-    - `steps` (decisions): the budget of every run, at least 1.
-    - `seconds` (s of processor time): instead of `steps`, the budget of every run, above 0. A short pilot measures how
-      many decisions each method makes in that time on each task. What it measured is kept in the folder.
-    - `agent`: settings of every method, which a method can set otherwise; a list is a grid.
-    - `direction`: `"maximize"` where more of the metric is better, else `"minimize"`.
-    - `choose_by`: the score that chooses settings: `"final"`, the last tenth of the records, while learning;
-      `"online"`, all records; `"frozen"` or `"frozen-mode"`, without learning.
-    - `evaluate` (decisions): length of each evaluation without learning, at least 1.
-    - `window`, `lanes`, `design`: as in `Study`.
-
     **Raises** `ValueError` that names the setting, and the nearest known one, before any work.
 
     ```python

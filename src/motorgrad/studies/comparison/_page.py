@@ -171,14 +171,8 @@ def _cost(rows: Sequence[Row]) -> str:
             "–" if value is None else f"{value:,.0f}" if value >= 100 or float(value).is_integer() else f"{value:.3g}"
         )
 
-    names = [
-        "settings",
-        "tuning_runs",
-        "tuning_decisions",
-        "tuning_cpu_seconds",
-        "judging_decisions",
-        "judging_cpu_seconds",
-    ]
+    names = ["settings", "tuning_runs"]
+    names += [f"{stage}_{what}" for stage in ("tuning", "judging") for what in ("decisions", "cpu_seconds")]
     head = ["method", "settings", "runs of tuning", "decisions of tuning", "seconds of tuning"]
     lines = [[_text(row["method"]), *(cell(row, name) for name in names)] for row in rows]
     return _table([*head, "decisions of judging", "seconds of judging"], lines)

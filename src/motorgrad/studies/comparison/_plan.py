@@ -4,17 +4,17 @@ import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, cast
 
-from motorgrad._errors import check, check_finite, check_integer, check_positive, choice, unknown
+from motorgrad._errors import check, check_integer, choice, unknown
 from motorgrad._files import read_toml
-from motorgrad.schema import Settings, as_hinted, build, hints_of, static, table
+from motorgrad.schema import Range, Settings, build, count, inner, number, static, table
 from motorgrad.studies._grid import as_given, distinctions, has_range
 from motorgrad.studies._partition import Measure
 from motorgrad.studies._plan import Design, points_of
 from motorgrad.studies._study import Study
 from motorgrad.tasks import Task, make
-from motorgrad.training import changed, changes_named, check_imports
+from motorgrad.training import MAX_STEPS, changed, changes_named, check_imports
 
 Scored = Literal["final", "online", "frozen", "frozen-mode"]
 SCORED: dict[Scored, str] = {
@@ -33,44 +33,40 @@ class Seeds(Settings):
     """Two disjoint sets of seeds."""
 
     tune: int | tuple[int, ...] = static(
-        help="the seeds that choose settings: their number (0, 1, 2 …), or a list of them"
+        allowed=Range(0, 2**31 - 1, kind="int"),
+        help="the seeds that choose settings: their number (0, 1, 2 …), or a list of them",
     )
     judge: int | tuple[int, ...] = static(
-        help="the seeds that are reported: their number, which follow those that tune, or a list of them"
+        allowed=Range(0, 2**31 - 1, kind="int"),
+        help="the seeds that are reported: their number, which follow those that tune, or a list of them",
     )
 
-    def __post_init__(self) -> None:
+    def validate(self) -> None:
         start = 0
         for name in ("tune", "judge"):
-            value: Any = getattr(self, name)
-            if isinstance(value, int) and not isinstance(value, bool):
-                check_integer(f"seeds.{name}", value, 1, 1_000_000)
-                value = _numbers(value, start)
-            value = as_hinted(tuple[int, ...], value, f"seeds.{name}")
-            check(value and len(set(value)) == len(value), f"seeds.{name}", list(value), "different seeds")
+            value = getattr(self, name)
+            if isinstance(value, int):
+                check_integer(name, value, 1, 1_000_000)
+                value = tuple(range(start, start + value))
+            check(value and len(set(value)) == len(value), name, list(value), "different seeds")
             object.__setattr__(self, name, value)
             start = max(value) + 1
         both = sorted(set(self.tuning) & set(self.judging))
         if both:
             raise ValueError(
-                f"seeds.judge = {list(self.judging)}: seed {', '.join(map(str, both))} is in seeds.tune, too: seeds "
-                "that have chosen a method's settings cannot judge it"
+                f"judge = {self.judging}: seed {', '.join(map(str, both))} is in tune, too: seeds that have chosen a "
+                "method's settings cannot judge it"
             )
 
     @property
     def tuning(self) -> list[int]:
         """The seeds that choose settings."""
-        return _numbers(self.tune, 0)
+        return list(cast(tuple[int, ...], self.tune))
 
     @property
     def judging(self) -> list[int]:
         """The seeds that are reported."""
-        return _numbers(self.judge, max(self.tuning) + 1)
-
-
-def _numbers(seeds: int | tuple[int, ...], first: int) -> list[int]:
-    """Seeds as a list: a number of them from the first on, or a given list."""
-    return list(range(first, first + seeds)) if isinstance(seeds, int) else list(seeds)
+        return list(cast(tuple[int, ...], self.judge))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,8 +77,8 @@ class JudgedTask(Settings):
         None,
         help="the name of the task, or a table with its `name` and settings; by default its name in the comparison",
     )
-    steps: int | None = static(
-        None, unit="decisions", help="length of each run, at least 1; by default those of the comparison"
+    steps: int | None = count(
+        None, 1, MAX_STEPS, unit="decisions", help="length of each run; by default that of the comparison"
     )
     metric: str | None = static(None, help="metric of the task, by default that of the comparison")
     agent: Mapping[str, Any] = static(
@@ -90,17 +86,13 @@ class JudgedTask(Settings):
     )
     scale: tuple[float, float] | None = static(
         None,
-        help="what is to be scored 0 and 1, such as what a random and the best policy earn; by default the 5th "
-        "and the 95th percentile of what the settings of all methods reached in tuning",
+        help="what is to be scored 0 and 1, such as what a random and the best policy earn; by default the 5th and the "
+        "95th percentile of what the settings of all methods reached in tuning",
     )
 
-    def __post_init__(self) -> None:
-        if self.steps is not None:
-            check_integer("steps", self.steps, 1)
-        if self.scale is not None:
-            for end in self.scale:
-                check_finite("scale", end)
-            check(self.scale[0] != self.scale[1], "scale", self.scale, "two different numbers")
+    def validate(self) -> None:
+        different = self.scale is None or self.scale[0] != self.scale[1]
+        check(different, "scale", self.scale, "two different numbers")
 
     @functools.cached_property
     def made(self) -> Task:
@@ -112,31 +104,41 @@ class JudgedTask(Settings):
 class ComparisonPlan(Settings):
     """All that `Comparison` is but how it runs: its tasks, methods and settings, and the studies of its stages."""
 
-    tasks: Any
-    methods: Any
-    metric: str
-    seeds: Seeds
-    steps: int | None = None
-    seconds: float | None = None
-    agent: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    direction: Literal["maximize", "minimize"] = "maximize"
-    choose_by: Scored = "final"
-    evaluate: int = 2000
-    window: int | None = None
-    lanes: int = 1024
-    design: Design | None = None
+    tasks: Any = static(help="a list of names, or a table of them: each with the fields of `JudgedTask`, or none")
+    methods: Any = static(
+        help="a table of changes to the task's own learner for every method, as in `agent_for`; a list is a grid, from "
+        "which the settings are chosen. `tasks` among them names the tasks that the method is for, by default all. A "
+        "word stands for a named estimator or a preset; a list of words for several"
+    )
+    metric: str = static(help='the metric by which methods are compared: `"reward"`, or a reading that all tasks have')
+    seeds: Seeds = inner(help="`Seeds`, or a table with `tune` and `judge`")
+    steps: int | None = count(None, 1, MAX_STEPS, unit="decisions", help="the budget of every run")
+    seconds: float | None = number(
+        None,
+        0,
+        open_low=True,
+        unit="s",
+        help="instead of `steps`, the budget of every run in processor time. A short pilot measures how many decisions "
+        "each method makes in that time on each task. What it measured is kept in the folder",
+    )
+    agent: Mapping[str, Any] = static(
+        factory=dict, help="settings of every method, which a method can set otherwise; a list is a grid"
+    )
+    direction: Literal["maximize", "minimize"] = static("maximize", help="whether more of the metric is better")
+    choose_by: Scored = static(
+        "final",
+        help='the score that chooses settings: `"final"`, the last tenth of the records, while learning; `"online"`, '
+        'all records; `"frozen"` or `"frozen-mode"`, without learning',
+    )
+    evaluate: int = count(2000, 1, 10**9, unit="decisions", help="length of each evaluation without learning")
+    window: int | None = count(None, 1, unit="decisions", help="as in `Study`")
+    lanes: int = count(1024, 1, 1_000_000, help="as in `Study`")
+    design: Design | None = inner(None, help="as in `Study`")
 
-    def __post_init__(self) -> None:
-        for name, hint in hints_of(ComparisonPlan).items():
-            if name not in ("tasks", "methods", "metric"):
-                object.__setattr__(self, name, as_hinted(hint, getattr(self, name), name))
-        if self.steps is not None:
-            check_integer("steps", self.steps, 1)
-        check_integer("evaluate", self.evaluate, 1, 10**9)
+    def validate(self) -> None:
         object.__setattr__(self, "tasks", dict(_tasks(self.tasks, self)))
         object.__setattr__(self, "methods", dict(_methods(self.methods, self.tasks)))
         if self.seconds is not None:
-            check_positive("seconds", self.seconds)
             check(self.steps is None, "steps", self.steps, "left out where there is a budget in seconds")
             timed = [name for name, task in self.tasks.items() if task.steps is not None]
             check(not timed, "tasks.steps", timed, "left out where there is a budget in seconds")

@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._consent import allow
-from motorgrad._errors import check, check_integer, unknown
+from motorgrad._errors import check, unknown
 from motorgrad._interface import ActionCode, Interface, ObservationCode
 from motorgrad._natural import STEPS, natural_learner
 from motorgrad._running import RunningMean
-from motorgrad.schema import check_fields, number, static
+from motorgrad.schema import count, number, static
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.gymnasium._batch import (
@@ -85,6 +85,7 @@ class Gymnasium(HostTask):
 
     name: ClassVar[str] = "gymnasium"
     episodic: ClassVar[bool] = True
+    metric_units: ClassVar[Mapping[str, str]] = {"length": "steps", "success": "1", "solved": "1"}
 
     env_id: str = static(
         "CartPole-v1",
@@ -98,8 +99,8 @@ class Gymnasium(HostTask):
         help="arguments passed to `gymnasium.make`: numbers, strings, true or false. They may include "
         "`max_episode_steps`",
     )
-    repeat: int = static(
-        1, help="number of environment steps per decision, during which the action is held and rewards are summed"
+    repeat: int = count(
+        1, 1, help="number of environment steps per decision, during which the action is held and rewards are summed"
     )
     scaling: Scaling = static(
         "auto",
@@ -124,15 +125,18 @@ class Gymnasium(HostTask):
         "over steps is recorded under the key's name. Where the environment reports several of `solved`, "
         "`success` and `is_success`, the one named here means success",
     )
-    success_steps: int = static(1, unit="steps", help="the least number of solved steps in a successful episode")
+    success_steps: int = count(
+        1, 1, 2**24, unit="steps", help="the least number of solved steps in a successful episode"
+    )
 
     def __post_init__(self) -> None:
         for name, value in self._kwargs.items():
             plain = isinstance(value, bool | int | float | str)
             check(plain, f"kwargs.{name}", value, "a number, a string, true or false, so that the run can be described")
-        check_fields(self)
-        check_integer("repeat", self.repeat, 1)
-        check_integer("success_steps", self.success_steps, 1, 2**24, "steps")
+        super().__post_init__()
+
+    def validate(self) -> None:
+        super().validate()
         check(len(set(self.info)) == len(self.info), "info", self.info, "different keys")
         _ = self._facts  # raises for unsupported spaces
 

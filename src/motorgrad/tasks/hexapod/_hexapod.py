@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from motorgrad._errors import check, check_integer
+from motorgrad._errors import check
 from motorgrad._natural import natural_actor_critic
 from motorgrad._running import counted_round
 from motorgrad.bodies import (
@@ -24,8 +24,7 @@ from motorgrad.bodies import (
     read_hexapod,
     read_trunk,
 )
-from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.schema import inner, number, static
+from motorgrad.schema import count, inner, number, static
 from motorgrad.tasks._task import Flag, Metric, Mirror, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, hexapod_mirror, overturned
@@ -41,7 +40,6 @@ SECOND = 1.0  # s, over which a stall is measured
 STALL = 0.3  # m/s, the mean speed below which a second counts as a stall
 TOUCH = 0.5  # N
 SETTLING = 2.0  # s, excluded from the gait at the start of an evaluation
-MAX_LAG = 1_000
 LEVEL = Terrain(difficulty=0.0)
 BATCH = 160  # decisions per update of the parameters
 UPDATES = 1200  # updates after which annealing ends
@@ -90,11 +88,10 @@ class Hexapod(WalkingTask):
 
     name: ClassVar[str] = "hexapod"
     metric_names: ClassVar[tuple[str, ...]] = ("speed", "net", "stalls", "falls")
-    episodic: ClassVar[bool] = True
+    metric_units: ClassVar[Mapping[str, str]] = {**WalkingTask.metric_units, "net": "m/s", "stalls": "1"}
     learner: ClassVar[Mapping[str, Any]] = MUSCLE_LEARNER
 
-    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
-    terrain: Terrain = static(
+    terrain: Terrain = inner(
         LEVEL, help="the ground (`motorgrad.bodies.Terrain`), an infinite level plane at difficulty 0"
     )
     synergies: tuple[str, ...] | None = static(
@@ -112,34 +109,30 @@ class Hexapod(WalkingTask):
         "divided by 0.2, its velocity forward, to the left and up, divided by 2, 1 and 0.5 m/s, and "
         "its rates of rotation about these axes, divided by 3 rad/s. They are always in this order",
     )
-    lag: int = static(1, unit="decisions", help='delay of the observation `"lateral"`; 0 in the thesis')
-    angle_scale: float = number(30.0, unit="degrees", help="the angle of a joint that is observed as 1")
-    yaw_smoothing: float = number(0.1, help="the weight of the newest yaw rate in the smoothed one, in (0, 1]")
+    lag: int = count(1, 0, 1_000, unit="decisions", help='delay of the observation `"lateral"`; 0 in the thesis')
+    angle_scale: float = number(30.0, 0.01, 90, unit="degrees", help="the angle of a joint that is observed as 1")
+    yaw_smoothing: float = number(
+        0.1, 0, 1, open_low=True, help="the weight of the newest yaw rate in the smoothed one"
+    )
     reward_type: Literal["heading", "course", "x"] = static(
         "course",
         help='the direction of the rewarded velocity: the `"heading"`; the `"course"`, that is the heading'
         ' at the start of a course; or the world\'s `"x"` axis',
     )
-    course: int = static(
+    course: int = count(
         BATCH,
+        1,
         unit="decisions",
         help="the length of a course; the batch size of the learner gives a new course per batch",
     )
     reward_scale: float = number(4.0, help="reward per m/s of velocity")
-    action_period: float = number(
-        0.02, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
-    )
-    time_limit: float | None = number(
-        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
-    )
+    action_period: float = 0.02
+    time_limit: float | None = None
 
-    def __post_init__(self) -> None:
-        self.check_walking("angle_scale")
-        check(len(self.observes) > 0, "observes", self.observes, f"at least one of {', '.join(SENSES)}")
+    def validate(self) -> None:
+        super().validate()
+        check(self.observes, "observes", self.observes, f"at least one of {', '.join(SENSES)}")
         check(len(set(self.observes)) == len(self.observes), "observes", self.observes, "different senses")
-        check_integer("lag", self.lag, 0, MAX_LAG, "decisions")
-        check_integer("course", self.course, 1, 2**31 - 1, "decisions")
-        check(0 < self.yaw_smoothing <= 1, "yaw_smoothing", self.yaw_smoothing, "in (0, 1]")
         self.drives  # noqa: B018 (raises for unknown synergies)
 
     @property
@@ -168,6 +161,10 @@ class Hexapod(WalkingTask):
         named["trunk"] = ["pitch", "roll", *(f"velocity {way}" for way in ("forward", "left", "up"))]
         named["trunk"] += [f"{kind} rate" for kind in ("roll", "pitch", "trunk's yaw")]
         return tuple(name for sense in self._seen for name in named.get(sense, [sense]))
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        return tuple({"yaw": "rad/s", "course": "rad"}.get(name, "1") for name in self.observation_names)
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:
@@ -326,11 +323,10 @@ class HexapodProprioception(Hexapod):
         entropy=0.02,
     )
 
-    observes: tuple[Sense, ...] = static(
-        ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk"),
-        help="by default everything present: angles and velocities of the joints, contacts, heading, and the "
-        "motion of the trunk",
-    )
+    observes: tuple[Sense, ...] = ("current", "contact", "yaw", "course", "vertical", "velocity", "trunk")
     time_limit: float | None = number(
-        8.0, unit="s", help="8 by default, so that the hexapod practises setting off; `None` for one long walk"
+        8.0,
+        unit="s",
+        help="simulated time after which an episode is cut, so that the hexapod practises setting off; `None` for one "
+        "long walk",
     )

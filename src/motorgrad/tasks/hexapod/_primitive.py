@@ -13,8 +13,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._arrays import AnyArray
 from motorgrad.bodies import LEGS, TRIPODS, BodyState, read_hexapod
-from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.schema import inner, number
+from motorgrad.schema import number
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
@@ -51,7 +50,7 @@ class HexapodPrimitive(WalkingTask):
     actions: ClassVar[Actions] = "graded"
     clips_actions: ClassVar[bool] = True
     metric_names: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
-    episodic: ClassVar[bool] = True
+    metric_units: ClassVar[Mapping[str, str]] = {**WalkingTask.metric_units, "begins": "1/s"}
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": {"kind": "primitives", "deviation": 0.5},
         "decay": 0.97,
@@ -64,22 +63,17 @@ class HexapodPrimitive(WalkingTask):
         },
     }
 
-    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
     swing: float = number(0.2, unit="s", help="duration of a swing for the action 0")
     stance: float = number(0.2, unit="s", help="duration of a stance for the action 0")
-    shortest: float = number(0.02, unit="s", help="the least duration of a swing or a stance")
-    longest: float = number(1.0, unit="s", help="the greatest duration of a swing or a stance")
-    angle_scale: float = number(30.0, unit="degrees", help="the lateral angle that is observed as 1")
+    shortest: float = number(0.02, 0, open_low=True, unit="s", help="the least duration of a swing or a stance")
+    longest: float = number(1.0, 0, open_low=True, unit="s", help="the greatest duration of a swing or a stance")
+    angle_scale: float = number(30.0, 0.01, 90, unit="degrees", help="the lateral angle that is observed as 1")
     reward_scale: float = number(4.0, help="reward per m/s of velocity")
-    action_period: float = number(
-        0.02, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
-    )
-    time_limit: float | None = number(
-        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
-    )
+    action_period: float = 0.02
+    time_limit: float | None = None
 
-    def __post_init__(self) -> None:
-        self.check_walking("angle_scale")
+    def validate(self) -> None:
+        super().validate()
         self.check_limits(self.shortest, self.longest, swing=self.swing, stance=self.stance)
 
     @functools.cached_property
@@ -95,6 +89,10 @@ class HexapodPrimitive(WalkingTask):
     def observation_names(self) -> tuple[str, ...]:
         over = [f"step {step} over" for step in range(STEPS)]
         return (*over, *(f"angle {leg.replace('_', ' ')}" for leg in LEGS))
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        return ("1",) * self.observation_size
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:

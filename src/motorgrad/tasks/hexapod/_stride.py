@@ -14,13 +14,10 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._arrays import AnyArray
 from motorgrad._errors import check
 from motorgrad.bodies import BodyState, SlopeBatch, TripodClock, read_hexapod
-from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.schema import inner, number, static
+from motorgrad.schema import Range, inner, number, static
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
 from motorgrad.tasks.hexapod._synergies import synergy_matrix
 from motorgrad.tasks.hexapod._walking import TRIPOD_SYNERGIES, WalkingTask, overturned
-
-STEEPEST = 45.0  # degrees
 
 
 class StrideMemory(NamedTuple):
@@ -53,7 +50,7 @@ class HexapodStride(WalkingTask):
     actions: ClassVar[Actions] = "graded"
     clips_actions: ClassVar[bool] = True
     metric_names: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
-    episodic: ClassVar[bool] = True
+    metric_units: ClassVar[Mapping[str, str]] = {**WalkingTask.metric_units, "period": "s"}
     uniforms: ClassVar[int] = 1
     init_uniforms: ClassVar[int] = 1
     learner: ClassVar[Mapping[str, Any]] = {
@@ -63,40 +60,33 @@ class HexapodStride(WalkingTask):
         "learning_rate": {"weights": 3e-5, "bias": 3e-5, "log_deviation": 0.0},
     }
 
-    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
     clock: TripodClock = inner(
         factory=TripodClock, help="converts the phase of a stride to swing and stance (`motorgrad.bodies.TripodClock`)"
     )
     slopes: tuple[float, ...] = static(
         (-10.0, -5.0, 0.0, 5.0, 10.0),
+        allowed=Range(-45, 45),
         unit="degrees",
         help="from which each stretch draws one at random, positive uphill",
     )
     stretch: float = number(4.0, unit="s", help="duration of a slope")
     start: float = number(0.3, unit="s", help="the period for the action 0")
-    shortest: float = number(0.08, unit="s", help="the least period")
-    longest: float = number(0.8, unit="s", help="the greatest period")
-    pitch_scale: float = number(10.0, unit="degrees", help="the pitch that is observed as 1")
-    smoothing: float = number(0.05, help="the weight of the newest pitch in the smoothed one, in (0, 1]")
+    shortest: float = number(0.08, 0, open_low=True, unit="s", help="the least period")
+    longest: float = number(0.8, 0, open_low=True, unit="s", help="the greatest period")
+    pitch_scale: float = number(10.0, 0.01, 90, unit="degrees", help="the pitch that is observed as 1")
+    smoothing: float = number(0.05, 0, 1, open_low=True, help="the weight of the newest pitch in the smoothed one")
     reward_scale: float = number(4.0, help="reward per m/s of velocity")
-    action_period: float = number(
-        0.01, unit="s", help="simulated time between two decisions, a multiple of the body's time step"
-    )
-    time_limit: float | None = number(
-        None, unit="s", help="simulated time after which an episode is cut; `None` for no limit"
-    )
+    action_period: float = 0.01
+    time_limit: float | None = None
 
-    def __post_init__(self) -> None:
-        self.check_walking("pitch_scale")
-        within = len(self.slopes) > 0 and all(abs(slope) <= STEEPEST for slope in self.slopes)
-        check(within, "slopes", self.slopes, f"at least one, each from -{STEEPEST:g} to {STEEPEST:g} degrees")
+    def validate(self) -> None:
+        super().validate()
+        check(self.slopes, "slopes", self.slopes, "at least one")
         least = 2 * self.action_period
         check(least <= self.shortest, "shortest", self.shortest, f"at least two decisions, {least:g} s")
         self.check_limits(self.shortest, self.longest, start=self.start)
         decisions = self.stretch / self.action_period
         check(1 <= decisions < 2**31, "stretch", self.stretch, "at least one decision, and finite")
-
-        check(0 < self.smoothing <= 1, "smoothing", self.smoothing, "in (0, 1]")
 
     def batch(self, seeds: Sequence[int], threads: int = 0) -> SlopeBatch:
         return SlopeBatch(self.body, len(seeds), self.substeps, threads)
@@ -112,6 +102,10 @@ class HexapodStride(WalkingTask):
     @property
     def observation_names(self) -> tuple[str, ...]:
         return ("pitch",)
+
+    @property
+    def observation_units(self) -> tuple[str, ...]:
+        return ("1",) * self.observation_size
 
     @property
     def observation_range(self) -> tuple[tuple[float, float], ...]:

@@ -1,8 +1,8 @@
 """What all walking tasks share: the muscle-driven hexapod, its mirror image, and the synergies of its tripods."""
 
-import math
-from collections.abc import Iterable, Sequence
-from typing import Literal
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS, HexapodReading
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.schema import check_fields
+from motorgrad.schema import inner
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Metric, Mirror
 
@@ -42,24 +42,22 @@ TRIPOD_SYNERGIES = tuple(
 """Swing (lift and protract) and stance (depress and retract) of the first tripod, then of the second."""
 
 
+@dataclasses.dataclass(frozen=True)
 class WalkingTask(BodyTask):
     """A task on a muscle-driven hexapod: rewarded for distance, ended when the trunk overturns."""
 
-    body: HexapodBody
-    reward_scale: float
+    episodic: ClassVar[bool] = True
+    metric_units: ClassVar[Mapping[str, str]] = {"speed": "m/s", "falls": "1/s"}
 
-    def check_walking(self, angle: str) -> None:
-        """Check the settings that all walking tasks share, and the scale named `angle`, in degrees."""
-        check_fields(self)
+    body: HexapodBody = inner(factory=HexapodBody, help="the hexapod (`motorgrad.bodies.Hexapod`), driven by muscles")
+
+    def validate(self) -> None:
+        super().validate()
         check(self.body.drive == "muscles", "body.drive", self.body.drive, "'muscles'")
-        self.check_times()
-        value = getattr(self, angle)
-        check(0.01 <= value <= 90, angle, value, "an angle from 0.01 to 90 degrees")
 
     def check_limits(self, shortest: float, longest: float, **usual: float) -> None:
-        """Check the least and greatest duration in seconds, and that the `usual` durations lie between them."""
-        check(0 < shortest < math.inf, "shortest", shortest, "positive and finite")
-        check(shortest <= longest < math.inf, "longest", longest, f"at least {shortest!r} s")
+        """Refuse a greatest duration below the least, and `usual` durations that do not lie between them, in s."""
+        check(shortest <= longest, "longest", longest, f"at least {shortest!r} s")
         for name, value in usual.items():
             check(shortest <= value <= longest, name, value, f"from {shortest!r} to {longest!r} s")
 

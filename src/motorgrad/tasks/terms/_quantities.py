@@ -5,55 +5,88 @@ from collections.abc import Callable
 from dataclasses import KW_ONLY
 from typing import Literal, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._running import counted_on
-from motorgrad.schema import count, inner, number, static
-from motorgrad.tasks.terms._term import Bound, Names, Now, Numbers, Quantity, Scalar, Scene, by_name, norm, vector
+from motorgrad.schema import count, number, static
+from motorgrad.tasks.terms._term import (
+    PURE,
+    Bound,
+    Names,
+    Now,
+    Numbers,
+    Quantity,
+    Scalar,
+    Scene,
+    by_name,
+    common,
+    norm,
+    units_of,
+    vector,
+)
 
 REST = 0.01
 """A load up to which a muscle rests."""
 
 
-class OfDistance(Quantity):
-    """A function of the distance from the body to a target, the length of the error. Subclasses define `of`."""
+class OfTarget(Quantity):
+    """A quantity that depends on a target."""
 
-    target: eqx.AbstractVar[str]
+    target: str = static("target", help="name of the target")
+
+    def distance(self, scene: Scene) -> Callable[[Now], Scalar]:
+        """The distance from the body to the target, the length of the error, in m or rad."""
+        target = scene.target(self.target)
+        return lambda now: norm(target.error(now, self.target))
+
+
+class OfPart(Quantity):
+    """A quantity of a part of the body."""
+
+    part: str = static("", help="name of a site, body or geom")
+
+
+class OfDistance(OfTarget):
+    """A function of the distance from the body to a target. Subclasses define `of`."""
 
     @abc.abstractmethod
     def of(self, distance: Scalar) -> Scalar:
         """The quantity at a distance, in m or rad."""
 
+    def unit(self, distance: str) -> str:
+        """The unit of the quantity, from that of the distance."""
+        del distance
+        return PURE
+
     def bind(self, scene: Scene) -> Bound:
-        read = _distance(scene, self.target)
-        return Bound(lambda now: self.of(read(now)))
+        read = self.distance(scene)
+        unit = self.unit(common(units_of(scene.target(self.target))))
+        return Bound(lambda now: self.of(read(now)), units=unit)
 
 
 class Distance(OfDistance):
     """How far the body is from a target: the length of the error, in m or rad, to a power."""
 
-    target: str = static("target", help="name of the target")
     power: float = number(1.0, 0, open_low=True, help="the exponent to which the length is raised")
     _: KW_ONLY
-    weight: float = number(-1.0, help="factor in the reward, by default −1")
+    weight: float = -1.0
 
     def of(self, distance: Scalar) -> Scalar:
         return distance if self.power == 1 else distance**self.power
 
+    def unit(self, distance: str) -> str:
+        if distance in ("", PURE):
+            return distance
+        power = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(self.power))
+        return "" if power is None else f"{distance}{power}"
+
 
 class Closeness(OfDistance):
-    r"""How close the body is to a target, $e^{-d^2/2w^2}$ of the distance $d$: 1 there, 0 far away.
+    r"""How close the body is to a target, $e^{-d^2/2w^2}$ of the distance $d$: 1 there, 0 far away."""
 
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
-
-    target: str = static("target", help="name of the target")
     width: float = number(0.1, 0, open_low=True, unit="m or rad", help="$w$, where it has fallen to 0.61")
 
     def of(self, distance: Scalar) -> Scalar:
@@ -61,102 +94,73 @@ class Closeness(OfDistance):
 
 
 class Within(OfDistance):
-    """Whether the body is within a tolerance of a target, 1 or 0: a bonus in the reward, the solved share as a reading.
+    """Whether the body is within a tolerance of a target, 1 or 0: a bonus in the reward, the solved share as a
+    reading."""
 
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
-
-    target: str = static("target", help="name of the target")
     tolerance: float = number(0.05, 0, open_low=True, unit="m or rad", help="distance below which it counts")
 
     def of(self, distance: Scalar) -> Scalar:
         return jnp.where(distance < self.tolerance, 1.0, 0.0)
 
 
-class Beyond(Quantity):
+class Beyond(OfTarget):
     """Whether the body is farther from a target than a limit, 1 or 0: a penalty in the reward."""
 
-    target: str = static("target", help="name of the target")
     limit: float = number(0.5, 0, open_low=True, unit="m or rad", help="distance above which it counts")
     after: float = number(0.0, 0, unit="s", help="time in an episode from which it counts")
     _: KW_ONLY
-    weight: float = number(-1.0, help="factor in the reward, by default −1")
+    weight: float = -1.0
 
     def bind(self, scene: Scene) -> Bound:
         # times are multiples of the period, but rounded
-        read = _distance(scene, self.target)
+        read = self.distance(scene)
         half = scene.period / 2
-        return Bound(lambda now: jnp.where((read(now) > self.limit) & (now.time > self.after - half), 1.0, 0.0))
+        return Bound(
+            lambda now: jnp.where((read(now) > self.limit) & (now.time > self.after - half), 1.0, 0.0), units=PURE
+        )
 
 
-class Success(Quantity):
+class Success(OfTarget):
     """Whether the body was within a tolerance of a target at more than a number of decisions of the episode, 1 or 0. As
-    a metric it is recorded at the end of each episode.
+    a metric it is recorded at the end of each episode."""
 
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
-
-    target: str = static("target", help="name of the target")
     tolerance: float = number(0.05, 0, open_low=True, unit="m or rad", help="distance below which it counts")
     decisions: int = count(5, help="the number that must be exceeded")
     _: KW_ONLY
-    at_end: bool = static(True)
+    at_end: bool = True
 
     def bind(self, scene: Scene) -> Bound:
-        read = _distance(scene, self.target)
+        read = self.distance(scene)
         return Bound(
             lambda now: jnp.where(now.memory > self.decisions, 1.0, 0.0),
             init=lambda: jnp.zeros((), jnp.int32),
             step=lambda now: counted_on(now.memory, read(now) < self.tolerance),
+            units=PURE,
         )
 
 
-class Height(Quantity):
-    """The height of a site, body or geom, in m.
-
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
-
-    part: str = static("", help="name of a site, body or geom")
+class Height(OfPart):
+    """The height of a site, body or geom, in m."""
 
     def bind(self, scene: Scene) -> Bound:
         point = scene.point(self.part)
-        return Bound(lambda now: point(now.state)[2])
+        return Bound(lambda now: point(now.state)[2], units="m")
 
 
-class Upright(Quantity):
-    """The cosine of the angle between an axis of a site, body or geom and the vertical: 1 upright, −1 upside down.
+class Upright(OfPart):
+    """The cosine of the angle between an axis of a site, body or geom and the vertical: 1 upright, −1 upside down."""
 
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
-
-    part: str = static("", help="name of a site, body or geom")
-    axis: Literal["x", "y", "z"] = static("z", help='axis of the part, `"x"`, `"y"` or `"z"`')
+    axis: Literal["x", "y", "z"] = static("z", help="axis of the part")
 
     def bind(self, scene: Scene) -> Bound:
         sensor = scene.sensor(f"FRAME{self.axis.upper()}AXIS", *scene.place(self.part))
-        return Bound(lambda now: now.state.sensors[sensor][2])
+        return Bound(lambda now: now.state.sensors[sensor][2], units=PURE)
 
 
-class Along(Quantity):
-    """The velocity of a site, body or geom along a direction of the world, in m/s.
+class Along(OfPart):
+    """The velocity of a site, body or geom along a direction of the world, in m/s."""
 
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
-
-    part: str = static("", help="name of a site, body or geom")
-    direction: tuple[float, float, float] = vector((1.0, 0.0, 0.0), help="in the world; its length does not matter"
-    )
+    direction: tuple[float, float, float] = vector((1.0, 0.0, 0.0), help="in the world; its length does not matter")
     most: float | None = number(None, 0, unit="m/s", help="a higher velocity counts as this one")
 
     def validate(self) -> None:
@@ -170,7 +174,7 @@ class Along(Quantity):
             speed = jnp.sum(motion(now.state) * ahead)
             return speed if self.most is None else jnp.minimum(speed, self.most)
 
-        return Bound(read)
+        return Bound(read, units="m/s")
 
 
 class Speed(Quantity):
@@ -179,25 +183,25 @@ class Speed(Quantity):
     part: str | None = static(None, help="name of a site, body or geom, or none")
     joints: Names = by_name("*", help="names or patterns of joints")
     _: KW_ONLY
-    weight: float = number(-1.0, help="factor in the reward, by default −1")
+    weight: float = -1.0
 
     def bind(self, scene: Scene) -> Bound:
         if self.part is not None:
             motion = scene.motion(self.part)
-            return Bound(lambda now: norm(motion(now.state)))
+            return Bound(lambda now: norm(motion(now.state)), units="m/s")
         places = scene.velocities(self.joints)[1]
-        return Bound(lambda now: norm(now.state.velocity[places]) / len(places) ** 0.5)
+        unit = common(scene.velocity_units(places))
+        return Bound(lambda now: norm(now.state.velocity[places]) / len(places) ** 0.5, units=unit)
 
 
-class Outside(Quantity):
+class Outside(OfPart):
     """Whether a site, body or geom is outside a box, 1 or 0. As a termination, it needs no limit."""
 
-    part: str = static("", help="name of a site, body or geom")
     low: Numbers = vector((-1.0, -1.0, -1.0), unit="m", help="the lowest corner of the box")
     high: Numbers = vector((1.0, 1.0, 1.0), unit="m", help="the highest corner of the box")
     _: KW_ONLY
-    weight: float = number(-1.0, help="factor in the reward, by default −1")
-    above: float | None = number(0.5)
+    weight: float = -1.0
+    above: float | None = 0.5
 
     def validate(self) -> None:
         fine = len(self.low) == len(self.high) == 3 and all(a < b for a, b in zip(self.low, self.high, strict=True))
@@ -207,7 +211,7 @@ class Outside(Quantity):
         point = scene.point(self.part)
         low = np.array(self.low)
         high = np.array(self.high)
-        return Bound(lambda now: jnp.any((point(now.state) < low) | (point(now.state) > high)) * 1.0)
+        return Bound(lambda now: jnp.any((point(now.state) < low) | (point(now.state) > high)) * 1.0, units=PURE)
 
 
 class Effort(Quantity):
@@ -222,13 +226,14 @@ class Effort(Quantity):
         False, help="whether to take the length of the vector instead, divided by the number of actuators"
     )
     _: KW_ONLY
-    weight: float = number(-1.0, help="factor in the reward, by default −1")
+    weight: float = -1.0
 
     def bind(self, scene: Scene) -> Bound:
         levels, count = self._levels(scene)
+        unit = PURE if self.of == "control" else scene.level_unit(self.actuators)
         if self.root:
-            return Bound(lambda now: norm(levels(now)) / count)
-        return Bound(lambda now: jnp.mean(levels(now) ** self.power))
+            return Bound(lambda now: norm(levels(now)) / count, units=unit)
+        return Bound(lambda now: jnp.mean(levels(now) ** self.power), units=unit)
 
     def _levels(self, scene: Scene) -> tuple[Callable[[Now], Array], int]:
         """The levels of the actuators, and how many there are."""
@@ -275,7 +280,7 @@ class Fatigue(Quantity):
         help="the factor by which both fatigue and recovery are faster than in life, for short episodes",
     )
     _: KW_ONLY
-    weight: float = number(-1.0, help="factor in the reward, by default −1")
+    weight: float = -1.0
 
     def bind(self, scene: Scene) -> Bound:
         load, count = _control_shares(scene, self.actuators)
@@ -284,6 +289,7 @@ class Fatigue(Quantity):
             lambda now: jnp.mean(now.memory.fatigued),
             init=lambda: Compartments(nothing, nothing),
             step=lambda now: self.after(now.memory, load(now), scene.period),
+            units=PURE,
         )
 
     def after(self, state: Compartments, load: Array, seconds: float) -> Compartments:
@@ -302,16 +308,11 @@ class Fatigue(Quantity):
 
 
 class Alive(Quantity):
-    """1 at every decision.
-
-    **Arguments:**
-
-    - `weight`: factor in the reward, by default 1.
-    """
+    """1 at every decision."""
 
     def bind(self, scene: Scene) -> Bound:
         del scene
-        return Bound(lambda now: jnp.ones(()))
+        return Bound(lambda now: jnp.ones(()), units=PURE)
 
 
 def _control_shares(scene: Scene, actuators: Names) -> tuple[Callable[[Now], Array], int]:
@@ -319,8 +320,3 @@ def _control_shares(scene: Scene, actuators: Names) -> tuple[Callable[[Now], Arr
     places = scene.groups(actuators)
     most = np.maximum(np.abs(scene.control_range).max(axis=1), 1e-9)[places]
     return lambda now: jnp.abs(now.control[places]) / most, len(places)
-
-
-def _distance(scene: Scene, name: str) -> Callable[[Now], Scalar]:
-    target = scene.target(name)
-    return lambda now: norm(target.error(now, name))

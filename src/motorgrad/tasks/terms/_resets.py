@@ -10,15 +10,14 @@ from scipy.special import ndtri
 
 from motorgrad._errors import check, unknown
 from motorgrad._random import MIN_UNIFORM
-from motorgrad.schema import inner, number, static
+from motorgrad.schema import number, static
 from motorgrad.tasks.terms._targets import joint_ranges
 from motorgrad.tasks.terms._term import BoundReset, Names, Numbers, Reset, Scene, Start, by_name, vector
 
 
 class Keyframe(Reset):
     """Start in a keyframe of the model, with its positions, velocities and activations, or in one of several, drawn for
-    each episode.
-    """
+    each episode."""
 
     names: tuple[str, ...] = static((), help="names of the keyframes; by default all")
 
@@ -44,13 +43,13 @@ class RandomJoints(Reset):
     """Start with joints at random positions."""
 
     joints: Names = by_name("*", help="names or patterns, of hinges and slides")
-    low: Numbers | None = vector(None, unit="rad or m", help="least positions; by default those of the joints' own ranges"
+    low: Numbers | None = vector(
+        None, unit="rad or m", help="least positions; by default those of the joints' own ranges"
     )
-    high: Numbers | None = vector(None, unit="rad or m", help="greatest positions, between which they are drawn uniformly"
+    high: Numbers | None = vector(
+        None, unit="rad or m", help="greatest positions, between which they are drawn uniformly"
     )
-    share: float = number(
-        1.0, 0, 1, help="from 0 to 1, the part of that range, about its middle, in which they are drawn"
-    )
+    share: float = number(1.0, 0, 1, help="the part of that range, about its middle, in which they are drawn")
 
     def bind(self, scene: Scene) -> BoundReset:
         names, places = scene.positions(self.joints)

@@ -18,7 +18,7 @@ from motorgrad._errors import check, shown_path
 from motorgrad._limits import MAX_MOTION_BYTES
 from motorgrad._reading import arrays_in, content_of, error_message, numbers_in
 from motorgrad.bodies import BodyState
-from motorgrad.schema import inner, static
+from motorgrad.schema import static
 from motorgrad.tasks.terms._term import BoundTarget, Names, Numbers, Scene, Target, by_name, vector
 
 REACHABLE = 2_048
@@ -30,18 +30,13 @@ MAX_TRAJECTORY_NUMBERS = 100_000
 
 class Reach(Target):
     """A place that sites, bodies or geoms should reach: a fixed one, one drawn in a box, or one that a random pose
-    reaches.
-
-    **Arguments:**
-
-    - `name`: the name by which other terms refer to the target.
-    """
+    reaches."""
 
     parts: Names = by_name("hand", help="a name, or several")
     at: Numbers | None = vector(None, unit="m", help="a fixed place; three numbers for each part")
-    low: Numbers | None = vector(None, unit="m", help="the lowest corner of the box from which it is drawn uniformly"
-    )
-    high: Numbers | None = vector(None,
+    low: Numbers | None = vector(None, unit="m", help="the lowest corner of the box from which it is drawn uniformly")
+    high: Numbers | None = vector(
+        None,
         unit="m",
         help="the highest corner. Without `at` or a box, the place is where the parts are in a pose whose "
         "`joints` are drawn uniformly in their ranges, so that it can be reached",
@@ -75,22 +70,20 @@ class Reach(Target):
             lambda state: jnp.concatenate([point(state) for point in points]),
             marked=True,
             shown=shown,
+            units="m",
         )
 
 
 class Pose(Target):
-    """Positions that joints should have: fixed ones, or drawn for each episode.
-
-    **Arguments:**
-
-    - `name`: the name by which other terms refer to the target.
-    """
+    """Positions that joints should have: fixed ones, or drawn for each episode."""
 
     joints: Names = by_name("*", help="names or patterns, of hinges and slides")
     at: Numbers | None = vector(None, unit="rad or m", help="fixed positions, one for each joint")
-    low: Numbers | None = vector(None, unit="rad or m", help="least positions; by default those of the joints' own ranges"
+    low: Numbers | None = vector(
+        None, unit="rad or m", help="least positions; by default those of the joints' own ranges"
     )
-    high: Numbers | None = vector(None, unit="rad or m", help="greatest positions, between which they are drawn uniformly"
+    high: Numbers | None = vector(
+        None, unit="rad or m", help="greatest positions, between which they are drawn uniformly"
     )
 
     def bind(self, scene: Scene) -> BoundTarget:
@@ -100,7 +93,10 @@ class Pose(Target):
             low, high = (tuple(each) for each in joint_ranges(scene, self.joints).T.tolist())
         uniforms, draw = _drawing(len(names), self.at, low, high)
         names = tuple(names)
-        return BoundTarget(names, uniforms, draw, _stays, lambda state: state.position[places], shown=names)
+        units = scene.position_units(places)
+        return BoundTarget(
+            names, uniforms, draw, _stays, lambda state: state.position[places], shown=names, units=units
+        )
 
 
 class Follow(Target):
@@ -110,10 +106,6 @@ class Follow(Target):
     It is given as `time` and `values`, or read once from a `file`: an NPZ file with arrays `time` and `values`, or a
     CSV file whose first column is the time in s, with or without a line of titles. A run keeps the numbers, and does
     not need the file again.
-
-    **Arguments:**
-
-    - `name`: the name by which other terms refer to the target.
     """
 
     parts: Names = by_name((), help="names of sites, bodies or geoms whose places (m) are followed; or")
@@ -142,6 +134,7 @@ class Follow(Target):
         if self.joints:
             labels, places = scene.positions(self.joints)
             names = tuple(labels)
+            units = scene.position_units(places)
 
             def actual(state: BodyState) -> Array:
                 return state.position[places]
@@ -150,6 +143,7 @@ class Follow(Target):
             parts = scene.parts(self.parts)
             points = [scene.point(name) for name in parts]
             names = tuple(f"{name} {axis}" for name in parts for axis in "xyz")
+            units = ("m",) * len(names)
 
             def actual(state: BodyState) -> Array:
                 return jnp.concatenate([point(state) for point in points])
@@ -173,7 +167,7 @@ class Follow(Target):
         draw = (lambda uniforms: length * uniforms[0]) if self.random_start else lambda uniforms: jnp.zeros(())
         uniforms = int(self.random_start)
         again = self.time[-1] if self.repeats else 0.0
-        return BoundTarget(names, uniforms, draw, wanted, actual, placed, True, length=again)
+        return BoundTarget(names, uniforms, draw, wanted, actual, placed, True, length=again, units=units)
 
 
 def joint_ranges(scene: Scene, joints: str | Sequence[str]) -> Float[np.ndarray, "joints 2"]:

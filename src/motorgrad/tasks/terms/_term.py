@@ -1,6 +1,7 @@
 """The terms of composed tasks, and what they see."""
 
 import abc
+import functools
 import inspect
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -14,15 +15,16 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad import schema
 from motorgrad._errors import check, unknown
-from motorgrad.bodies import Anatomy, Body, BodyState
+from motorgrad.bodies import Anatomy, Body, BodyState, actuator_units, joint_columns, muscular
 from motorgrad.schema import Part, kind_of, number, static
 from motorgrad.tasks._task import Scalar
 
 Names = str | tuple[str, ...]
 """A name, a pattern such as `flexor*`, or several of them."""
 Numbers = tuple[float, ...]
-
-
+Units = str | tuple[str, ...]
+"""The unit of some numbers, or that of each: `1` of a pure number, empty where it is unknown."""
+PURE = "1"
 ROUNDING = 1e-7  # of a cycle: what misses the end of one by less is at its end
 
 
@@ -57,8 +59,7 @@ class Now(NamedTuple):
 
     def cycles(self, length: float) -> Scalar:
         """The time in units of `length` seconds without the whole ones, from 0 to 1: exact to single precision after
-        years of an episode, where `time / length` is not.
-        """
+        years of an episode, where `time / length` is not."""
         with jax.enable_x64(True):
             passed = jnp.asarray(self.decisions).astype(jnp.float64) * (self.period / length)
             return jnp.maximum((passed + ROUNDING) % 1.0 - ROUNDING, 0.0).astype(jnp.float32)
@@ -71,12 +72,15 @@ class Bound(NamedTuple):
     - `names`: names of the observed numbers.
     - `init`: what the term remembers at the start of an episode, where it remembers anything.
     - `step`: what it remembers after a decision, from what it remembered before.
+    - `units`: the unit of the quantity or of all observed numbers, or that of each: `1` of a pure number, empty where
+      it is unknown.
     """
 
     read: Callable[[Now], Any]
     names: tuple[str, ...] = ()
     init: Any = None
     step: Callable[[Now], Any] | None = None
+    units: Units = ""
 
 
 class BoundTarget(NamedTuple):
@@ -91,6 +95,7 @@ class BoundTarget(NamedTuple):
     - `moves`: whether it moves within an episode.
     - `shown`: the names under which `Positions` or `JointPositions` show where the body is, in the order of `names`.
     - `length` (s): after which its motion repeats; 0 if it does not.
+    - `units`: of its numbers, as in `Bound`.
     """
 
     names: tuple[str, ...]
@@ -102,6 +107,7 @@ class BoundTarget(NamedTuple):
     moves: bool = False
     shown: tuple[str, ...] = ()
     length: float = 0.0
+    units: Units = ""
 
     def at(self, now: Now, name: str) -> Array:
         """Where the target of this name is now."""
@@ -147,6 +153,27 @@ class Scene(Anatomy):
         sensor = self.sensor("FRAMELINVEL", *self.place(name))
         return lambda state: state.sensors[sensor]
 
+    @functools.cached_property
+    def _joint_units(self) -> list[str]:
+        return [column.unit for column in joint_columns(self.model)]
+
+    def position_units(self, places: Int[np.ndarray, " numbers"]) -> tuple[str, ...]:
+        """The units of generalised positions."""
+        return tuple(self._joint_units[place] for place in places)
+
+    def velocity_units(self, places: Int[np.ndarray, " numbers"]) -> tuple[str, ...]:
+        """The units of generalised velocities."""
+        return tuple(self._joint_units[self.model.nq + place] for place in places)
+
+    def actuator_units(self, name: str) -> tuple[str, str, str]:
+        """The units of an actuator's length, velocity and force."""
+        return actuator_units(self.model, self.model.actuator(name).id)
+
+    def level_unit(self, actuators: Names) -> str:
+        """The unit of activations and controls of actuators: of muscles they are pure numbers."""
+        muscles = muscular(self.model, self.body)
+        return PURE if all(muscles[self.model.actuator(name).id] for name in self.named("actuator", actuators)) else ""
+
 
 class Observation(Part):
     """A term that observes numbers."""
@@ -172,8 +199,7 @@ class Target(Part):
 
 class Quantity(Part):
     """A number that describes the state after a decision. In the reward it is multiplied by its weight. As a
-    termination it ends the episode beyond a limit. As a metric it is recorded. It can be observed, too.
-    """
+    termination it ends the episode beyond a limit. As a metric it is recorded. It can be observed, too."""
 
     _: KW_ONLY
     weight: float = number(1.0, help="the factor in the reward")
@@ -272,6 +298,21 @@ def bound(what: str, term: Observation | Quantity | Target | Reset, scene: Scene
         return term.bind(scene)
     except ValueError as error:
         raise ValueError(f"{what}: {kind_of(term)}: {error}") from None
+
+
+def units_of(term: Bound | BoundTarget) -> tuple[str, ...]:
+    """The unit of each of a term's numbers."""
+    return (term.units,) * len(term.names) if isinstance(term.units, str) else term.units
+
+
+def common(units: Sequence[str]) -> str:
+    """The unit that all have; none where they differ."""
+    return units[0] if len(set(units)) == 1 else ""
+
+
+def scaled(unit: str, factor: float) -> str:
+    """The unit of numbers times a factor: none, unless they stay what they are but for their sign, or are pure."""
+    return unit if abs(factor) == 1 or unit == PURE else ""
 
 
 def norm(vector: Array) -> Scalar:

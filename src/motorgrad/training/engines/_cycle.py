@@ -27,12 +27,9 @@ MAX_TALLY_DECISIONS = 2**31 - 1
 
 
 class Tally(NamedTuple):
-    """Sums since the last record, for one seed, in few arrays, which make a fast call.
-
-    - `sums`: of the reward and of each metric; `carry`, what rounding took from them.
-    - `counts`: how often each metric occurred, episodes ended and the simulation diverged. Before the last two, where
-      only the first episode is counted, the number of its decisions.
-    """
+    """Sums since the last record, for one seed, in few arrays, which make a fast call: of the reward and of each
+    metric; what rounding took from them; and how often each metric occurred, episodes ended and the simulation
+    diverged. Before the last two, where only the first episode is counted, the number of its decisions."""
 
     sums: Float[Array, " 1+metrics"]
     carry: Float[Array, " 1+metrics"]
@@ -59,11 +56,8 @@ class CycleState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cycle:
-    """The decision of `agent` on `task`, as pure functions.
-
-    The agent gives the structure. Its numbers are those of each seed's state, so that one compiled program serves all
-    values.
-    """
+    """The decision of `agent` on `task`, as pure functions. The agent gives the structure. Its numbers are those of
+    each seed's state, so that one compiled program serves all values."""
 
     task: Task
     agent: Agent
@@ -86,18 +80,6 @@ class Cycle:
     def restarts(self) -> bool:
         """Whether the dynamics are ever reset: at the end of an episode, or where they diverged."""
         return self.task.has_episodes or self.diverges
-
-    def begin(
-        self,
-        agent: AgentState,
-        numbers: Float[Array, " numbers"],
-        state: PyTree,
-        init: Float[Array, " _"],
-        uniforms: Float[Array, " _"],
-        statistics: Statistics | None = None,
-    ) -> CycleState:
-        """The state before the first decision, with the dynamics in `state`."""
-        return self.observe(self.blank(agent, numbers, init, statistics), state, uniforms)
 
     def blank(
         self,
@@ -183,10 +165,8 @@ class Cycle:
         diverged: Flag = False,
         resting: bool = False,
     ) -> tuple[CycleState, Flag]:
-        """Observe what the action led to and learn from it. Also returns whether the episode is over.
-
-        `resting` leaves out `Agent.improve`, which changes nothing at this decision, as `rest` has said.
-        """
+        """Observe what the action led to and learn from it. Also returns whether the episode is over. `resting` leaves
+        out `Agent.improve`, which changes nothing at this decision, as `rest` has said."""
         led = outcome(self.task, cycle.memory, state, cycle.action, uniforms, cycle.elapsed)
         agent = cycle.agent
         ended: Flag = False
@@ -221,12 +201,8 @@ class Cycle:
         """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
         memory, observation = observe(self.task, self.task.renew(cycle.memory, init), state, uniforms)
         agent = cycle.agent._replace(memory=cycle.agent.policy.initial_memory())
-        fresh = cycle._replace(
-            agent=agent,
-            memory=memory,
-            observation=observation,
-            elapsed=None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed),
-        )
+        elapsed = None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed)
+        fresh = cycle._replace(agent=agent, memory=memory, observation=observation, elapsed=elapsed)
         return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)
 
     def _count(

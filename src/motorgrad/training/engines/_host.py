@@ -40,8 +40,7 @@ class HostProgram(Program):
 
     **Arguments:** as `Program`; an `example` of the batch, for the layout of its rows; how many `seeds` at most;
     whether policies to begin from are `given`; how many environments, `envs`, feed each learner. With several, the
-    state of a seed has a leading axis of environments in the leaves that belong to one, and a decision of the seed is
-    one of each environment, in turn. Whether only the `first_episode` is counted.
+    leaves of a seed's state that belong to one lead with them, and a decision of the seed is one of each, in turn.
     """
 
     task: HostTask
@@ -124,11 +123,8 @@ class HostProgram(Program):
     def learn_each(
         self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: np.ndarray
     ) -> tuple[Packed, np.ndarray]:
-        """Learn from one decision, where `resting` by the shorter program.
-
-        The two may round differently. So a seed's program depends on itself alone, and both run where seeds differ, as
-        they do after one of them has diverged.
-        """
+        """Learn from one decision, where `resting` by the shorter program. The two may round differently. So a seed's
+        program depends on itself alone, and both run where seeds differ, as they do after one of them has diverged."""
         if resting.all():
             return self.learn_resting(cycles, row)
         if not resting.any():
@@ -247,7 +243,9 @@ class HostProgram(Program):
 
     def _begin(self, seed: Array, numbers: Array, row: Array, own: Policy | None) -> CycleState:
         agent = self.fresh(seed, numbers, own)
-        return self.cycle.begin(agent, numbers, self._unpack_row(row), *self.start_numbers(seed), statistics_of(own))
+        init, uniforms = self.start_numbers(seed)
+        blank = self.cycle.blank(agent, numbers, init, statistics_of(own))
+        return self.cycle.observe(blank, self._unpack_row(row), uniforms)
 
     def _resume(self, seed: Array, cycle: CycleState, row: Array, memory: PyTree) -> CycleState:
         return self.cycle.resume_from(cycle, memory, self._unpack_row(row), *self.start_numbers(seed))
@@ -287,14 +285,11 @@ class HostProgram(Program):
 
 
 class HostStepper(Stepper):
-    """Learning in dynamics on the host: Gymnasium environments, and bodies (`BodyStepper`).
+    """Learning in dynamics on the host: Gymnasium environments, and bodies (`BodyStepper`). Data cross once each way
+    per decision, in packed arrays.
 
-    Data cross once each way per decision, in packed arrays.
-
-    **Arguments:** as `Stepper`; `threads` that step the dynamics, 0 for one per processor, where they can use them;
-    `room`, for how many seeds the shared program is made, by default as many as there are; `envs`, the environments
-    that feed each learner; `workers`, the processes in which Gymnasium environments are stepped, 0 for this one;
-    `first_episode`, as in `stepper_for`.
+    **Arguments:** as of `Stepper` and `stepper_for`; `threads` that step the dynamics, 0 for one per processor, where
+    they can use them; `room`, for how many seeds the shared program is made, by default as many as there are.
     """
 
     task: HostTask
@@ -321,13 +316,8 @@ class HostStepper(Stepper):
         room = max(room, len(self.seeds))
         kind = None if given is None else jax.tree.structure(given.interface)
         more = (mode, room, self.batch.packed.shape[1], given is None, kind, envs, first_episode)
-        self.program = shared(
-            HostProgram,
-            task,
-            agent,
-            more,
-            lambda: HostProgram(task, agent, mode, self.batch, room, given, envs, first_episode),
-        )
+        make = functools.partial(HostProgram, task, agent, mode, self.batch, room, given, envs, first_episode)
+        self.program = shared(HostProgram, task, agent, more, make)
         self.cycle = self.program.cycle
         width = self.batch.packed.shape[1]
         drawn = sum(self.program.sizes.values())
@@ -436,8 +426,7 @@ class HostStepper(Stepper):
         viewed = self.program.viewer(view)
         return lambda: jax.tree.map(np.array, viewed(self._cycles, self.batch.packed))
 
-    def set_number(self, path: str, value: float) -> None:
-        place = self._checked_place(path, value)
+    def _put_number(self, place: int, value: float) -> None:
         cycles = self.program.unpack(self._cycles)
         numbers = np.array(cycles.numbers)
         numbers[:, place] = value

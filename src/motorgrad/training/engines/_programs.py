@@ -21,13 +21,9 @@ _lock = threading.Lock()
 
 
 def shared(kind: type[P], task: Task, agent: Agent, more: Hashable, make: Callable[[], P]) -> P:
-    """The program of this kind for a task and an agent, made once.
-
-    Agents that differ in the values of their numbers alone share a program; so do those whose initial policies are
-    given as arrays of the same shapes.
-
-    **Arguments:** the `kind` of program; the task; the agent; what `more` a program depends on; `make`, which makes it.
-    """
+    """The program of this `kind` for a task, an agent and what `more` it depends on, made once. Agents that differ in
+    the values of their numbers alone share it; so do those whose initial policies are given as arrays of the same
+    shapes."""
     key = (kind, _key_of_task(task), _key_of_agent(agent), more, bool(jax.config.jax_enable_x64))  # type: ignore[attr-defined]
     with _lock:
         if key not in _programs:

@@ -24,13 +24,11 @@ T = TypeVar("T")
 
 
 class SideBySide(Stepper):
-    """Learning in a body, with the seeds shared out to engines that do not wait for each other.
+    """Learning in a body, with the seeds shared out to engines (`BodyStepper`) that do not wait for each other.
 
     Within one engine, physics and learners wait for each other at every decision, and threads share physics alone. So
     many seeds are learned in several engines, a thread for each; only their learners take turns. The shares depend on
     the number of seeds alone, so results are the same in every bit for any number of threads.
-
-    **Arguments:** as `BodyStepper`, in the mode "learn".
     """
 
     def __init__(
@@ -45,9 +43,8 @@ class SideBySide(Stepper):
     ):
         super().__init__(task, agent, seeds, "learn", initial, numbers)
         threads = threads or os.cpu_count() or 1
-        count = 2 ** max(
-            0, math.ceil(math.log2(len(self.seeds) / MAX_SEEDS_PER_ENGINE))
-        )  # which as many threads divide evenly
+        doublings = math.ceil(math.log2(len(self.seeds) / MAX_SEEDS_PER_ENGINE))
+        count = 2 ** max(0, doublings)  # which as many threads divide evenly
         shares = np.array_split(np.arange(len(self.seeds)), count)
         self._ends = [int(share[-1]) + 1 for share in shares[:-1]]
         self._threads = min(threads, count)
@@ -96,10 +93,10 @@ class SideBySide(Stepper):
         views = [engine.viewer(view) for engine in self.engines]
         return lambda: self._joined([viewed() for viewed in views])
 
-    def set_number(self, path: str, value: float) -> None:
-        self._checked_place(path, value)
+    def _put_number(self, place: int, value: float) -> None:
         for engine in self.engines:
-            engine.set_number(path, value)
+            engine.agent = self.agent
+            engine._put_number(place, value)
 
     @property
     def control(self) -> Float[np.ndarray, "seeds groups"]:

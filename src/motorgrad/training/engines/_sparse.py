@@ -17,11 +17,8 @@ LAST: Any = -1
 
 
 class SparseProgram(WorldProgram):
-    """The compiled functions of learning in a JAX world by a `SparseAgent`.
-
-    The loop stops where a table is due, before the next action. The index has its seeds first: rows that one seed looks
-    up are then together in memory.
-    """
+    """The compiled functions of learning in a JAX world by a `SparseAgent`. The loop stops where a table is due, before
+    the next action. The index has its seeds first: rows that one seed looks up are then together in memory."""
 
     axes: ClassVar[Any] = (
         CycleState(
@@ -63,11 +60,8 @@ class SparseProgram(WorldProgram):
 
 
 class SparseStepper(WorldStepper):
-    """Learning in a JAX world by a `SparseAgent`.
-
-    Tables are made on the host wherever the loop stops for them, so results do not depend on how many decisions are
-    made at a time.
-    """
+    """Learning in a JAX world by a `SparseAgent`. Tables are made on the host wherever the loop stops for them, so
+    results do not depend on how many decisions are made at a time."""
 
     program_type: ClassVar[type[WorldProgram]] = SparseProgram
 

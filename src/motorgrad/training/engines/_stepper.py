@@ -40,11 +40,8 @@ def without_broken(record: Record) -> Record:
 
 
 class Program:
-    """The compiled functions of an engine. It has no state, so engines of the same structure share one.
-
-    **Arguments:** the task; the agent, of which only the structure matters; the `mode`; whether the dynamics can
-    diverge; whether only the `first_episode` is counted.
-    """
+    """The compiled functions of an engine. It has no state, so engines of the same structure share one. Of the agent
+    only the structure matters; `diverges` says whether the dynamics can."""
 
     def __init__(
         self, task: Task, agent: Agent, mode: Mode = "learn", diverges: bool = False, first_episode: bool = False
@@ -88,14 +85,10 @@ class Program:
 class Stepper(abc.ABC):
     """Many seeds of one learner on one task, in step.
 
-    **Arguments:**
-
-    - `task` and `agent`.
-    - `seeds`: integers from 0 to 2³¹ − 1. A seed may occur more than once, with other numbers.
-    - `mode`: whether to learn, to act by the frozen policies that `restore` or `use` bring in, or to take the actions
-      of `set_actions`.
-    - `initial`: the policies that the seeds begin from, along a leading axis; by default the agent's.
-    - `numbers`: the hyperparameters of every seed, by path, along a leading axis; by default the agent's.
+    **Arguments:** `task` and `agent`; the `seeds`, integers from 0 to 2³¹ − 1, which may occur more than once, with
+    other numbers; the `mode`: to learn, to act by the frozen policies that `set_policies` brings in, or to take the
+    actions of `set_actions`; the `initial` policies, and the `numbers`, the hyperparameters by path, of every seed,
+    along a leading axis, by default the agent's.
     """
 
     def __init__(
@@ -173,21 +166,13 @@ class Stepper(abc.ABC):
 
     @abc.abstractmethod
     def viewer(self, view: View) -> Callable[[], PyTree[np.ndarray]]:
-        """A function that returns `view(cycle, state)` of every seed as it is now, copied, seeds leading.
+        """A function that returns `view(cycle, state)` of every seed as it is now, copied, seeds leading. `view` is
+        pure and compiled: it sees one seed's `CycleState` and the state of the dynamics that the task's functions see.
+        It changes nothing."""
 
-        `view` is pure and compiled: it sees one seed's `CycleState` and the state of the dynamics that the task's
-        functions see. It changes nothing.
-        """
-
-    @abc.abstractmethod
     def set_number(self, path: str, value: float) -> None:
-        """Change a hyperparameter of all seeds from the next decision on. Nothing is compiled.
-
-        **Raises** `ValueError` for an unknown path, a value out of range, or a number that is used only at the start.
-        """
-
-    def _checked_place(self, path: str, value: float) -> int:
-        """The place of a hyperparameter among the numbers, once the value has been checked."""
+        """Change a hyperparameter of all seeds from the next decision on. Nothing is compiled. **Raises** `ValueError`
+        for an unknown path, a value out of range, or a number that is used only at the start."""
         places = Cycle(self.task, self.agent).numbers.places
         if path not in places:
             raise unknown("number", path, places)
@@ -196,7 +181,11 @@ class Stepper(abc.ABC):
             raise ValueError(f"{path} is used only at the start of a run; start a new run to change it")
         validate_needs(self.task, agent)
         self.agent = agent
-        return places[path]
+        self._put_number(places[path], value)
+
+    @abc.abstractmethod
+    def _put_number(self, place: int, value: float) -> None:
+        """Put a number in its place among the hyperparameters of all seeds."""
 
 
 def check_carries(task: Task, policy: Policy, where: str = "policy") -> None:
@@ -214,21 +203,16 @@ def statistics_of(policy: Policy | None) -> Statistics | None:
 
 def validate(task: Task, policy: Policy) -> None:
     """Refuse a policy that does not fit the task."""
-    for name, has, wants in (
-        ("inputs", policy.observation_size, task.observation_size),
-        ("outputs", policy.outputs, task.action_size),
-    ):
+    inputs = ("inputs", policy.observation_size, task.observation_size, "observed numbers")
+    outputs = ("outputs", policy.outputs, task.action_size, "actions")
+    kind = f"policy {type(policy).__name__}"
+    for name, has, wants, what in (inputs, outputs):
         if has != wants:
-            raise ValueError(
-                f"policy {type(policy).__name__}: {name} = {has}, but the task {task.name!r} has "
-                f"{wants} {'observed numbers' if name == 'inputs' else 'actions'}"
-            )
+            raise ValueError(f"{kind}: {name} = {has}, but the task {task.name!r} has {wants} {what}")
     if policy.actions not in task.accepted_actions:
         takes = " or ".join(map(_actions_in_words, task.accepted_actions))
-        raise ValueError(
-            f"policy {type(policy).__name__}: {_actions_in_words(policy.actions)} actions, "
-            f"but the task {task.name!r} takes {takes}"
-        )
+        has = _actions_in_words(policy.actions)
+        raise ValueError(f"{kind}: {has} actions, but the task {task.name!r} takes {takes}")
 
 
 def validate_score(policy: Policy, agent: Agent) -> None:

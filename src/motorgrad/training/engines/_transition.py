@@ -29,10 +29,8 @@ def raw_names(task: Task) -> tuple[str, ...]:
 
 
 def transition(task: Task, cycle: CycleState, before: PyTree, after: PyTree, led: Outcome) -> Transition:
-    """A decision by name. Names that begin with "end" are of the moment after it, before any new episode.
-
-    **Arguments:** the task; the `cycle` with the action chosen; the dynamics `before` and `after` it; what it `led` to.
-    """
+    """A decision by name: the `cycle` with the action chosen, the dynamics `before` and `after` it, and what it `led`
+    to. Names that begin with "end" are of the moment after it, before any new episode."""
     agent = cycle.agent
     policy = agent.policy
     metrics = task.metrics(led.memory, after)

@@ -43,7 +43,8 @@ class WorldProgram(Program):
     def _begin(self, seed: Array, numbers: Array, initial: Policy | None) -> Carry:
         state = self.world.reset(jax.random.uniform(key_of(seed, "start"), (self.world.reset_uniforms,)))
         agent = self.fresh(seed, numbers, initial)
-        return self.cycle.begin(agent, numbers, state, *self.start_numbers(seed)), state
+        init, uniforms = self.start_numbers(seed)
+        return self.cycle.observe(self.cycle.blank(agent, numbers, init), state, uniforms), state
 
     def _resume(self, seed: Array, cycle: CycleState, state: PyTree, memory: PyTree) -> CycleState:
         return self.cycle.resume_from(cycle, memory, state, *self.start_numbers(seed))
@@ -193,8 +194,7 @@ class WorldStepper(Stepper):
         viewed = jax.jit(jax.vmap(view, in_axes=self._axes))
         return lambda: jax.tree.map(np.array, viewed(*self._carry))
 
-    def set_number(self, path: str, value: float) -> None:
-        place = self._checked_place(path, value)
+    def _put_number(self, place: int, value: float) -> None:
         cycle, world = self._carry
         numbers = np.array(cycle.numbers)  # seeds last
         numbers[place] = value

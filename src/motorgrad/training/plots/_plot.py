@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from motorgrad._errors import check, choice
 from motorgrad.training.plots._plot_curves import Axis, Plotted, axis_for, check_smooth, curve_of
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from motorgrad.training.plots._plot_figure import LearningCurves
 
 Format = Literal["svg", "png", "pdf"]
-FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
+FORMATS = get_args(Format)
 
 
 def learning_curves(

@@ -2,18 +2,18 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 import pyarrow as pa
 from jaxtyping import Bool, Float, Int
 
 from motorgrad._errors import check, choice
+from motorgrad.tasks import TASKS
 
 Axis = Literal["decisions", "simulated", "wall", "cpu"]
-AXES: tuple[Axis, ...] = ("decisions", "simulated", "wall", "cpu")
 UNITS = {
     "decisions": "decisions",
     "simulated": "s of simulated time",
@@ -57,6 +57,7 @@ class Curve:
     - `window`: decisions per record.
     - `done`: the share of its decisions that the run has made.
     - `broken`: the number of seeds whose policy is not finite in the end, and has no values from then on.
+    - `unit`: of the values: `1` of a pure number, empty where it is unknown.
     """
 
     label: str
@@ -66,6 +67,7 @@ class Curve:
     window: int
     done: float
     broken: int = 0
+    unit: str = ""
 
     @property
     def seen(self) -> Int[np.ndarray, " records"]:
@@ -109,7 +111,16 @@ def curve_of(run: Plotted, quantity: str, axis: Axis, smooth: float | None, labe
     window = run.config["run"]["window"]
     steps = run.config["run"]["steps"]
     broken = int(np.count_nonzero(run.broken))
-    return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps), broken)
+    return Curve(label, quantity, x, values, window, min(1.0, run.decision / steps), broken, unit_of(run, quantity))
+
+
+def unit_of(run: Plotted, quantity: str) -> str:
+    """The unit of a quantity as the records have it; those of earlier releases have none, and the task's class may
+    know it."""
+    metadata = run.metrics.schema.field(quantity).metadata or {}
+    known = getattr(TASKS.get(run.config["task"]["name"]), "metric_units", {})
+    fallback = known.get(quantity, "") if isinstance(known, Mapping) else ""
+    return metadata[b"unit"].decode(errors="replace") if b"unit" in metadata else fallback
 
 
 def trailing_mean(
@@ -137,7 +148,7 @@ def axis_for(runs: Sequence[Plotted], x: Axis | None) -> Axis:
     if x is None:
         tasks = {run.config["task"]["name"] for run in runs}
         return "simulated" if len(tasks) == 1 and not timeless else "decisions"
-    choice("x", x, AXES)
+    choice("x", x, get_args(Axis))
     allowed = "decisions, wall or cpu: the task " + f"{timeless[0] if timeless else ''} has no simulated time"
     check(x != "simulated" or not timeless, "x", x, allowed)
     return x

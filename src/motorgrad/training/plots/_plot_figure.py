@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from motorgrad._errors import counted
 from motorgrad._files import write_atomically
-from motorgrad._labels import literal
+from motorgrad._labels import literal, with_unit
 from motorgrad.training.plots._plot_curves import UNITS, Axis, Curve, is_total
 
 # Okabe and Ito's colours, which colour-blind people can tell apart; their yellow is too pale for lines on white.
@@ -50,11 +50,10 @@ X_LABELS = {
 }
 Y_LABELS = {
     "reward": "mean reward\nper decision",
-    "apex": "height of the foot\nat a hop's apex (m)",
-    "speed": "speed along\nthe heading (m/s)",
-    "net": "net displacement\nover 20 s (m/s)",
+    "apex": "height of the foot\nat a hop's apex",
+    "speed": "speed along\nthe heading",
+    "net": "net displacement\nover 20 s",
     "stalls": "part of the seconds\nbelow 0.3 m/s",
-    "falls": "falls per second",
     "episodes": "episodes ended\nper record",
     "simulated_time": "simulated time (s)",
     "wall_time": "wall time (s)",
@@ -63,12 +62,8 @@ Y_LABELS = {
 
 
 class LearningCurves(Figure):
-    """A matplotlib figure that knows its numbers, and displays itself in a notebook.
-
-    - `curves`: what is drawn, a `Curve` for each quantity and run.
-    - `axis`: what x is: `"decisions"`, `"simulated"`, `"wall"` or `"cpu"` (seconds).
-    - `saved`: the file, if there is one.
-    """
+    """A matplotlib figure that displays itself in a notebook, and knows its numbers: `curves`, a `Curve` for each
+    quantity and run; `axis`, what x is; and `saved`, the file, if there is one."""
 
     curves: list[Curve]
     axis: Axis
@@ -92,7 +87,9 @@ def draw(panels: Sequence[Sequence[Curve]], axis: Axis, smooth: float | None) ->
             axes.margins(x=0.01)
             quantity = panel[0].quantity
             words = quantity.replace("_", " ")
-            axes.set_ylabel(literal(Y_LABELS.get(quantity, f"{words}\nper record" if is_total(quantity) else words)))
+            words = Y_LABELS.get(quantity, f"{words}\nper record" if is_total(quantity) else words)
+            units = {curve.unit for curve in panel}
+            axes.set_ylabel(literal(with_unit(words, units.pop() if len(units) == 1 else "")))
             if not any(curve.seen.any() for curve in panel):
                 axes.set_yticks([])
                 axes.text(0.5, 0.5, "never occurred", transform=axes.transAxes, ha="center", color="0.4")

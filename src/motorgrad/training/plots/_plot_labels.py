@@ -10,10 +10,8 @@ MAX_VALUE_CHARACTERS = 24
 
 
 def labels_of(configs: Sequence[Mapping[str, Any]], paths: Sequence[Path | None]) -> list[str]:
-    """A different label for each run: the settings in which they differ, where that is enough; else their folders.
-
-    A single run has the name of its folder. Paths are shortened to the ends that distinguish them.
-    """
+    """A different label for each run: the settings in which they differ, where that is enough; else their folders, of
+    which a single run has the name. Paths are shortened to the ends that distinguish them."""
     folders = _folders(configs, paths)
     if len(configs) == 1:
         return folders
@@ -72,11 +70,9 @@ def _flat(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _differing(settings: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The settings whose values differ among runs with the same kinds of parts around them.
-
-    Runs of two tasks differ in the task's name, but not in every setting of the tasks. In the same way, learners differ
-    in the kind of their trace or baseline, but not in its settings.
-    """
+    """The settings whose values differ among runs with the same kinds of parts around them: runs of two tasks differ in
+    the task's name, but not in every setting of the tasks, and learners in the kind of their trace, but not in its
+    settings."""
     differing = []
     for key in dict.fromkeys(key for each in settings for key in each):
         groups: dict[tuple[Any, ...], set[str]] = {}

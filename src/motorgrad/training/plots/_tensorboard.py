@@ -25,16 +25,13 @@ SKIPPED = ("seed", "decision", "simulated_time", "wall_time", "cpu_time", "param
 
 
 def write_tensorboard(run: Plotted, folder: Path | str) -> Path:
-    """Write a run's records as TensorBoard event files, in a subfolder `seed-N` of `folder` for each seed.
+    """Write a run's records as TensorBoard event files, in a subfolder `seed-N` of `folder`, which is returned, for
+    each seed.
 
     Scalars are the columns of the metrics under their own names: `reward`, `apex` … A quantity that did not occur in a
     window has no point there. The step is the decision. The time is the start of the run plus the seconds spent on
     decisions, so TensorBoard's relative time excludes the pauses between sessions. Existing files are updated.
-
-    **Returns** the folder.
-
-    **Raises** `RuntimeError` where the optional package tensorboard is missing (`motorgrad[tensorboard]`), `ValueError`
-    for a run without records.
+    **Raises** `RuntimeError` without the package (`motorgrad[tensorboard]`), `ValueError` for a run without records.
     """
     check_tensorboard()
     run.curve("reward")  # refuses a run without records
@@ -50,10 +47,7 @@ def check_tensorboard() -> None:
 
 
 class EventFiles:
-    """The event files of a run, one for each seed.
-
-    **Arguments:** the `folder`; the run's `seeds`; its `start` in seconds since 1970.
-    """
+    """The event files of a run, one in the `folder` for each of its `seeds`; its `start` is in seconds since 1970."""
 
     def __init__(self, folder: Path | str, seeds: Sequence[int], start: float):
         self.files = [Path(folder) / f"seed-{seed}" / FILE for seed in seeds]
@@ -82,11 +76,8 @@ class EventFiles:
             # what did not occur is not finite, and None in a column that only some files of a run have
             found = {name: columns[name][row] for name in names}
             known = {name: value for name, value in found.items() if value is not None and math.isfinite(value)}
-            event = _event(
-                self.start + columns["wall_time"][row],
-                step=columns["decision"][row],
-                summary={"value": [{"tag": name, "simple_value": value} for name, value in known.items()]},
-            )
+            summary = {"value": [{"tag": name, "simple_value": value} for name, value in known.items()]}
+            event = _event(self.start + columns["wall_time"][row], step=columns["decision"][row], summary=summary)
             content[row % len(content)].write(event)
         return [each.getvalue() for each in content]
 

@@ -1,6 +1,6 @@
 """Recorded decisions as the columns of a table."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -16,11 +16,7 @@ _Named = Iterator[tuple[str, np.ndarray, str]]
 
 
 def columns_of(recording: Recording, lane: int, ended: np.ndarray, seed: int, values: Values | None) -> Columns:
-    """All columns of a lane.
-
-    **Arguments:** the `recording`; the `lane`; where its episodes `ended`, of as many decisions as are wanted; the
-    `seed` of its policy; the `values` of what it saw.
-    """
+    """All columns of a lane whose episodes `ended` there; the `seed` is that of its policy."""
     return _Lane(recording, lane, ended).columns(seed, values)
 
 
@@ -53,18 +49,19 @@ class _Lane:
         seen = rows.starting(parts["input"], parts["end input"])
         if names := raw_names(task):
             raw = rows.starting(parts["observation"], parts["end observation"])
-            yield from _family("observation", names, raw)
+            yield from _family("observation", names, raw, task.observation_units)
             yield from _family("input", task.observation_names, seen, "1")
         else:
-            yield from _family("observation", task.observation_names, seen)
+            yield from _family("observation", task.observation_names, seen, task.input_units)
         yield from self._actions()
         yield "reward", rows.led(self._earned(parts["reward"])), ""
-        yield from _family("reward", task.reward_names, rows.led(self._earned(parts["terms"])))
+        terms, metrics = (rows.led(self._earned(parts[name])) for name in ("terms", "metrics"))
+        yield from _family("reward", task.reward_names, terms, _in_order(task.reward_units, task.reward_names))
         for name in ("terminated", "truncated", "diverged"):
             yield name, rows.led(parts[name]), "1"
         if values is not None:
             yield "value", self._values(values), ""
-        yield from _family("metric", task.metric_names, rows.led(self._earned(parts["metrics"])))
+        yield from _family("metric", task.metric_names, metrics, _in_order(task.metric_units, task.metric_names))
         marks = rows.starting(parts["marks"], parts["end marks"])
         axes = [f"{k + 1} {axis}" for k in range(marks.shape[1] // 3) for axis in "xyz"]
         yield from _family("mark", axes, marks, "m")
@@ -115,9 +112,14 @@ class _Lane:
             yield f"info: {name}", rows.led(given), ""
 
 
-def _family(family: str, names: Sequence[str], numbers: np.ndarray, unit: str = "") -> _Named:
-    for name, column in zip(names, numbers.T, strict=True):
+def _family(family: str, names: Sequence[str], numbers: np.ndarray, units: str | Sequence[str] = "") -> _Named:
+    each = [units] * len(names) if isinstance(units, str) else units
+    for name, column, unit in zip(names, numbers.T, each, strict=True):
         yield f"{family}: {name}", column, unit
+
+
+def _in_order(units: Mapping[str, str], names: Sequence[str]) -> list[str]:
+    return [units.get(name, "") for name in names]
 
 
 def joined(parts: Sequence[Columns]) -> Columns:

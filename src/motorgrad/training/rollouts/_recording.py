@@ -13,17 +13,15 @@ MAX_RECORDING_BYTES = 4 * 2**30
 
 
 class Recording:
-    """All decisions of an engine from now on, as it makes them.
+    """All decisions of an engine from now on, as it makes them, and what a `probe` reads of its dynamics, so many
+    `readings` in a decision.
 
     A decision begins at a moment and leads to the next one. Its observation and its action belong to the first, its
     reward to the second, which is the first of the next decision, or the last of the episode.
 
-    **Arguments:** the `stepper`; what reads its dynamics, its `probe`, and how many `readings` it makes in a decision.
-
-    **Attributes:** `parts`, what `transition` says, by name, `(decisions, seeds, …)`; `ended` `(decisions, seeds)`,
-    where it ended an episode; `read`, what the probe has read, `(decisions, seeds, readings, columns)`; `ends`, by
-    decision, the readings at its end `(seeds, columns)`, where it ended an episode or is the last; `info`, for each
-    decision, what the probe was told.
+    **Attributes:** `parts`, what `transition` says, by name, and `ended`, whether it ended an episode, `(decisions,
+    seeds, …)`; `read`, what the probe has read, `(decisions, seeds, readings, columns)`; `ends`, by decision, the
+    readings at its end, where it ended an episode or is the last; `info`, for each decision, what the probe was told.
     """
 
     def __init__(self, stepper: Stepper, probe: Probe | None, readings: int = 1):
@@ -37,9 +35,7 @@ class Recording:
 
     def run(self, decisions: int, episodes: bool) -> None:
         """Make this many decisions, or fewer where every lane has ended an episode and `episodes` are wanted.
-
-        **Raises** `ValueError` where they need more memory than there may be.
-        """
+        **Raises** `ValueError` where they need more memory than there may be."""
         at_once = 1 if isinstance(self.stepper.task, HostTask) else BLOCK
         over = np.zeros(len(self.stepper.seeds), bool)
         while self._ended.count < decisions and not (episodes and over.all()):

@@ -103,12 +103,8 @@ def rollout(
     for place, columns in enumerate(found):
         if episodes is not None:  # a lane has one episode
             columns["episode"] = np.full_like(columns["episode"][0], place % episodes), "1"
-    about = {
-        "task": task.name,
-        "mode": mode,
-        "seconds between rows": repr(task.period / readings),
-        "motorgrad": importlib.metadata.version("motorgrad"),
-    }
+    about = {"task": task.name, "mode": mode, "seconds between rows": repr(task.period / readings)}
+    about["motorgrad"] = importlib.metadata.version("motorgrad")
     return table_of(joined(found), about)
 
 
@@ -171,10 +167,8 @@ class _Acting:
                 ended = ended[: over[0] + 1] if len(over) else ended
             found.append(columns_of(recording, lane, ended, acting.seeds[lane], acting.values))
         if cut:
-            message = (
-                f"{cut:,} of {len(lanes):,} episodes were not over after {decisions:,} decisions, and are cut there"
-            )
-            warnings.warn(f"{message}; give the task a time limit", RunWarning, stacklevel=4)
+            message = f"{cut:,} of {len(lanes):,} episodes were not over after {decisions:,} decisions"
+            warnings.warn(f"{message}, and are cut there; give the task a time limit", RunWarning, stacklevel=4)
         return found
 
 

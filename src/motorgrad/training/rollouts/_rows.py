@@ -4,10 +4,8 @@ import numpy as np
 
 
 class Rows:
-    """The rows of one lane: for each decision the moment at which it begins, and one more at the end of an episode.
-
-    **Arguments:** where the lane's episodes `ended` `(decisions,)`, and the `readings` in each decision.
-    """
+    """The rows of one lane, whose episodes `ended` there `(decisions,)`: for each of the `readings` of a decision the
+    moment at which it begins, and one more at the end of an episode."""
 
     def __init__(self, ended: np.ndarray, readings: int):
         count = len(ended)
@@ -51,11 +49,8 @@ class Rows:
 
     def moments(self, period: float, step: float) -> dict[str, np.ndarray]:
         """`episode`, `decision`, the number of those made in the episode, and the `time` in it, of every row."""
-        found = {
-            "episode": np.zeros(self.count, np.int64),
-            "decision": np.zeros(self.count, np.int64),
-            "time": np.zeros(self.count),
-        }
+        kinds = {"episode": np.int64, "decision": np.int64, "time": float}
+        found = {name: np.zeros(self.count, kind) for name, kind in kinds.items()}
         for k in range(self._readings + 1):
             which = np.arange(len(self.starts)) if k < self._readings else self.closing
             rows = self.starts[which] + k

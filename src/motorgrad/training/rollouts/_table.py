@@ -51,9 +51,7 @@ class Rollout:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """The values of a column `(rows,)`, or of all columns of a family, such as `"muscle force"`, `(rows, columns)`.
-
-        **Raises** `ValueError` for a name that is neither, with the nearest one.
-        """
+        **Raises** `ValueError` for a name that is neither, with the nearest one."""
         if name in self.columns:
             return self.arrow[name].to_numpy()
         return np.column_stack([self.arrow[each].to_numpy() for each in self._of_family(name)])
@@ -74,10 +72,8 @@ class Rollout:
         return {name.decode(): each.decode() for name, each in (self.arrow.schema.metadata or {}).items()}
 
     def names(self, family: str) -> list[str]:
-        """What the columns of a family are of, in their order: `["biceps", "triceps"]` for `"muscle force"`.
-
-        **Raises** `ValueError` for another name, with the nearest one.
-        """
+        """What the columns of a family are of, in their order: `["biceps", "triceps"]` for `"muscle force"`. **Raises**
+        `ValueError` for another name, with the nearest one."""
         return [name.partition(": ")[2] for name in self._of_family(family)]
 
     def _of_family(self, family: str) -> list[str]:
@@ -125,16 +121,11 @@ class Rollout:
         return found
 
     def save(self, path: Path | str) -> Path:
-        """Write the table to a file, whose ending says in which format.
-
-        - `.parquet`: all columns; the metadata of its fields have the units.
-        - `.csv`: a line of names, then numbers.
-        - `.sto`: one episode, for OpenSim, in its names for angles, velocities, activations and fibers, and in SI
-          units, which its header names.
-
-        All give back the same numbers. **Returns** the path. **Raises** `ValueError` for another ending, for a path
-        where no file can be written, and for a `.sto` of several episodes.
-        """
+        """Write the table to a file, whose ending says in which format: `.parquet`, where the metadata of its fields
+        have the units; `.csv`, a line of names, then numbers; or `.sto`, one episode, for OpenSim, in its names for
+        angles, velocities, activations and fibers, and in SI units, which its header names. All give back the same
+        numbers. **Returns** the path. **Raises** `ValueError` for another ending, for a path where no file can be
+        written, and for a `.sto` of several episodes."""
         return save(self.arrow, Path(path), self.units, self.about, self.episodes())
 
 

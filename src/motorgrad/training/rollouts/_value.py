@@ -11,17 +11,14 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad.learning import Critic, InputBaseline
 from motorgrad.policies import Policy
+from motorgrad.schema import numbers_of
 from motorgrad.training._run import Run, saved_agent
-from motorgrad.training.store import RunDirectoryError, RunWarning, fill_tree, name_of
+from motorgrad.training.store import RunDirectoryError, RunWarning, fill_tree
 
 
 class Values:
-    """The value of what some policies see, by what their learner knew at the end of a run.
-
-    **Arguments:** the `baseline` of the learner, and its `state` and the `policies` of all lanes, along a leading axis.
-
-    **Attributes:** `of_future`: whether it is of all that follows, as a critic's, rather than of the next reward.
-    """
+    """The value of what some policies see, by the `state` of their learner's `baseline` at the end of a run; all lanes
+    lead. `of_future` says whether it is of all that follows, as a critic's, rather than of the next reward."""
 
     def __init__(self, baseline: Critic | InputBaseline, state: PyTree, policies: Policy):
         self._baseline, self._state, self._policies = baseline, state, policies
@@ -50,10 +47,8 @@ class Values:
 
 
 def values_of(run: Run) -> Values | None:
-    """The values that the learner of a run knows, of all its lanes; `None` where it has no critic of situations.
-
-    Warns where it has one that cannot be rebuilt, as parts of it were made in Python.
-    """
+    """The values that the learner of a run knows, of all its lanes; `None` where it has no critic of situations, and,
+    with a warning, where it cannot be rebuilt, as parts of it were made in Python."""
     if not run.critic:
         return None
     try:
@@ -65,7 +60,7 @@ def values_of(run: Run) -> Values | None:
         return None
     one = jax.eval_shape(agent.init, jax.random.key(0)).estimator.baseline
     # of several environments that fed a learner, the first stands for those parts that each has for itself
-    sizes = {name_of(path): leaf.ndim + 1 for path, leaf in jax.tree_util.tree_leaves_with_path(one)}
+    sizes = {name: leaf.ndim + 1 for name, leaf in numbers_of(one).items()}
     stored = {name: each[:, 0] if each.ndim > sizes.get(name, 0) else each for name, each in run.critic.items()}
     template = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((run.lanes, *leaf.shape), leaf.dtype), one)
     return Values(baseline, fill_tree(template, stored), run.policies)

@@ -1,6 +1,6 @@
 """The run directory and its checkpoints."""
 
-from motorgrad.training.store._checkpoint import CorruptCheckpoint, by_name, fill_tree, fingerprint, name_of
+from motorgrad.training.store._checkpoint import CorruptCheckpoint, fill_tree, fingerprint, part_of
 from motorgrad.training.store._directory import RunDirectory, RunDirectoryError, RunWarning, differences
 from motorgrad.training.store._provenance import provenance, provenance_changes, release_changes, versions
 
@@ -9,11 +9,10 @@ __all__ = [
     "RunDirectory",
     "RunDirectoryError",
     "RunWarning",
-    "by_name",
     "differences",
     "fill_tree",
     "fingerprint",
-    "name_of",
+    "part_of",
     "provenance",
     "provenance_changes",
     "release_changes",

@@ -15,6 +15,7 @@ from jaxtyping import PyTree
 from motorgrad._files import read_content, write_atomically
 from motorgrad._limits import MAX_CHECKPOINT_BYTES
 from motorgrad._reading import arrays_in, json_in
+from motorgrad.schema import numbers_of, path_of
 
 FORMAT = 2
 
@@ -23,33 +24,21 @@ class CorruptCheckpoint(ValueError):
     """A checkpoint file that is truncated or altered."""
 
 
-def name_of(path: tuple[Any, ...]) -> str:
-    """The path of a leaf of a state, as text."""
-    return jax.tree_util.keystr(path, simple=True, separator=".")
-
-
-def by_name(state: PyTree[np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of a state by path, as `load` returns them."""
-    return {name_of(path): leaf for path, leaf in jax.tree_util.tree_leaves_with_path(state)}
-
-
 def fingerprint(tree: PyTree[np.ndarray]) -> str:
     """A hash of all numbers of a tree, to compare the initial learners of two runs."""
     digest = hashlib.sha256()
-    for place, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        digest.update(name_of(place).encode() + np.ascontiguousarray(leaf).tobytes())
+    for name, leaf in numbers_of(tree).items():
+        digest.update(name.encode() + np.ascontiguousarray(leaf).tobytes())
     return digest.hexdigest()[:16]
 
 
 def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> str:
     """Write a `state` and facts `about` it. The first line is the checksum of what follows, which is returned.
-
-    **Raises** `OSError` for one of more bytes than `load` reads, as a disk does that is too small.
-    """
-    leaves = jax.tree_util.tree_leaves_with_path(state)
+    **Raises** `OSError` for one of more bytes than `load` reads, as a disk does that is too small."""
+    arrays = numbers_of(state)
     buffer = io.BytesIO()
-    np.savez(buffer, **{f"{i}": np.asarray(leaf) for i, (_, leaf) in enumerate(leaves)})  # type: ignore[arg-type]
-    head = json.dumps({"format": FORMAT, "names": [name_of(path) for path, _ in leaves], **about})
+    np.savez(buffer, **{f"{i}": np.asarray(leaf) for i, leaf in enumerate(arrays.values())})  # type: ignore[arg-type]
+    head = json.dumps({"format": FORMAT, "names": list(arrays), **about})
     body = head.encode() + b"\n" + buffer.getvalue()
     mark = checksum(body)
     content = mark.encode() + b"\n" + body
@@ -61,10 +50,8 @@ def save(path: Path, state: PyTree[np.ndarray], about: dict[str, Any]) -> str:
 
 
 def load(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays by path, and the facts about them.
-
-    **Raises:** `CorruptCheckpoint` unless the checksum matches; `ValueError` for what is none, or too large.
-    """
+    """The arrays by path, and the facts about them. **Raises** `CorruptCheckpoint` unless the checksum matches;
+    `ValueError` for what is none, or too large."""
     mark, _, body = read_content(path, MAX_CHECKPOINT_BYTES).partition(b"\n")
     if checksum(body).encode() != mark:
         raise CorruptCheckpoint(f"{path}: the checksum does not match: the file is truncated or altered")
@@ -96,11 +83,16 @@ def checksum(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def part_of(arrays: Mapping[str, np.ndarray], place: str) -> dict[str, np.ndarray]:
+    """The arrays at and below a place in a state, by their paths within it."""
+    return {name[len(place) + 1 :]: array for name, array in arrays.items() if f"{name}.".startswith(f"{place}.")}
+
+
 def fill_tree(template: PyTree[Any], arrays: Mapping[str, np.ndarray]) -> PyTree[np.ndarray]:
     """Stored arrays in the structure of a template. **Raises** `ValueError` where a path, shape or dtype differs."""
 
     def find(path: tuple[Any, ...], leaf: np.ndarray) -> np.ndarray:
-        name = name_of(path)
+        name = path_of(path)
         # states of environments are byte strings of different lengths
         compatible = name in arrays and (
             arrays[name].dtype == leaf.dtype or arrays[name].dtype.kind == leaf.dtype.kind == "S"

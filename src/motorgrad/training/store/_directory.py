@@ -126,13 +126,9 @@ class RunDirectory:
         return config
 
     def config(self, about: dict[str, Any] | None, allow_changed: bool = False) -> dict[str, Any]:
-        """The configuration, compared with that of a checkpoint.
-
-        Where `config.toml` is damaged, it warns (`RunWarning`) and returns that of the checkpoint.
-
-        **Raises:** `RunDirectoryError` that names the first setting that differs, unless `allow_changed`. More or fewer
-        steps are only a warning.
-        """
+        """The configuration, compared with that of a checkpoint, which is returned, with a warning (`RunWarning`),
+        where `config.toml` is damaged. **Raises** `RunDirectoryError` that names the first setting that differs, unless
+        `allow_changed`. More or fewer steps are only a warning."""
         try:
             config = self.read_config()
         except RunDirectoryError as error:
@@ -187,19 +183,13 @@ class RunDirectory:
         }
 
     def save(
-        self,
-        state: PyTree[np.ndarray],
-        about: dict[str, Any],
-        records: pa.Table | None,
-        short: pa.Table | None = None,
+        self, state: PyTree[np.ndarray], about: dict[str, Any], records: pa.Table | None, short: pa.Table | None = None
     ) -> None:
         """Commit the records since the last checkpoint, then the state, and delete the oldest state.
 
         **Arguments:** `about`: the decision, the last one `recorded`, the configuration …; `short`, a record of an
-        unfinished window, which goes where the run continues.
-
-        **Raises:** `OSError` where something cannot be written. The last commit then stands, and a later call is to
-        bring all records again.
+        unfinished window, which goes where the run continues. **Raises** `OSError` where something cannot be written.
+        The last commit then stands, and a later call is to bring all records again.
         """
         if not self.is_held:
             raise OSError(errno.ESTALE, "another folder is in its place", str(self.path))
@@ -235,11 +225,9 @@ class RunDirectory:
         return learner_of(self._initial, load(self._initial)[1]) if self._initial.exists() else None
 
     def latest(self) -> Commit | None:
-        """The newest whole checkpoint, `None` before the first.
-
-        For a damaged checkpoint it warns (`RunWarning`) and uses the one before. **Raises** `RunDirectoryError` if all
-        are damaged, so that nothing is discarded silently.
-        """
+        """The newest whole checkpoint, `None` before the first. For a damaged checkpoint it warns (`RunWarning`) and
+        uses the one before. **Raises** `RunDirectoryError` if all are damaged, so that nothing is discarded
+        silently."""
         if self.is_run:
             self._refuse_links()
         for before, path in reversed(list(enumerate(self._checkpoints()))):
@@ -273,9 +261,7 @@ class RunDirectory:
 
     def roll_back(self, about: dict[str, Any] | None, finished: bool = False) -> None:
         """Return to a checkpoint: discard later ones and metrics that it does not cover, which will be recomputed.
-
-        Unless the run is `finished`, the record of its unfinished window goes, too.
-        """
+        Unless the run is `finished`, the record of its unfinished window goes, too."""
         decision, recorded = (0, 0) if about is None else (about["decision"], about["recorded"])
         known = {} if about is None else self._metrics.listed(about["metrics"], recorded)[0]
         for path in self._checkpoints():
@@ -289,10 +275,8 @@ class RunDirectory:
         self._committed = about
 
     def metrics(self, about: dict[str, Any] | None = None) -> pa.Table | None:
-        """All records that a checkpoint covers, in order; by default, the last one that was saved here.
-
-        It warns (`RunWarning`) of damaged files, and leaves them out.
-        """
+        """All records that a checkpoint covers, in order; by default, the last one that was saved here. It warns
+        (`RunWarning`) of damaged files, and leaves them out."""
         about = self._committed if about is None else about
         if about is None:
             return None

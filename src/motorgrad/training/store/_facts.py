@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from motorgrad._errors import check, check_integer
-from motorgrad.schema import build
+from motorgrad.schema import Settings, build, count, static
 from motorgrad.training.store._metrics import PART
 
 MAX_DECISIONS = 2**32
@@ -28,17 +28,17 @@ FACTS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class _Run:
+class _Run(Settings):
     """The table `run` of a configuration."""
 
-    steps: int
-    seeds: tuple[int, ...]
-    window: int
-    envs: int = 1
+    steps: int = count(low=1, high=MAX_DECISIONS)
+    seeds: tuple[int, ...] = static()
+    window: int = count(low=1, high=MAX_DECISIONS)
+    envs: int = count(1, 1, MAX_DECISIONS)
     initial: str | None = None
-    evaluate_every: int | None = None
-    evaluate_episodes: int = 10
-    evaluate_seed: int = 1
+    evaluate_every: int | None = count(None, 1, MAX_DECISIONS)
+    evaluate_episodes: int = count(10, 1, MAX_DECISIONS)
+    evaluate_seed: int = count(1, high=MAX_DECISIONS)
     evaluate_mode: Literal["sample", "mode"] = "sample"
     keep_best: str | None = None
     keep_least: bool = False
@@ -49,13 +49,6 @@ def check_config(config: Mapping[str, Any]) -> None:
     check({"run", "task", "agent"} <= set(config), "tables", list(config), "run, task and agent")
     check(isinstance(config["run"], dict), "run", config["run"], "a table")
     run = build(_Run, config["run"], "run")
-    check_integer("run.steps", run.steps, 1, MAX_DECISIONS)
-    check_integer("run.window", run.window, 1, MAX_DECISIONS)
-    check_integer("run.envs", run.envs, 1, MAX_DECISIONS)
-    for name in ("every", "episodes", "seed"):
-        value = getattr(run, f"evaluate_{name}")
-        if value is not None:
-            check_integer(f"run.evaluate_{name}", value, name != "seed", MAX_DECISIONS)
     check(run.seeds, "run.seeds", run.seeds, "one seed at least")
     for name, key in (("task", "name"), ("agent", "policy")):
         check(isinstance(config[name], dict) and key in config[name], name, config[name], f"a table with {key}")

@@ -16,10 +16,8 @@ LIBRARIES = "motorgrad jax jaxlib equinox optax mujoco gymnasium cloudpickle num
 
 
 def provenance() -> dict[str, Any]:
-    """Versions, processor, command and time of this process.
-
-    Runs are reproducible bit for bit where `versions`, `compiler` and `processor` are equal.
-    """
+    """Versions, processor, command and time of this process. Runs are reproducible bit for bit where `versions`,
+    `compiler` and `processor` are equal."""
     return {
         "versions": versions(),
         "compiler": {"XLA_FLAGS": os.environ.get("XLA_FLAGS", ""), "computes on": jax.default_backend()},

@@ -6,40 +6,33 @@ import shutil
 import sys
 from pathlib import Path
 
-from motorgrad._errors import check
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
-from motorgrad.options import parse, summary, write_json
-from motorgrad.schema import number, static
+from motorgrad.options import json_help, parse, summary, write_json
+from motorgrad.schema import Settings, count, number, static
 from motorgrad.tasks import Hopper
 from motorgrad.training import check_training
 from motorgrad_thesis import demo
 
+PERIOD = Hopper().period
 MAX_SECONDS = 1e7
 MAX_FILM_SECONDS = 3600.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Demo:
+class Demo(Settings):
     """Train eight hoppers, and show a learning curve, the behaviour before and after, and a film."""
 
     out: Path = static(Path("runs/demo"), help="The run directory. An unfinished run found there is continued")
-    seconds: float = number(1200.0, help="Simulated seconds of practice for each hopper")
-    seeds: int = static(8, help="The number of hoppers")
-    film_seconds: float = number(8.0, help="The length of the film, in seconds")
-    json: Path | None = static(None, help="Also write the result to this file, as JSON; - for the standard output")
+    seconds: float = number(
+        1200.0, PERIOD, MAX_SECONDS, unit="simulated s", help="The length of each hopper's practice"
+    )
+    seeds: int = count(8, 1, help="The number of hoppers")
+    film_seconds: float = number(8.0, 0, MAX_FILM_SECONDS, open_low=True, unit="s", help="The length of the film")
+    json: Path | None = static(None, help=json_help())
 
     def validate(self) -> None:
-        task = Hopper()
-        check(
-            task.period <= self.seconds <= MAX_SECONDS,
-            "seconds",
-            self.seconds,
-            f"from {task.period} to {MAX_SECONDS:g} s",
-        )
-        right = 0 < self.film_seconds <= MAX_FILM_SECONDS
-        check(right, "film_seconds", self.film_seconds, f"positive, at most {MAX_FILM_SECONDS:g} s")
-        check_training(task, None, round(self.seconds / task.period), self.seeds)
+        check_training(Hopper(), None, round(self.seconds / PERIOD), self.seeds)
         check_writable("out", self.out, folder=True)
         require(*FILM)
 

@@ -4,13 +4,20 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
 from motorgrad._errors import check, plain
 from motorgrad._extras import FILM, require
 from motorgrad._files import check_writable
 from motorgrad._signals import unfinished
-from motorgrad.options import Arguments, Positional, read_arguments, resolve, write_json
+from motorgrad.options import (
+    Arguments,
+    failure_text,
+    json_help,
+    listed_failures,
+    read_arguments,
+    resolve,
+    write_json,
+)
 from motorgrad.options.executors import ExecutorOptions
 from motorgrad.schema import static
 from motorgrad_thesis import (
@@ -32,8 +39,9 @@ class Reproduce(ExecutorOptions):
     folder. Finished experiments are not run again; interrupted ones continue. A failing experiment is tried again, then
     set aside, and the others continue. motorgrad reproduce NAME --help shows the settings of one experiment."""
 
-    experiments: Annotated[tuple[str, ...], Positional("NAME ...")] = static(
-        help="Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all"
+    experiments: tuple[str, ...] = static(
+        positional="NAME ...",
+        help="Names of experiments (motorgrad list), chapter-5 or appendix-a for those of a part, or all",
     )
     out: Path | None = static(
         None, help="The folder, by default runs/reproduce, or runs/reproduce-quick for a smoke test"
@@ -45,12 +53,10 @@ class Reproduce(ExecutorOptions):
     animate: bool = static(
         False, help="Also film the learning of particles, in experiments that have them: animation.mp4 in their folders"
     )
-    json: Path | None = static(
-        None, help="Also write claims, numbers and versions to this file, as JSON; - for the standard output"
-    )
+    json: Path | None = static(None, help=json_help("claims, numbers and versions"))
 
     def validate(self) -> None:
-        self.check_executor()
+        super().validate()
         allowed = "the names of experiments, or all; motorgrad list has them"
         check(self.experiments, "experiments", self.experiments, allowed)
         select_experiments(self.experiments, EXPERIMENTS)
@@ -79,9 +85,9 @@ def run(arguments: list[str]) -> int:
         return 130
     if str(options.json) != "-":
         _print(made)
-    failures = [{key: failure[key] for key in ("job", "attempts", "message")} for failure in made.failures]
-    found = {"report": str(made.report), "experiments": [each.record() for each in made.done], "failures": failures}
-    write_json(options.json, found)
+    experiments = [each.record() for each in made.done]
+    failures = listed_failures(made.failures)
+    write_json(options.json, {"report": str(made.report), "experiments": experiments, "failures": failures})
     refuted = options.strict and not all(claim.holds for each in made.done for claim in each.claims)
     return 1 if made.failures or refuted else 0
 
@@ -133,6 +139,5 @@ def _print(made: Reproductions) -> None:
     if judged := statements(each.record() for each in made.done):
         print(f"\n{score_words(judged)}".replace("of", "Of", 1))
     for failure in made.failures:
-        said = plain(f"set aside after {failure['attempts']} attempts: {failure['job']}: {failure['message']}")
-        print(f"\n{said}")
+        print(f"\n{failure_text(failure)}")
     print(f"\nreport: {plain(made.report)}")

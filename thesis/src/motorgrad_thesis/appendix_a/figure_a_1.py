@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import wrapped_length, wrapped_rate, wrapping_angle
-from motorgrad.schema import count, number, static
+from motorgrad.schema import count, number
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_most
 from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
@@ -30,20 +29,22 @@ class Wrapping(Experiment):
     on θ.
     """
 
-    origin_distance: float = number(0.13, unit="m", help="from C to A in the drawing")
-    insertion_distance: float = number(0.1, unit="m", help="from C to B in the drawing")
-    radius: float = number(0.045, unit="m", help="radius of the capsule in the drawing")
+    origin_distance: float = number(0.13, 0, 100, open_high=True, unit="m", help="distance from C to A in the drawing")
+    insertion_distance: float = number(
+        0.1, 0, 100, open_high=True, unit="m", help="distance from C to B in the drawing"
+    )
+    radius: float = number(
+        0.045, 0, 10, open_low=True, open_high=True, unit="m", help="radius of the capsule in the drawing"
+    )
     geometries: int = count(
         500, 1, 100_000, help="number of further, random geometries for which the claims are checked"
     )
-    seed: int = static(0, help="seed of the random geometries")
+    seed: int = count(0, help="seed of the random geometries")
 
     def validate(self) -> None:
         super().validate()
-        check(0 < self.radius < 10, "radius", self.radius, "from 0 to 10 m")
-        for name in ("origin_distance", "insertion_distance"):
-            value = getattr(self, name)
-            check(1.01 * self.radius <= value < 100, name, value, f"at least 1.01 times the radius, {self.radius} m")
+        least = 1.01 * self.radius
+        self.check_least(origin_distance=least, insertion_distance=least)
 
     quick = smoke(geometries=20)
 

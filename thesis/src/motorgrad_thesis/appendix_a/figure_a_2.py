@@ -31,15 +31,21 @@ class Circular(Experiment):
         "clockwise, as the text says, about the centre."
     )
 
-    tangential: float = number(0.5, unit="1/s²", help="k₁ in the drawing")
-    radial: float = number(1.0, unit="1/s²", help="k₂ in the drawing")
-    radius: float = number(0.25, help="r* in the drawing")
+    tangential: float = number(
+        0.5,
+        -1e6,
+        1e6,
+        open_low=True,
+        open_high=True,
+        unit="1/s²",
+        help="strength k₁ of the turning force in the drawing",
+    )
+    radial: float = number(
+        1.0, 0, 1e6, open_low=True, open_high=True, unit="1/s²", help="strength k₂ of the spring in the drawing"
+    )
+    radius: float = number(0.25, 0, 1e6, open_low=True, open_high=True, help="radius r* in the drawing")
     seconds: float = number(
-        200.0,
-        1,
-        10**5,
-        unit="simulated s",
-        help="duration of a motion before its orbit is measured",
+        200.0, 1, 10**5, unit="simulated s", help="duration of a motion before its orbit is measured"
     )
 
     def validate(self) -> None:

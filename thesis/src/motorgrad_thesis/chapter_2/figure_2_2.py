@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad.schema import count, static
+from motorgrad.schema import count
 from motorgrad.statistics import exact, mean_of, median_of, share_of
 from motorgrad_thesis._claims import Claim, above, below, positive
 from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
@@ -50,9 +50,9 @@ class HillClimbing(Experiment):
     columns: int = count(201, 5, 1000, help="number of columns of the grid of starts, along the Gaussian's mean")
     rows: int = count(101, 5, 1000, help="number of rows of the grid of starts, along its standard deviation")
     runs: int = count(200, 2, 10**5, help="number of learners from rewards alone, for each kind of start")
-    decisions: int = count(50_000, RECORDS, 10**8, help="for which each of these learners learns")
+    decisions: int = count(50_000, RECORDS, 10**8, help="number of decisions of each of these learners")
     rewards: int = count(500, 2, 10**5, help="number of random rewards over which wide and narrow starts are compared")
-    seed: int = static(0, help="seed of the learners and of the random rewards")
+    seed: int = count(0, help="seed of the learners and of the random rewards")
 
     quick = smoke(columns=13, rows=7, runs=4, decisions=RECORDS, rewards=4)
 

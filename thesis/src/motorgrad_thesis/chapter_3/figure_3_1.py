@@ -68,17 +68,11 @@ class Learner(Experiment):
         "and the last step uses the reward and the trace after the action."
     )
 
-    runs: int = count(1000, 2, 100_000, help="over which errors of estimates are averaged")
-    longest: int = count(
-        100_000,
-        1_000,
-        10**8,
-        unit="decisions",
-        help="length of each run at fixed parameters, at least 1,000",
-    )
-    seeds: int = count(50, 1, 10_000, help="learners that update at every decision")
-    steps: int = count(600_000, 200, 10**9, unit="decisions", help="for which each learner learns")
-    decays: tuple[float, ...] = static(tuple(BIAS), help="decays of the traces, per decision, 0 and 0.95 among them")
+    runs: int = count(1000, 2, 100_000, help="number of runs over which errors of estimates are averaged")
+    longest: int = count(100_000, 1_000, 10**8, unit="decisions", help="length of each run at fixed parameters")
+    seeds: int = count(50, 1, 10_000, help="number of learners that update at every decision")
+    steps: int = count(600_000, 200, 10**9, unit="decisions", help="length of the practice of each learner")
+    decays: tuple[float, ...] = static(tuple(BIAS), help="decays of the traces per decision, 0 and 0.95 among them")
 
     def validate(self) -> None:
         super().validate()

@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.learning import Baseline, Constant, MeanReward
-from motorgrad.schema import count, static
+from motorgrad.schema import Range, count, static
 from motorgrad.statistics import Measured, mean_of
 from motorgrad.tasks import ThreeState
 from motorgrad.training import Run, agent_for
@@ -46,33 +46,29 @@ class Baselines(Experiment):
         "judged as printed, and also the other way round."
     )
 
-    runs: int = count(2000, 40, 100_000, help="at fixed parameters, over which estimates are averaged")
-    longest: int = count(
-        10_000,
-        1_000,
-        10**8,
-        unit="decisions",
-        help="length of each run at fixed parameters, at least 1,000",
-    )
+    runs: int = count(2000, 40, 100_000, help="number of runs at fixed parameters over which estimates are averaged")
+    longest: int = count(10_000, 1_000, 10**8, unit="decisions", help="length of each run at fixed parameters")
     decays: tuple[float, ...] = static(
-        (0.0, 0.4, 0.8, 0.95, 0.99), help="decays of the traces at fixed parameters, per decision, 0.95 among them"
+        (0.0, 0.4, 0.8, 0.95, 0.99),
+        allowed=Range(0, 1),
+        help="decays of the traces per decision at fixed parameters, 0.95 among them",
     )
     constants: tuple[float, ...] = static(
         (0.0, 0.2, 0.4, 0.6, 0.8), help="constant baselines to compare, in units of reward"
     )
     swept: tuple[float, ...] = static(
-        (0.0, 0.8, 0.95), help="decays of the traces, per decision, for which the constants are compared"
+        (0.0, 0.8, 0.95),
+        allowed=Range(0, 1),
+        help="decays of the traces per decision for which the constants are compared",
     )
-    seeds: int = count(50, 1, 10_000, help="learners with each estimator")
-    steps: int = count(600_000, 200, 10**9, unit="decisions", help="for which each learner learns")
+    seeds: int = count(50, 1, 10_000, help="number of learners with each estimator")
+    steps: int = count(600_000, 200, 10**9, unit="decisions", help="length of the practice of each learner")
 
     def validate(self) -> None:
         super().validate()
-        for name in ("decays", "constants", "swept"):
-            given = getattr(self, name)
-            check(list(given) == sorted(set(given)), name, given, "rising")
-        enough = len(self.decays) > 1 and BIAS_DECAY in self.decays
-        check(enough, "decays", self.decays, f"at least two, {BIAS_DECAY} among them")
+        for name, least in {"decays": 2, "constants": 0, "swept": 0}.items():
+            self.check_rising(name, least)
+        check(BIAS_DECAY in self.decays, "decays", self.decays, f"some with {BIAS_DECAY} among them")
 
     quick = smoke(runs=40, longest=1_000, decays=(0.0, BIAS_DECAY), constants=(), swept=(), seeds=3, steps=2_000)
 

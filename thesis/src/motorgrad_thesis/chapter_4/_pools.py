@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from jaxtyping import Float
 
-from motorgrad._errors import check
 from motorgrad.policies import Motoneurons, Policy, grow, trainable
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.tasks import LinearRecruitment, spacing_error
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._claims import Kind
-from motorgrad_thesis._experiment import Experiment, Workspace, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Workspace, smoke
 from motorgrad_thesis._figures import Axes
 
 NATURAL: dict[str, Any] = {
@@ -129,6 +128,10 @@ def least_error(task: LinearRecruitment, strength: float = 1.0) -> float:
     return float(np.abs(strength * parts - task.target(loads)[:, None]).min(axis=1).mean())
 
 
+SIZES = Range(2, 64, kind="int")
+"""Sizes of pools that learn the linear mapping or to lift."""
+
+
 @dataclasses.dataclass(frozen=True)
 class LinearStudy(Experiment):
     """Base of experiments on pools that have learned the linear mapping, by default with the thesis's numbers."""
@@ -139,15 +142,14 @@ class LinearStudy(Experiment):
         "ratio, which takes N² times as long. How long the thesis practised is not known."
     )
 
-    units: tuple[int, ...] = static((2, 3, 4, 8), help="sizes of the pools, each once")
-    steps: int = count(6_000_000, 200, 10**9, unit="decisions", help="for which every pool learns")
-    seeds: int = count(24, 1, 10_000, help="pools of each size")
-    rate: float = number(RATE, help="the step size of all parameters")
+    units: tuple[int, ...] = static((2, 3, 4, 8), allowed=SIZES, help="sizes of the pools, each once")
+    steps: int = count(6_000_000, 200, 10**9, unit="decisions", help="length of the practice of every pool")
+    seeds: int = count(24, 1, 10_000, help="number of pools of each size")
+    rate: float = number(RATE, 0, help="the step size of all parameters")
 
     def validate(self) -> None:
         super().validate()
-        check_units(self.units, 2)
-        agent_for(self.task(min(self.units)), learning_rate=self.rate)
+        self.check_rising("units", 2)
 
     quick = smoke(units=(2, 4), steps=2_000, seeds=3)
 
@@ -158,16 +160,6 @@ class LinearStudy(Experiment):
     def trained(self, work: Workspace, task: LinearRecruitment) -> Run:
         """Trained pools, shared with other experiments of the same settings."""
         return work.train(task, agent_for(task, learning_rate=self.rate), self.steps, self.seeds)
-
-
-def check_units(units: tuple[int, ...], least: int) -> None:
-    """Refuse sizes of pools that do not rise within 2 … 64, or fewer than `least` of them."""
-    check(
-        rising(units, least, above=1) and max(units) <= 64,
-        "units",
-        units,
-        f"at least {least} rising numbers from 2 to 64",
-    )
 
 
 def equally_spaced_from(decision: np.ndarray, errors: np.ndarray) -> np.ndarray:

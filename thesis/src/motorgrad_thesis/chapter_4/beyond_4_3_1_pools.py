@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import Measured, median_of, share_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for
@@ -61,21 +61,23 @@ class LargePools(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    seeds: int = count(20, 2, 1000, help="for every learner and every pool")
+    seeds: int = count(20, 2, 1000, help="number of seeds for every learner and every pool")
     pools: tuple[int, ...] = static(
-        (2, 4, 8, 16, 32, 64, 128), unit="units", help="sizes of the pools, rising, 16 among them"
+        (2, 4, 8, 16, 32, 64, 128),
+        allowed=Range(2, 1024, kind="int"),
+        unit="units",
+        help="sizes of the pools, rising, 16 among them",
     )
     dissected: int = count(
         32, 2, 1024, unit="units", help="size of the pool for which parts of the learner are replaced"
     )
-    tries: int = count(5, 1, 5, help="number of step sizes, 1 to 5, that each learner with a replaced part may try")
-    share: float = number(1.0, help="fraction of the full number of decisions")
+    tries: int = count(5, 1, 5, help="number of step sizes that each learner with a replaced part may try")
+    share: float = number(1.0, 0, 10, open_low=True, help="fraction of the full number of decisions")
 
     def validate(self) -> None:
         super().validate()
-        rising = list(self.pools) == sorted(set(self.pools)) and SHOWN in self.pools and self.pools[0] >= 2
-        check(rising and self.pools[-1] <= 1024, "pools", self.pools, "rising numbers from 2 to 1,024, 16 among them")
-        check(0 < self.share <= 10, "share", self.share, "above 0, at most 10")
+        self.check_rising("pools")
+        check(SHOWN in self.pools, "pools", self.pools, f"some with {SHOWN} among them")
 
     quick = smoke(seeds=2, pools=(SHOWN,), dissected=SHOWN, tries=1, share=0.002)
 

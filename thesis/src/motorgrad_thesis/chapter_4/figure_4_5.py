@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import Arm, Posture, compile_model
 from motorgrad.schema import number
 from motorgrad.statistics import exact
@@ -26,12 +25,9 @@ class ArmBody(BothPostures):
     moment arms of muscle and load about the elbow, and the forces that hold and throw the load, at each angle.
     """
 
-    load: float = number(8.0, unit="kg", help="in the hand")
+    load: float = number(8.0, 0, 20, open_low=True, unit="kg", help="the load in the hand")
 
     size = (8, 5.4)
-
-    def __post_init__(self) -> None:
-        check(0 < self.load <= 20, "load", self.load, "above 0, at most 20 kg")
 
     def body(self, posture: Posture) -> Arm:
         """The arm, held so."""

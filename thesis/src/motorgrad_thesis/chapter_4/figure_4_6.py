@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import Posture, lift, lift_table
-from motorgrad.schema import count, static
+from motorgrad.schema import count
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_least, at_most
 from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
@@ -36,10 +36,10 @@ class HeightFunction(BothPostures):
         200,
         1,
         100_000,
-        help="random loads and activations at which the table is compared with simulation, in each of three "
+        help="number of random loads and activations at which the table is compared with simulation, in each of three "
         "ranges of the load; half of them near the border at which the load just reaches the top",
     )
-    seed: int = static(0, help="seed of the random points")
+    seed: int = count(0, help="seed of the random points")
 
     quick = smoke(points=5)
     size = (8, 3.9)

@@ -24,8 +24,8 @@ class RewardSurface(BothPostures):
     load to the top is best: below it the height falls steeply, above it only the cost rises.
     """
 
-    loads: int = count(321, 11, 10_001, help="grid points over the loads")
-    activations: int = count(1001, 11, 10_001, help="grid points over the activations")
+    loads: int = count(321, 11, 10_001, help="number of grid points over the loads")
+    activations: int = count(1001, 11, 10_001, help="number of grid points over the activations")
 
     size = (7, 4.6)
 

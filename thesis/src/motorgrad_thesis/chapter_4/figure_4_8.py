@@ -18,8 +18,8 @@ from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import SubFigure
 from motorgrad_thesis.chapter_4._pools import (
     IDEAL,
+    SIZES,
     THRESHOLD,
-    check_units,
     count_chances,
     draw_pool,
     draw_thresholds,
@@ -44,19 +44,15 @@ class ArmPolicies(BothPostures):
     largest pool's policy. Above, the median pool; below, the thresholds of every seed.
     """
 
-    units: tuple[int, ...] = static((2, 3, 4), help="sizes of the pools, each once")
+    units: tuple[int, ...] = static((2, 3, 4), allowed=SIZES, help="sizes of the pools, each once")
     steps: int = count(
-        400_000,
-        200,
-        10**9,
-        unit="decisions",
-        help="for which every pool learns; a sweep takes about 80",
+        400_000, 200, 10**9, unit="decisions", help="length of the practice of every pool; a sweep takes about 80"
     )
-    seeds: int = count(32, 1, 10_000, help="pools of each size")
+    seeds: int = count(32, 1, 10_000, help="number of pools of each size")
 
     def validate(self) -> None:
         super().validate()
-        check_units(self.units, 1)
+        self.check_rising("units")
 
     quick = smoke(units=(2, 3), steps=2_000, seeds=3)
 

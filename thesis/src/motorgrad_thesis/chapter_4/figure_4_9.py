@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.schema import count, static
+from motorgrad.schema import count
 from motorgrad.statistics import Measured, mean_of
 from motorgrad.worlds import FiniteMDP, chain
 from motorgrad_thesis._claims import Claim, at_least, within
@@ -44,8 +44,8 @@ class ChainExploration(Experiment):
     )
 
     longest: int = count(12, DRAWN, 20, unit="states", help="length of the longest chain")
-    runs: int = count(4000, 2, 10**6, help="walks over which each wait is averaged")
-    seed: int = static(0, help="seed of the walks")
+    runs: int = count(4000, 2, 10**6, help="number of walks over which each wait is averaged")
+    seed: int = count(0, help="seed of the walks")
 
     quick = smoke(longest=DRAWN, runs=200)
 

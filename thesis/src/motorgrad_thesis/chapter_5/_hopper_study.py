@@ -1,13 +1,11 @@
 """The study of hoppers: the learner of section 5.2.2, its training, heights of hops, and the posture at rest."""
 
 import dataclasses
-import math
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from motorgrad import bodies
-from motorgrad._errors import check
 from motorgrad.learning import Agent
 from motorgrad.schema import count, number, static
 from motorgrad.tasks import Hopper
@@ -32,21 +30,21 @@ class HopperStudy(Experiment):
         "ours. The reward is paid at the first apex of a flight."
     )
 
-    seconds: float = number(1500.0, unit="simulated s", help="length of every hopper's practice")
-    seeds: int = count(16, 1, 10_000, help="independent hoppers")
+    seconds: float = number(1500.0, 0, open_low=True, unit="simulated s", help="length of every hopper's practice")
+    seeds: int = count(16, 1, 10_000, help="number of independent hoppers")
     reward_type: RewardType = static(
         "apex", help='when the task rewards a hop: at its first `"apex"`, or at its `"landing"`'
     )
-    decay: float = number(0.98, help="decay of the eligibility trace, per decision")
-    rate: float = number(5e-4, help="the step size of all parameters")
-    action_period: float = number(0.01, unit="simulated s", help="time between decisions")
-    watched: float = number(20.0, unit="simulated s", help="for which the frozen policies are evaluated")
+    decay: float = number(0.98, 0, 1, help="decay of the eligibility trace, per decision")
+    rate: float = number(5e-4, 0, help="the step size of all parameters")
+    action_period: float = number(0.01, 0, open_low=True, unit="simulated s", help="time between decisions")
+    watched: float = number(
+        20.0, 0, 3600, open_low=True, unit="simulated s", help="length of the evaluation of the frozen policies"
+    )
 
     def validate(self) -> None:
         super().validate()
-        period, _ = self.task.period, self.learner
-        check_practice(self.seconds, period)
-        check(2 * period <= self.watched <= 3600, "watched", self.watched, f"from {2 * period} to 3600 simulated s")
+        self.check_least(seconds=self.task.period, watched=2 * self.task.period)
 
     quick = smoke(seconds=20.0, seeds=3, watched=4.0)
 
@@ -65,11 +63,6 @@ class HopperStudy(Experiment):
     def watch(self, work: Workspace, run: Run, untrained: bool = False) -> Evaluation:
         """Evaluate the policies of all seeds from a fresh start, without learning."""
         return evaluate(run, round(self.watched / self.task.period), untrained=untrained, threads=work.threads)
-
-
-def check_practice(seconds: float, period: float) -> None:
-    """Refuse an impossible length of practice."""
-    check(period <= seconds < math.inf, "seconds", seconds, f"finite and at least one decision, {period} s")
 
 
 def hop_heights(outcome: Evaluation) -> np.ndarray:

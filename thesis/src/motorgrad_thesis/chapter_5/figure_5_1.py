@@ -10,7 +10,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hopper, away_angle, compile_model, tension, wrapped_length, wrapped_rate, wrapping_angle
-from motorgrad.schema import count, static
+from motorgrad.schema import Range, count, static
 from motorgrad.statistics import exact
 from motorgrad_thesis._claims import Claim, at_most, positive, within
 from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
@@ -38,15 +38,16 @@ class MusclePair(Experiment):
     """
 
     angles: tuple[float, ...] = static(
-        (50.0, 90.0, 148.0), unit="degrees", help="angles of the knee, at which the muscles are drawn"
+        (50.0, 90.0, 148.0),
+        allowed=Range(10, 175),
+        unit="degrees",
+        help="angles of the knee, at which the muscles are drawn, one to six",
     )
     points: int = count(221, 3, 100_000, help="number of angles evaluated in MuJoCo")
 
     def validate(self) -> None:
         super().validate()
         check(1 <= len(self.angles) <= 6, "angles", self.angles, "one to six angles")
-        for angle in self.angles:
-            check(10 <= angle <= 175, "angles", angle, "from 10 to 175 degrees")
 
     quick = smoke(points=12)
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import Hopper, compile_model
-from motorgrad.schema import number, static
+from motorgrad.schema import Range, number, static
 from motorgrad_thesis._experiment import Experiment, Values, experiment
 from motorgrad_thesis._figures import EXTENSOR, FLEXOR, Axes, Figure, flat_path, new_figure
 from motorgrad_thesis.chapter_5._hopper_study import posture
@@ -22,12 +21,12 @@ class HopperBody(Experiment):
     flexor in front of and an extensor behind each knee. Observations are labelled in green.
     """
 
-    angle: float = number(100.0, unit="degrees", help="angle of the knees in the large drawing")
-    others: tuple[float, float] = static((50.0, 145.0), unit="degrees", help="angles of the knees in the small ones")
-
-    def __post_init__(self) -> None:
-        for name, angle in (("angle", self.angle), *(("others", other) for other in self.others)):
-            check(40 <= angle <= 150, name, angle, "from 40 to 150 degrees, between the stops of the knees")
+    angle: float = number(
+        100.0, 40, 150, unit="degrees", help="angle of the knees in the large drawing, between their stops"
+    )
+    others: tuple[float, float] = static(
+        (50.0, 145.0), allowed=Range(40, 150), unit="degrees", help="angles of the knees in the small drawings"
+    )
 
     def figure(self, values: Values) -> Figure:
         body = Hopper()

@@ -5,19 +5,17 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from motorgrad._errors import check, choice
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Hopper
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
 from motorgrad_thesis.chapter_5._hopper_study import (
     HIGH,
     SMOOTH,
     RewardType,
-    check_practice,
     practice_heights,
 )
 
@@ -43,16 +41,17 @@ class ActionPeriod(Experiment):
 
     periods: tuple[float, ...] = static(
         (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64),
+        allowed=Range(0, open_low=True),
         unit="simulated s",
         help="time between decisions, at least three, rising",
     )
-    seconds: float = number(1500.0, unit="simulated s", help="length of every hopper's practice")
-    seeds: int = count(8, 2, 10_000, help="hoppers with each period, at least 2")
+    seconds: float = number(1500.0, 0, open_low=True, unit="simulated s", help="length of every hopper's practice")
+    seeds: int = count(8, 2, 10_000, help="number of hoppers with each period")
     reward_type: RewardType = static(
         "apex", help='when the task rewards a hop: at its first `"apex"`, or at its `"landing"`'
     )
-    decay: float = number(0.98, help="decay of the eligibility trace, per decision")
-    rate: float = number(5e-4, help="the step size of all parameters")
+    decay: float = number(0.98, 0, 1, help="decay of the eligibility trace, per decision")
+    rate: float = number(5e-4, 0, help="the step size of all parameters")
     constant: Literal["decision", "second"] = static(
         "decision",
         help='what stays the same across periods. With `"decision"`, all numbers do, including the decay of '
@@ -62,11 +61,10 @@ class ActionPeriod(Experiment):
 
     def validate(self) -> None:
         super().validate()
-        choice("constant", self.constant, ("decision", "second"))
-        check(rising(self.periods, 3), "periods", self.periods, "at least three, rising")
+        self.check_rising("periods", 3)
         for period in self.periods:
             self.task(period)
-            check_practice(self.seconds, 10 * period)
+            self.check_least(seconds=10 * period)
 
     quick = smoke(periods=(0.005, 0.02, 0.08), seconds=6.0, seeds=2)
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -11,13 +11,14 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.plane import draw_paths, draw_reward, draw_units, trajectories
 from motorgrad.policies import LocalGaussians, Policy
-from motorgrad.schema import count
+from motorgrad.schema import count, static
 from motorgrad.tasks import FallingParticle, ParticleTask, Task
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._experiment import Experiment, Values, Workspace, smoke
 from motorgrad_thesis._figures import Axes
 
-LAYOUTS = ("R1", "R2")
+Layout = Literal["R1", "R2", "R3"]
+LAYOUTS: tuple[Layout, ...] = ("R1", "R2")
 LAYOUTS_READ = "The layouts of rewards are ours: the thesis shows its own only as pictures."
 EXACT_READ = f"Local units have the exact gradient, z², not the printed score, z² − 1. {LAYOUTS_READ}"
 EPISODES = 2_000  # episodes of learning in the thesis
@@ -34,8 +35,8 @@ class LocalStudy(Experiment):
 
     reading: ClassVar[str] = EXACT_READ
 
-    decisions: int = count(50_000, 1_000, 10**8, help="decisions of learning; 50,000 contain 2,000 episodes")
-    seeds: int = count(48, 2, 10_000, help="learners of each kind")
+    decisions: int = count(50_000, 1_000, 10**8, help="number of decisions of learning; 50,000 contain 2,000 episodes")
+    seeds: int = count(48, 2, 10_000, help="number of learners of each kind")
 
     quick = smoke(decisions=2_000, seeds=3)
 
@@ -47,18 +48,13 @@ class LocalStudy(Experiment):
 
 @dataclasses.dataclass(frozen=True)
 class LayoutStudy(LocalStudy):
-    """Base of experiments on learners in selectable layouts.
+    """Base of experiments on learners in selectable layouts."""
 
-    **Arguments:** `decisions` and `seeds`, as in `LocalStudy`; `layouts`, of the falling particle.
-    """
-
-    layouts: tuple[str, ...] = LAYOUTS
+    layouts: tuple[Layout, ...] = static(LAYOUTS, help="layouts of the falling particle")
 
     def validate(self) -> None:
         super().validate()
         check(len(self.layouts) > 0, "layouts", self.layouts, "at least one")
-        for layout in self.layouts:
-            FallingParticle(layout=layout)  # type: ignore[arg-type]
 
     quick = smoke(decisions=2_000, seeds=3, layouts=LAYOUTS[:1])
 

@@ -24,12 +24,6 @@ class NaturalStep(LayoutStudy):
     """Local units learn R1 and R2 by the natural gradient, which preconditions the step of each unit by the inverse of
     its Fisher matrix, and by the plain gradient. Rate and damping were chosen in another layout, R3, in which the plain
     gradient does best at the thesis's rates.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: learners of each kind.
-    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     """
 
     def run(self, work: Workspace) -> Values:

@@ -29,7 +29,7 @@ class Partition(Experiment):
 
     predictors: int = count(8, 2, 100, help="number of predictors of each kind")
     brake: float = number(0.6, NEAR, DISTANT, help="the distance at which to brake")
-    cells: int = count(161, 20, 2_000, help="along each side of the picture")
+    cells: int = count(161, 20, 2_000, help="number of cells along each side of the picture")
     fits: int = count(24, 2, 10_000, help="number of fits of linear predictors, each from another random start")
 
     quick = smoke(cells=41, fits=3)

@@ -37,13 +37,7 @@ class ParticlePolicy(Experiment):
     number of distinct motions over all firing patterns is determined by simulation.
     """
 
-    most: int = count(
-        6,
-        1,
-        8,
-        unit="forces to each side",
-        help="largest number of forces to each side for which firing patterns are counted",
-    )
+    most: int = count(6, 1, 8, help="largest number of forces to each side for which firing patterns are counted")
 
     quick = smoke(most=3)
 

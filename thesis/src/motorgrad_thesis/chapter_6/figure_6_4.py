@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad.plane import draw_occupancy, draw_paths, draw_regions, draw_units, occupancy, trajectories
 from motorgrad.policies import LocalGaussians, tiles
-from motorgrad.schema import count, static
+from motorgrad.schema import count
 from motorgrad.statistics import exact, mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticleStart
@@ -36,9 +36,11 @@ class InitialPolicy(Experiment):
         "appendix A.3 leave out."
     )
 
-    episodes: int = count(15_000, 10, 10**6, help="over which the share of time in each place is sampled")
-    drawn: int = count(12, 1, 1_000, unit="episodes", help="paths in the picture")
-    seed: int = static(0, help="seed of the episodes")
+    episodes: int = count(
+        15_000, 10, 10**6, help="number of episodes over which the share of time in each place is sampled"
+    )
+    drawn: int = count(12, 1, 1_000, help="number of episodes whose paths are in the picture")
+    seed: int = count(0, help="seed of the episodes")
 
     quick = smoke(episodes=200, drawn=4)
 

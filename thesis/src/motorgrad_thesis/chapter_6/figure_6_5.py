@@ -38,29 +38,18 @@ SAMPLE = 20
 class LocalPolicies(BothPairs, LocalStudy):
     """Eight local units learn to steer a falling particle in two layouts of rewards: the policy of the median seed,
     some of its paths, and its stationary distribution.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: learners in each layout.
-    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
     episodes: int = count(
         15_000,
         1,
         10**6,
-        unit="episodes",
         help="number of episodes of the median seed, over which the share of time in each place is sampled",
     )
     looks: int = count(
-        200,
-        1,
-        10**6,
-        unit="episodes",
-        help="episodes of every seed, over which the activity of its units is averaged",
+        200, 1, 10**6, help="number of episodes of every seed, over which the activity of its units is averaged"
     )
-    drawn: int = count(12, 1, 10**6, unit="episodes", help="paths in each picture")
+    drawn: int = count(12, 1, 10**6, help="number of episodes whose paths are in each picture")
 
     quick = smoke(decisions=2_000, seeds=3, episodes=100, looks=20, drawn=4)
 

@@ -27,22 +27,10 @@ QUIET_SHARE = 0.1  # fraction of the box
 class AnyUnitFires(BothPairs, LocalStudy):
     """The probability that at least one unit fires, over the box, for the policy of the median seed in R2: a landscape
     of the places where it acts.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: number of learners.
-    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    looks: int = count(
-        200,
-        1,
-        10**6,
-        unit="episodes",
-        help="episodes of every seed, for the places that its particle visits",
-    )
-    cells: int = count(60, 10, 1_000, help="along each side of the box")
+    looks: int = count(200, 1, 10**6, help="number of episodes of every seed, for the places that its particle visits")
+    cells: int = count(60, 10, 1_000, help="number of cells along each side of the box")
 
     quick = smoke(decisions=2_000, seeds=3, looks=20, cells=20)
 

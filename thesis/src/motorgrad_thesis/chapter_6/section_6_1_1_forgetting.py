@@ -11,13 +11,13 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad.policies import with_interface
-from motorgrad.schema import static
+from motorgrad.schema import Range, count, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run, agent_for
 from motorgrad.worlds import ParticleStart, ParticleState
 from motorgrad_thesis._claims import Claim, at_least, at_most, more_than_half, positive
-from motorgrad_thesis._experiment import Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, subplots
 from motorgrad_thesis.chapter_6._local_study import LocalStudy, frozen_reward, late_reward
 
@@ -89,35 +89,25 @@ class Forgetting(LocalStudy):
     """A particle that starts on the left (A) learns to fall through a goal there; then it starts on the right (B),
     where there is another goal. What remains of the first is evaluated without learning. Local units of two widths are
     compared with hyperplanes on the same inputs, and also on their squares and product, each at its best rate.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning on each side.
-    - `seeds`: learners of each kind.
     """
 
     reading: ClassVar[str] = "The thesis describes no experiment; tasks, gaps and global policies are ours."
 
-    kinds: tuple[str, ...] = static(
-        tuple(POLICY_KINDS), help="kinds of policies: `local`, `narrow`, `linear`, `quadratic`"
+    decisions: int = count(50_000, 1_000, 10**8, help="number of decisions of learning on each side")
+    kinds: tuple[Literal["local", "narrow", "linear", "quadratic"], ...] = static(
+        tuple(POLICY_KINDS), help="kinds of policies, `local` among them"
     )
     gaps: tuple[float, ...] = static(
         (0.2, 0.4),
-        help="between the starts on the left and those on the right, as fractions of the box; the smallest first",
+        allowed=Range(0, 0.6),
+        help="gaps between the starts on the left and those on the right, as fractions of the box; the smallest first",
     )
 
     def validate(self) -> None:
         super().validate()
-        known = len(set(self.kinds)) == len(self.kinds) and set(self.kinds) <= set(POLICY_KINDS)
-        check(
-            known and "local" in self.kinds, "kinds", self.kinds, f"some of {', '.join(POLICY_KINDS)}, local among them"
-        )
-        check(
-            rising(self.gaps) and min(self.gaps) >= 0 and max(self.gaps) <= 0.6,
-            "gaps",
-            self.gaps,
-            "from 0 to 0.6, rising",
-        )
+        once = len(set(self.kinds)) == len(self.kinds) and "local" in self.kinds
+        check(once, "kinds", self.kinds, "different ones, local among them")
+        self.check_rising("gaps")
 
     quick = smoke(decisions=1_000, seeds=3, kinds=("local", "linear"), gaps=(0.2,))
 

@@ -5,13 +5,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._errors import check
-from motorgrad.schema import static
+from motorgrad.schema import Range, static
 from motorgrad.statistics import first_time, mean_of, median_of, moving_mean
 from motorgrad.tasks import FallingParticle
 from motorgrad.worlds import ParticlePhysics
 from motorgrad_thesis._claims import Claim, above, at_least, positive
-from motorgrad_thesis._experiment import Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, new_figure
 from motorgrad_thesis.chapter_6._local_study import LayoutStudy, frozen_reward
 
@@ -28,30 +27,27 @@ AMOUNTS = "The amount decides the verdict, and the thesis names none: ours reach
 class Noise(LayoutStudy):
     """Local units learn R1 and R2 with noise on the observed position, or on the force on the particle, for three times
     as long as in the thesis, in order to distinguish slow learning from worse results.
-
-    **Arguments:**
-
-    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     """
 
     reading: ClassVar[str] = "The thesis names no kind and no amount of noise; both are ours."
 
-    decisions: int = static(150_000, help="decisions of learning")
-    seeds: int = static(24, help="learners of each kind")
+    decisions: int = 150_000
+    seeds: int = 24
     observation: tuple[float, ...] = static(
-        (0.03, 0.1), unit="fractions of the box", help="deviations of the noise on each observed coordinate, rising"
+        (0.03, 0.1),
+        allowed=Range(0, open_low=True),
+        help="deviations of the noise on each observed coordinate, as fractions of the box, rising",
     )
     dynamics: tuple[float, ...] = static(
         (0.2, 0.8),
-        unit="forces",
-        help="deviations of the random force in each time step, compared with actions of 0.4, rising",
+        allowed=Range(0, open_low=True),
+        help="deviations of the random force in each time step, rising; actions are forces of 0.4",
     )
 
     def validate(self) -> None:
         super().validate()
         for name in NOISE_LABELS:
-            levels = getattr(self, name)
-            check(rising(levels, above=0), name, levels, "positive deviations, rising")
+            self.check_rising(name)
 
     quick = smoke(decisions=2_000, seeds=3, layouts=("R1",), observation=(0.1,), dynamics=(0.8,))
 

@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,8 @@ from jaxtyping import Array
 from motorgrad._errors import check, shown
 from motorgrad._limits import MAX_BLOCK_SETTINGS_CHARACTERS
 from motorgrad._reading import toml_in
-from timlab.diagram import Block, Port, Ports, Setting, parameters_of
+from motorgrad.schema import static
+from timlab.diagram import Block, Port, Ports, parameters_of
 
 
 class OneShape(Block):
@@ -40,7 +41,7 @@ class OneShape(Block):
 class Shaped(OneShape):
     """A block with one output `y` whose `shape` is given by name."""
 
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = dataclasses.field(default=(), kw_only=True)
+    shape: tuple[int, ...] = static((), kw_only=True, help="shape of the signals")
 
 
 @dataclasses.dataclass(frozen=True)

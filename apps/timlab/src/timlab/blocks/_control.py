@@ -1,30 +1,29 @@
 """Control: PID controllers, and nonlinear functions without and with memory."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
+from motorgrad.schema import number, static
 from timlab.blocks._base import Elementwise, check_limits
-from timlab.diagram import Moment, Parameter, Setting, Signals
+from timlab.diagram import Moment, Signals
 
 
 @dataclasses.dataclass(frozen=True)
 class _PID(Elementwise):
-    proportional_gain: Annotated[Any, Parameter("gain of the error, $k_P$")] = 1.0
-    integral_gain: Annotated[Any, Parameter("gain of the integral, $k_I$", unit="1/s")] = 0.0
-    derivative_gain: Annotated[Any, Parameter("gain of the derivative, $k_D$", unit="s")] = 0.0
-    filter: Annotated[
-        Any, Parameter(r"$\tau$, time constant of the derivative's filter", unit="s", low=0.0, open=True)
-    ] = 0.1
-    initial: Annotated[Any, Parameter("initial integral part")] = 0.0
-    low: Annotated[Any, Parameter("lower limit of the output, if limited")] = -1.0
-    high: Annotated[Any, Parameter("upper limit of the output, if limited")] = 1.0
-    tracking: Annotated[Any, Parameter("$T$, time constant of the anti-windup", unit="s", low=0.0, open=True)] = 1.0
-    limited: Annotated[bool, Setting("whether the output is clipped to the limits")] = False
+    proportional_gain: Any = number(1.0, help="gain of the error, $k_P$")
+    integral_gain: Any = number(0.0, unit="1/s", help="gain of the integral, $k_I$")
+    derivative_gain: Any = number(0.0, unit="s", help="gain of the derivative, $k_D$")
+    filter: Any = number(0.1, 0, open_low=True, unit="s", help=r"$\tau$, time constant of the derivative's filter")
+    initial: Any = number(0.0, help="initial integral part")
+    low: Any = number(-1.0, help="lower limit of the output, if limited")
+    high: Any = number(1.0, help="upper limit of the output, if limited")
+    tracking: Any = number(1.0, 0, open_low=True, unit="s", help="$T$, time constant of the anti-windup")
+    limited: bool = static(False, help="whether the output is clipped to the limits")
 
     def validate(self) -> None:
         super().validate()
@@ -102,8 +101,8 @@ class DiscretePID(_PID):
 
 @dataclasses.dataclass(frozen=True)
 class _Between(Elementwise):
-    low: Annotated[Any, Parameter("lower limit")] = -1.0
-    high: Annotated[Any, Parameter("upper limit")] = 1.0
+    low: Any = number(-1.0, help="lower limit")
+    high: Any = number(1.0, help="upper limit")
 
     def validate(self) -> None:
         super().validate()
@@ -149,7 +148,7 @@ class Quantiser(Elementwise):
     name: ClassVar[str] = "quantiser"
     category: ClassVar[str] = "nonlinear"
 
-    interval: Annotated[Any, Parameter("distance between levels, $q$", low=0.0, open=True)] = 0.1
+    interval: Any = number(0.1, 0, open_low=True, help="distance between levels, $q$")
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.interval * jnp.round(inputs["u"] / self.interval)}
@@ -168,11 +167,11 @@ class Relay(Elementwise):
     name: ClassVar[str] = "relay"
     category: ClassVar[str] = "nonlinear"
 
-    low: Annotated[Any, Parameter("input at which it switches off")] = -0.5
-    high: Annotated[Any, Parameter("input at which it switches on")] = 0.5
-    off: Annotated[Any, Parameter("output while off")] = 0.0
-    on: Annotated[Any, Parameter("output while on")] = 1.0
-    begins_on: Annotated[bool, Setting("whether it is initially on")] = False
+    low: Any = number(-0.5, help="input at which it switches off")
+    high: Any = number(0.5, help="input at which it switches on")
+    off: Any = number(0.0, help="output while off")
+    on: Any = number(1.0, help="output while on")
+    begins_on: bool = static(False, help="whether it is initially on")
 
     def validate(self) -> None:
         super().validate()
@@ -223,8 +222,8 @@ class Backlash(_Follower):
     name: ClassVar[str] = "backlash"
     category: ClassVar[str] = "nonlinear"
 
-    width: Annotated[Any, Parameter("width of the play", low=0.0)] = 1.0
-    initial: Annotated[Any, Parameter("initial output")] = 0.0
+    width: Any = number(1.0, 0, help="width of the play")
+    initial: Any = number(0.0, help="initial output")
 
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return jnp.clip(state, inputs["u"] - self.width / 2, inputs["u"] + self.width / 2)
@@ -237,9 +236,9 @@ class RateLimit(_Follower):
     name: ClassVar[str] = "rate limit"
     category: ClassVar[str] = "nonlinear"
 
-    rise: Annotated[Any, Parameter("largest rate of increase", unit="1/s", low=0.0)] = 1.0
-    fall: Annotated[Any, Parameter("largest rate of decrease", unit="1/s", low=0.0)] = 1.0
-    initial: Annotated[Any, Parameter("initial output")] = 0.0
+    rise: Any = number(1.0, 0, unit="1/s", help="largest rate of increase")
+    fall: Any = number(1.0, 0, unit="1/s", help="largest rate of decrease")
+    initial: Any = number(0.0, help="initial output")
 
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return jnp.clip(inputs["u"], state - now.step * self.fall, state + now.step * self.rise)

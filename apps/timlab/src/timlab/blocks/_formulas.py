@@ -10,7 +10,7 @@ atom       = number | name | function "(" condition {"," condition} ")" | "(" co
 import functools
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import jax
 import jax.numpy as jnp
@@ -85,7 +85,8 @@ OPERATORS: dict[str, Function] = {
     "not": Function(1, lambda a: ~truth(a), True),
 }
 """Infix and prefix operators."""
-COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
+Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
+COMPARISONS = get_args(Comparison)
 
 
 MAX_FORMULA_CHARACTERS = 1000

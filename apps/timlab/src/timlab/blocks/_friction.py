@@ -1,15 +1,16 @@
 """Dry friction: a mass that sticks and slips."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
+from motorgrad.schema import number
 from timlab.blocks._base import Shaped
-from timlab.diagram import Moment, Parameter, Port, Ports, Signals
+from timlab.diagram import Moment, Port, Ports, Signals
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,11 +26,11 @@ class DryFriction(Shaped):
     name: ClassVar[str] = "dry friction"
     category: ClassVar[str] = "dynamics"
 
-    mass: Annotated[Any, Parameter("mass, $m$", unit="kg", low=0.0, open=True)] = 1.0
-    static: Annotated[Any, Parameter("$F_s$, the force at which it begins to slip", unit="N", low=0.0)] = 1.0
-    kinetic: Annotated[Any, Parameter("$F_k$, the force while it slips", unit="N", low=0.0)] = 0.8
-    viscous: Annotated[Any, Parameter("viscous friction, $d$", unit="N s/m", low=0.0)] = 0.0
-    initial: Annotated[Any, Parameter("initial velocity", unit="m/s")] = 0.0
+    mass: Any = number(1.0, 0, open_low=True, unit="kg", help="mass, $m$")
+    static: Any = number(1.0, 0, unit="N", help="$F_s$, the force at which it begins to slip")
+    kinetic: Any = number(0.8, 0, unit="N", help="$F_k$, the force while it slips")
+    viscous: Any = number(0.0, 0, unit="N s/m", help="viscous friction, $d$")
+    initial: Any = number(0.0, unit="m/s", help="initial velocity")
 
     def validate(self) -> None:
         super().validate()

@@ -1,22 +1,22 @@
 """Linear dynamics in continuous and discrete time: integrators, delays, lags, transfer functions, state space."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
-from motorgrad.schema import static
+from motorgrad.schema import count, number, static
 from timlab.blocks._base import OneShape, Shaped, check_limits
-from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, Timing
+from timlab.diagram import Block, Moment, Port, Ports, Signals, Timing
 
 
 @dataclasses.dataclass(frozen=True)
 class _Memory(OneShape):
-    initial: Annotated[Any, Parameter("$y_0$, initial output")] = 0.0
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    initial: Any = number(0.0, help="$y_0$, initial output")
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     @property
     def inputs(self) -> Ports:
@@ -27,9 +27,6 @@ class _Memory(OneShape):
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": state}
-
-
-RESETS = ("none", "rising", "falling", "either")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,18 +43,18 @@ class Integrator(_Memory):
     name: ClassVar[str] = "integrator"
     category: ClassVar[str] = "dynamics"
 
-    low: Annotated[Any, Parameter("lower limit, if limited")] = -1.0
-    high: Annotated[Any, Parameter("upper limit, if limited")] = 1.0
-    limited: Annotated[bool, Setting("whether the integral stays within the limits")] = static(
-        False, help="$y$ stays within the limits. At a limit it rests until $u$ points inside, without wind-up"
+    low: Any = number(-1.0, help="lower limit, if limited")
+    high: Any = number(1.0, help="upper limit, if limited")
+    limited: bool = static(
+        False,
+        help="whether $y$ stays within the limits. At a limit it rests until $u$ points inside, without wind-up",
     )
-    reset: Annotated[str, Setting("which changes of the input reset restart the integral", choices=RESETS)] = static(
+    reset: Literal["none", "rising", "falling", "either"] = static(
         "none",
-        help="on these changes of the condition `reset`, $y$ starts again at $y_0$, or if `external` at the "
-        "input `initial`, which may depend on $y$ itself. Before the first tick the condition counts as "
-        "false",
+        help="which changes of the input `reset` restart the integral, at $y_0$, or if `external` at the input "
+        "`initial`, which may depend on $y$ itself. Before the first tick the condition counts as false",
     )
-    external: Annotated[bool, Setting("whether a reset restarts at the input initial")] = False
+    external: bool = static(False, help="whether a reset restarts at the input initial")
 
     def validate(self) -> None:
         super().validate()
@@ -126,9 +123,6 @@ class UnitDelay(_Memory):
         return inputs["u"]
 
 
-METHODS = ("forward", "backward", "trapezoid")
-
-
 @dataclasses.dataclass(frozen=True)
 class DiscreteIntegrator(Shaped):
     r"""Discrete-time integrator with sample period $h$, starting at $y_0$; `limited` clips it, without wind-up.
@@ -146,11 +140,11 @@ class DiscreteIntegrator(Shaped):
     name: ClassVar[str] = "discrete integrator"
     category: ClassVar[str] = "dynamics"
 
-    initial: Annotated[Any, Parameter("initial output, $y_0$")] = 0.0
-    low: Annotated[Any, Parameter("lower limit, if limited")] = -1.0
-    high: Annotated[Any, Parameter("upper limit, if limited")] = 1.0
-    method: Annotated[str, Setting("integration rule", choices=METHODS)] = "forward"
-    limited: Annotated[bool, Setting("whether the integral is clipped to the limits")] = False
+    initial: Any = number(0.0, help="initial output, $y_0$")
+    low: Any = number(-1.0, help="lower limit, if limited")
+    high: Any = number(1.0, help="upper limit, if limited")
+    method: Literal["forward", "backward", "trapezoid"] = static("forward", help="integration rule")
+    limited: bool = static(False, help="whether the integral is clipped to the limits")
 
     def validate(self) -> None:
         super().validate()
@@ -196,9 +190,9 @@ class Delay(Shaped):
     name: ClassVar[str] = "delay"
     category: ClassVar[str] = "dynamics"
 
-    initial: Annotated[Any, Parameter("initial output")] = 0.0
-    length: Annotated[int, Setting("$n$, in samples")] = 10
-    between: Annotated[str, Setting("what the output does between samples", choices=("hold", "cubic"))] = "hold"
+    initial: Any = number(0.0, help="initial output")
+    length: int = count(10, 1, unit="samples", help="$n$, how far the output is behind the input")
+    between: Literal["hold", "cubic"] = static("hold", help="what the output does between samples")
 
     def validate(self) -> None:
         super().validate()
@@ -249,9 +243,9 @@ def _between(near: Array, part: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class _Lag(Shaped):
-    constant: Annotated[Any, Parameter(r"the time constant $\tau$", unit="s", low=0.0, open=True)] = 1.0
-    gain: Annotated[Any, Parameter("$k$, the static gain")] = 1.0
-    initial: Annotated[Any, Parameter("initial output")] = 0.0
+    constant: Any = number(1.0, 0, open_low=True, unit="s", help=r"the time constant $\tau$")
+    gain: Any = number(1.0, help="$k$, the static gain")
+    initial: Any = number(0.0, help="initial output")
 
     @property
     def inputs(self) -> Ports:
@@ -297,11 +291,11 @@ MAX_ORDER = 20  # of a transfer function, limited by single precision
 class _Rational(Block):
     """A rational transfer function in controllable canonical form."""
 
-    numerator: Annotated[Any, Parameter("coefficients of the numerator, highest power first")] = (1.0,)
-    denominator: Annotated[
-        Any, Parameter("coefficients of the denominator, highest power first; the first is not 0")
-    ] = (1.0, 1.0)
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals; each element is filtered separately")] = ()
+    numerator: Any = number((1.0,), help="coefficients of the numerator, highest power first")
+    denominator: Any = number(
+        (1.0, 1.0), help="coefficients of the denominator, highest power first; the first is not 0"
+    )
+    shape: tuple[int, ...] = static((), help="shape of the signals; each element is filtered separately")
 
     def validate(self) -> None:
         for name in ("numerator", "denominator"):
@@ -373,12 +367,12 @@ class DiscreteTransferFunction(_Rational):
 
 @dataclasses.dataclass(frozen=True)
 class _StateSpace(Block):
-    a: Annotated[Any, Parameter("$A$, a square list of rows")] = ((-1.0,),)
-    b: Annotated[Any, Parameter("$B$, one row per state; a flat list for a scalar input")] = ((1.0,),)
-    c: Annotated[Any, Parameter("$C$, one column per state; a flat list for a scalar output")] = ((1.0,),)
-    d: Annotated[Any, Parameter("$D$, one row per output; used if direct")] = 0.0
-    initial: Annotated[Any, Parameter("initial state")] = 0.0
-    direct: Annotated[bool, Setting("whether the output depends on the input within the tick, through $D$")] = False
+    a: Any = number(((-1.0,),), help="$A$, a square list of rows")
+    b: Any = number(((1.0,),), help="$B$, one row per state; a flat list for a scalar input")
+    c: Any = number(((1.0,),), help="$C$, one column per state; a flat list for a scalar output")
+    d: Any = number(0.0, help="$D$, one row per output; used if direct")
+    initial: Any = number(0.0, help="initial state")
+    direct: bool = static(False, help="whether the output depends on the input within the tick, through $D$")
 
     def validate(self) -> None:
         states = np.shape(self.a)[0] if np.ndim(self.a) == 2 else 0
@@ -437,7 +431,7 @@ class DiscreteStateSpace(_StateSpace):
     name: ClassVar[str] = "discrete state space"
     category: ClassVar[str] = "dynamics"
 
-    a: Annotated[Any, Parameter("$A$, a square list of rows")] = ((0.5,),)
+    a: Any = number(((0.5,),), help="$A$, a square list of rows")
 
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         return self._advanced(state, inputs)

@@ -2,21 +2,21 @@
 
 import dataclasses
 import functools
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check, unknown
+from motorgrad.schema import count, number, static
 from timlab.blocks._base import Shaped, check_names
-from timlab.blocks._formulas import COMPARISONS, OPERATORS, RESERVED, evaluate_at, formula
+from timlab.blocks._formulas import OPERATORS, RESERVED, Comparison, evaluate_at, formula
 from timlab.blocks._maths import MAX_PORTS, named_values
-from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 ORDERED = {">=": (1.0, True), "<": (1.0, False), "<=": (-1.0, True), ">": (-1.0, False)}
 """Of a relation: the sign of the difference that is watched, and the relation's value where that is at least 0."""
-JOINS = ("and", "or", "xor", "nand", "nor")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Compare(Shaped):
     name: ClassVar[str] = "compare"
     category: ClassVar[str] = "logic"
 
-    relation: Annotated[str, Setting("relation of u1 to u2 + margin", choices=COMPARISONS)] = ">"
-    margin: Annotated[Any, Parameter("offset added to u2")] = 0.0
+    relation: Comparison = static(">", help="relation of u1 to u2 + margin")
+    margin: Any = number(0.0, help="offset added to u2")
 
     @property
     def inputs(self) -> Ports:
@@ -59,12 +59,9 @@ class Logic(Block):
     name: ClassVar[str] = "logic"
     category: ClassVar[str] = "logic"
 
-    operator: Annotated[str, Setting("the operation", choices=JOINS)] = "and"
-    count: Annotated[int, Setting("number of inputs")] = 2
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
-
-    def validate(self) -> None:
-        check_count("count", self.count)
+    operator: Literal["and", "or", "xor", "nand", "nor"] = static("and", help="the operation")
+    count: int = count(2, 1, MAX_PORTS, help="number of inputs")
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     @property
     def inputs(self) -> Ports:
@@ -88,7 +85,7 @@ class Not(Block):
     name: ClassVar[str] = "not"
     category: ClassVar[str] = "logic"
 
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     @property
     def inputs(self) -> Ports:
@@ -124,11 +121,7 @@ class MultiSwitch(Shaped):
     name: ClassVar[str] = "multi-switch"
     category: ClassVar[str] = "logic"
 
-    count: Annotated[int, Setting("number of inputs to select from")] = 2
-
-    def validate(self) -> None:
-        super().validate()
-        check_count("count", self.count)
+    count: int = count(2, 1, MAX_PORTS, help="number of inputs to select from")
 
     @property
     def inputs(self) -> Ports:
@@ -139,12 +132,7 @@ class MultiSwitch(Shaped):
         return {"y": choices[jnp.clip(inputs["index"], 0, self.count - 1)]}
 
 
-def check_count(name: str, count: int) -> None:
-    """Check a number of inputs."""
-    check(1 <= count <= MAX_PORTS, name, count, f"an integer from 1 to {MAX_PORTS}")
-
-
-EDGES = ("rising", "falling", "either", "true")
+Edge = Literal["rising", "falling", "either", "true"]
 WHEN = "which events count: changes of the condition, or every evaluation at which it is true"
 
 
@@ -164,9 +152,9 @@ class Counter(Block):
     name: ClassVar[str] = "counter"
     category: ClassVar[str] = "logic"
 
-    modulus: Annotated[Any, Parameter("the count wraps to 0 at this number; 0 for never", kind="int", low=0)] = 0
-    edge: Annotated[str, Setting(WHEN, choices=EDGES)] = "rising"
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    modulus: Any = number(0, 0, kind="int", help="the count wraps to 0 at this number; 0 for never")
+    edge: Edge = static("rising", help=WHEN)
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     def validate(self) -> None:
         self.check_broadcasts("modulus", self.shape)
@@ -203,8 +191,8 @@ class SampleAndHold(Shaped):
     name: ClassVar[str] = "sample and hold"
     category: ClassVar[str] = "logic"
 
-    initial: Annotated[Any, Parameter("output before the first sample")] = 0.0
-    edge: Annotated[str, Setting(WHEN, choices=EDGES)] = "rising"
+    initial: Any = number(0.0, help="output before the first sample")
+    edge: Edge = static("rising", help=WHEN)
 
     @property
     def inputs(self) -> Ports:
@@ -243,19 +231,22 @@ class StateMachine(Block):
     name: ClassVar[str] = "state machine"
     category: ClassVar[str] = "logic"
 
-    states: Annotated[tuple[str, ...], Setting("names of the states")] = ("off", "on")
-    transitions: Annotated[tuple[tuple[str, str, str], ...], Setting("rows: from state, condition, to state")] = (
-        ("off", "u > 0", "on"),
-        ("on", "u <= 0", "off"),
+    states: tuple[str, ...] = static(("off", "on"), help="names of the states")
+    transitions: tuple[tuple[str, str, str], ...] = static(
+        (
+            ("off", "u > 0", "on"),
+            ("on", "u <= 0", "off"),
+        ),
+        help="rows: from state, condition, to state",
     )
-    reads: Annotated[tuple[str, ...], Setting("names of the inputs")] = ("u",)
-    gives: Annotated[tuple[str, ...], Setting("names of the outputs in addition to state")] = ()
-    table: Annotated[Any, Parameter("output values: one row per state, one column per output")] = 0.0
-    constants: Annotated[tuple[str, ...], Setting("names of constants that may change during a run")] = ()
-    numbers: Annotated[Any, Parameter("values of the constants, in their order")] = 0.0
-    initial: Annotated[Any, Setting("initial state, one or a list of shape; '' for the first state")] = ""
-    immediate: Annotated[bool, Setting("whether outputs follow a transition within the tick")] = False
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals: one machine per element")] = ()
+    reads: tuple[str, ...] = static(("u",), help="names of the inputs")
+    gives: tuple[str, ...] = static((), help="names of the outputs in addition to state")
+    table: Any = number(0.0, help="output values: one row per state, one column per output")
+    constants: tuple[str, ...] = static((), help="names of constants that may change during a run")
+    numbers: Any = number(0.0, help="values of the constants, in their order")
+    initial: Any = static("", help="initial state, one or a list of shape; '' for the first state")
+    immediate: bool = static(False, help="whether outputs follow a transition within the tick")
+    shape: tuple[int, ...] = static((), help="shape of the signals: one machine per element")
 
     def validate(self) -> None:
         check_names("states", self.states, least=1)

@@ -2,25 +2,23 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
+from motorgrad.schema import Range, count, number, static
 from timlab.blocks._base import Elementwise, OneShape, Shaped, check_names
 from timlab.blocks._formulas import FUNCTIONS, RESERVED, evaluate_at, formula, is_condition, names_read
 from timlab.diagram import (
     Block,
     Moment,
-    Parameter,
     Port,
     Ports,
-    Setting,
     Signals,
     Timing,
-    checked_shape,
 )
 
 
@@ -31,8 +29,8 @@ class Gain(OneShape):
     name: ClassVar[str] = "gain"
     category: ClassVar[str] = "mathematics"
 
-    gain: Annotated[Any, Parameter("the factor $k$")] = 1.0
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    gain: Any = number(1.0, help="the factor $k$")
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     @property
     def inputs(self) -> Ports:
@@ -49,8 +47,8 @@ class Sum(OneShape):
     name: ClassVar[str] = "sum"
     category: ClassVar[str] = "mathematics"
 
-    signs: Annotated[str, Setting("one + or - per input")] = "++"
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    signs: str = static("++", help="one + or - per input")
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     def validate(self) -> None:
         valid = 1 <= len(self.signs) <= MAX_PORTS and set(self.signs) <= {"+", "-"}
@@ -75,7 +73,7 @@ class Product(Shaped):
     name: ClassVar[str] = "product"
     category: ClassVar[str] = "mathematics"
 
-    signs: Annotated[str, Setting("one * or / per input")] = "**"
+    signs: str = static("**", help="one * or / per input")
 
     def validate(self) -> None:
         valid = 1 <= len(self.signs) <= MAX_PORTS and set(self.signs) <= {"*", "/"}
@@ -99,7 +97,7 @@ class MatrixGain(Block):
     name: ClassVar[str] = "matrix gain"
     category: ClassVar[str] = "mathematics"
 
-    matrix: Annotated[Any, Parameter("$M$, a list of rows")] = ((1.0, 0.0), (0.0, 1.0))
+    matrix: Any = number(((1.0, 0.0), (0.0, 1.0)), help="$M$, a list of rows")
 
     def validate(self) -> None:
         check(np.ndim(self.matrix) == 2, "matrix", self.matrix, "a list of rows of equal length")
@@ -132,11 +130,11 @@ class Expression(Block):
     name: ClassVar[str] = "expression"
     category: ClassVar[str] = "mathematics"
 
-    expression: Annotated[str, Setting("the formula")] = "u"
-    reads: Annotated[tuple[str, ...], Setting("names of the inputs")] = ("u",)
-    constants: Annotated[tuple[str, ...], Setting("names of constants that may change during a run")] = ()
-    numbers: Annotated[Any, Parameter("values of the constants, in their order")] = 0.0
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    expression: str = static("u", help="the formula")
+    reads: tuple[str, ...] = static(("u",), help="names of the inputs")
+    constants: tuple[str, ...] = static((), help="names of constants that may change during a run")
+    numbers: Any = number(0.0, help="values of the constants, in their order")
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     def validate(self) -> None:
         check_names("reads", self.reads, RESERVED)
@@ -191,7 +189,7 @@ class Function(Elementwise):
     name: ClassVar[str] = "function"
     category: ClassVar[str] = "mathematics"
 
-    function: Annotated[str, Setting("which function", choices=ONE_ARGUMENT)] = "abs"
+    function: Literal[ONE_ARGUMENT] = static("abs", help="which function")  # type: ignore[valid-type]
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": FUNCTIONS[self.function].apply(inputs["u"])}
@@ -203,7 +201,6 @@ def named_values(names: tuple[str, ...], values: Array) -> dict[str, Any]:
 
 
 MAX_PORTS = 1000  # of a block
-HOW = ("sum", "mean", "product", "max", "min", "norm")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,7 +210,7 @@ class Join(Block):
     name: ClassVar[str] = "join"
     category: ClassVar[str] = "vectors"
 
-    sizes: Annotated[tuple[int, ...], Setting("length of each input, 0 for a scalar")] = (0, 0)
+    sizes: tuple[int, ...] = static((0, 0), allowed=Range(0, kind="int"), help="length of each input, 0 for a scalar")
 
     def validate(self) -> None:
         _check_indices("sizes", self.sizes)
@@ -237,12 +234,11 @@ class Select(Block):
     name: ClassVar[str] = "select"
     category: ClassVar[str] = "vectors"
 
-    size: Annotated[int, Setting("length of the input")] = 2
-    entries: Annotated[tuple[int, ...], Setting("indices of the elements, from 0")] = (0,)
-    single: Annotated[bool, Setting("whether a single element is output as a scalar")] = True
+    size: int = count(2, 1, help="length of the input")
+    entries: tuple[int, ...] = static((0,), allowed=Range(0, kind="int"), help="indices of the elements, from 0")
+    single: bool = static(True, help="whether a single element is output as a scalar")
 
     def validate(self) -> None:
-        checked_shape("size", (self.size,))
         _check_indices("entries", self.entries)
         check(max(self.entries) < self.size, "entries", self.entries, f"below size = {self.size}")
 
@@ -270,8 +266,8 @@ class Reduce(Block):
     name: ClassVar[str] = "reduce"
     category: ClassVar[str] = "vectors"
 
-    how: Annotated[str, Setting("the reduction", choices=HOW)] = "sum"
-    shape: Annotated[tuple[int, ...], Setting("shape of the input")] = (2,)
+    how: Literal["sum", "mean", "product", "max", "min", "norm"] = static("sum", help="the reduction")
+    shape: tuple[int, ...] = static((2,), help="shape of the input")
 
     @property
     def inputs(self) -> Ports:
@@ -294,9 +290,4 @@ class Reduce(Block):
 
 
 def _check_indices(name: str, given: Sequence[int]) -> None:
-    check(
-        all(n >= 0 for n in given) and 1 <= len(given) <= MAX_PORTS,
-        name,
-        given,
-        f"a list of 1 … {MAX_PORTS} integers from 0",
-    )
+    check(1 <= len(given) <= MAX_PORTS, name, given, f"a list of 1 … {MAX_PORTS} integers from 0")

@@ -1,13 +1,14 @@
 """A map of local units."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad.schema import count, static
 from timlab.blocks._scopes import Viewer, check_limits
-from timlab.diagram import Port, Ports, Record, Setting
+from timlab.diagram import Port, Ports, Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,17 +26,14 @@ class PolicyMap(Viewer):
     name: ClassVar[str] = "policy map"
     drawing: ClassVar[str] = "map"
 
-    units: Annotated[int, Setting("largest number of units")] = 1
-    observed: Annotated[int, Setting("number of observed quantities")] = 2
-    axes: Annotated[tuple[int, int], Setting("indices of the observations on the x and y axes, from 0")] = (0, 1)
-    forces: Annotated[Any, Setting("force of each unit, two numbers; None for no arrows")] = None
-    across: Annotated[tuple[float, float] | None, Setting("range of the x axis; None for automatic")] = None
-    up: Annotated[tuple[float, float] | None, Setting("range of the y axis; None for automatic")] = None
+    units: int = count(1, 1, 10_000, help="largest number of units")
+    observed: int = count(2, 2, 10_000, help="number of observed quantities")
+    axes: tuple[int, int] = static((0, 1), help="indices of the observations on the x and y axes, from 0")
+    forces: Any = static(None, help="force of each unit, two numbers; None for no arrows")
+    across: tuple[float, float] | None = static(None, help="range of the x axis; None for automatic")
+    up: tuple[float, float] | None = static(None, help="range of the y axis; None for automatic")
 
     def validate(self) -> None:
-        for name, least in (("units", 1), ("observed", 2)):
-            value = getattr(self, name)
-            check(least <= value <= 10_000, name, value, f"an integer from {least} to 10000")
         valid = len({*self.axes}) == 2 and all(0 <= n < self.observed for n in self.axes)
         check(valid, "axes", self.axes, f"two different integers from 0 to {self.observed - 1}")
         try:

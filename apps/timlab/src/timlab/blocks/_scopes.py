@@ -2,14 +2,15 @@
 
 import abc
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
+from motorgrad.schema import Range, count, static
 from timlab.blocks._base import check_names
-from timlab.diagram import Port, Ports, Record, Setting, Sink
+from timlab.diagram import Port, Ports, Record, Sink
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,8 +44,8 @@ class Viewer(Sink):
 class Labelled(Viewer):
     """Base class of sinks with user-named inputs of one shape."""
 
-    labels: Annotated[tuple[str, ...], Setting("names of the inputs")] = ("u",)
-    shape: Annotated[tuple[int, ...], Setting("shape of each signal")] = ()
+    labels: tuple[str, ...] = static(("u",), help="names of the inputs")
+    shape: tuple[int, ...] = static((), help="shape of each signal")
 
     def validate(self) -> None:
         check_names("labels", self.labels, least=1)
@@ -71,14 +72,13 @@ class Scope(Labelled):
     name: ClassVar[str] = "scope"
     drawing: ClassVar[str] = "lines"
 
-    limits: Annotated[tuple[float, float] | None, Setting("range of the vertical axis; None for automatic")] = None
-    window: Annotated[float, Setting("seconds shown during a run")] = 10.0
-    unit: Annotated[str, Setting("unit of the signals, for the vertical axis")] = ""
+    limits: tuple[float, float] | None = static(None, help="range of the vertical axis; None for automatic")
+    window: float = static(10.0, allowed=Range(0, open_low=True), unit="s", help="time shown during a run")
+    unit: str = static("", help="unit of the signals, for the vertical axis")
 
     def validate(self) -> None:
         super().validate()
         check_limits("limits", self.limits)
-        check(self.window > 0, "window", self.window, "a positive number of seconds")
 
     def figure(self, record: Record, path: str) -> "Figure":
         from timlab.blocks._figure import draw_series, finish, picture
@@ -108,9 +108,9 @@ class Portrait(Viewer):
     name: ClassVar[str] = "XY portrait"
     drawing: ClassVar[str] = "portrait"
 
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals: one path per element")] = ()
-    across: Annotated[tuple[float, float] | None, Setting("range of the x axis; None for automatic")] = None
-    up: Annotated[tuple[float, float] | None, Setting("range of the y axis; None for automatic")] = None
+    shape: tuple[int, ...] = static((), help="shape of the signals: one path per element")
+    across: tuple[float, float] | None = static(None, help="range of the x axis; None for automatic")
+    up: tuple[float, float] | None = static(None, help="range of the y axis; None for automatic")
 
     def validate(self) -> None:
         check_limits("across", self.across)
@@ -146,11 +146,8 @@ class Raster(Viewer):
     name: ClassVar[str] = "raster"
     drawing: ClassVar[str] = "raster"
 
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal: one row per element")] = (1,)
-    window: Annotated[float, Setting("seconds shown during a run")] = 10.0
-
-    def validate(self) -> None:
-        check(self.window > 0, "window", self.window, "a positive number of seconds")
+    shape: tuple[int, ...] = static((1,), help="shape of the signal: one row per element")
+    window: float = static(10.0, allowed=Range(0, open_low=True), unit="s", help="time shown during a run")
 
     @property
     def inputs(self) -> Ports:
@@ -183,12 +180,11 @@ class Histogram(Viewer):
     name: ClassVar[str] = "histogram"
     drawing: ClassVar[str] = "histogram"
 
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
-    bins: Annotated[int, Setting("number of bins")] = 30
-    limits: Annotated[tuple[float, float] | None, Setting("range of the bins; None for automatic")] = None
+    shape: tuple[int, ...] = static((), help="shape of the signal")
+    bins: int = count(30, 1, 10_000, help="number of bins")
+    limits: tuple[float, float] | None = static(None, help="range of the bins; None for automatic")
 
     def validate(self) -> None:
-        check(1 <= self.bins <= 10_000, "bins", self.bins, "an integer from 1 to 10000")
         check_limits("limits", self.limits)
 
     @property

@@ -1,7 +1,7 @@
 """Sources: constants, functions of time, noise."""
 
 import dataclasses
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +9,9 @@ from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
 from motorgrad._random import normals
+from motorgrad.schema import number, static
 from timlab.blocks._base import OneShape, Shaped, TimeSource, check_limits
-from timlab.diagram import Moment, Parameter, Setting, Signals
+from timlab.diagram import Moment, Signals
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,8 +21,8 @@ class Constant(OneShape):
     name: ClassVar[str] = "constant"
     category: ClassVar[str] = "sources"
 
-    value: Annotated[Any, Parameter("the output")] = 0.0
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
+    value: Any = number(0.0, help="the output")
+    shape: tuple[int, ...] = static((), help="shape of the signal")
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         return {"y": self.filled(self.value)}
@@ -34,9 +35,9 @@ class Step(TimeSource):
     name: ClassVar[str] = "step"
     category: ClassVar[str] = "sources"
 
-    at: Annotated[Any, Parameter("time of the step", unit="s")] = 1.0
-    before: Annotated[Any, Parameter("output before the step")] = 0.0
-    after: Annotated[Any, Parameter("output from the step on")] = 1.0
+    at: Any = number(1.0, unit="s", help="time of the step")
+    before: Any = number(0.0, help="output before the step")
+    after: Any = number(1.0, help="output from the step on")
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         jumped = now.doubled(lambda start, at: start >= at - now.blur, self.at)
@@ -53,9 +54,9 @@ class Ramp(TimeSource):
     name: ClassVar[str] = "ramp"
     category: ClassVar[str] = "sources"
 
-    slope: Annotated[Any, Parameter("change per second, $k$", unit="1/s")] = 1.0
-    start: Annotated[Any, Parameter("time at which the ramp starts, $t_0$", unit="s")] = 0.0
-    initial: Annotated[Any, Parameter("output before the ramp, $y_0$")] = 0.0
+    slope: Any = number(1.0, unit="1/s", help="change per second, $k$")
+    start: Any = number(0.0, unit="s", help="time at which the ramp starts, $t_0$")
+    initial: Any = number(0.0, help="output before the ramp, $y_0$")
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         def ramp(time: Array, slope: Array, start: Array, initial: Array) -> Array:
@@ -71,10 +72,10 @@ class Sine(TimeSource):
     name: ClassVar[str] = "sine"
     category: ClassVar[str] = "sources"
 
-    amplitude: Annotated[Any, Parameter("peak value, $a$")] = 1.0
-    frequency: Annotated[Any, Parameter("cycles per second, $f$", unit="Hz", low=0.0)] = 1.0
-    phase: Annotated[Any, Parameter(r"phase at time 0, $\varphi$", unit="rad")] = 0.0
-    offset: Annotated[Any, Parameter("mean of the wave, $b$")] = 0.0
+    amplitude: Any = number(1.0, help="peak value, $a$")
+    frequency: Any = number(1.0, 0, unit="Hz", help="cycles per second, $f$")
+    phase: Any = number(0.0, unit="rad", help=r"phase at time 0, $\varphi$")
+    offset: Any = number(0.0, help="mean of the wave, $b$")
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         cycles = now.cycles(self.frequency)
@@ -88,11 +89,11 @@ class Pulse(TimeSource):
     name: ClassVar[str] = "pulse"
     category: ClassVar[str] = "sources"
 
-    frequency: Annotated[Any, Parameter("cycles per second", unit="Hz", low=0.0)] = 1.0
-    duty: Annotated[Any, Parameter("fraction of a cycle that is high", low=0.0, high=1.0)] = 0.5
-    delay: Annotated[Any, Parameter("start of the first cycle", unit="s")] = 0.0
-    low: Annotated[Any, Parameter("output between pulses")] = 0.0
-    high: Annotated[Any, Parameter("output during a pulse")] = 1.0
+    frequency: Any = number(1.0, 0, unit="Hz", help="cycles per second")
+    duty: Any = number(0.5, 0, 1, help="fraction of a cycle that is high")
+    delay: Any = number(0.0, unit="s", help="start of the first cycle")
+    low: Any = number(0.0, help="output between pulses")
+    high: Any = number(1.0, help="output during a pulse")
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         def is_high(start: Array, frequency: Array, delay: Array, duty: Array) -> Array:
@@ -132,12 +133,12 @@ class Chirp(TimeSource):
     name: ClassVar[str] = "chirp"
     category: ClassVar[str] = "sources"
 
-    amplitude: Annotated[Any, Parameter("amplitude of the wave")] = 1.0
-    first: Annotated[Any, Parameter("frequency at the start, $f_0$", unit="Hz", low=0.0, open=True)] = 0.1
-    last: Annotated[Any, Parameter("frequency at the end, $f_1$", unit="Hz", low=0.0, open=True)] = 10.0
-    duration: Annotated[Any, Parameter("time from start to end, $T$", unit="s", low=0.0, open=True)] = 10.0
-    phase: Annotated[Any, Parameter("phase at time 0; a phase of 0 starts as a sine", unit="rad")] = 0.0
-    sweep: Annotated[str, Setting("how the frequency changes over time", choices=("linear", "logarithmic"))] = "linear"
+    amplitude: Any = number(1.0, help="amplitude of the wave")
+    first: Any = number(0.1, 0, open_low=True, unit="Hz", help="frequency at the start, $f_0$")
+    last: Any = number(10.0, 0, open_low=True, unit="Hz", help="frequency at the end, $f_1$")
+    duration: Any = number(10.0, 0, open_low=True, unit="s", help="time from start to end, $T$")
+    phase: Any = number(0.0, unit="rad", help="phase at time 0; a phase of 0 starts as a sine")
+    sweep: Literal["linear", "logarithmic"] = static("linear", help="how the frequency changes over time")
 
     def validate(self) -> None:
         super().validate()
@@ -165,8 +166,8 @@ class UniformNoise(Shaped):
     name: ClassVar[str] = "uniform noise"
     category: ClassVar[str] = "sources"
 
-    low: Annotated[Any, Parameter("lower bound, inclusive")] = -1.0
-    high: Annotated[Any, Parameter("upper bound, exclusive")] = 1.0
+    low: Any = number(-1.0, help="lower bound, inclusive")
+    high: Any = number(1.0, help="upper bound, exclusive")
 
     def validate(self) -> None:
         super().validate()
@@ -192,11 +193,11 @@ class NormalNoise(Shaped):
     name: ClassVar[str] = "normal noise"
     category: ClassVar[str] = "sources"
 
-    mean: Annotated[Any, Parameter("mean of the samples")] = 0.0
-    deviation: Annotated[Any, Parameter(r"standard deviation, $\sigma$", low=0.0)] = 1.0
-    per: Annotated[
-        str, Setting("whether the deviation is per sample or per root second", choices=("sample", "root second"))
-    ] = "sample"
+    mean: Any = number(0.0, help="mean of the samples")
+    deviation: Any = number(1.0, 0, help=r"standard deviation, $\sigma$")
+    per: Literal["sample", "root second"] = static(
+        "sample", help="whether the deviation is per sample or per root second"
+    )
 
     @property
     def uniforms(self) -> int:

@@ -4,7 +4,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,14 +14,13 @@ from motorgrad._errors import check, shown, unknown
 from motorgrad._limits import MAX_TABLE_BYTES
 from motorgrad._parquet import parquet_in
 from motorgrad._reading import arrays_in, content_of, csv_in, numbers_in
+from motorgrad.schema import number, static
 from timlab.blocks._base import MAX_LISTED_NAMES, Shaped
 from timlab.diagram import (
     Block,
     Moment,
-    Parameter,
     Port,
     Ports,
-    Setting,
     Signals,
     Timing,
     dtype_of,
@@ -61,8 +60,8 @@ def _table(kind: str, content: bytes) -> dict[str, Any]:
         except ValueError as error:
             raise ValueError(f"not an NPZ file of arrays: {error}") from None
     table = (parquet_in if kind == ".parquet" else csv_in)(content, MAX_TABLE_BYTES)
-    for name, number in Counter(table.column_names).items():
-        check(number == 1, "column", name, "given once")
+    for name, times in Counter(table.column_names).items():
+        check(times == 1, "column", name, "given once")
     return dict(zip(table.column_names, table.columns, strict=True))
 
 
@@ -96,11 +95,11 @@ class DataFile(Block):
     name: ClassVar[str] = "data file"
     category: ClassVar[str] = "sources"
 
-    path: Annotated[str, Setting("path of a .csv, .parquet or .npz file, relative to the working folder")]
-    columns: Annotated[tuple[str, ...], Setting("the columns to play back, each at an output of its name")] = ("y",)
-    time: Annotated[str | None, Setting("the column of times in seconds, if any")] = None
-    between: Annotated[str, Setting("the output between two rows", choices=("hold", "linear"))] = "hold"
-    after: Annotated[str, Setting("the output after the last row", choices=("stay", "repeat"))] = "stay"
+    path: str = static(help="path of a .csv, .parquet or .npz file, relative to the working folder")
+    columns: tuple[str, ...] = static(("y",), help="the columns to play back, each at an output of its name")
+    time: str | None = static(None, help="the column of times in seconds, if any")
+    between: Literal["hold", "linear"] = static("hold", help="the output between two rows")
+    after: Literal["stay", "repeat"] = static("stay", help="the output after the last row")
 
     def validate(self) -> None:
         check(self.path and "\0" not in self.path, "path", self.path, "a path")
@@ -260,9 +259,9 @@ class LookUp(Shaped):
     name: ClassVar[str] = "look-up table"
     category: ClassVar[str] = "nonlinear"
 
-    points: Annotated[Any, Parameter("the points of the table, increasing")] = (0.0, 1.0)
-    results: Annotated[Any, Parameter("the values at these points")] = (0.0, 1.0)
-    beyond: Annotated[str, Setting(BEYOND, choices=("stay", "extend"))] = "stay"
+    points: Any = number((0.0, 1.0), help="the points of the table, increasing")
+    results: Any = number((0.0, 1.0), help="the values at these points")
+    beyond: Literal["stay", "extend"] = static("stay", help=BEYOND)
 
     def validate(self) -> None:
         _check_points("points", self.points)
@@ -289,10 +288,10 @@ class LookUp2D(Shaped):
     name: ClassVar[str] = "look-up table 2-D"
     category: ClassVar[str] = "nonlinear"
 
-    points1: Annotated[Any, Parameter("the grid points along u1, increasing")] = (0.0, 1.0)
-    points2: Annotated[Any, Parameter("the grid points along u2, increasing")] = (0.0, 1.0)
-    results: Annotated[Any, Parameter("the values on the grid: one row per point of u1")] = ((0.0, 0.0), (0.0, 1.0))
-    beyond: Annotated[str, Setting(BEYOND, choices=("stay", "extend"))] = "stay"
+    points1: Any = number((0.0, 1.0), help="the grid points along u1, increasing")
+    points2: Any = number((0.0, 1.0), help="the grid points along u2, increasing")
+    results: Any = number(((0.0, 0.0), (0.0, 1.0)), help="the values on the grid: one row per point of u1")
+    beyond: Literal["stay", "extend"] = static("stay", help=BEYOND)
 
     def validate(self) -> None:
         for name in ("points1", "points2"):

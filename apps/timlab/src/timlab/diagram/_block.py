@@ -9,21 +9,19 @@ import abc
 import dataclasses
 from collections import ChainMap
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._arguments import check_arguments
-from motorgrad._errors import check, choice
-from motorgrad.schema import as_hinted
+from motorgrad._errors import check
+from motorgrad.schema import Declared, Range, Settings, check_fields, count, hints_of, static
 from timlab.diagram._declarations import (
-    Parameter,
     Port,
-    Setting,
     checked_shape,
-    hints_of,
+    dtype_of,
     nested,
     parameters_of,
     settings_of,
@@ -38,16 +36,17 @@ Signals = dict[str, Array]
 
 
 @dataclasses.dataclass(frozen=True)
-class Block:
+class Block(Settings):
     """Base class of all blocks. Subclasses are frozen dataclasses; `timlab` explains how to write one.
 
     Every block has two keyword arguments: `every`, the number of ticks between two evaluations, or `period`, the same
     in seconds, a whole number of ticks. Outputs are held between evaluations.
     """
 
-    every: Annotated[int, Setting("number of ticks between evaluations")] = dataclasses.field(default=1, kw_only=True)
-    period: Annotated[float | None, Setting("seconds between evaluations, in place of every")] = dataclasses.field(
-        default=None, kw_only=True
+    _: dataclasses.KW_ONLY
+    every: int = count(1, 1, help="number of ticks between evaluations")
+    period: float | None = static(
+        None, allowed=Range(0, open_low=True), unit="s", help="time between evaluations, in place of `every`"
     )
 
     name: ClassVar[str]
@@ -58,22 +57,17 @@ class Block:
     """Whether a stateless block depends on time. Such a block is continuous unless it has a sample period."""
 
     def __post_init__(self) -> None:
-        for name, parameter in parameters_of(type(self)).items():
-            object.__setattr__(self, name, parameter.plain(name, getattr(self, name)))
-        for name, declared in settings_of(type(self)).items():
-            value = as_hinted(hints_of(type(self))[name], nested(getattr(self, name)), name)
-            object.__setattr__(self, name, value)
-            if declared.choices:
-                choice(name, value, declared.choices)
-        check(1 <= self.every < 2**31, "every", self.every, "a whole number of ticks from 1")
-        check(self.period is None or self.period > 0, "period", self.period, "None or a positive number of seconds")
-        check(self.every == 1 or self.period is None, "period", self.period, "None where every is given")
+        for name in settings_of(type(self)):
+            if hints_of(type(self))[name] is Any:  # the type does not say that lists become tuples
+                object.__setattr__(self, name, nested(getattr(self, name)))
+        check_fields(self)
         self.validate()
+        check(self.every == 1 or self.period is None, "period", self.period, "None where every is given")
         _ = self.inputs, self.outputs  # making the ports checks them
 
     def validate(self) -> None:
-        """Check how fields fit together, with `motorgrad._errors.check`. Types are checked already; parameters are
-        plain numbers here.
+        """Check how fields fit together, with `motorgrad._errors.check`. Each is checked already; parameters are plain
+        numbers here.
         """
 
     @property
@@ -203,7 +197,7 @@ class Block:
         return self.every if self.period is None else whole_ticks("period", self.period, tick)
 
     @property
-    def parameters(self) -> Mapping[str, Parameter]:
+    def parameters(self) -> Mapping[str, Declared]:
         """The parameters that are present, by name. Settings may add parameters to those of the type; such names may
         have dots."""
         declared = parameters_of(type(self))
@@ -222,7 +216,7 @@ class Block:
 
     def values(self) -> dict[str, np.ndarray]:
         """The parameters that are present by name, as arrays."""
-        return {name: part.array(getattr(self, name)) for name, part in self.parameters.items()}
+        return {name: np.asarray(getattr(self, name), dtype_of(part.kind)) for name, part in self.parameters.items()}
 
     def bound(self, values: Mapping[str, Any]) -> Self:
         """The block with arrays in place of its parameters, unchecked: the `self` of its functions in compiled code."""

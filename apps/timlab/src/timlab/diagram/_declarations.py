@@ -1,24 +1,21 @@
-"""What a block declares: its ports, its parameters, which may change during a run, and its settings, which may not.
-
-Parameters and settings are declared in the type of a field: `gain: Annotated[Any, Parameter("the factor")] = 1.0`.
-"""
+"""What a block declares: its ports, its parameters, which may change during a run, and its settings, which may not."""
 
 import dataclasses
 import functools
 import typing
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
-from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice
+from motorgrad.schema import Declared, Kind, Range, declared_by, fields_of, hints_of, holds_numbers, options_of
 
-Kind = Literal["float", "int", "bool"]
 SIGNAL_KINDS: tuple[Kind, ...] = ("bool", "int", "float")
 """From narrow to wide: a wire may lead to a wider kind."""
+SHARED = Declared(range=Range(), live=True)
+"""What a parameter of a diagram declares, which stands for those of several blocks: that it is numbers."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,106 +81,35 @@ def checked_shape(name: str, shape: object) -> tuple[int, ...]:
     return tuple(int(n) for n in given or ())
 
 
-@dataclasses.dataclass(frozen=True)
-class Parameter:
-    """Declares a number, or an array of numbers, that may change during a run.
-
-    **Arguments:**
-
-    - `help`: what it is, in a few words.
-    - `unit`: its unit.
-    - `low`, `high`: the range of every element; `open` excludes the ends.
-    - `kind`: the kind of its numbers.
-    - `optional`: whether `None` may stand for an absent parameter. Presence is structure: a run cannot change it.
-    """
-
-    help: str = ""
-    unit: str = ""
-    low: float = -np.inf
-    high: float = np.inf
-    kind: Kind = "float"
-    open: bool = False
-    optional: bool = False
-
-    def __post_init__(self) -> None:
-        choice("kind", self.kind, SIGNAL_KINDS)
-
-    def plain(self, name: str, value: object) -> Any:
-        """A value as nested tuples of plain numbers. **Raises** `ValueError` for a value that is not allowed."""
-        if value is None and self.optional:
-            return None
-        try:
-            given = np.asarray(value)
-        except (TypeError, ValueError, OverflowError):  # ragged lists
-            given = np.asarray(None)
-        allowed = {"float": "biuf", "int": "biu", "bool": "b"}[self.kind]
-        # an array must have elements, and no number may overflow single precision
-        number = given.dtype.kind in allowed and given.size > 0
-        check(number, name, value, self.allowed())
-        with np.errstate(over="ignore"):
-            finite = np.all(np.isfinite(given.astype(np.float32)))
-        if self.kind == "int":
-            finite = finite and np.all(np.abs(given.astype(float)) < 2**31)
-        within = (given > self.low) & (given < self.high) if self.open else (given >= self.low) & (given <= self.high)
-        check(finite and np.all(within), name, value, self.allowed())
-        plain = {"float": float, "int": int, "bool": bool}[self.kind]
-        return nested(given.astype(plain).tolist())
-
-    def array(self, value: ArrayLike) -> np.ndarray:
-        """A plain value as the array that the block's functions see."""
-        return np.asarray(value, dtype_of(self.kind))
-
-    def allowed(self) -> str:
-        """The allowed values, in words that complete "must be …"."""
-        if self.kind == "bool":
-            return "true or false, or a list of them"
-        least, most = ("above", "below") if self.open else ("at least", "at most")
-        bounds = [f"{least} {self.low:g}"] if self.low > -np.inf else []
-        bounds += [f"{most} {self.high:g}"] if self.high < np.inf else []
-        numbers = "integers" if self.kind == "int" else "finite numbers"
-        words = [f"{numbers} {' and '.join(bounds)}".rstrip(), *([f"in {self.unit}"] if self.unit else [])]
-        return ", ".join([*words, *(["or none"] if self.optional else [])])
-
-
-@dataclasses.dataclass(frozen=True)
-class Setting:
-    """Declares a value that decides a block's shapes or structure, with a few words of `help`. Changing a setting
-    recompiles the diagram.
-
-    A setting is a number, a string, a boolean, `None`, or nested tuples of these. Its type hint is enforced when a
-    block is made. `choices` lists all allowed strings.
-    """
-
-    help: str = ""
-    choices: tuple[str, ...] = ()
+@functools.cache
+def parameters_of(cls: type) -> Mapping[str, Declared]:
+    """What the parameters of a block type declare, by name: its numbers, which may change during a run."""
+    return {name: declared_by(field) for name, field in fields_of(cls).items() if holds_numbers(field)}
 
 
 @functools.cache
-def hints_of(cls: type) -> Mapping[str, Any]:
-    """The type hints of a block type's fields, without what is declared in them."""
-    return typing.get_type_hints(cls)
+def settings_of(cls: type) -> Mapping[str, Declared]:
+    """What the settings of a block type declare, by name: all other fields. Changing one recompiles the diagram."""
+    return {name: declared_by(field) for name, field in fields_of(cls).items() if not holds_numbers(field)}
 
 
-@functools.cache
-def _declared(cls: type, kind: type) -> dict[str, Any]:
-    found = {}
-    for name, hint in typing.get_type_hints(cls, include_extras=True).items():
-        for part in getattr(hint, "__metadata__", ()):
-            if isinstance(part, kind):
-                found[name] = part
-    return {field.name: found[field.name] for field in dataclasses.fields(cls) if field.name in found}
+def choices_of(cls: type, name: str) -> tuple[Any, ...]:
+    """All values that a field of a block type may have, where its type lists them."""
+    hint = hints_of(cls)[name]
+    return typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
 
 
-def parameters_of(cls: type) -> Mapping[str, Parameter]:
-    """The parameters of a block type, by name."""
-    check_arguments(parameters_of, locals())
-    return _declared(cls, Parameter)
-
-
-def settings_of(cls: type) -> Mapping[str, Setting]:
-    """The settings of a block type, by name."""
-    check_arguments(settings_of, locals())
-    return _declared(cls, Setting)
+def allowed_in(cls: type, name: str) -> str:
+    """The numbers that a field of a block type may have, in words that complete "must be …"; empty for other fields."""
+    field = fields_of(cls)[name]
+    declared = declared_by(field)
+    if declared.range is None:
+        return ""
+    options = options_of(hints_of(cls)[name])
+    each = "a list, each " if any(typing.get_origin(option) is tuple for option in options) else ""
+    several = ", or a list of such values" if isinstance(field.default, tuple) and not each else ""
+    none = ", or none" if type(None) in options else ""
+    return f"{each}{declared.allowed}{several}{none}"
 
 
 def nested(value: object) -> Any:

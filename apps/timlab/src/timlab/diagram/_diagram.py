@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,8 +10,9 @@ from jaxtyping import Array, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, choice, counted, unknown
+from motorgrad.schema import Kind, number, plain_numbers, static
 from timlab.diagram._block import Block, Moment, Ports, Signals, Sink
-from timlab.diagram._declarations import Kind, Parameter, Port, Setting, nested
+from timlab.diagram._declarations import SHARED, Port
 from timlab.diagram._gates import Gate
 from timlab.diagram._shapes import fitted
 
@@ -27,9 +28,9 @@ class Inlet(Block):
     name: ClassVar[str] = "inlet"
     category: ClassVar[str] = "subsystems"
 
-    value: Annotated[Any, Parameter("the output where no wire leads to the inlet")] = 0.0
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
-    kind: Annotated[Kind, Setting("kind of the signal", choices=("float", "int", "bool"))] = "float"
+    value: Any = number(0.0, help="the output where no wire leads to the inlet")
+    shape: tuple[int, ...] = static((), help="shape of the signal")
+    kind: Kind = static("float", help="kind of the signal")
 
     def validate(self) -> None:
         self.check_broadcasts("value", self.shape)
@@ -54,8 +55,8 @@ class Outlet(Sink):
     name: ClassVar[str] = "outlet"
     category: ClassVar[str] = "subsystems"
 
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
-    kind: Annotated[Kind, Setting("kind of the signal", choices=("float", "int", "bool"))] = "float"
+    shape: tuple[int, ...] = static((), help="shape of the signal")
+    kind: Kind = static("float", help="kind of the signal")
 
     @property
     def port(self) -> Port:
@@ -280,8 +281,7 @@ class Diagram:
     def _declare(self, name: str, value: object) -> None:
         _check_name(name)
         check(name not in HEAD, "parameters", name, "another name: a setting of the diagram has it")
-        Parameter().plain(name, value)
-        self.parameters[name] = nested(np.asarray(value).tolist())
+        self.parameters[name] = plain_numbers(value, name, SHARED)
 
     def uses_of(self, block: str) -> dict[str, str]:
         """The parameters of the diagram that a block uses, by the name of its own parameter."""

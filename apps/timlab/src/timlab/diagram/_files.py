@@ -187,10 +187,9 @@ def make_block(kind: object, fields: Mapping[str, Any]) -> Block:
     return cls(**fields)
 
 
-def with_fields(block: Block, fields: Mapping[str, Any]) -> Block:
-    """A block with other values of some fields. **Raises** `ValueError` for an unknown or invalid field."""
+def check_names(block: Block, fields: Mapping[str, Any]) -> None:
+    """Refuse values of fields that a block does not have. **Raises** `ValueError`."""
     _check_keys(block.name, fields, {**fields_of(type(block)), **block.parameters})
-    return block.retuned(fields)
 
 
 def required_fields(cls: type[Block]) -> list[str]:

@@ -2,16 +2,15 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
+from motorgrad.schema import Declared, static
 from timlab.diagram._block import Block, Moment, Ports, Signals, Timing
-from timlab.diagram._declarations import Parameter, Port, Setting
-
-EDGES = ("rising", "falling", "either")
+from timlab.diagram._declarations import Port
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,14 +56,14 @@ class Trigger(Gate):
     name: ClassVar[str] = "trigger"
     category: ClassVar[str] = "subsystems"
 
-    on: Annotated[str, Setting("which changes of the condition count", choices=EDGES)] = "rising"
+    on: Literal["rising", "falling", "either"] = static("rising", help="which changes of the condition count")
 
 
 @dataclasses.dataclass(frozen=True)
 class Condition(Block):
     """A gate in the flat list of blocks: whether it is open in this tick."""
 
-    on: Annotated[str, Setting("which changes open it; empty where the condition itself does")] = ""
+    on: str = static("", help="which changes open it; empty where the condition itself does")
 
     @property
     def inputs(self) -> Ports:
@@ -145,7 +144,7 @@ class Gated(Block):
         return self.inner.switches and self.is_continuous
 
     @property
-    def parameters(self) -> Mapping[str, Parameter]:
+    def parameters(self) -> Mapping[str, Declared]:
         return self.inner.parameters
 
     @property

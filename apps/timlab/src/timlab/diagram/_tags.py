@@ -1,21 +1,22 @@
 """Wires without a line: signals that are named."""
 
 import dataclasses
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import check
+from motorgrad.schema import Kind, static
 from timlab.diagram._block import Block, Moment, Ports, Signals
-from timlab.diagram._declarations import Kind, Port, Setting
+from timlab.diagram._declarations import Port
 
 
 @dataclasses.dataclass(frozen=True)
 class _Tagged(Block):
-    tag: Annotated[str, Setting("the name of the signal")] = "signal"
-    shape: Annotated[tuple[int, ...], Setting("shape of the signal")] = ()
-    kind: Annotated[Kind, Setting("kind of the signal", choices=("float", "int", "bool"))] = "float"
+    tag: str = static("signal", help="the name of the signal")
+    shape: tuple[int, ...] = static((), help="shape of the signal")
+    kind: Kind = static("float", help="kind of the signal")
 
     def validate(self) -> None:
         check(self.tag.strip(), "tag", self.tag, "a name")

@@ -18,12 +18,12 @@ from timlab.diagram import (
     Inlet,
     Node,
     Outlet,
+    check_names,
     checked_layout,
     dumps,
     loads,
     make_block,
     parameters_of,
-    with_fields,
 )
 from timlab.editor._protocol import Operation
 from timlab.editor._subsystems import fresh_id, fresh_name, group, ungroup
@@ -163,7 +163,8 @@ class Set(Edit):
             _set_head(inner, {"parameters": {**inner.parameters, **own}} | rest)
             scope.nodes[self.name] = Node(inner, node.id)
         else:
-            scope.replace(self.name, with_fields(node.block, values))
+            check_names(node.block, values)
+            scope.replace(self.name, node.block.retuned(values))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -289,13 +290,15 @@ class SetParameter(Change, op="parameter"):
         if not dot and path in document.parameters:  # of the outermost diagram itself
             return Set((), fields={"parameters": {**document.parameters, path: self.value}}).apply(document)
         *at, block = path.split("/")
-        node = _node(opened(document, at)[-1], block)
+        scopes = opened(document, at)
+        node = _node(scopes[-1], block)
         block_type: Any = type(node.block)
         inner = isinstance(node.block, Diagram)
         known = node.block.parameters if inner else {**parameters_of(block_type), **node.block.parameters}
         if name not in known:
             raise unknown(f"parameter of {path}:", name, known)
-        return Set(tuple(at), block, name, self.value).apply(document)
+        Set(tuple(at), block, name, self.value).change(scopes[-1], scopes[0])  # ports and layout stay
+        return scopes[0]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,28 +13,28 @@ where units can be frozen separately. `uses` has the parameters of the diagram t
 
 import dataclasses
 import functools
-import inspect
+import math
+import types
 import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
-from motorgrad.schema import fields_of
+from motorgrad.schema import Declared, declared_by, fields_of, hints_of, options_of, summary_of
 from timlab.blocks._formulas import RESERVED
 from timlab.diagram import (
     BLOCKS,
     SCHEDULE,
+    SHARED,
     SUBSYSTEM,
     Block,
     Diagram,
     Node,
-    Parameter,
     Ports,
+    allowed_in,
+    choices_of,
     outline,
     parameters_of,
     required_fields,
-    settings_of,
     wired_shapes,
 )
 from timlab.editor._program import learns
@@ -71,7 +71,7 @@ def view_of_node(diagram: Diagram, name: str, inner: bool = True) -> View:
 def _subsystem(diagram: Diagram, inner: bool) -> View:
     own: View = {"type": SUBSYSTEM, "category": "subsystems", "fields": diagram.head | diagram.parameters}
     if diagram.parameters:
-        own["parameters"] = _added_fields({name: Parameter() for name in diagram.parameters}, diagram.parameters)
+        own["parameters"] = _added_fields(dict.fromkeys(diagram.parameters, SHARED), diagram.parameters)
     return own | {"inner": view(diagram)} if inner else own
 
 
@@ -87,18 +87,21 @@ def _block(block: Block) -> View:
     return own | {"frozen": block.values()["frozen"].tolist()} if "frozen" in fields else own
 
 
-def _added_fields(declared: Mapping[str, Parameter], values: Mapping[str, Any]) -> list[View]:
+def _added_fields(declared: Mapping[str, Declared], values: Mapping[str, Any]) -> list[View]:
     """The declarations of parameters that a block's type does not declare."""
     usual = {"type": "float", "required": False}
-    return [
-        {"name": name, **usual, **_parameter_field(each), "default": values[name]} for name, each in declared.items()
-    ]
+    return [{"name": name, **usual, **_field(each, True), "default": values[name]} for name, each in declared.items()]
 
 
-def _parameter_field(declared: Parameter) -> View:
-    """A parameter's declaration as data."""
-    own = dataclasses.asdict(declared) | {"role": "parameter", "allowed": declared.allowed()}
-    return own | {end: None if np.isinf(own[end]) else own[end] for end in ("low", "high")}
+def _field(declared: Declared, is_parameter: bool, allowed: str = "") -> View:
+    """What a field declares, as data."""
+    own: View = {"role": "parameter" if is_parameter else "setting", "help": declared.help, "unit": declared.unit}
+    if declared.range is None:
+        return own
+    low, high, open_low, open_high, kind = declared.range
+    ends = {"low": None if math.isinf(low) else low, "high": None if math.isinf(high) else high}
+    is_open = open_low and (open_high or math.isinf(high))
+    return own | ends | {"open": is_open, "kind": kind, "allowed": allowed or declared.allowed}
 
 
 def ports(declared: Ports) -> list[View]:
@@ -176,24 +179,21 @@ def declaration(cls: type[Block]) -> dict[str, Any]:
     if some fields must be given.
     """
     parameters = parameters_of(cls)
-    settings = settings_of(cls)
-    hints = typing.get_type_hints(cls)
+    known = fields_of(cls)
+    hints = hints_of(cls)
     fields = []
     required = required_fields(cls)
-    for name in sorted(fields_of(cls), key=SCHEDULE.__contains__):  # the schedule comes last
+    for name in sorted(known, key=SCHEDULE.__contains__):  # the schedule comes last
         own: dict[str, Any] = {"name": name, "type": _hint_text(hints[name]), "required": name in required}
-        if name in parameters:
-            own |= _parameter_field(parameters[name])
-        elif name in settings:
-            own |= dataclasses.asdict(settings[name]) | {"role": "setting"}
-        fields.append(own)
+        own |= _field(declared_by(known[name]), name in parameters, allowed_in(cls, name))
+        fields.append(own | {"choices": choices_of(cls, name)})
     new = None if required else cls()
     for field in fields:
         field["default"] = None if new is None else getattr(new, field["name"])
     return {
         "name": cls.name,
         "category": cls.category,
-        "help": inspect.cleandoc(cls.__doc__ or ""),
+        "help": summary_of(cls),
         "fields": fields,
         "inputs": None if new is None else ports(new.inputs),
         "outputs": None if new is None else ports(new.outputs),
@@ -225,4 +225,6 @@ def _hint_text(hint: object) -> str:
     """A type hint as source text, such as `int`, `float | None` or `tuple[int, ...]`."""
     if isinstance(hint, type) and not typing.get_args(hint):
         return hint.__name__
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return " | ".join(map(_hint_text, options_of(hint))).replace("NoneType", "None")
     return str(hint).replace("typing.", "").replace("collections.abc.", "")

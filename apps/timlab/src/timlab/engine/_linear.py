@@ -123,7 +123,7 @@ def _parameter(step: Step, address: str) -> tuple[int, int, str]:
     path, _, name = address.partition(".")
     k, row = step.stacks.rows[next(i for i, placed in enumerate(step.plan.blocks) if placed.path == path)]
     declared = step.kinds[k].block.parameters[name]
-    check(declared.kind == "float", "inputs", address, f"real numbers; {address} must be {declared.allowed()}")
+    check(declared.kind == "float", "inputs", address, f"real numbers; {address} must be {declared.allowed}")
     return k, row, name
 
 

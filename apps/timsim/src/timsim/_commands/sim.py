@@ -27,7 +27,7 @@ from motorgrad.options import (
     split_task,
 )
 from motorgrad.pages import LOCAL
-from motorgrad.schema import build, number, static, table
+from motorgrad.schema import Settings, build, count, inner, number, static, table
 from motorgrad.tasks import TASKS, Composed
 from motorgrad.training import agent_table, load, saved_config
 from timsim import live
@@ -52,13 +52,13 @@ NEW = "a new file with --run, which starts with the policy of the run"
 
 
 @dataclasses.dataclass(frozen=True)
-class Options:
+class Options(Settings):
     """Options of `motorgrad sim`, beside those of the task and of the agent."""
 
     run: Path | None = static(
         None, help="Start with the policy of the run in this directory; TASK may then be left out"
     )
-    seed: int | None = static(
+    seed: int | None = count(
         None, help="The seed of the learner; with --run, which of its seeds. By default 0, or the run's first"
     )
     seeds: tuple[int, ...] = static((), help="Several seeds of the run side by side, which act without learning")
@@ -72,18 +72,18 @@ class Options:
     autosave: Path | None = static(
         None, help="Save the policy to this file (.npz) as it learns, and at the end; start with it if the file exists"
     )
-    autosave_every: float = number(10.0, help="Seconds of wall time between two automatic saves, at least 0.1")
+    autosave_every: float = number(10.0, 0.1, unit="s", help="The wall time between two automatic saves")
     frozen: bool = static(False, help="Start without learning")
     paused: bool = static(False, help="Start paused, as a model without a learner does unless it is filmed")
-    speed: float | Literal["max"] = static(
-        1.0, help="Simulated seconds per second, at least 0.05; max for as fast as possible"
+    speed: float | Literal["max"] = number(
+        1.0, live.MIN_SPEED, help="Simulated seconds per second; max for as fast as possible"
     )
     host: str = static(
         HERE,
         help="Where the page listens. Others can reach a host other than 127.0.0.1, unencrypted: keep the "
         "address secret",
     )
-    port: int | None = static(None, help="The page's port; by default 8080, or the next free one")
+    port: int | None = count(None, 1, 2**16 - 1, help="The page's port; by default 8080, or the next free one")
     share: bool = static(
         False,
         help="Print a second address, by which others watch and change nothing; with another --host it is "
@@ -106,7 +106,10 @@ class Options:
     )
     seconds: float | None = number(
         None,
-        help="End after this many seconds of the recording, or without one of wall time since the run started; "
+        0,
+        open_low=True,
+        unit="s",
+        help="End after so much of the recording, or without one of wall time since the run started; "
         "by default with Ctrl-C. A replay's seconds are simulated",
     )
     common: ClassVar[tuple[str, ...]] = (
@@ -130,7 +133,6 @@ class Options:
     """The tables of the file for which there is no option."""
 
     def validate(self: Any) -> None:
-        live.Speed(self.pace)
         check_port(self.host, self.port)
         if self.record is not None:
             known = (*ENDINGS, ".html")
@@ -144,9 +146,7 @@ class Options:
         if self.autosave is not None:
             live.Save(str(self.autosave))
             check_writable("autosave", self.autosave)
-            check(0.1 <= self.autosave_every < math.inf, "autosave_every", self.autosave_every, "at least 0.1 s")
             check(self.run is None or not self.autosave.exists(), "autosave", str(self.autosave), NEW)
-        check(self.seconds is None or 0 < self.seconds < math.inf, "seconds", self.seconds, "a positive time")
 
     def effective(self: Any) -> dict[str, Any]:
         values = {**table(self), **self.scene}
@@ -161,12 +161,12 @@ class Options:
 
 
 @dataclasses.dataclass(frozen=True)
-class Place:
+class Place(Settings):
     """The tables of a scene file for which the command line has no option."""
 
-    stage: live.Stage = dataclasses.field(default_factory=live.Stage)
-    planet: Planet | None = None
-    tour: tuple[TourStep, ...] = ()
+    stage: live.Stage = inner(factory=live.Stage, help="What surrounds the body, and from where it is seen")
+    planet: Planet | None = inner(None, help="A round planet, in place of level ground")
+    tour: tuple[TourStep, ...] = inner((), help="The steps of a guided tour, each with a text and what it shows")
 
 
 def run(arguments: list[str]) -> int:

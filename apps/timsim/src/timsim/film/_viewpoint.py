@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad.schema import Settings, number, static
 
@@ -19,10 +18,6 @@ Triple = tuple[float, float, float]
 class Viewpoint(Settings):
     """A camera at any place, such as that of a browser showing a live page.
 
-    **Arguments:**
-
-    - `position` and `target`: where it stands and what it looks at, in m, in world coordinates.
-
     **Raises:** `ValueError` for numbers that are not finite, a target at the position, or `up` along the line of sight.
 
     ```py
@@ -30,26 +25,17 @@ class Viewpoint(Settings):
     ```
     """
 
-    position: Triple
-    target: Triple
-    field_of_view: float = number(
-        45.0, help="from the lower to the upper edge of the picture, in degrees, from 1 to 170"
-    )
+    position: Triple = static(unit="m", help="where it stands, in world coordinates")
+    target: Triple = static(unit="m", help="what it looks at, in world coordinates")
+    field_of_view: float = number(45.0, 1, 170, unit="degrees", help="from the lower to the upper edge of the picture")
     up: Triple = static(
         (0.0, 0.0, 1.0), help="the direction that is up in the picture; only its part across the line of sight counts"
     )
 
-    def __post_init__(self) -> None:
-        check_arguments(Viewpoint, vars(self))
-        for name in ("position", "target", "up"):
-            value = np.asarray(getattr(self, name), float)
-            fine = value.shape == (3,) and bool(np.isfinite(value).all())
-            check(fine, name, getattr(self, name), "three finite numbers")
-            object.__setattr__(self, name, tuple(value.tolist()))
+    def validate(self) -> None:
         check(self.distance > 0, "target", self.target, "a point other than the position")
         across = np.linalg.norm(np.cross(self.up, np.subtract(self.position, self.target)))
         check(across > 1e-9, "up", self.up, "a direction other than the line of sight")
-        check(1 <= self.field_of_view <= 170, "field_of_view", self.field_of_view, "from 1 to 170 degrees")
 
     @property
     def distance(self) -> float:

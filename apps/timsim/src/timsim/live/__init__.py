@@ -13,6 +13,7 @@ from timsim.live._branches import Alongside, Delete, Fork, Rename, Switch
 from timsim.live._drive import PATTERNS, Drive, DriveRecorded, control_limits
 from timsim.live._foreign import Picture
 from timsim.live._messages import (
+    MIN_SPEED,
     Compare,
     Control,
     Edit,
@@ -35,6 +36,7 @@ from timsim.live._numbers import MUSCLE_FIELDS, WORLD, field_of, geom_of, owned
 from timsim.live._policy import confined
 from timsim.live._replies import Branch, Event
 from timsim.live._session import Session, succeed
+from timsim.live._settings import declared_setting
 from timsim.live._setup import (
     MYOSUITE,
     Camera,
@@ -50,6 +52,7 @@ from timsim.live._snapshot import MAX_BODIES, Curve, Snapshot, Trail
 
 __all__ = [
     "MAX_BODIES",
+    "MIN_SPEED",
     "MUSCLE_FIELDS",
     "MYOSUITE",
     "PATTERNS",
@@ -91,6 +94,7 @@ __all__ = [
     "acting",
     "confined",
     "control_limits",
+    "declared_setting",
     "field_of",
     "geom_of",
     "is_path",

@@ -22,13 +22,12 @@ from timsim.live._numbers import check_number
 from timsim.live._policy import load_policy, save_policy
 from timsim.live._probe import Probed, gradient_norm, probe
 from timsim.live._replies import Ready
+from timsim.live._settings import AGENT, TASK
 from timsim.live._setup import Setup
 from timsim.live._snapshot import Sample, Sizes, Tally
 
 ROOM = 20.0  # simulated seconds of the trail
 MAX_KEPT_ENGINES = 4  # so that going back to a setting makes nothing anew
-AGENT = "agent."
-TASK = "task."
 EXPLORATION = "exploration"
 SKIPPED = ("action_period", "time_limit")
 """Numbers of tasks that do not change what is rewarded."""
@@ -178,7 +177,12 @@ class Learner:
 
             self._change_state(explore)
         else:
-            self._set_number(name, value)
+            path = name.removeprefix(AGENT)
+            try:
+                self._stepper.set_number(path, value)
+            except ValueError as error:
+                raise ValueError(f"{AGENT}{error}" if str(error).startswith(path) else str(error)) from None
+            self._last = None
         self.settings[name] = value
 
     def freeze(self, on: bool) -> None:
@@ -278,14 +282,6 @@ class Learner:
             self._bodies[label] = BesideBody(self.task, untrained, self._body.feet)
             self._body.apply(self.settings, [self._bodies[label].stepper])
         return self._bodies[label]
-
-    def _set_number(self, name: str, value: float) -> None:
-        path = name.removeprefix(AGENT)
-        try:
-            self._stepper.set_number(path, value)
-        except ValueError as error:
-            raise ValueError(f"{AGENT}{error}" if str(error).startswith(path) else str(error)) from None
-        self._last = None
 
     def _change_state(self, change: Callable[[dict[str, Any]], None]) -> None:
         state = self._stepper.state

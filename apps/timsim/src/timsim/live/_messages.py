@@ -19,10 +19,12 @@ import mujoco
 from jaxtyping import PyTree
 
 from motorgrad._errors import check, unknown
+from motorgrad.learning import Agent
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from timsim.live._foreign import Picture
 from timsim.live._replies import Branch, Ready
+from timsim.live._settings import declared_setting
 from timsim.live._snapshot import Sample, Snapshot, Tally
 
 MIN_SPEED = 0.05
@@ -116,6 +118,9 @@ class View(Protocol):
 
     @property
     def task(self) -> Task | None: ...
+
+    @property
+    def agent(self) -> Agent | None: ...
 
     @property
     def model(self) -> mujoco.MjModel | None: ...
@@ -285,6 +290,7 @@ class Edit(Intervention):
     def check(self, session: View) -> None:
         if self.name not in session.settings:
             raise unknown("setting", self.name, session.settings)
+        declared_setting(self.name, session.task, session.agent).check(self.name, self.value)
 
     def apply(self, subject: Subject) -> str:
         before = subject.settings[self.name]

@@ -15,14 +15,13 @@ import jax
 import mujoco
 import numpy as np
 
-from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, unknown
 from motorgrad._limits import MAX_MOTION_SECONDS
 from motorgrad._myosuite import is_of_myosuite, models
 from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.schema import Settings, number, static
+from motorgrad.schema import Settings, inner, number, static
 from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task, load, myosuite, myosuite_ids
 from motorgrad.training import Run, check_training
 from timsim.film import Motion, read_motion
@@ -47,15 +46,11 @@ class Camera(Settings):
     follow: str | None = static(
         None, help="the body that it moves along with, without turning; both points are then relative to that body"
     )
-    field_of_view: float = number(45.0, unit="degrees", help="vertical")
+    field_of_view: float = number(45.0, 1, 170, unit="degrees", help="vertical")
 
-    def __post_init__(self) -> None:
-        check_arguments(Camera, vars(self))
-        for name in ("position", "target"):
-            check(all(map(math.isfinite, getattr(self, name))), name, getattr(self, name), "three finite numbers")
+    def validate(self) -> None:
         apart = math.dist(self.position, self.target)
         check(apart > 0, "target", self.target, "a point other than the position")
-        check(1 <= self.field_of_view <= 170, "field_of_view", self.field_of_view, "from 1 to 170 degrees")
 
     def add(self, spec: mujoco.MjSpec, name: str) -> None:
         """Add the camera to a model's description."""
@@ -84,23 +79,12 @@ class Camera(Settings):
 
 @dataclasses.dataclass(frozen=True)
 class Stage(Settings):
-    """Changes to a body's surroundings; none by default.
+    """Changes to a body's surroundings; none by default."""
 
-    **Arguments:** `timestep` (s), of the physics; `gravity` (m/s²), a vector; `terrain` in place of the level ground;
-    `cameras` by name.
-    """
-
-    timestep: float | None = None
-    gravity: tuple[float, float, float] | None = None
-    terrain: Terrain | None = None
-    cameras: Mapping[str, Camera] = dataclasses.field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_arguments(Stage, vars(self))
-        fine = self.timestep is None or 0 < self.timestep <= 0.1
-        check(fine, "timestep", self.timestep, "above 0, at most 0.1 s")
-        known = self.gravity is None or all(map(math.isfinite, self.gravity))
-        check(known, "gravity", self.gravity, "three finite numbers in m/s²")
+    timestep: float | None = number(None, 0, 0.1, open_low=True, unit="s", help="time step of the physics")
+    gravity: tuple[float, float, float] | None = static(None, unit="m/s²", help="a vector")
+    terrain: Terrain | None = inner(None, help="in place of the level ground")
+    cameras: Mapping[str, Camera] = static(factory=dict, help="further cameras, by name")
 
     @property
     def empty(self) -> bool:

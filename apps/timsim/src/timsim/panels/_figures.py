@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from motorgrad._errors import check
+from motorgrad._labels import with_unit
 from timsim.live import Session, Trail
 from timsim.panels import _charts
 from timsim.panels._joints import joints_of
-from timsim.scene import BODY_COLOURS, main_metric, with_unit
+from timsim.scene import BODY_COLOURS, main_metric, observation_units, unit_of
 
 SCALE = 1.25  # pixels of a unit of a chart, whose letters are then 13 pixels high
 POINTS = 700  # of a line, at most
@@ -50,7 +51,7 @@ class Figures:
             best = main_metric(session.metrics)
             names = [best, *(name for name in ("reward", *session.metrics) if name != best)]
             for name in names:
-                words = with_unit("reward of a decision, mean" if name == "reward" else name)
+                words = "reward of a decision, mean" if name == "reward" else self._with_unit(name)
                 found.append(Figure(words, "Learning", lambda row, name=name: self._curve(row, name), True))
             found.append(Figure("reward of each decision", "Rewards", lambda row: self._trace(row, "reward")))
         if session.model is not None:
@@ -61,8 +62,10 @@ class Figures:
                 found.append(Figure(f"control of {name}", "Muscles", self._column("activation", column)))
         for column, name in enumerate(session.feet):
             found.append(Figure(f"contact force of {name} (N)", "Contacts", self._column("contacts", column)))
-        for column, name in enumerate(session.observations):
-            found.append(Figure(f"observation: {name}", "Observations", self._column("observation", column)))
+        seen = zip(session.observations, observation_units(session.task, session.observations), strict=True)
+        for column, (name, unit) in enumerate(seen):
+            words = with_unit(f"observation: {name}", unit)
+            found.append(Figure(words, "Observations", self._column("observation", column)))
         for column, name in enumerate(session.actions):
             found.append(Figure(f"probability of {name}", "Policy", self._column("probability", column)))
         self.all = found
@@ -99,7 +102,7 @@ class Figures:
         labels.
         """
         self._decision = decision
-        figure = Figure(with_unit(name), "Learning", lambda row: self._curve(row, name), True)
+        figure = Figure(self._with_unit(name), "Learning", lambda row: self._curve(row, name), True)
         drawn = self._svg(figure, len(labels), 425, 230)
         fluid = drawn.replace(' width="425" height="230"', ' style="width:100%;display:block"', 1)
         names = " &ensp;".join(
@@ -108,6 +111,9 @@ class Figures:
             for row, label in enumerate(labels)
         )
         return f'{fluid}<div style="font-size:12px;line-height:1.4;margin-left:10px">{names}</div>'
+
+    def _with_unit(self, name: str) -> str:
+        return with_unit(name, unit_of(name, self._session.task))
 
     def _svg(self, figure: Figure, bodies: int, width: int, height: int) -> str:
         wide = width / SCALE

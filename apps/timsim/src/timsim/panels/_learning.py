@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import viser
 
+from motorgrad._labels import with_unit
 from timsim.panels._charts import CurvePlot, TracePlot
 from timsim.panels._figures import Figures
 from timsim.panels._panel import Numbers, Panel, brief, table
 from timsim.panels._settings_form import SettingsForm
-from timsim.scene import with_unit
+from timsim.scene import unit_of
 
 if TYPE_CHECKING:
     from timsim.live import Event, Session, Snapshot
@@ -74,7 +75,8 @@ class LearningPanel(Panel):
     def show(self, snapshot: Snapshot, pose: Pose) -> None:
         del pose
         curve = self.session.curve().until(snapshot.decision)
-        self._curve.show(curve.seconds, curve.values[self._which.value], with_unit(self._which.value))
+        name = self._which.value
+        self._curve.show(curve.seconds, curve.values[name], with_unit(name, unit_of(name, self.session.task)))
         several = len(snapshot.labels) > 1
         if self._several.visible != several:
             self._several.visible = several

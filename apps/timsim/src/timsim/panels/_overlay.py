@@ -16,6 +16,7 @@ import numpy as np
 import viser
 
 from motorgrad._errors import check
+from motorgrad._labels import with_unit
 from motorgrad.schema import description_of
 from motorgrad.tasks import Task
 from timsim.film import FIRING, SILENT, Annotations, Arrow, Curve
@@ -23,7 +24,7 @@ from timsim.live import Session, Snapshot
 from timsim.panels import _charts
 from timsim.panels._panel import brief
 from timsim.panels._run import weight_of
-from timsim.scene import BODY_COLOURS, Pose, main_metric, weight_arrow, with_unit
+from timsim.scene import BODY_COLOURS, Pose, main_metric, unit_of, weight_arrow
 
 Moment = Snapshot
 Text = str | Callable[[Moment], str]
@@ -249,7 +250,7 @@ class Overlay:
                 lines.append((curve.seconds[known], _charts.smoothed(curve.values[name][known]), colour))
         if not lines:
             return ""
-        words = with_unit("reward of a decision" if name == "reward" else name)
+        words = "reward of a decision" if name == "reward" else with_unit(name, unit_of(name, self._session.task))
         return _card(small_plot(lines, words) + _bodies(snapshot.labels))
 
     def _legend(self, pose: Pose) -> str:

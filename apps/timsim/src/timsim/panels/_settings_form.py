@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import viser
 
-from motorgrad.schema import Part, descriptions
-from timsim.live import field_of, geom_of
+from motorgrad.schema import sentence
+from timsim.live import declared_setting, field_of, geom_of
 
 if TYPE_CHECKING:
     from motorgrad.learning import Agent
+    from motorgrad.tasks import Task
     from timsim.panels._panel import Panel
 
 SETTING_LABELS = {
-    "task.reward_scale": ("reward scale", "A factor on every reward."),
     "exploration": ("exploration", "A factor on the temperature of the units, or on their noise."),
     "strength": ("strength (N)", "The greatest force."),
     "rest_length": ("rest length (m)", "Where the force is greatest."),
@@ -37,7 +37,6 @@ SETTING_LABELS = {
     "terrain_height": ("terrain height (m)", "Of its highest possible point."),
 }
 
-AGENT = "agent."
 OUTER = ("estimator", "optimizer")
 """Parts of a learner whose names are left out of the labels of their numbers."""
 
@@ -83,7 +82,7 @@ class SettingsForm:
                 field.value = self._text(name)
 
     def _words(self, name: str) -> tuple[str, str]:
-        return words_of(name, self._panel.session.agent)
+        return words_of(name, self._panel.session.task, self._panel.session.agent)
 
     def _text(self, name: str) -> str:
         value = self._panel.session.settings[name]
@@ -111,32 +110,18 @@ class SettingsForm:
         self.refresh()
 
 
-def words_of(name: str, agent: Agent | None = None) -> tuple[str, str]:
-    """A setting's label and what it means; of a learner's number, what its part's docstring says."""
-    if name.startswith(AGENT):
-        return _agent_words(name.removeprefix(AGENT).split("."), agent)
+def words_of(name: str, task: Task | None = None, agent: Agent | None = None) -> tuple[str, str]:
+    """A setting's label, with its unit, and what it means; of a task and a learner, what their fields declare."""
     if name.startswith("body."):
-        (label, hint) = SETTING_LABELS[field_of(name)]
+        label, hint = SETTING_LABELS[field_of(name)]
         geom = geom_of(name)
         return (f"{geom}: {label}" if geom else label), hint
     if name in SETTING_LABELS:
         return SETTING_LABELS[name]
-    return name.split(".", 1)[-1].replace("_", " "), ""
-
-
-def _agent_words(path: list[str], agent: Agent | None) -> tuple[str, str]:
-    part = agent
-    hint = ""
-    label = []
-    for name in path:
-        if isinstance(part, Part):
-            hint = descriptions(type(part)).get(name, hint)
-            label = [*label[-1:], name] if name not in OUTER else []
-            part = getattr(part, name)
-        else:  # a group of parameters, or a part that is not known here
-            label = [*label, name]
-            part = part[name] if isinstance(part, dict) else None
-    return " ".join(label).replace("_", " "), hint
+    declared = declared_setting(name, task, agent)
+    words = [each for each in name.split(".")[1:] if each not in OUTER]
+    label = " ".join(words).replace("_", " ")
+    return f"{label} ({declared.unit})" if declared.unit else label, sentence(declared) if declared.help else ""
 
 
 def number_of(name: str, text: str) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from motorgrad._errors import check
-from motorgrad.schema import Settings
 from timsim.planet._geometry import Ellipsoid, Points
 
 Heights = Float[np.ndarray, "*any"]
@@ -139,7 +138,7 @@ class SeededElevation:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class MapElevation(Settings):
+class MapElevation:
     """Elevation from a map of latitudes and longitudes, with linear interpolation.
 
     **Arguments:** `heights` (rows, columns) in m: the first row at the north pole and the last at the south pole;

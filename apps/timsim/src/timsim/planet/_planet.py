@@ -5,18 +5,16 @@
 
 import dataclasses
 import functools
-import math
 from pathlib import Path
-from typing import get_args
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from motorgrad._errors import check, choice, shown_path
+from motorgrad._errors import check, shown_path
 from motorgrad._limits import MAX_HEIGHT_MAP_BYTES
 from motorgrad._reading import array_in, content_of
-from motorgrad.schema import Settings, number, static
+from motorgrad.schema import Range, Settings, count, inner, number, static
 from timsim.planet._elevation import Elevation, Kind, MapElevation, SeededElevation, Surface
 from timsim.planet._geometry import Ellipsoid, Frame, frame_at, normal_at
 
@@ -116,43 +114,26 @@ MAX_PATCH_POINTS = 250_000
 MIN_TRIANGLES = 20_000
 
 
-def _check_positive(settings: object, *names: str) -> None:
-    for name in names:
-        value = getattr(settings, name)
-        check(math.isfinite(value) and value > 0.0, name, value, "a finite number > 0")
-
-
-def _check_whole(settings: object, name: str, least: int) -> None:
-    value = getattr(settings, name)
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    check(whole and least <= value < 2**63, name, value, f"an integer of at least {least:,}")
-
-
 @dataclasses.dataclass(frozen=True)
 class Detail(Settings):
     """The level of detail of a planet, and its budget."""
 
     tolerance: float = number(
-        2.0, unit="pixels", help="error of the drawn ground in the picture, as far as the budget allows"
+        2.0,
+        0,
+        open_low=True,
+        unit="pixels",
+        help="error of the drawn ground in the picture, as far as the budget allows",
     )
-    triangles: int = static(100_000, help="drawn at most at any time, for all browsers together")
-    changes: int = static(8, help="tiles sent at most in one update")
-    milliseconds: float = number(10.0, help="after which an update begins no further tile")
-    cache: int = static(400, help="hidden tiles that a browser keeps at most, beyond those in use")
-
-    def __post_init__(self) -> None:
-        _check_positive(self, "tolerance", "milliseconds")
-        for name, least in (("triangles", MIN_TRIANGLES), ("changes", 1), ("cache", 0)):
-            _check_whole(self, name, least)
+    triangles: int = count(100_000, MIN_TRIANGLES, help="drawn at most at any time, for all browsers together")
+    changes: int = count(8, 1, help="tiles sent at most in one update")
+    milliseconds: float = number(10.0, 0, open_low=True, unit="ms", help="after which an update begins no further tile")
+    cache: int = count(400, help="hidden tiles that a browser keeps at most, beyond those in use")
 
 
 @dataclasses.dataclass(frozen=True)
 class Planet(Settings):
     """A round world of three radii, with terrain from a seed or a map.
-
-    **Arguments:**
-
-    - `latitude`, `longitude` (degrees): where a body starts; `heading` (degrees): its direction, 0 north, 90 east.
 
     **Raises:** `ValueError` that names the field and its allowed values; for a map, the file and the reason.
 
@@ -162,7 +143,10 @@ class Planet(Settings):
     """
 
     radii: tuple[float, float, float] = static(
-        (3.0, 3.0, 3.0), unit="m", help="of the ellipsoid along x, y and z, from 1 m to 1,000 km. The poles are on z"
+        (3.0, 3.0, 3.0),
+        allowed=Range(MIN_RADIUS, MAX_RADIUS),
+        unit="m",
+        help="of the ellipsoid along x, y and z. The poles are on z",
     )
     kind: Kind = static(
         "bumps",
@@ -171,49 +155,43 @@ class Planet(Settings):
     )
     height: float = number(
         0.1,
+        0,
         unit="m",
-        help="from the lowest to the highest possible point; 0 is smooth. Where a body starts the ground is at "
-        "the height of the ellipsoid",
+        help="from the lowest to the highest possible point; 0 is smooth. Where a body starts the ground is at the "
+        "height of the ellipsoid",
     )
-    spacing: float = number(1.0, unit="m", help='between bumps, waves or plateaus; of "fractal" the widest')
-    seed: int = static(0, help="of the random numbers")
+    spacing: float = number(
+        1.0, 0, open_low=True, unit="m", help='between bumps, waves or plateaus; of "fractal" the widest'
+    )
+    seed: int = count(0, 0, 2**63 - 1, help="of the random numbers")
     clearing: float = number(
-        0.6, unit="m", help="radius of the level disc on which a body starts; around it the ground rises within a metre"
+        0.6,
+        0,
+        unit="m",
+        help="radius of the level disc on which a body starts; around it the ground rises within a metre",
     )
     map: Path | None = static(
         None,
-        help="a NumPy file (.npy) of heights (rows, columns) in m, instead of the five settings above: from "
-        "the north pole to the south pole, and around from longitude −180°",
+        help="a NumPy file (.npy) of heights (rows, columns) in m, instead of the five settings above: from the north "
+        "pole to the south pole, and around from longitude −180°",
     )
-    latitude: float = 0.0
-    longitude: float = 0.0
-    heading: float = 90.0
+    latitude: float = number(0.0, -90, 90, unit="degrees", help="where a body starts")
+    longitude: float = number(0.0, -360, 360, unit="degrees", help="where a body starts")
+    heading: float = number(90.0, -360, 360, unit="degrees", help="direction of a body at the start, 0 north, 90 east")
     patch: float = number(
         1.5,
+        0,
+        open_low=True,
         unit="m",
         help="half a side of the square of ground on which its physics runs; the body must be well within it",
     )
-    cell: float = number(0.1, unit="m", help="grid spacing of the patch; finer ground is not felt")
-    travel: float = number(0.1, help="the share of `patch` that the body travels before the patch is moved")
-    detail: Detail = static(Detail(), help="how finely it is drawn")
+    cell: float = number(0.1, MIN_CELL, unit="m", help="grid spacing of the patch; finer ground is not felt")
+    travel: float = number(
+        0.1, 0, 0.5, open_low=True, help="the share of `patch` that the body travels before the patch is moved"
+    )
+    detail: Detail = inner(Detail(), help="how finely it is drawn")
 
-    def __post_init__(self) -> None:
-        radii = tuple(self.radii)
-        right = len(radii) == 3 and all(MIN_RADIUS <= radius <= MAX_RADIUS for radius in radii)
-        check(right, "radii", radii, f"three lengths from {MIN_RADIUS:g} to {MAX_RADIUS:,.0f} m")
-        object.__setattr__(self, "radii", radii)
-        choice("kind", self.kind, get_args(Kind))
-        _check_positive(self, "spacing", "patch", "cell")
-        for name in ("height", "clearing"):
-            value = getattr(self, name)
-            check(math.isfinite(value) and value >= 0.0, name, value, "a finite number >= 0")
-        _check_whole(self, "seed", 0)
-        check(-90.0 <= self.latitude <= 90.0, "latitude", self.latitude, "from -90 to 90 degrees")
-        for name in ("longitude", "heading"):
-            value = getattr(self, name)
-            check(-360.0 <= value <= 360.0, name, value, "from -360 to 360 degrees")
-        check(0.0 < self.travel <= 0.5, "travel", self.travel, "in (0, 0.5]")
-        check(self.cell >= MIN_CELL, "cell", self.cell, f"at least {MIN_CELL} m")
+    def validate(self) -> None:
         check(self.spacing >= 2.0 * self.cell, "spacing", self.spacing, f"at least two cells, {2 * self.cell:g} m")
         tightest = self.ellipsoid.tightest
         allowed = f"from two cells, {2 * self.cell:g} m, to half of the least radius of curvature, {tightest / 2:g} m"
@@ -223,7 +201,6 @@ class Planet(Settings):
         if self.map is None:
             check(self.height <= tightest / 4.0, "height", self.height, f"at most {tightest / 4:g} m on these radii")
         else:
-            object.__setattr__(self, "map", Path(self.map))
             reach = max(abs(self.elevation.least), abs(self.elevation.greatest))
             allowed = f"heights of at most {tightest / 8:g} m up or down on these radii"
             check(reach <= tightest / 8.0, f"{self.map}", f"{reach:g} m", allowed)

@@ -8,7 +8,7 @@ from timsim.scene._layer import Layer
 from timsim.scene._own import own, own_elements, watches
 from timsim.scene._pose import Pose
 from timsim.scene._scene import Scene, View
-from timsim.scene._units import with_unit
+from timsim.scene._units import observation_units, unit_of
 
 __all__ = [
     "BODY_COLOURS",
@@ -20,11 +20,12 @@ __all__ = [
     "View",
     "camera_named",
     "main_metric",
+    "observation_units",
     "own",
     "own_elements",
     "touches",
+    "unit_of",
     "viewpoint_of",
     "watches",
     "weight_arrow",
-    "with_unit",
 ]

@@ -15,7 +15,7 @@ import viser
 from timsim.live import Session
 from timsim.scene._layer import Layer
 from timsim.scene._pose import Pose
-from timsim.scene._units import UNITS
+from timsim.scene._units import unit_of
 
 BODY_COLOURS = (
     "#0b6bcb",
@@ -95,7 +95,7 @@ class Readings:
         known = values[np.isfinite(values)]
         if not len(known) or not np.isfinite(curve.reward[-1]):  # what was, before the policy broke, is no news
             return ""
-        return f"{name} {known[-1]:.3g} {UNITS.get(name, '')}".replace("-", "−").rstrip()
+        return f"{name} {known[-1]:.3g} {unit_of(name, self._session.task)}".replace("-", "−").rstrip()
 
     def _speeds(self) -> list[str]:
         """The speed of each centre of mass; empty if the body cannot travel, or no time has passed."""

@@ -34,13 +34,13 @@ class ActiveLearning(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    plain_units: int = count(4, 2, 64, help="in the pools that learn by the plain gradient")
+    plain_units: int = count(4, 2, 64, help="number of units in the pools that learn by the plain gradient")
     plain_steps: int = count(5_000_000, 200, 10**9, unit="decisions", help="for which these learn")
-    natural_units: int = count(8, 2, 64, help="in the pools that learn by the natural gradient")
+    natural_units: int = count(8, 2, 64, help="number of units in the pools that learn by the natural gradient")
     natural_steps: int = count(400_000, 200, 10**9, unit="decisions", help="for which these learn")
     explore: float = number(0.1, 0, 1, help="the share of loads that are drawn uniformly nevertheless")
-    cells: int = count(32, 2, 10_000, help="in which the entropy is evaluated")
-    seeds: int = count(24, 2, 10_000, help="pools of each kind")
+    cells: int = count(32, 2, 10_000, help="number of cells in which the entropy is evaluated")
+    seeds: int = count(24, 2, 10_000, help="number of pools of each kind")
 
     quick = smoke(plain_units=2, plain_steps=2_000, natural_units=3, natural_steps=2_000, seeds=3)
 

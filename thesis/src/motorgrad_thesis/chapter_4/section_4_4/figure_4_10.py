@@ -11,7 +11,7 @@ from motorgrad.statistics import median_of, share_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, at_least, at_most, below
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, draw_intervals, subplots
 from motorgrad_thesis.chapter_4._pools import NATURAL, firing_probability, with_new_unit
 
@@ -29,19 +29,20 @@ class LocalEffect(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = count(6, 1, 100, help="in the learned pools")
+    units: int = count(6, 1, 100, help="number of units in the learned pools")
     threshold: float = number(0.5, 0, 1, help="threshold of the new unit, a load")
     gains: tuple[float, ...] = static(
         (0.0, 5.0, 10.0, 20.0, 40.0, 80.0), help="gains of the new unit, rising, the first 0"
     )
-    seeds: int = count(24, 2, 10_000, help="pools that learn")
+    seeds: int = count(24, 2, 10_000, help="number of pools that learn")
     steps: int = count(
-        400_000, 200, 10**9, unit="decisions", help="for which each pool learns, by the natural gradient"
+        400_000, 200, 10**9, unit="decisions", help="length of the practice of each pool, by the natural gradient"
     )
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.gains, 2) and self.gains[0] == 0, "gains", self.gains, "at least two, rising from 0")
+        self.check_rising("gains", 2)
+        check(self.gains[0] == 0, "gains", self.gains, "rising from 0")
 
     quick = smoke(seeds=3, steps=2_000)
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
@@ -30,27 +30,32 @@ class ForgettingBaseline(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = static(2, help="in each pool")
-    seeds: int = count(20, 2, 10_000, help="pools of each kind")
-    steps: int = static(4_000_000, unit="decisions", help="for which each pool learns")
-    period: int = static(
+    units: int = count(2, 1, 10_000, help="number of units in each pool")
+    seeds: int = count(20, 2, 10_000, help="number of pools of each kind")
+    steps: int = count(4_000_000, 2, 10**9, unit="decisions", help="length of the practice of each pool")
+    period: int = count(
         2_000_000,
+        2,
+        10**9,
         unit="decisions",
         help="period of the change, which is absent in the first half and present in the second",
     )
-    amount: float = number(-0.5, help="relative change of the muscle's strength")
+    amount: float = number(
+        -0.5, -1, 100, open_low=True, open_high=True, help="relative change of the muscle's strength"
+    )
     added: float = number(0.25, help="load that is added, if the load changes; observed loads are from 0 to 1")
-    rates: tuple[float, ...] = static((0.001, 0.01, 0.1), unit="per decision", help="the fixed steps γ")
+    rates: tuple[float, ...] = static(
+        (0.001, 0.01, 0.1), allowed=Range(0, 1, open_low=True), help="the fixed steps γ, per decision"
+    )
 
     def validate(self) -> None:
         super().validate()
-        check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
+        self.check_least(steps=self.period)
         check(len(self.rates) > 0, "rates", self.rates, "at least one")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
         check(self.added != 0, "added", self.added, "not 0: the load must change")
         for of in OF:
-            for changes in self.learners().values():
-                agent_for(self.task(of), **changes)
+            self.task(of)
 
     quick = smoke(seeds=3, steps=4_000, period=2_000, rates=(0.01,))
 

@@ -6,12 +6,12 @@ from typing import ClassVar
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import Drift, LinearRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, subplots
 from motorgrad_thesis.chapter_4._pools import entropy, least_error, parameter_history
 from motorgrad_thesis.chapter_4.section_4_4.forgetting_baseline import draw_least_error, draw_quartiles, shade_weak
@@ -30,34 +30,32 @@ class GainDecay(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = static(2, help="in each pool")
-    seeds: int = count(20, 2, 10_000, help="pools of each kind")
+    units: int = count(2, 1, 10_000, help="number of units in each pool")
+    seeds: int = count(20, 2, 10_000, help="number of pools of each kind")
     learned: int = count(4_000_000, 200, 10**9, unit="decisions", help="length of each pool's first practice")
-    steps: int = static(3_000_000, unit="decisions", help="length of the second")
-    period: int = static(
+    steps: int = count(3_000_000, 2, 10**9, unit="decisions", help="length of the second practice")
+    period: int = count(
         2_000_000,
+        2,
+        10**9,
         unit="decisions",
         help="period of the muscle's change; it is strong in the first half and weak in the second",
     )
-    amount: float = number(-0.5, help="relative change of its strength")
-    decays: tuple[float, ...] = static(
+    amount: float = number(
+        -0.5, -1, 100, open_low=True, open_high=True, help="relative change of the muscle's strength"
+    )
+    decays: tuple[float, float, float] = static(
         (1e-7, 1e-6, 1e-5),
-        unit="per decision",
-        help="three decays of the gains, λ, rising. By default a gain without gradient falls to 1/e in half a "
+        allowed=Range(0, 1, open_low=True),
+        help="decays of the gains per decision, λ, rising. By default a gain without gradient falls to 1/e in half a "
         "period, and in ten times and a tenth of that. The middle one is also used from the start",
     )
 
     def validate(self) -> None:
         super().validate()
-        check(self.period <= self.steps <= 10**9, "steps", self.steps, "at least one period, at most 1,000,000,000")
-        check(
-            len(self.decays) == 3 and rising(self.decays, above=0) and max(self.decays) <= 1,
-            "decays",
-            self.decays,
-            "three, rising, above 0 and at most 1",
-        )
+        self.check_least(steps=self.period)
+        self.check_rising("decays")
         check(self.amount != 0, "amount", self.amount, "not 0: the muscle must change")
-        Drift(self.amount, self.period)
 
     quick = smoke(seeds=3, learned=2_000, steps=3_000, period=2_000, decays=(1e-4, 1e-3, 1e-2))
 

@@ -46,13 +46,23 @@ class Growth(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: int = count(8, 3, 64, help="in the complete pools that learn by the natural step")
-    phase: int = count(100_000, 200, 10**8, unit="decisions", help="with each number of units, by the natural step")
-    plain_units: int = count(4, 3, 64, help="in the complete pools that learn by the plain gradient")
-    plain_phase: int = count(
-        800_000, 200, 10**8, unit="decisions", help="with each number of units, by the plain gradient"
+    units: int = count(8, 3, 64, help="number of units in the complete pools that learn by the natural step")
+    phase: int = count(
+        100_000,
+        200,
+        10**8,
+        unit="decisions",
+        help="length of the practice with each number of units, by the natural step",
     )
-    seeds: int = count(24, 2, 10_000, help="pools of each kind")
+    plain_units: int = count(4, 3, 64, help="number of units in the complete pools that learn by the plain gradient")
+    plain_phase: int = count(
+        800_000,
+        200,
+        10**8,
+        unit="decisions",
+        help="length of the practice with each number of units, by the plain gradient",
+    )
+    seeds: int = count(24, 2, 10_000, help="number of pools of each kind")
 
     quick = smoke(units=3, phase=400, plain_units=3, plain_phase=400, seeds=3)
 
@@ -99,9 +109,9 @@ class Growth(Experiment):
 
     def _grown(self, work: Workspace, way: Way) -> list[Run]:
         runs: list[Run] = []
-        for count in range(1, way.units + 1):
-            task = LinearRecruitment(units=count, output=way.output)
-            initial = with_new_unit(runs[-1].policies, new_thresholds(count, self.seeds)) if runs else None
+        for size in range(1, way.units + 1):
+            task = LinearRecruitment(units=size, output=way.output)
+            initial = with_new_unit(runs[-1].policies, new_thresholds(size, self.seeds)) if runs else None
             runs.append(work.train(task, agent_for(task, **way.changes), way.phase, self.seeds, initial))
         return runs
 
@@ -118,8 +128,8 @@ class Growth(Experiment):
                 decision, error = _thinned(values[f"{name} {kind} decision"], values[f"{name} {kind} error"], phases)
                 draw_band(axes[0, column], decision / 1e6, error, colour, label)
             phase = values[f"{name} grown decision"][-1] / phases / 1e6
-            for count in range(1, phases):
-                axes[0, column].axvline(count * phase, color="0.85", linewidth=0.7, zorder=0)
+            for size in range(1, phases):
+                axes[0, column].axvline(size * phase, color="0.85", linewidth=0.7, zorder=0)
             axes[0, column].set(title=title, xlabel="million decisions")
             axes[0, column].title.set_fontsize(9)
             for found, shift, colour in (

@@ -6,14 +6,13 @@ from typing import Literal
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import Posture
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import exact, mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, Kind, below, more_than_half, negative, positive
-from motorgrad_thesis._experiment import Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, SubFigure
 from motorgrad_thesis.chapter_4._pools import firing_probability
 from motorgrad_thesis.chapter_4._postures import BothPostures, arm_task
@@ -34,15 +33,24 @@ class LargeLoads(BothPostures):
     vertically, so that a force that is too small lifts little, and horizontally, so that it lifts in proportion.
     """
 
-    sizes: tuple[int, ...] = static((4, 16, 32), unit="units", help="sizes of the pools")
-    seeds: int = count(40, 2, 10_000, help="pools of each size")
-    steps: int = count(150_000, 200, 10**9, unit="decisions", help="for which each pool learns")
-    least: float = number(12.0, unit="kg", help="the smallest of the large loads; the greatest is 14")
+    sizes: tuple[int, ...] = static(
+        (4, 16, 32), allowed=Range(1, 10_000, kind="int"), unit="units", help="sizes of the pools, rising"
+    )
+    seeds: int = count(40, 2, 10_000, help="number of pools of each size")
+    steps: int = count(150_000, 200, 10**9, unit="decisions", help="length of the practice of each pool")
+    least: float = number(
+        12.0,
+        0,
+        14,
+        open_low=True,
+        open_high=True,
+        unit="kg",
+        help="the smallest of the large loads; the greatest is 14",
+    )
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.sizes, 2, above=0), "sizes", self.sizes, "at least two, rising")
-        check(0 < self.least < 14, "least", self.least, "between 0 and 14 kg")
+        self.check_rising("sizes", 2)
 
     quick = smoke(sizes=(2, 4), seeds=3, steps=2_000)
     size = (8, 6.7)

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import Posture
-from motorgrad.schema import count, static
+from motorgrad.schema import Range, count, static
 from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import ArmRecruitment
 from motorgrad.training import Run, agent_for
@@ -15,7 +14,7 @@ from motorgrad_thesis._claims import Claim, more_than_half, positive
 from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, SubFigure, draw_intervals
 from motorgrad_thesis.chapter_4._pools import firing_probability, thresholds_and_gains
-from motorgrad_thesis.chapter_4._postures import READ, BothPostures, arm_task
+from motorgrad_thesis.chapter_4._postures import BothPostures, arm_task
 
 ON = 0.9  # a unit is always active if its firing probability exceeds this at every load of 0 and below
 LOWS = {"never": 0.1, "once": 0.0, "thesis": -2.0, "often": -6.0}  # start of a sweep, kg
@@ -40,18 +39,14 @@ class NegativeInputs(BothPostures):
     without decay of the gains. With the upper arm held vertically and horizontally.
     """
 
-    units: int = static(4, help="in each pool")
-    seeds: int = count(100, 2, 10_000, help="pools that learn with each kind of sweep")
+    units: int = count(4, 1, 10_000, help="number of units in each pool")
+    seeds: int = count(100, 2, 10_000, help="number of pools that learn with each kind of sweep")
     steps: int = count(200_000, 200, 10**9, unit="decisions", help="length of each of the two practices")
     decays: tuple[float, ...] = static(
-        (1e-3, 1e-2), unit="per sweep", help="decays of the gains, in further versions of the second practice"
+        (1e-3, 1e-2),
+        allowed=Range(0, 1, open_low=True),
+        help="decays of the gains per sweep, in further versions of the second practice",
     )
-
-    def validate(self) -> None:
-        super().validate()
-        for decay in self.decays:
-            check(0 < decay <= 1, "decays", decay, "in (0, 1]")
-        arm_task(READ, self.units)
 
     quick = smoke(seeds=4, steps=4_000, decays=(1e-3,))
     size = (8.6, 6.9)

@@ -7,12 +7,12 @@ import numpy as np
 from scipy.special import expit
 
 from motorgrad._errors import check
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import first_time, median_of
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training import agent_for, evaluate
 from motorgrad_thesis._claims import Claim, below
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_band, subplots
 from motorgrad_thesis.chapter_4._pools import NATURAL, least_error
 
@@ -34,17 +34,18 @@ class RateModulation(Experiment):
 
     reading: ClassVar[str] = "The linear mapping is 1.2 x − 0.1, its coefficients swapped, as for figure 4.3."
 
-    units: tuple[int, ...] = static((1, 2, 4), help="sizes of the pools, rising")
-    steps: int = count(300_000, 200, 10**9, unit="decisions", help="for which each pool learns")
-    deviation: float = number(0.3, help="standard deviation of the graded units' noise before learning")
-    floor: float = number(0.02, help="lower bound of that deviation")
-    seeds: int = count(24, 2, 10_000, help="pools of each kind")
+    units: tuple[int, ...] = static((1, 2, 4), allowed=Range(1, 64, kind="int"), help="sizes of the pools, rising")
+    steps: int = count(300_000, 200, 10**9, unit="decisions", help="length of the practice of each pool")
+    deviation: float = number(
+        0.3, 0, 10, open_low=True, help="standard deviation of the graded units' noise before learning"
+    )
+    floor: float = number(0.02, 0, 10, open_low=True, help="lower bound of the deviation")
+    seeds: int = count(24, 2, 10_000, help="number of pools of each kind")
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.units, above=0) and max(self.units) <= 64, "units", self.units, "rising, from 1 to 64")
-        wanted = "positive, floor < deviation, at most 10"
-        check(0 < self.floor < self.deviation <= 10, "floor, deviation", (self.floor, self.deviation), wanted)
+        self.check_rising("units")
+        check(self.floor < self.deviation, "floor", self.floor, f"less than deviation, {self.deviation}")
 
     quick = smoke(steps=2_000, seeds=3)
 
@@ -79,27 +80,27 @@ class RateModulation(Experiment):
         units = [int(count) for count in values["units"]]
         figure, axes = subplots(3 * len(units) + 0.6, 7.6, 3, len(units), squeeze=False, height_ratios=[1.3, 1, 1])
         decision = values["decision"] / 1e3
-        for column, count in enumerate(units):
+        for column, size in enumerate(units):
             above, noise, below = axes[:, column]
             for kind, colour, label in CURVES:
-                draw_band(above, decision, values[f"{count} {kind} error"], colour, label)
+                draw_band(above, decision, values[f"{size} {kind} error"], colour, label)
                 above.plot(
                     decision[-1] * 1.06,
-                    np.median(values[f"{count} {kind} without noise"]),
+                    np.median(values[f"{size} {kind} without noise"]),
                     "_",
                     color=colour,
                     markersize=12,
                 )
                 for threshold, gain in zip(
-                    values[f"{count} {kind} threshold"], values[f"{count} {kind} gain"], strict=True
+                    values[f"{size} {kind} threshold"], values[f"{size} {kind} gain"], strict=True
                 ):
                     force = expit(gain * (INPUTS[:, None] - threshold)).mean(1)
                     below.plot(INPUTS, force, color=colour, linewidth=0.6, alpha=0.5)
             above.axhline(values["least"][column], color="0.4", linewidth=0.9, linestyle="--")
-            above.set(title=f"{count} unit{'s' * (count > 1)}", xlabel="thousand decisions", ylim=(0, None))
-            draw_band(noise, decision, np.median(values[f"{count} deviation"], axis=2), "C0")
+            above.set(title=f"{size} unit{'s' * (size > 1)}", xlabel="thousand decisions", ylim=(0, None))
+            draw_band(noise, decision, np.median(values[f"{size} deviation"], axis=2), "C0")
             noise.set(xlabel="thousand decisions", ylim=(0, None))
-            below.plot(INPUTS, LinearRecruitment(units=count).target(INPUTS), color="0.3", linewidth=1, linestyle="--")
+            below.plot(INPUTS, LinearRecruitment(units=size).target(INPUTS), color="0.3", linewidth=1, linestyle="--")
             below.set(xlabel="load", ylim=(-0.12, 1.12))
         axes[0, 0].set_ylabel("mean error of the force")
         axes[1, 0].set_ylabel("deviation of the noise")

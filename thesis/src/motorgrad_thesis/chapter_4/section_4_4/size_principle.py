@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import POSTURES, Posture
 from motorgrad.schema import count, number
 from motorgrad.statistics import exact, mean_of, share_of
@@ -45,28 +44,36 @@ class SizePrinciple(Experiment):
         "as for figure 4.8."
     )
 
-    units: int = count(4, 3, 6, help="in each pool")
+    units: int = count(4, 3, 6, help="number of units in each pool")
     size_ratio: float = number(
         8.0,
+        1,
+        open_low=True,
         help="the largest unit's force relative to the smallest's. By default each unit has twice the force of "
         "the one before",
     )
-    seeds: int = count(48, 2, 10_000, help="pools of each kind")
+    seeds: int = count(48, 2, 10_000, help="number of pools of each kind")
     linear: int = count(
-        6_000_000, 200, 10**9, unit="decisions", help="for which pools learn the linear mapping by the plain gradient"
+        6_000_000,
+        200,
+        10**9,
+        unit="decisions",
+        help="length of the practice of the linear mapping by the plain gradient",
     )
-    linear_natural: int = count(1_000_000, 200, 10**9, unit="decisions", help="the same by the natural gradient")
+    linear_natural: int = count(
+        1_000_000,
+        200,
+        10**9,
+        unit="decisions",
+        help="length of the practice of the linear mapping by the natural gradient",
+    )
     arm: int = count(
         600_000,
         200,
         10**9,
         unit="decisions",
-        help="for which pools learn to lift, in either posture and by either gradient",
+        help="length of the practice of lifting, in either posture and by either gradient",
     )
-
-    def validate(self) -> None:
-        super().validate()
-        check(self.size_ratio > 1, "size_ratio", self.size_ratio, "above 1: sizes must differ")
 
     quick = smoke(seeds=4, linear=4_000, linear_natural=2_000, arm=2_000)
 
@@ -123,8 +130,8 @@ class SizePrinciple(Experiment):
             place.set_xticks(size, [f"{part:.2f}" for part in size])
             place.minorticks_off()
             place.set_ylim(-0.03 * float(values[f"{name} high"]), 1.03 * float(values[f"{name} high"]))
-        for number, row in enumerate(axes):
-            row[0].set_ylabel(f"fires above this load{', kg' if number else ''}")
+        for index, row in enumerate(axes):
+            row[0].set_ylabel(f"fires above this load{', kg' if index else ''}")
         for place in axes[-1]:
             place.set_xlabel("size / total force (hollow: negative gain)")
         return figure

@@ -1,17 +1,17 @@
 """Beyond section 5.3.4: the hexapod learns to walk on 24 independent muscles."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.schema import static
+from motorgrad.schema import count, static
 from motorgrad.statistics import mean_of, median_of
 from motorgrad_thesis._claims import Claim, at_least, at_most, in_every, negative, positive
 from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, new_figure
-from motorgrad_thesis.chapter_5.extensions._muscle_study import ACTION_LABELS, FULL, SMOOTH, VARIANTS, MuscleStudy
+from motorgrad_thesis.chapter_5.extensions._muscle_study import ACTION_LABELS, FULL, SMOOTH, MuscleStudy
 
 COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 SPEED = 1.8
@@ -26,6 +26,7 @@ CHANGES = {
     "no lag": "Without a lag of the observations, learning gets less far.",
     "seven inputs": "With only six lateral angles and a bias as inputs, learning gets less far than with all senses.",
 }
+Changed = Literal["mirror tie", "Euclidean", "no critic", "no lag", "seven inputs"]
 HELPS = ("mirror tie",)
 """Changes that should help; the others remove something."""
 
@@ -34,23 +35,16 @@ HELPS = ("mirror tie",)
 class Muscles(MuscleStudy):
     """Hexapods learn to walk on 24 muscles that fire independently, without prior knowledge: their speed during
     learning, and the walks of the frozen policies from a fresh start. For comparison, learners with one change each.
-
-    **Arguments:**
-
-    - `updates`: number of updates of the parameters; the learner's schedules scale with them.
-    - `seeds`: independent hexapods.
-    - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
-    compared: int = static(5, help="seeds of each changed learner; they are compared with as many of the unchanged one")
-    variants: tuple[str, ...] = static(tuple(VARIANTS)[1:], help="the changed learners, by name")
+    compared: int = count(
+        5, 2, 1000, help="number of seeds of each changed learner; they are compared with as many of the unchanged one"
+    )
+    variants: tuple[Changed, ...] = static(get_args(Changed), help="the changed learners, by name")
 
     def validate(self) -> None:
         super().validate()
-        check(2 <= self.compared <= self.seeds, "compared", self.compared, f"from 2 to seeds, {self.seeds}")
-        for variant in self.variants:
-            check(variant != FULL, "variants", variant, "changed learners only")
-            _ = self.learner(variant)
+        check(self.compared <= self.seeds, "compared", self.compared, f"at most seeds, {self.seeds}")
 
     quick = smoke(updates=4, seeds=2, watched=20.0, compared=2, variants=("mirror tie", "no critic"))
 

@@ -23,20 +23,14 @@ LINES = {"speed": ("speed along the heading", "#0072B2"), "net": ("net displacem
 class Proprioception(MuscleStudy):
     """Hexapods learn to walk on 24 muscles that fire independently, and sense angles and velocities of their joints and
     the motion of their trunk: their speed during learning, and the walks of the frozen policies from a fresh start.
-
-    **Arguments:**
-
-    - `watched` (simulated s): for which the frozen policies are evaluated, a multiple of 20.
     """
 
     kind: ClassVar[type[Hexapod]] = HexapodProprioception
     first_seed: ClassVar[int] = 50
     """Seeds 0 to 49 were judged with earlier settings, which trained without episodes."""
 
-    updates: int = count(
-        1250, 1, 100_000, help="number of updates of the parameters; the learner's schedules scale with them"
-    )
-    seeds: int = count(50, 2, 1000, help="independent hexapods, with seeds from 50 on")
+    updates: int = 1250
+    seeds: int = count(50, 2, 1000, help="number of independent hexapods, with seeds from 50 on")
 
     quick = smoke(updates=4, seeds=2, watched=20.0)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import TRIPODS
-from motorgrad.schema import count, number, static
+from motorgrad.schema import count, number
 from motorgrad.statistics import mean_of, median_of
 from motorgrad.tasks import TRIPOD_SYNERGIES, HexapodSynergy, find_synergies, synergy_matrix
 from motorgrad.training import agent_for, evaluate
@@ -30,23 +30,16 @@ class FoundSynergies(MuscleStudy):
     """The activations of hexapods that learned to walk on 24 muscles are factorised into four synergies each. Other
     hexapods then learn to walk on those four, by OLGARB, from weights of 0. For comparison, some learn on synergies of
     the same sizes with randomly drawn muscles, and some on synergies made by hand.
-
-    **Arguments:**
-
-    - `updates`: number of updates of the parameters on 24 muscles; the learner's schedules scale with them.
-    - `seeds`: independent hexapods that learn on 24 muscles.
-    - `watched` (simulated s): for which frozen policies are evaluated, a multiple of 20.
     """
 
-    gaits: int = static(5, help="number of these hexapods whose gait is factorised, those that get farthest")
-    learners: int = count(4, 2, 1000, help="hexapods that learn on the synergies of each gait")
-    seconds: float = number(600.0, 1, 10**6, unit="simulated s", help="length of their practice")
-    lag: int = static(1, unit="decisions", help="delay of their observations")
+    gaits: int = count(5, 1, 1000, help="number of hexapods whose gait is factorised, those that get farthest")
+    learners: int = count(4, 2, 1000, help="number of hexapods that learn on the synergies of each gait")
+    seconds: float = number(600.0, 1, 10**6, unit="simulated s", help="length of the practice on synergies")
+    lag: int = count(1, 0, 1_000, unit="decisions", help="delay of the observations in this practice")
 
     def validate(self) -> None:
         super().validate()
-        check(1 <= self.gaits <= self.seeds, "gaits", self.gaits, f"from 1 to seeds, {self.seeds}")
-        _ = HexapodSynergy(lag=self.lag)
+        check(self.gaits <= self.seeds, "gaits", self.gaits, f"at most seeds, {self.seeds}")
 
     quick = smoke(updates=4, seeds=2, watched=20.0, gaits=1, learners=2, seconds=4.0)
 

@@ -8,12 +8,12 @@ import numpy as np
 from motorgrad._errors import check
 from motorgrad.bodies import TOUCH, BodyState, LateralPair, Section, VerticalPair, read_hexapod
 from motorgrad.bodies import Hexapod as HexapodBody
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Run, agent_for, evaluate
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad_thesis.chapter_5.section_5_2_2 import behind_best
 
@@ -39,26 +39,23 @@ class Forces(Experiment):
 
     levels: tuple[float, ...] = static(
         (0.25, 0.5, 1.0, 2.0, 4.0),
+        allowed=Range(0, open_low=True),
         help="factors of the standard maximum forces, at least three, rising, 1 among them but not at an end",
     )
     seconds: float = number(200.0, 1, 10**6, unit="simulated s", help="length of every hexapod's practice")
-    seeds: int = count(12, 2, 10_000, help="hexapods that practise at each level, at least 2")
+    seeds: int = count(12, 2, 10_000, help="number of hexapods that practise at each level")
     watched: float = number(
         22.0,
         SETTLING + 1,
         10**6,
         unit="simulated s",
-        help="for which the frozen policies walk, with sampled actions",
+        help="length of the walks of the frozen policies, with sampled actions",
     )
 
     def validate(self) -> None:
         super().validate()
-        check(
-            rising(self.levels, 3, above=0) and 1.0 in self.levels[1:-1],
-            "levels",
-            self.levels,
-            "at least three, rising, 1 between the ends",
-        )
+        self.check_rising("levels", 3)
+        check(1.0 in self.levels[1:-1], "levels", self.levels, "some with 1 between the ends")
 
     quick = smoke(levels=(0.5, 1.0, 2.0), seconds=3.0, seeds=2, watched=4.0)
 

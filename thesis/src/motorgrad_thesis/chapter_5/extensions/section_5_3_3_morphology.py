@@ -8,7 +8,7 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import compile_model
-from motorgrad.schema import count, number, static
+from motorgrad.schema import count, number
 from motorgrad.search import Boltzmann, CmaEs, Method, Uniform, search
 from motorgrad.statistics import mean_of
 from motorgrad_thesis._claims import Claim, negative, positive
@@ -65,31 +65,34 @@ class Morphology(Experiment):
         "The fixed controller is read as for figure 5.7: legs that wait count as supporting the body."
     )
 
-    evaluations: int = static(240, help="bodies that a search tries, a multiple of `batch`")
-    searches: int = count(5, 2, 10_000, help="with each method, at least 2")
-    batch: int = count(12, 4, 10_000, help="bodies of a search that walk together, at least 4")
+    evaluations: int = count(240, 4, help="number of bodies that a search tries, a multiple of `batch`")
+    searches: int = count(5, 2, 10_000, help="number of searches with each method")
+    batch: int = count(12, 4, 10_000, help="number of bodies of a search that walk together")
     seconds: float = number(
-        4.0,
-        SETTLING + 1,
-        3600,
-        unit="simulated s",
-        help="length of every walk, the first of which does not count",
+        4.0, SETTLING + 1, 3600, unit="simulated s", help="length of every walk, the first of which does not count"
     )
     again: int = count(
-        12, 2, 10_000, help="walks by which a body is judged, of copies with negligible differences; at least 2"
+        12, 2, 10_000, help="number of walks by which a body is judged, of copies with negligible differences"
     )
-    bodies: int = count(40, 2, 10_000, help="random bodies of which variants are compared; at least 2")
+    bodies: int = count(40, 2, 10_000, help="number of random bodies of which variants are compared")
     temperature: float = number(
-        Boltzmann.temperature, help="temperature of Boltzmann selection, in standard deviations of the scores"
+        Boltzmann.temperature,
+        0,
+        open_low=True,
+        help="temperature of Boltzmann selection, in standard deviations of the scores",
     )
-    changed: int = static(Boltzmann.changed, help="numbers that Boltzmann selection changes at a time")
-    width: float = number(Boltzmann.width, help="standard deviation of its noise, as a fraction of a number's range")
+    changed: int = count(Boltzmann.changed, 1, help="how many numbers Boltzmann selection changes at a time")
+    width: float = number(
+        Boltzmann.width,
+        0,
+        open_low=True,
+        help="standard deviation of the noise of Boltzmann selection, as a fraction of a number's range",
+    )
 
     def validate(self) -> None:
         super().validate()
-        whole = self.evaluations >= self.batch and self.evaluations % self.batch == 0
+        whole = self.evaluations % self.batch == 0
         check(whole, "evaluations", self.evaluations, f"a multiple of batch = {self.batch}")
-        self.method("boltzmann")
 
     quick = smoke(evaluations=12, searches=2, batch=6, seconds=2.0, again=2, bodies=2)
 

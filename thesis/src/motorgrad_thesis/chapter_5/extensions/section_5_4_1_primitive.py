@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import LEGS, TRIPODS
 from motorgrad.learning import Agent
 from motorgrad.policies import Primitives
@@ -19,7 +18,6 @@ from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, more_than_half, positive
 from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
-from motorgrad_thesis.chapter_5._hopper_study import check_practice
 from motorgrad_thesis.chapter_5.extensions._muscle_study import frozen_readings
 
 LEARNED_PART_LABELS = {
@@ -50,16 +48,20 @@ class LearnedPrimitives(Experiment):
     first_seed: ClassVar[int] = 100
     """Some of the earlier seeds were used to choose the settings."""
 
-    seconds: float = number(400.0, unit="simulated s", help="length of every hexapod's practice")
-    seeds: int = count(20, 2, 10_000, help="hexapods of each kind")
+    seconds: float = number(400.0, 0, open_low=True, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(20, 2, 10_000, help="number of hexapods of each kind")
     watched: float = number(
-        10.0, unit="simulated s", help="for which the learned policies are evaluated, without learning"
+        10.0,
+        0,
+        3600,
+        open_low=True,
+        unit="simulated s",
+        help="length of the evaluation of the learned policies, without learning",
     )
 
     def validate(self) -> None:
         super().validate()
-        check_practice(self.seconds, RECORDS * self.task.period)
-        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
+        self.check_least(seconds=RECORDS * self.task.period, watched=self.task.period)
 
     quick = smoke(seconds=2.4, seeds=2, watched=0.4)
 

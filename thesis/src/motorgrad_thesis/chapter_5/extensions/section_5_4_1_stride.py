@@ -17,9 +17,8 @@ from motorgrad.statistics import mean_of
 from motorgrad.tasks import HexapodStride
 from motorgrad.training import agent_for
 from motorgrad_thesis._claims import Claim, at_least, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, subplots
-from motorgrad_thesis.chapter_5._hopper_study import check_practice
 from motorgrad_thesis.chapter_5.extensions._muscle_study import frozen_readings
 
 STRIDE_KINDS = ("slope", "constant")
@@ -39,21 +38,28 @@ class StridePeriod(Experiment):
     first_seed: ClassVar[int] = 100
     """Some of the earlier seeds were used to choose the settings."""
 
-    seconds: float = number(300.0, unit="simulated s", help="length of every hexapod's practice")
-    seeds: int = count(20, 2, 10_000, help="hexapods of each kind")
+    seconds: float = number(300.0, 0, open_low=True, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(20, 2, 10_000, help="number of hexapods of each kind")
     periods: tuple[float, ...] = static(
-        (0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.3, 0.4), unit="s", help="periods of the fixed clocks"
+        (0.12, 0.14, 0.16, 0.18, 0.2, 0.24, 0.3, 0.4), unit="s", help="periods of the fixed clocks, rising"
     )
-    starts: int = count(8, 2, 1_000, help="random phases from which each fixed clock starts on each slope")
-    watched: float = number(6.0, unit="simulated s", help="for which each is evaluated on each slope, without learning")
+    starts: int = count(8, 2, 1_000, help="number of random phases from which each fixed clock starts on each slope")
+    watched: float = number(
+        6.0,
+        0,
+        3600,
+        open_low=True,
+        unit="simulated s",
+        help="length of the evaluation of each on each slope, without learning",
+    )
 
     def validate(self) -> None:
         super().validate()
-        check_practice(self.seconds, RECORDS * self.task.period)
-        check(self.task.period <= self.watched <= 3600, "watched", self.watched, f"from {self.task.period} to 3600 s")
-        within = all(self.task.shortest <= period <= self.task.longest for period in self.periods)
-        limits = f"from {self.task.shortest} to {self.task.longest} s"
-        check(within and rising(self.periods, 2), "periods", self.periods, f"at least two rising ones {limits}")
+        self.check_least(seconds=RECORDS * self.task.period, watched=self.task.period)
+        self.check_rising("periods", 2)
+        shortest, longest = self.task.shortest, self.task.longest
+        within = shortest <= self.periods[0] and self.periods[-1] <= longest
+        check(within, "periods", self.periods, f"from {shortest} to {longest} s")
 
     quick = smoke(seconds=1.2, seeds=2, periods=(0.16, 0.3), starts=2, watched=0.2)
 

@@ -2,18 +2,16 @@
 controller."""
 
 import dataclasses
-import math
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, walk
 from motorgrad.learning import Agent
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, smoke
 
 GAITS = ("tripod", "pronk", "intermediate", "stalled")
 MODES: tuple[Literal["sample", "mode"], ...] = ("sample", "mode")
@@ -34,28 +32,22 @@ class SynergyStudy(Experiment):
         "bounds are ours."
     )
 
-    seconds: float = number(600.0, unit="simulated s", help="length of every hexapod's practice")
-    seeds: int = count(20, 2, 10_000, help="independent hexapods with each lag")
+    seconds: float = number(600.0, 0, open_low=True, unit="simulated s", help="length of every hexapod's practice")
+    seeds: int = count(20, 2, 10_000, help="number of independent hexapods with each lag")
     lags: tuple[int, ...] = static(
-        (0, 1, 2), unit="decisions", help="delays of the observations, rising; the thesis has none"
+        (0, 1, 2),
+        allowed=Range(0, 1_000, kind="int"),
+        unit="decisions",
+        help="delays of the observations, rising; the thesis has none",
     )
-    decay: float = number(0.97, help="decay of the eligibility trace, per decision")
-    rate: float = number(1e-3, help="the step size of all parameters")
-    watched: float = number(
-        20.0,
-        20,
-        3600,
-        unit="simulated s",
-        help="for which the frozen policies are evaluated, at least 20",
-    )
+    decay: float = number(0.97, 0, 1, help="decay of the eligibility trace, per decision")
+    rate: float = number(1e-3, 0, help="the step size of all parameters")
+    watched: float = number(20.0, 20, 3600, unit="simulated s", help="length of the evaluation of the frozen policies")
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.lags), "lags", self.lags, "at least one, rising")
-        for lag in self.lags:
-            _ = self.learner(lag)
-        least = 50 * self.task(min(self.lags)).period
-        check(least <= self.seconds < math.inf, "seconds", self.seconds, f"finite and at least {least:g} s")
+        self.check_rising("lags")
+        self.check_least(seconds=50 * self.task(self.lags[0]).period)
 
     quick = smoke(seconds=6.0, seeds=2, lags=(0, 1))
 

@@ -43,13 +43,9 @@ class StateMachine(Experiment):
     )
 
     seconds: float = number(
-        20.0,
-        SHOWN,
-        3600,
-        unit="simulated s",
-        help="length of each walk, after two seconds that do not count",
+        20.0, SHOWN, 3600, unit="simulated s", help="length of each walk, after two seconds that do not count"
     )
-    seeds: int = count(20, 2, 1000, help="walks of nearly identical bodies")
+    seeds: int = count(20, 2, 1000, help="number of walks of nearly identical bodies")
 
     quick = smoke(seconds=3.0, seeds=2)
 

@@ -32,13 +32,7 @@ class TwoGaits(SynergyStudy):
     two tripods; over all lags, with sampled actions. A gait that no seed learned is not shown.
     """
 
-    shown: float = number(
-        2.0,
-        0.1,
-        10,
-        unit="simulated s",
-        help="length of the record, from the middle of the walk on",
-    )
+    shown: float = number(2.0, 0.1, 10, unit="simulated s", help="length of the record, from the middle of the walk on")
 
     def run(self, work: Workspace) -> Values:
         found = []
@@ -83,8 +77,8 @@ class TwoGaits(SynergyStudy):
         figure, panels = subplots(8.6, 8.0, 2 * len(SHOWN), 1, height_ratios=[1.15, 1] * len(SHOWN), sharex=True)
         time = values["time"]
         seeds = len(values["gait"])
-        for number, kind in enumerate(SHOWN):
-            angles, feet = panels[2 * number : 2 * number + 2]
+        for index, kind in enumerate(SHOWN):
+            angles, feet = panels[2 * index : 2 * index + 2]
             row = int(values[f"{kind} row"])
             count = int(np.count_nonzero(values["gait"] == kind))
             if row < 0:

@@ -10,12 +10,11 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.bodies import LEGS, Hexapod, Hinge, LegState, OnTerrain, Terrain, Walk, biomimetic_hexapod, walk
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import mean_of, per_case
 from motorgrad_thesis._claims import Claim, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, new_figure
 from motorgrad_thesis.chapter_5.hexapod._drawing import TOUCH, Places, draw_view, name_part
 
@@ -40,23 +39,20 @@ class BiomimeticHexapod(Experiment):
     )
 
     frictions: tuple[float, ...] = static(
-        (0.2, 0.4, 0.8, 1.6), help="friction coefficients of the feet, rising, at least two"
+        (0.2, 0.4, 0.8, 1.6),
+        allowed=Range(0, open_low=True),
+        help="friction coefficients of the feet, rising, at least two",
     )
     highest: float = number(0.0, 0, 45, unit="degrees", help="elevation of front legs that are not clear in the swing")
-    height: float = number(0.1, unit="m", help="height of the bumps; each seed has its own ground")
+    height: float = number(0.1, 0, 1, open_low=True, unit="m", help="height of the bumps; each seed has its own ground")
     seconds: float = number(
-        10.0,
-        1,
-        15,
-        unit="simulated s",
-        help="length of each walk, after two seconds that do not count",
+        10.0, 1, 15, unit="simulated s", help="length of each walk, after two seconds that do not count"
     )
-    seeds: int = count(20, 2, 1000, help="walks of each body")
+    seeds: int = count(20, 2, 1000, help="number of walks of each body")
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.frictions, 2, above=0), "frictions", self.frictions, "at least two, above 0 and rising")
-        check(0.0 < self.height <= 1.0, "height", self.height, "in (0, 1] m")
+        self.check_rising("frictions", 2)
 
     quick = smoke(frictions=(0.4, 1.6), seconds=2.0, seeds=2)
 

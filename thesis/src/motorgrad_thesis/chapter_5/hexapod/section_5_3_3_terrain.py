@@ -7,10 +7,10 @@ import numpy as np
 
 from motorgrad._errors import check
 from motorgrad.bodies import Hexapod, OnTerrain, Terrain, TripodController, walk
-from motorgrad.schema import count, number, static
+from motorgrad.schema import Range, count, number, static
 from motorgrad.statistics import mean_of, share_of
 from motorgrad_thesis._claims import Claim, Kind, above, at_least, positive
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_intervals, subplots
 from motorgrad_thesis.chapter_5.hexapod._gait_study import INDEPENDENT, jittered_hexapods
 
@@ -51,19 +51,18 @@ class RoughGround(Experiment):
 
     heights: tuple[float, ...] = static(
         (0.05, 0.1, 0.16, 0.2, 0.25),
+        allowed=Range(0, open_low=True),
         unit="m",
-        help="heights of the ground, rising, at least two; the greatest is difficulty 1",
+        help="heights of the ground, at least two, rising; the greatest is difficulty 1",
     )
     seconds: float = number(
-        20.0,
-        LAST,
-        20,
-        unit="simulated s",
-        help="length of each walk, after two seconds that do not count",
+        20.0, LAST, 20, unit="simulated s", help="length of each walk, after two seconds that do not count"
     )
-    seeds: int = count(20, 2, 1000, help="grounds of each kind and height")
+    seeds: int = count(20, 2, 1000, help="number of grounds of each kind and height")
     clearance: float = number(
         0.16,
+        0,
+        open_low=True,
         unit="m",
         help="the height up to which the ground counts as passable, one of `heights`; by default about the "
         "clearance under the belly",
@@ -71,7 +70,7 @@ class RoughGround(Experiment):
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.heights, 2, above=0), "heights", self.heights, "at least two, above 0 and rising")
+        self.check_rising("heights", 2)
         check(self.clearance in self.heights, "clearance", self.clearance, f"one of heights = {self.heights}")
 
     quick = smoke(heights=(0.16, 0.25), seconds=5.0, seeds=2)

@@ -29,9 +29,9 @@ class Episodes(Experiment):
         "at least 28 of 50 actions."
     )
 
-    interactions: int = count(5, 1, 100, help="decisions in an episode")
-    actions: int = count(10, 1, 100, help="binary actions in each of them")
-    correct: float = number(0.55, 0, 1, help="the least part of them that must be correct")
+    interactions: int = count(5, 1, 100, help="number of decisions in an episode")
+    actions: int = count(10, 1, 100, help="number of binary actions in each decision")
+    correct: float = number(0.55, 0, 1, help="the least part of the actions that must be correct")
 
     def run(self, work: Workspace) -> Values:
         del work

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from motorgrad.schema import count, static
 from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
 from motorgrad_thesis._experiment import Experiment, Workspace, smoke
-from motorgrad_thesis.chapter_6._local_study import EXACT_READ
+from motorgrad_thesis.chapter_6._local_study import EXACT_READ, Layout
 
 RATES = {"centre": 1e-4, "log_width": 5e-4}
 INTERVAL = 10_000
@@ -27,8 +27,8 @@ class GrowingStudy(Experiment):
 
     reading: ClassVar[str] = EXACT_READ
 
-    units: int = count(20, 2, 1_000, help="number of units of the complete pool")
-    seeds: int = count(24, 2, 10_000, help="independent learners")
+    units: int = count(20, 2, 1_000, help="number of units of the complete pool; they take 400 episodes each in R3")
+    seeds: int = count(24, 2, 10_000, help="number of independent learners of each kind")
 
     quick = smoke(units=4, seeds=3)
 
@@ -53,17 +53,12 @@ class GrowingStudy(Experiment):
 class GrowthComparison(GrowingStudy):
     """Base of experiments that compare ways of growing in several layouts of rewards.
 
-    **Arguments:**
-
-    - `units`: number of units of the complete pool.
-    - `seeds`: learners of each kind.
-
     **Attributes:** `ways`, the settings that each way of growing changes, by its name.
     """
 
     ways: ClassVar[Mapping[str, Mapping[str, Any]]]
 
-    layouts: tuple[Literal["R1", "R2", "R3"], ...] = static(("R3", "R1"), help="layouts of rewards, by name")
+    layouts: tuple[Layout, ...] = static(("R3", "R1"), help="layouts of the falling particle")
 
     quick = smoke(units=4, seeds=3, layouts=("R3",))
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from motorgrad.schema import static
+from motorgrad.schema import count
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import Run
@@ -32,15 +32,9 @@ LOCAL = 0.25
 class GrowingPolicy(BothPairs, GrowingStudy):
     """A policy grows in the layout R3: local units are added one by one, wide at first, and find their places. The
     units of the median seed with paths of its particle, at the end of the learning phase that follows each addition.
-
-    **Arguments:**
-
-    - `units`: number of units of the complete pool; 20 take 8,000 episodes.
-    - `seeds`: independent learners.
-    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    drawn: int = static(10, unit="episodes", help="paths in each tile")
+    drawn: int = count(10, 1, help="number of episodes whose paths are in each tile")
 
     @property
     def task(self) -> FallingParticle:
@@ -59,11 +53,11 @@ class GrowingPolicy(BothPairs, GrowingStudy):
         found |= {"row": np.array(row), "counts": np.array(self.counts(SHOWN))}
         history = grown_policies(run, range(1, self.units + 1))
         found |= {"centre": np.asarray(history.pool.centre), "log width": np.asarray(history.pool.log_width)}
-        for count in found["counts"]:
-            policy = policy_at(policy_at(history, count - 1), row)
-            found |= prefixed(str(count), stored_paths(task, policy, self.drawn))
+        for size in found["counts"]:
+            policy = policy_at(policy_at(history, size - 1), row)
+            found |= prefixed(str(size), stored_paths(task, policy, self.drawn))
             shapes = {"centre": policy.pool.centre, "log width": policy.pool.log_width}
-            found |= prefixed(str(count), {name: np.asarray(shape) for name, shape in shapes.items()})
+            found |= prefixed(str(size), {name: np.asarray(shape) for name, shape in shapes.items()})
         return found
 
     def draw(self, values: Values) -> Figure:
@@ -73,10 +67,10 @@ class GrowingPolicy(BothPairs, GrowingStudy):
         rows, columns = tile_grid(len(counts), 5)
         figure = new_figure(1.9 * columns, 2.12 * rows)
         tiles = np.ravel(figure.subplots(rows, columns))
-        for axes, count in zip(tiles, counts, strict=False):
-            draw_tile(axes, self.task, values, str(count), units=int(count))
-            words = "1 unit" if count == 1 else f"{count} units"
-            axes.set_title(f"{words}: {values['reward'][row, count - 1]:.3f}", fontsize=9)
+        for axes, size in zip(tiles, counts, strict=False):
+            draw_tile(axes, self.task, values, str(size), units=int(size))
+            words = "1 unit" if size == 1 else f"{size} units"
+            axes.set_title(f"{words}: {values['reward'][row, size - 1]:.3f}", fontsize=9)
         hide_axes(list(tiles[len(counts) :]))
         return figure
 

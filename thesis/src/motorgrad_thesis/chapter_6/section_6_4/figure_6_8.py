@@ -39,12 +39,6 @@ AVERAGES = (50, 500)  # episodes
 class GrowingReward(BothPairs, GrowingStudy):
     """The reward of a growing policy in R3 over episodes, with the additions marked: of the median seed and of all. For
     comparison, eight units that are present from the start, and growth with a first unit that pushes to the right.
-
-    **Arguments:**
-
-    - `units`: number of units of the complete pool; 20 take 8,000 episodes.
-    - `seeds`: learners of each kind.
-    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
     def measure(self, work: Workspace, pair: Pair) -> Values:

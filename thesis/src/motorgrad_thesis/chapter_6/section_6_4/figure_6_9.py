@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from motorgrad.schema import static
 from motorgrad.statistics import mean_of
 from motorgrad.tasks import ParticleOrbit
 from motorgrad.training import Run
@@ -36,14 +35,9 @@ class Orbits(BothPairs, GrowingStudy):
     """A particle orbits in a circular field, without episodes, and units that push in eight directions are added one by
     one. If the distance from the centre is rewarded, the orbit widens; if it is penalised, it narrows. Tiles: units and
     path of the median seed for one revolution, at the end of the learning phase after this many units.
-
-    **Arguments:**
-
-    - `seeds`: learners with each reward.
-    - `pairs`: `"printed"`, `"exact"`, or both, the pair of probability and score of the local units.
     """
 
-    units: int = static(16, help="number of units of the complete pool")
+    units: int = 16
 
     def task(self, wanted: Any) -> ParticleOrbit:
         return ParticleOrbit(units=self.units, wanted=wanted)

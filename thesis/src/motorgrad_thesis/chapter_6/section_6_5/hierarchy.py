@@ -68,9 +68,9 @@ class Hierarchy(Experiment):
 
     reading: ClassVar[str] = EXACT_READ
 
-    decisions: int = count(200_000, 400, 10**9, help="decisions of learning")
-    seeds: int = count(24, 2, 10_000, help="learners of each kind")
-    drawn: int = count(10, 1, 1_000, unit="episodes", help="paths in each picture")
+    decisions: int = count(200_000, 400, 10**9, help="number of decisions of learning")
+    seeds: int = count(24, 2, 10_000, help="number of learners of each kind")
+    drawn: int = count(10, 1, 1_000, help="number of episodes whose paths are in each picture")
 
     quick = smoke(decisions=2_000, seeds=3, drawn=3)
 

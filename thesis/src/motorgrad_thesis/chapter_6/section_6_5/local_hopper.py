@@ -9,14 +9,14 @@ import numpy as np
 
 from motorgrad.learning import Agent
 from motorgrad.policies import Policy
-from motorgrad.schema import count, number, static
+from motorgrad.schema import count, number
 from motorgrad.statistics import mean_of, median_of, share_of
 from motorgrad.tasks import Hopper
 from motorgrad.training import agent_for, evaluate
 from motorgrad_thesis._claims import Claim, above, more_than_half, positive
 from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Axes, Figure, draw_band, new_figure
-from motorgrad_thesis.chapter_5._hopper_study import HIGH, check_practice, practice_heights
+from motorgrad_thesis.chapter_5._hopper_study import HIGH, practice_heights
 from motorgrad_thesis.chapter_6._local_study import median_row, policy_at
 
 POLICY_LABELS = {
@@ -62,14 +62,13 @@ class LocalHopper(Experiment):
 
     reading: ClassVar[str] = "Local units have the exact gradient, z², not the printed score, z² − 1."
 
-    seconds: float = number(500.0, unit="simulated s", help="length of every hopper's practice")
-    seeds: int = count(20, 2, 10_000, help="hoppers of each kind")
-    static: int = static(16, help="local units that are present from the start")
-    grown: int = count(8, help="local units that are added at even intervals")
+    seconds: float = number(500.0, 50 * PERIOD, unit="simulated s", help="length of every hopper's practice")
+    seeds: int = count(20, 2, 10_000, help="number of hoppers of each kind")
+    static: int = count(16, 1, 10_000, help="number of local units that are present from the start")
+    grown: int = count(8, 1, 10_000, help="number of local units that are added at even intervals")
 
     def validate(self) -> None:
         super().validate()
-        check_practice(self.seconds, 50 * PERIOD)
         for name in POLICY_LABELS:
             self.learner(name)
 

@@ -75,12 +75,6 @@ class Mixtures(LayoutStudy):
     """Kinds of policies learn R1 and R2: local units that push to fixed sides; the same with two additional
     hyperplanes, which push anywhere; local units that learn the side and strength of their push; and twice as many of
     these, half of them horizontal and half vertical, which together may push in any direction.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: learners of each kind.
-    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     """
 
     def run(self, work: Workspace) -> Values:

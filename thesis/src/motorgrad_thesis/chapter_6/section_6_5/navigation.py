@@ -37,10 +37,10 @@ class Navigation(Experiment):
     first_seed: ClassVar[int] = 100
     """Some of the earlier seeds were used to choose the settings."""
 
-    decisions: int = count(200_000, 400, 10**9, help="decisions of learning")
-    seeds: int = count(24, 2, 10_000, help="learners with each step size")
-    watched: int = count(10_000, 1_000, 10**7, unit="decisions", help="for which the frozen policies are evaluated")
-    drawn: int = count(8, 1, 1_000, unit="episodes", help="paths in each picture")
+    decisions: int = count(200_000, 400, 10**9, help="number of decisions of learning")
+    seeds: int = count(24, 2, 10_000, help="number of learners with each step size")
+    watched: int = count(10_000, 1_000, 10**7, unit="decisions", help="length of the evaluation of the frozen policies")
+    drawn: int = count(8, 1, 1_000, help="number of episodes whose paths are in each picture")
 
     quick = smoke(decisions=4_000, seeds=3, watched=1_000, drawn=3)
 

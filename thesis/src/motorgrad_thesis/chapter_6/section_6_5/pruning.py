@@ -8,14 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.plane import trajectories
 from motorgrad.policies import LocalGaussians, Masked, activity, prune, reach
-from motorgrad.schema import count, static
+from motorgrad.schema import Range, count, static
 from motorgrad.statistics import mean_of, share_of
 from motorgrad.tasks import FallingParticle, Region, region_reward
 from motorgrad_thesis._claims import Claim, at_most, below, within
-from motorgrad_thesis._experiment import Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import Figure, draw_intervals, subplots
 from motorgrad_thesis.chapter_6._local_study import LayoutStudy, outside, policy_at
 from motorgrad_thesis.chapter_6.figure_6_5 import JUNK
@@ -30,28 +29,23 @@ class Pruning(LayoutStudy):
     """Units that hardly ever fire on the learner's own paths are removed from the policies learned in R1 and R2, and
     the remaining policy acts from the same starts with the same random numbers. The bound is the expected number of
     firings per episode: removing such a unit changes at most that share of the episodes.
-
-    **Arguments:**
-
-    - `decisions`: decisions of learning; 50,000 contain 2,000 episodes.
-    - `seeds`: learners in each layout.
-    - `layouts`: layouts of the falling particle: `R1`, `R2` or `R3`.
     """
 
     looks: int = count(
         400,
         10,
         10**6,
-        unit="episodes",
-        help="over which activity is averaged; as many others are used for the evaluation",
+        help="number of episodes over which activity is averaged; as many others are used for the evaluation",
     )
     bounds: tuple[float, ...] = static(
-        (JUNK, 0.5, 2.0), help="expected firings per episode below which units are removed; the first is that of junk"
+        (JUNK, 0.5, 2.0),
+        allowed=Range(0, open_low=True),
+        help="expected firings per episode below which units are removed, rising; the first is that of junk",
     )
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.bounds, above=0), "bounds", self.bounds, "positive numbers, rising")
+        self.check_rising("bounds")
 
     quick = smoke(decisions=2_000, seeds=3, layouts=("R1",), looks=20)
 

@@ -9,15 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad._errors import check
 from motorgrad.learning import Agent, SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
-from motorgrad.schema import count, static
+from motorgrad.schema import Range, count, static
 from motorgrad.statistics import difference_of, exact, mean_of, median_of
 from motorgrad.tasks import FallingParticle
 from motorgrad.training import agent_for, stepper_for
 from motorgrad_thesis._claims import Claim, at_least, at_most, below, positive, within
-from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, rising, smoke
+from motorgrad_thesis._experiment import Experiment, Values, Workspace, experiment, smoke
 from motorgrad_thesis._figures import STYLE, Figure, subplots
 from motorgrad_thesis.chapter_6._local_study import EXACT_READ
 
@@ -43,17 +42,20 @@ class Index(Experiment):
     reading: ClassVar[str] = EXACT_READ
 
     sizes: tuple[int, ...] = static(
-        (16, 64, 256, 1024, 4096), unit="units", help="sizes of the pools whose cost is measured, rising"
+        (16, 64, 256, 1024, 4096),
+        allowed=Range(4, 8192, kind="int"),
+        unit="units",
+        help="sizes of the pools whose cost is measured, rising",
     )
     pairs: int = count(7, 1, 20, help="number of pairs of stretches for each size, one of either learner")
-    decisions: int = count(10_000, 200, 10**7, help="decisions of each stretch")
+    decisions: int = count(10_000, 200, 10**7, help="number of decisions of each stretch")
     units: int = count(256, 16, 8192, help="number of units of the pools whose learning is compared")
     seeds: int = count(24, 2, 1000, help="number of seeds of either learner")
-    steps: int = count(100_000, 200, 10**8, help="decisions of each of these")
+    steps: int = count(100_000, 200, 10**8, help="number of decisions of each of these learners")
 
     def validate(self) -> None:
         super().validate()
-        check(rising(self.sizes, above=3) and max(self.sizes) <= 8192, "sizes", self.sizes, "rising, from 4 to 8,192")
+        self.check_rising("sizes")
 
     quick = smoke(sizes=(16, 64), pairs=1, decisions=400, units=64, seeds=2, steps=400)
 

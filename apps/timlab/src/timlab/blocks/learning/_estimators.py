@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,18 +11,11 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning, policies
 from motorgrad._errors import check
-from timlab.blocks.learning._parts import (
-    MAX_PARAMETERS,
-    VALID,
-    BlockField,
-    PartBlock,
-    Vector,
-    check_count,
-    is_paid,
-    where,
-)
+from motorgrad.schema import Declared, count, number, static
+from timlab.blocks.learning._parts import PartBlock
+from timlab.blocks.learning._shared import MAX_PARAMETERS, MAX_UNITS, VALID, Vector, is_paid, where
 from timlab.blocks.learning._units import key_from
-from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 ENDED = Port((), "bool", feedthrough=False, default=0.0, help="whether an episode ended at this tick")
 
@@ -32,19 +25,16 @@ class TraceBlock(PartBlock):
     """The output is the trace of the actions *before* this tick, which a reward at this tick is for. So a trace cuts
     the loop of learning. It restarts where an episode has `ended`."""
 
-    size: Annotated[int, Setting("number of parameters of the score")] = 1
-    newest: Annotated[bool, Setting("whether the newest score is an output too, for baselines of the observation")] = (
-        False
-    )
+    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the score")
+    newest: bool = static(False, help="whether the newest score is an output too, for baselines of the observation")
 
     def validate(self) -> None:
-        check_count("size", self.size, MAX_PARAMETERS)
         super().validate()
         if self._learns:
             wanted = f"False for a {self.name}, which learns what the newest score counts"
             check(not self.newest, "newest", True, wanted)
 
-    def number_shape(self, field: BlockField) -> tuple[int, ...]:
+    def number_shape(self, declared: Declared) -> tuple[int, ...]:
         return () if self._learns else (self.size,)
 
     @property
@@ -181,13 +171,8 @@ class ObservingBaselineBlock(BaselineBlock):
     baseline of its observation: wire `newest` to the gradient sample too, and the `newest` score of the trace.
     """
 
-    observed: Annotated[int, Setting("number of observed numbers")] = 1
-    acted: Annotated[int, Setting("number of numbers in an action")] = 1
-
-    def validate(self) -> None:
-        check_count("observed", self.observed)
-        check_count("acted", self.acted)
-        super().validate()
+    observed: int = count(1, 1, MAX_UNITS, help="number of observed numbers")
+    acted: int = count(1, 1, MAX_UNITS, help="number of numbers in an action")
 
     @property
     def inputs(self) -> Ports:
@@ -246,11 +231,7 @@ class EligibilityBaselineBlock(BaselineBlock):
     parameters of its trace are one unit: give every unit a block of its own. `gradient` is the sample, with each
     parameter's own baseline."""
 
-    size: Annotated[int, Setting("number of parameters of the trace")] = 1
-
-    def validate(self) -> None:
-        check_count("size", self.size, MAX_PARAMETERS)
-        super().validate()
+    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the trace")
 
     @property
     def inputs(self) -> Ports:
@@ -320,10 +301,7 @@ class GradientSample(Block):
     name: ClassVar[str] = "gradient sample"
     category: ClassVar[str] = "learning"
 
-    size: Annotated[int, Setting("number of parameters of the trace")] = 1
-
-    def validate(self) -> None:
-        check_count("size", self.size, MAX_PARAMETERS)
+    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the trace")
 
     @property
     def inputs(self) -> Ports:
@@ -353,12 +331,11 @@ class GradientMean(Block):
     name: ClassVar[str] = "gradient mean"
     category: ClassVar[str] = "learning"
 
-    size: Annotated[int, Setting("number of parameters of the gradient")] = 1
-    samples: Annotated[Any, Parameter("samples in a batch", low=1, high=2**31 - 1, kind="int")] = 100
-    batch: Annotated[str, Setting("whether a step uses their mean or their sum", choices=("mean", "sum"))] = "mean"
+    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the gradient")
+    samples: Any = number(100, 1, 2**31 - 1, kind="int", help="samples in a batch")
+    batch: Literal["mean", "sum"] = static("mean", help="whether a step uses their mean or their sum")
 
     def validate(self) -> None:
-        check_count("size", self.size, MAX_PARAMETERS)
         self.check_broadcasts("samples", ())
 
     @property

@@ -9,7 +9,9 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning, policies
 from motorgrad.policies import Policy, split
-from timlab.blocks.learning._parts import VALID, BlockField, PartBlock, block_of, is_paid, where
+from motorgrad.schema import Declared
+from timlab.blocks.learning._parts import PartBlock, block_of
+from timlab.blocks.learning._shared import VALID, is_paid, where
 from timlab.blocks.learning._units import Gaussians, key_from, unflat
 from timlab.diagram import Moment, Port, Ports, Signals
 
@@ -28,8 +30,8 @@ class _GrowingGaussians(PartBlock, Gaussians):
 
     category: ClassVar[str] = "learning"
 
-    def number_shape(self, field: BlockField) -> tuple[int, ...]:
-        return (self.observed,) if field.groups else ()
+    def number_shape(self, declared: Declared) -> tuple[int, ...]:
+        return (self.observed,) if declared.groups else ()
 
     @property
     def inputs(self) -> Ports:
@@ -77,4 +79,4 @@ class _GrowingGaussians(PartBlock, Gaussians):
         return state.policy
 
 
-GrowingGaussians = block_of(_GrowingGaussians, learning.Growth, "growing gaussians", "GrowingGaussians")
+GrowingGaussians = block_of(_GrowingGaussians, learning.Growth, "growing gaussians")

@@ -4,7 +4,7 @@ import copy
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -14,11 +14,25 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad import learning
 from motorgrad._errors import check
 from motorgrad.policies import trainable
-from motorgrad.schema import PART_CLASSES, Numbers, check_rounded, expanded, numbers_of, path_of, table, with_number
+from motorgrad.schema import (
+    PART_CLASSES,
+    Declared,
+    Numbers,
+    check_rounded,
+    count,
+    declared_at,
+    expanded,
+    number,
+    numbers_of,
+    path_of,
+    static,
+    table,
+    with_number,
+)
 from timlab.blocks._base import as_text, read_table
-from timlab.blocks.learning._parts import VALID, check_count, number_parameters, where
+from timlab.blocks.learning._shared import MAX_UNITS, VALID, where
 from timlab.blocks.learning._units import Sizes, flat, key_from, kind_of, size_of
-from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals, nested
+from timlab.diagram import Block, Moment, Port, Ports, Signals, nested
 
 if TYPE_CHECKING:
     from motorgrad.learning import Agent
@@ -36,14 +50,12 @@ class Learner(Block):
     name: ClassVar[str] = "learner"
     category: ClassVar[str] = "learning"
 
-    observed: Annotated[int, Setting("number of observed numbers")] = 1
-    actions: Annotated[int, Setting("number of units or alternatives")] = 1
-    settings: Annotated[str | Mapping[str, Any], Setting("the agent as TOML: `policy = 'softmax'`")] = ""
-    frozen: Annotated[Any, Parameter("what was learned stays as it is", kind="bool")] = False
+    observed: int = count(1, 1, MAX_UNITS, help="number of observed numbers")
+    actions: int = count(1, 1, MAX_UNITS, help="number of units or alternatives")
+    settings: str | Mapping[str, Any] = static("", help="the agent as TOML: `policy = 'softmax'`")
+    frozen: Any = number(False, kind="bool", help="what was learned stays as it is")
 
     def validate(self) -> None:
-        check_count("observed", self.observed)
-        check_count("actions", self.actions)
         object.__setattr__(self, "settings", as_text("settings", self.settings))
         self.check_broadcasts("frozen", ())
         kind = read_table("settings", self.settings).get("kind", "dense")
@@ -66,8 +78,9 @@ class Learner(Block):
         return jax.eval_shape(self._agent.init, jax.random.key(0))
 
     @functools.cached_property
-    def parameters(self) -> Mapping[str, Parameter]:  # type: ignore[override]
-        return {**super().parameters, **number_parameters(self._agent.hyperparameters)}
+    def parameters(self) -> Mapping[str, Declared]:  # type: ignore[override]
+        tree = self._agent.hyperparameters
+        return {**super().parameters, **{path: declared_at(tree, path) for path in numbers_of(tree)}}
 
     @property
     def structure(self) -> Any:
@@ -84,8 +97,8 @@ class Learner(Block):
     def _with_numbers(self, numbers: Mapping[str, Any]) -> Self:
         """The block with other numbers of its agent. Its structure stays, and with it what is known of the shapes."""
         agent = self._agent
-        for path, number in numbers.items():
-            agent = with_number(agent, path, number)
+        for path, value in numbers.items():
+            agent = with_number(agent, path, value)
         check_rounded(agent, self._agent.precision)
         block = copy.copy(self)
         table = _with_numbers(read_table("settings", self.settings), numbers)
@@ -158,7 +171,7 @@ def _numbers_of(agent: "Agent") -> dict[str, Any]:
 def _with_numbers(settings: Mapping[str, Any], numbers: Mapping[str, Any]) -> dict[str, Any]:
     """An agent's settings with other numbers by path. A part given by its name alone becomes a table with its kind."""
     table = expanded(learning.Agent, settings)
-    for path, number in numbers.items():
+    for path, value in numbers.items():
         *outer, last = path.split(".")
         node = table
         for name in outer:
@@ -166,5 +179,5 @@ def _with_numbers(settings: Mapping[str, Any], numbers: Mapping[str, Any]) -> di
             inner = dict(inner) if isinstance(inner, Mapping) else {"kind": inner}
             node[name] = inner
             node = inner
-        node[last] = number
+        node[last] = value
     return table

@@ -3,18 +3,18 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
-from motorgrad.schema import as_hinted, fields_of
+from motorgrad.schema import Range, as_hinted, count, fields_of, static
 from timlab.blocks._base import as_text, read_table
-from timlab.blocks.learning._parts import check_count
+from timlab.blocks.learning._shared import MAX_UNITS
 from timlab.blocks.learning._units import Sizes, Units, key_from
-from timlab.diagram import Moment, Port, Ports, Setting, Signals
+from timlab.diagram import Moment, Port, Ports, Signals
 
 # growing and mirrored ones need more than sizes
 POLICY_NAMES = tuple(name for name in policies.INITIAL if name not in ("growing", "mirrored"))
@@ -37,14 +37,12 @@ class NamedPolicy(Units):
 
     name: ClassVar[str] = "policy"
 
-    policy: Annotated[str, Setting("name of the initial policy", choices=POLICY_NAMES)] = "hyperplanes"
-    observed: Annotated[int, Setting("number of observed numbers")] = 1
-    units: Annotated[int, Setting("number of units or alternatives")] = 1
-    settings: Annotated[str | Mapping[str, Any], Setting("further settings as TOML: `width = 0.2`")] = ""
+    policy: Literal[POLICY_NAMES] = static("hyperplanes", help="name of the initial policy")  # type: ignore[valid-type]
+    observed: int = count(1, 1, MAX_UNITS, help="number of observed numbers")
+    units: int = count(1, 1, MAX_UNITS, help="number of units or alternatives")
+    settings: str | Mapping[str, Any] = static("", help="further settings as TOML: `width = 0.2`")
 
     def validate(self) -> None:
-        check_count("units", self.units)
-        check_count("observed", self.observed)
         object.__setattr__(self, "settings", as_text("settings", self.settings))
         _ = self._initial
 
@@ -76,19 +74,15 @@ class Network(NamedPolicy):
 
     name: ClassVar[str] = "network"
 
-    policy: Annotated[str, Setting("name of the initial policy of the units", choices=LINEAR)] = "hyperplanes"
-    hidden: Annotated[tuple[int, ...], Setting("number of units in each hidden layer")] = (32, 32)
-    activation: Annotated[str, Setting("nonlinearity of the hidden units", choices=(*policies.ACTIVATIONS,))] = (
-        "leaky-relu"
+    policy: Literal[LINEAR] = static("hyperplanes", help="name of the initial policy of the units")  # type: ignore[valid-type]
+    hidden: tuple[int, ...] = static((32, 32), help="number of units in each hidden layer")
+    activation: Literal[tuple(policies.ACTIVATIONS)] = static("leaky-relu", help="nonlinearity of the hidden units")  # type: ignore[valid-type]
+    layer_norm: bool = static(True, help="normalise potentials before the nonlinearity")
+    sparsity: float = static(
+        0.9, allowed=Range(0, 1, open_high=True), help="share of each hidden unit's weights that start at 0"
     )
-    layer_norm: Annotated[bool, Setting("normalise potentials before the nonlinearity")] = True
-    sparsity: Annotated[float, Setting("share of each hidden unit's weights that start at 0")] = 0.9
-    standardise: Annotated[bool, Setting("make inputs relative to their running mean and deviation")] = False
-    unit_length: Annotated[bool, Setting("scale the output of the last layer to length 1")] = False
-
-    def validate(self) -> None:
-        object.__setattr__(self, "hidden", tuple(self.hidden))
-        super().validate()
+    standardise: bool = static(False, help="make inputs relative to their running mean and deviation")
+    unit_length: bool = static(False, help="scale the output of the last layer to length 1")
 
     @functools.cached_property
     def _initial(self) -> Any:

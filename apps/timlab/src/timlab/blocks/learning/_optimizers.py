@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Hashable
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,17 +11,10 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad.schema import Numbers
-from timlab.blocks.learning._parts import (
-    MAX_PARAMETERS,
-    BlockField,
-    PartBlock,
-    Vector,
-    check_count,
-    is_paid,
-    where,
-)
-from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+from motorgrad.schema import Declared, Numbers, Range, count, number, static
+from timlab.blocks.learning._parts import PartBlock
+from timlab.blocks.learning._shared import MAX_PARAMETERS, Vector, is_paid, where
+from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 
 class OptimizerState(NamedTuple):
@@ -38,26 +31,26 @@ class OptimizerBlock(PartBlock):
     `groups`, one for each parameter. There is a step at ticks that are `due`. An optimizer that depends on the
     parameters, as weight decay does, has an input for those of the units."""
 
-    size: Annotated[int, Setting("number of parameters of the gradient")] = 1
-    groups: Annotated[
-        tuple[int, ...], Setting("number of parameters in each group, in their order; none for one group")
-    ] = ()
-    frozen: Annotated[Any, Parameter("make no step: what was learned stays as it is", kind="bool")] = False
+    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the gradient")
+    groups: tuple[int, ...] = static(
+        (),
+        allowed=Range(1, MAX_PARAMETERS, kind="int"),
+        help="number of parameters in each group, in their order; none for one group",
+    )
+    frozen: Any = number(False, kind="bool", help="make no step: what was learned stays as it is")
 
     def validate(self) -> None:
-        check_count("size", self.size, MAX_PARAMETERS)
-        whole = isinstance(self.groups, tuple) and all(type(n) is int and n >= 1 for n in self.groups)
-        fits = whole and (not self.groups or sum(self.groups) == self.size)
+        fits = not self.groups or sum(self.groups) == self.size
         check(fits, "groups", self.groups, f"none, or integers from 1 that add up to size = {self.size}")
         self.check_broadcasts("frozen", ())
         super().validate()
 
-    def number_shape(self, field: BlockField) -> tuple[int, ...]:
-        return (len(self.groups) or self.size,) if field.groups else ()
+    def number_shape(self, declared: Declared) -> tuple[int, ...]:
+        return (len(self.groups) or self.size,) if declared.groups else ()
 
-    def number(self, field: BlockField) -> Any:
-        value = getattr(self, field.name)
-        if not (field.groups and self.groups):
+    def number(self, name: str) -> Any:
+        value = getattr(self, name)
+        if not (self.parameters[name].groups and self.groups):
             return value
         each = jnp.broadcast_to(value, (len(self.groups),))
         return jnp.repeat(each, jnp.array(self.groups), total_repeat_length=self.size)
@@ -150,11 +143,10 @@ class WeightDecay(Block):
     name: ClassVar[str] = "weight decay"
     category: ClassVar[str] = "learning"
 
-    size: Annotated[int, Setting("number of parameters")] = 1
-    decay: Annotated[Any, Parameter(r"$\lambda$, for all or for each", low=0.0, high=1.0)] = 1e-4
+    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters")
+    decay: Any = number(1e-4, 0, 1, help=r"$\lambda$, for all or for each")
 
     def validate(self) -> None:
-        check_count("size", self.size, MAX_PARAMETERS)
         self.check_broadcasts("decay", (self.size,))
 
     @property

@@ -1,80 +1,37 @@
 """Blocks derived from the parts of a learner.
 
-A part's numbers become parameters of the block and its other fields settings, with the ranges, defaults and texts of
-the part's class. The fields of a part within a part stand beside them. Where several kinds of part may stand in a
-place, a setting chooses the kind, and the fields of every kind are there; those of the other kinds have no effect.
+A part's numbers become parameters of the block and its other fields settings, as the part's class declares them. The
+fields of a part within a part stand beside them. Where several kinds of part may stand in a place, a setting chooses
+the kind, and the fields of every kind are there; those of the other kinds have no effect.
 """
 
 import dataclasses
 import functools
-import math
 import re
-import typing
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from motorgrad._errors import check
 from motorgrad.schema import (
     PART_CLASSES,
     Declared,
     Part,
     Range,
-    as_hinted,
     declared_by,
     default_of,
     fields_of,
     hints_of,
+    holds_numbers,
     kind_of,
     options_of,
-    parts_by_path,
     parts_in,
     path_of,
     summary_of,
 )
-from timlab.diagram import Block, Moment, Parameter, Port, Setting, Signals
-
-T = TypeVar("T")
-
-VALID = Port((), "bool", default=1.0, help="whether the reward of this tick counts")
-MAX_UNITS = 10_000
-MAX_PARAMETERS = 1_000_000
-
-
-class Vector(eqx.Module):
-    """All parameters of a policy as one array, in place of the policy, for an optimizer or a baseline that is weighted
-    by eligibility. They count as one unit."""
-
-    parameters: Float[Array, " size"]
-
-    def blocks(self, gradient: "Vector") -> tuple[Float[Array, "1 size"]]:
-        return (gradient.parameters[None],)
-
-    def from_blocks(self, blocks: tuple[Float[Array, "1 size"]]) -> "Vector":
-        return Vector(blocks[0][0])
-
-
-@dataclasses.dataclass(frozen=True)
-class BlockField:
-    """A field of a block that represents the field at a `path` of a part's tree."""
-
-    name: str
-    path: str
-    declared: Parameter | Setting
-    hint: Any
-    default: Any
-    range: Range = Range()  # noqa: RUF009
-    groups: bool = False
-
-    @property
-    def is_number(self) -> bool:
-        """Whether it is a parameter of the block."""
-        return isinstance(self.declared, Parameter)
+from timlab.diagram import Block
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,54 +41,73 @@ class PartBlock(Block):
     category: ClassVar[str] = "learning"
     part: ClassVar[type[Part]]
     """The class of the part."""
-    part_fields: ClassVar[tuple[BlockField, ...]] = ()
-    """The fields that stand for those of the part."""
+    places: ClassVar[Mapping[str, str]] = {}
+    """The names of the fields that stand for those of the part, by their paths in its tree."""
 
     def validate(self) -> None:
         super().validate()
-        for field in self.part_fields:
-            value = getattr(self, field.name)
-            if field.is_number and value is not None:
-                self.check_broadcasts(field.name, self.number_shape(field))
-                check(field.range.allows(value), field.name, value, str(field.range))
-            elif isinstance(field.declared, Setting) and not field.declared.choices:
-                object.__setattr__(self, field.name, as_hinted(field.hint, value, field.name))
+        for name, declared in self.parameters.items():
+            if name in self.places.values():
+                self.check_broadcasts(name, self.number_shape(declared))
         _ = self.template
 
-    def number_shape(self, field: BlockField) -> tuple[int, ...]:
+    def number_shape(self, declared: Declared) -> tuple[int, ...]:
         """The shape to which the values of a parameter must broadcast."""
         return ()
 
-    def number(self, field: BlockField) -> Any:
+    def number(self, name: str) -> Any:
         """A parameter's array, as the part takes it."""
-        return getattr(self, field.name)
+        return getattr(self, name)
 
     @functools.cached_property
     def template(self) -> Any:
         """The part with one plain number for each parameter. Building it checks the values together."""
-        values = {field.path: getattr(self, field.name) for field in self.part_fields}
-        for field in self.part_fields:
-            if field.is_number and values[field.path] is not None:
-                values[field.path] = float(np.ravel(values[field.path])[0])
-        return _built(self.part, "", values)
+        numbers = self.parameters
+
+        def built(part: type[Part], path: str) -> Part:
+            given = {}
+            for name in fields_of(part):
+                place = f"{path}{name}"
+                kinds = _kinds_in(part, name)
+                own = self.places.get(place)
+                value = next(iter(kinds)) if own is None else getattr(self, own)
+                if kinds:
+                    given[name] = None if value == "none" else built(kinds[value], f"{place}.")
+                else:
+                    given[name] = float(np.ravel(value)[0]) if own in numbers else value
+            return part(**given)
+
+        return built(self.part, "")
 
     @property
     def bound_part(self) -> Any:
         """The part with this block's arrays as its numbers: what the functions of a running block use."""
-        fields = {field.path: field for field in self.part_fields}
-        return jax.tree_util.tree_map_with_path(lambda place, _: self.number(fields[path_of(place)]), self.template)
+        return jax.tree_util.tree_map_with_path(
+            lambda place, _: self.number(self.places[path_of(place)]), self.template
+        )
 
 
-def block_of(base: type[PartBlock], part: type[Part], name: str, title: str) -> Any:
+@functools.cache
+def block_of(base: type[PartBlock], part: type[Part], name: str) -> Any:
     """The class of a block for a part: `base` with the part's fields.
 
-    **Arguments:** the `base` class; the `part`; the `name` of the type in files; the `title` of the class in Python.
+    **Arguments:** the `base` class; the `part`; the `name` of the type in files.
     """
-    fields = tuple(_fields(part, lambda name: hasattr(base, name)))
-    about = "\n\n".join(text for text in (summary_of(part), summary_of(base)) if text)
-    space = {"name": name, "part": part, "part_fields": fields, "__doc__": about, "__module__": base.__module__}
-    declared = [(field.name, Annotated[field.hint, field.declared], field.default) for field in fields]
-    return dataclasses.make_dataclass(title, declared, bases=(base,), namespace=space, frozen=True)
+    fields: dict[str, tuple[str, Any, Any]] = {}
+    for path, hint, field in _tree_fields(part):
+        place, _, own = path.rpartition(".")
+        if path not in fields:  # else it is that of another kind of part in the same place
+            taken = own in [other for other, *_ in fields.values()] or hasattr(base, own)
+            fields[path] = (f"{place.replace('.', '_') or part.__name__.lower()}_{own}" if taken else own, hint, field)
+    space = {
+        "name": name,
+        "part": part,
+        "places": {path: own for path, (own, *_) in fields.items()},
+        "__doc__": "\n\n".join(filter(None, [summary_of(part), summary_of(base)])),
+        "__module__": base.__module__,
+    }
+    title = _title(name, part)
+    return dataclasses.make_dataclass(title, list(fields.values()), bases=(base,), namespace=space, frozen=True)
 
 
 class PartBlocks(Mapping[str, type[Block]]):
@@ -148,7 +124,7 @@ class PartBlocks(Mapping[str, type[Block]]):
 
     def __getitem__(self, name: str) -> type[Block]:
         kind, part = self._known()[name]
-        return _registered(self._bases[kind][1](part), part, name)
+        return block_of(self._bases[kind][1](part), part, name)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._known())
@@ -183,118 +159,47 @@ ESTABLISHED = {
 """Names under which blocks are known, in place of those derived from the registry. A new part needs no entry."""
 
 
-@functools.cache
-def _registered(base: type[PartBlock], part: type[Part], name: str) -> Any:
-    return block_of(base, part, name, _title(name, part))
-
-
 def _title(name: str, part: type[Part]) -> str:
     """The class of a block: that of the part where the block is called like the part, else the name in CapWords."""
-    if (
-        any(name in kinds and kinds[name] is part for kinds in PART_CLASSES.values())
-        and name not in ESTABLISHED.values()
-    ):
+    if name not in ESTABLISHED.values() and any(kinds.get(name) is part for kinds in PART_CLASSES.values()):
         return part.__name__
     return "".join(word[:1].upper() + word[1:] for word in re.split(r"\W+", name))
 
 
-def number_parameters(tree: Part) -> dict[str, Parameter]:
-    """The declarations of all numbers in a tree of parts, by path."""
-    found = {}
-    for path, part in parts_by_path(tree):
-        for name, field in fields_of(type(part)).items():
-            value = getattr(part, name)
-            place = f"{path}.{name}" if path else name
-            if isinstance(value, Mapping):
-                found |= {f"{place}.{group}": _parameter(declared_by(field), False) for group in value}
-            elif not isinstance(value, Part):
-                found[place] = _parameter(declared_by(field), False)
-    leaves = jax.tree_util.tree_leaves_with_path(tree)
-    return {path_of(place): found.get(path_of(place), Parameter()) for place, _ in leaves}
-
-
-def _fields(part: type[Part], is_taken: Callable[[str], bool]) -> Iterator[BlockField]:
-    """The fields of a part's tree, each path once, under names that are not taken."""
-    paths: set[str] = set()
-    names: set[str] = set()
-    for field in _tree_fields(part, "", default_kind="", default=None):
-        if field.path in paths:  # of another kind of part in the same place
-            continue
-        place, _, name = field.path.rpartition(".")
-        if name in names or is_taken(name):
-            name = f"{place.replace('.', '_') or part.__name__.lower()}_{name}"
-        paths.add(field.path)
-        names.add(name)
-        yield dataclasses.replace(field, name=name)
-
-
-def _tree_fields(part: type[Part], path: str, default_kind: str, default: Part | None) -> Iterator[BlockField]:
+def _tree_fields(
+    part: type[Part], path: str = "", about: str = "", default: Part | None = None
+) -> Iterator[tuple[str, Any, Any]]:
+    """The fields of a part's tree as those of a block: the path, the type and the field."""
     for name, field in fields_of(part).items():
         hint = hints_of(part)[name]
-        place = f"{path}.{name}" if path else name
+        place = f"{path}{name}"
         usual = default_of(field) if default is None else getattr(default, name)
-        about = f"with {path.rpartition('.')[2]} = {default_kind!r}: " if default_kind else ""
         declared = declared_by(field)
-        if declared.range is not None and not declared.range.whole:
-            allowed = declared.range
-            optional = type(None) in options_of(hint)
-            if usual is dataclasses.MISSING:
-                usual = min(max(0.0, allowed.low), allowed.high)
-            shown = _parameter(declared, optional, about)
-            hint = float | None if optional else Any
-            yield BlockField(name, place, shown, hint, usual, allowed, declared.groups)
-        elif kinds := _kinds_in(hint):
-            names = [*kinds, *(["none"] if type(None) in options_of(hint) else [])]
+        declared = dataclasses.replace(declared, help=f"{about}{declared.help}") if about else declared
+        optional = type(None) in options_of(hint)
+        kinds = _kinds_in(part, name)
+        if kinds:
+            names = [*kinds, *(["none"] if optional else [])]
             chosen = "none" if usual is None else kind_of(usual) if isinstance(usual, Part) else names[0]
             if len(names) > 1:
-                yield BlockField(name, place, Setting(about + declared.help, tuple(names)), str, chosen)
+                yield place, Literal[tuple(names)], _field(declared, chosen)  # type: ignore[valid-type]
             for kind in sorted(kinds, key=lambda kind: kind != chosen):  # the default's own values come first
                 inner = usual if isinstance(usual, kinds[kind]) else None
-                yield from _tree_fields(kinds[kind], place, kind if len(kinds) > 1 else "", inner)
+                within = f"with {name} = {kind!r}: " if len(kinds) > 1 else ""
+                yield from _tree_fields(kinds[kind], f"{place}.", within, inner)
+        elif holds_numbers(field):
+            ends = declared.range or Range()
+            usual = min(max(0.0, ends.low), ends.high) if usual is dataclasses.MISSING else usual
+            yield place, Any | None if optional else Any, _field(declared, usual, static=False)
         else:
-            choices = typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
-            unit = f" ({declared.unit})" if declared.unit else ""
-            yield BlockField(name, place, Setting(f"{about}{declared.help}{unit}", choices), hint, usual)
+            yield place, hint, _field(declared, usual)
 
 
-def _built(part: type[Part], path: str, values: Mapping[str, Any]) -> Part:
-    """A part from the values of its tree's fields by path."""
-    given = {}
-    for name, field in fields_of(part).items():
-        place = f"{path}.{name}" if path else name
-        kinds = {} if declared_by(field).live else _kinds_in(hints_of(part)[name])
-        if not kinds:
-            given[name] = values[place]
-            continue
-        kind = values.get(place, next(iter(kinds)))
-        given[name] = None if kind == "none" else _built(kinds[kind], place, values)
-    return part(**given)
+def _field(declared: Declared, default: object, static: bool = True) -> Any:
+    return eqx.field(default=default, static=static, metadata={"declared": declared})
 
 
-def _kinds_in(hint: object) -> dict[str, type[Part]]:
-    """The parts that may stand in a field of this type, by name."""
-    return {name: cls for kind in parts_in(hint) for name, cls in (kind.kinds() or {kind.__name__: kind}).items()}
-
-
-def _parameter(declared: Declared, optional: bool, about: str = "") -> Parameter:
-    allowed = declared.range or Range()
-    is_open = allowed.open_low and (allowed.open_high or allowed.high == math.inf)
-    low = float(allowed.low)
-    high = float(allowed.high)
-    return Parameter(about + declared.help, declared.unit, low, high, open=is_open, optional=optional)
-
-
-def check_count(name: str, value: int, most: int = MAX_UNITS) -> None:
-    """Check a number of units, inputs or parameters."""
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    check(whole and 1 <= value <= most, name, value, f"an integer from 1 to {most}")
-
-
-def is_paid(inputs: Signals, now: Moment, port: str = "valid") -> Array:
-    """Whether the reward of this tick counts: it is valid, and an action came before it."""
-    return inputs[port] & (now.tick > 0)
-
-
-def where(condition: Array, yes: T, no: T) -> T:
-    """The leaves of one tree or of the other."""
-    return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
+def _kinds_in(part: type[Part], name: str) -> dict[str, type[Part]]:
+    """The parts that may stand in a field of a part, by name; none where it holds numbers, which are constant here."""
+    found = () if holds_numbers(fields_of(part)[name]) else parts_in(hints_of(part)[name])
+    return {name: cls for kind in found for name, cls in (kind.kinds() or {kind.__name__: kind}).items()}

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import functools
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,9 +16,10 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad import policies
 from motorgrad._errors import check
 from motorgrad.policies import Policy, split, trainable
+from motorgrad.schema import Kind, Range, count, number, static
 from motorgrad.tasks import Task
-from timlab.blocks.learning._parts import check_count, where
-from timlab.diagram import Block, Kind, Moment, Parameter, Port, Ports, Setting, Signals
+from timlab.blocks.learning._shared import MAX_UNITS, where
+from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 
 class _Shapes(NamedTuple):
@@ -53,9 +54,9 @@ class Units(Block, abc.ABC):
 
     category: ClassVar[str] = "learning"
 
-    greedy: Annotated[Any, Parameter("take the most probable action, not a random one", kind="bool")] = False
-    source: Annotated[str, Setting("where parameters come from", choices=("own", "wire"))] = "own"
-    frozen: Annotated[Any, Parameter("take no steps: all units, or each as a list says", kind="bool")] = False
+    greedy: Any = number(False, kind="bool", help="take the most probable action, not a random one")
+    source: Literal["own", "wire"] = static("own", help="where parameters come from")
+    frozen: Any = number(False, kind="bool", help="take no steps: all units, or each as a list says")
 
     def validate(self) -> None:
         super().validate()
@@ -185,13 +186,12 @@ class Motoneurons(Units):
 
     name: ClassVar[str] = "motoneurons"
 
-    units: Annotated[int, Setting("number of units")] = 1
-    threshold: Annotated[Any, Parameter("initial $y^*$, for all or for each")] = 0.5
-    gain: Annotated[Any, Parameter("initial $k$, for all or for each")] = 0.0
-    spread: Annotated[Any, Parameter("largest initial distance from `threshold`", low=0.0)] = 0.0
+    units: int = count(1, 1, MAX_UNITS, help="number of units")
+    threshold: Any = number(0.5, help="initial $y^*$, for all or for each")
+    gain: Any = number(0.0, help="initial $k$, for all or for each")
+    spread: Any = number(0.0, 0, help="largest initial distance from `threshold`")
 
     def validate(self) -> None:
-        check_count("units", self.units)
         for name in ("threshold", "gain", "spread"):
             self.check_broadcasts(name, (self.units,))
 
@@ -213,15 +213,13 @@ class Hyperplanes(Units):
 
     name: ClassVar[str] = "hyperplanes"
 
-    units: Annotated[int, Setting("number of units")] = 1
-    observed: Annotated[int, Setting("number of observed numbers")] = 1
-    weights: Annotated[Any, Parameter("initial $w$, for all or (units, observed)")] = 0.0
-    bias: Annotated[Any, Parameter("initial $b$, for all or for each")] = 0.0
-    spread: Annotated[Any, Parameter("largest initial distance from `weights`", low=0.0)] = 0.0
+    units: int = count(1, 1, MAX_UNITS, help="number of units")
+    observed: int = count(1, 1, MAX_UNITS, help="number of observed numbers")
+    weights: Any = number(0.0, help="initial $w$, for all or (units, observed)")
+    bias: Any = number(0.0, help="initial $b$, for all or for each")
+    spread: Any = number(0.0, 0, help="largest initial distance from `weights`")
 
     def validate(self) -> None:
-        check_count("units", self.units)
-        check_count("observed", self.observed)
         for name in ("weights", "spread"):
             self.check_broadcasts(name, (self.units, self.observed))
         self.check_broadcasts("bias", (self.units,))
@@ -244,14 +242,12 @@ class Softmax(Units):
 
     name: ClassVar[str] = "softmax"
 
-    alternatives: Annotated[int, Setting("number of alternatives")] = 2
-    observed: Annotated[int, Setting("number of observed numbers")] = 1
-    weights: Annotated[Any, Parameter("initial $w$, for all or (alternatives, observed)")] = 0.0
-    spread: Annotated[Any, Parameter("largest initial distance from `weights`", low=0.0)] = 0.0
+    alternatives: int = count(2, 1, MAX_UNITS, help="number of alternatives")
+    observed: int = count(1, 1, MAX_UNITS, help="number of observed numbers")
+    weights: Any = number(0.0, help="initial $w$, for all or (alternatives, observed)")
+    spread: Any = number(0.0, 0, help="largest initial distance from `weights`")
 
     def validate(self) -> None:
-        check_count("alternatives", self.alternatives)
-        check_count("observed", self.observed)
         for name in ("weights", "spread"):
             self.check_broadcasts(name, (self.alternatives, self.observed))
 
@@ -274,26 +270,24 @@ class Gaussians(Units):
 
     name: ClassVar[str] = "gaussians"
 
-    units: Annotated[int, Setting("number of units")] = 1
-    observed: Annotated[int, Setting("number of observed numbers")] = 1
-    centre: Annotated[Any, Parameter(r"initial $\mu$, for all or (units, observed)")] = 0.0
-    width: Annotated[Any, Parameter(r"initial $\sigma$, for all or (units, observed)", low=0.0, open=True)] = 0.5
-    height: Annotated[Any, Parameter(r"$p_\max$, for all or for each", low=1e-6, high=1.0)] = 1.0
-    spread: Annotated[Any, Parameter("largest initial distance from `centre`", low=0.0)] = 0.0
-    limits: Annotated[
-        tuple[float, float] | None, Setting("smallest and largest width that learning may reach, or none")
-    ] = (0.0183, 7.39)
+    units: int = count(1, 1, MAX_UNITS, help="number of units")
+    observed: int = count(1, 1, MAX_UNITS, help="number of observed numbers")
+    centre: Any = number(0.0, help=r"initial $\mu$, for all or (units, observed)")
+    width: Any = number(0.5, 0, open_low=True, help=r"initial $\sigma$, for all or (units, observed)")
+    height: Any = number(1.0, 1e-6, 1, help=r"$p_\max$, for all or for each")
+    spread: Any = number(0.0, 0, help="largest initial distance from `centre`")
+    limits: tuple[float, float] | None = static(
+        (0.0183, 7.39),
+        allowed=Range(0, 1e6, open_low=True, open_high=True),
+        help="smallest and largest width that learning may reach, or none",
+    )
 
     def validate(self) -> None:
-        check_count("units", self.units)
-        check_count("observed", self.observed)
         for name in ("centre", "width", "spread"):
             self.check_broadcasts(name, (self.units, self.observed))
         self.check_broadcasts("height", (self.units,))
-        two = isinstance(self.limits, tuple) and len(self.limits) == 2
-        numbers = two and all(isinstance(x, int | float) for x in self.limits or ())
-        right = self.limits is None or (numbers and 0 < self.limits[0] < self.limits[1] < 1e6)
-        check(right, "limits", self.limits, "None, or two widths, 0 < low < high < 1e6")
+        right = self.limits is None or self.limits[0] < self.limits[1]
+        check(right, "limits", self.limits, "None, or two widths, the lower first")
 
     @property
     def init_uniforms(self) -> int:

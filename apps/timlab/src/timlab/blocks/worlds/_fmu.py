@@ -10,7 +10,7 @@ import shutil
 import xml.parsers.expat as expat
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -18,9 +18,10 @@ from jaxtyping import Float
 from motorgrad._errors import NotTrusted, check, choice, shown, unknown
 from motorgrad._limits import MAX_FMU_BYTES, MAX_FMU_DESCRIPTION_BYTES
 from motorgrad._reading import content_of, entries_in, error_message, unpacked
+from motorgrad.schema import count, static
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.worlds._fmu_instance import CoSimulation, Instance, ModelExchange, fmpy_module
-from timlab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, nested
+from timlab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, nested
 
 if TYPE_CHECKING:
     from fmpy.model_description import ModelDescription, ModelVariable  # pyright: ignore[reportMissingImports]
@@ -34,7 +35,6 @@ SIGNAL_KINDS = {
     "Boolean": "bool",
 }
 SIGNAL_KINDS |= {"Enumeration": "int", "Int8": "int", "Int16": "int", "UInt8": "int", "UInt16": "int"}
-INTERFACES = ("", "co-simulation", "model exchange")
 
 
 class FmuHost(Host):
@@ -111,18 +111,17 @@ class Fmu(Foreign, HostBlock):
     category: ClassVar[str] = "bodies and worlds"
     brings: ClassVar[str] = "file"
 
-    file: Annotated[str, Setting("path of the unit (.fmu), relative to the working folder")]
-    interface: Annotated[
-        str, Setting("how the unit is run; empty for co-simulation where the unit has it", choices=INTERFACES)
-    ] = ""
-    start_values: Annotated[
-        str | Mapping[str, Any], Setting("start values of parameters and other variables as TOML: `mass = 2.0`")
-    ] = ""
-    substeps: Annotated[int, Setting("integration steps per tick of a unit for model exchange")] = 10
+    file: str = static(help="path of the unit (.fmu), relative to the working folder")
+    interface: Literal["", "co-simulation", "model exchange"] = static(
+        "", help="how the unit is run; empty for co-simulation where the unit has it"
+    )
+    start_values: str | Mapping[str, Any] = static(
+        "", help="start values of parameters and other variables as TOML: `mass = 2.0`"
+    )
+    substeps: int = count(10, 1, 100_000, help="integration steps per tick of a unit for model exchange")
 
     def validate(self) -> None:
         object.__setattr__(self, "start_values", as_text("start_values", self.start_values))
-        check(1 <= self.substeps <= 100_000, "substeps", self.substeps, "an integer from 1 to 100000")
         self._meet()
         for name, value in self.starts.items():
             if name not in self.unit_variables:

@@ -2,15 +2,14 @@
 
 import dataclasses
 import math
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad._errors import check
 from motorgrad.bodies import CURVES, hill_in_jax
-from timlab.diagram import Block, Moment, Parameter, Port, Ports, Setting, Signals
+from motorgrad.schema import number, static
+from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 _NUMBERS = (
     *("max_isometric_force", "optimal_fiber_length", "tendon_slack_length", "pennation_angle"),
@@ -28,25 +27,23 @@ class HillMuscle(Block):
     name: ClassVar[str] = "hill muscle"
     category: ClassVar[str] = "bodies and worlds"
 
-    max_isometric_force: Annotated[Any, Parameter("force of the fiber at its optimal length", "N", low=0.0)] = 1000.0
-    optimal_fiber_length: Annotated[Any, Parameter("length at which the fiber is strongest", "m", low=1e-6)] = 0.1
-    tendon_slack_length: Annotated[Any, Parameter("length beyond which the tendon pulls", "m", low=1e-6)] = 0.2
-    pennation_angle: Annotated[Any, Parameter("angle at the optimal length", "rad", low=0.0)] = 0.0
-    max_contraction_velocity: Annotated[Any, Parameter("greatest speed, in optimal lengths", "1/s", low=1e-6)] = 10.0
-    activation_time_constant: Annotated[Any, Parameter("time constant of a rising activation", "s", low=1e-6)] = 0.015
-    deactivation_time_constant: Annotated[Any, Parameter("time constant of a falling activation", "s", low=1e-6)] = 0.06
-    fiber_damping: Annotated[Any, Parameter(r"damping of the fibers, $\beta$", low=0.0)] = 0.1
-    tendon_strain: Annotated[Any, Parameter("strain of the tendon at the greatest isometric force", low=1e-6)] = 0.049
-    tendon: Annotated[str, Setting("whether the tendon stretches", ("compliant", "rigid"))] = "compliant"
-    curves: Annotated[str, Setting("whose force–length and force–velocity curves", tuple(CURVES))] = "de-groote"
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    max_isometric_force: Any = number(1000.0, 0, unit="N", help="force of the fiber at its optimal length")
+    optimal_fiber_length: Any = number(0.1, 1e-6, unit="m", help="length at which the fiber is strongest")
+    tendon_slack_length: Any = number(0.2, 1e-6, unit="m", help="length beyond which the tendon pulls")
+    pennation_angle: Any = number(0.0, 0, math.pi / 2, open_high=True, unit="rad", help="angle at the optimal length")
+    max_contraction_velocity: Any = number(10.0, 1e-6, unit="1/s", help="greatest speed, in optimal lengths")
+    activation_time_constant: Any = number(0.015, 1e-6, unit="s", help="time constant of a rising activation")
+    deactivation_time_constant: Any = number(0.06, 1e-6, unit="s", help="time constant of a falling activation")
+    fiber_damping: Any = number(0.1, 0, help=r"damping of the fibers, $\beta$")
+    tendon_strain: Any = number(0.049, 1e-6, help="strain of the tendon at the greatest isometric force")
+    tendon: Literal["compliant", "rigid"] = static("compliant", help="whether the tendon stretches")
+    curves: Literal[tuple(CURVES)] = static("de-groote", help="whose force–length and force–velocity curves")  # type: ignore[valid-type]
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     def validate(self) -> None:
         times = ("activation_time_constant", "deactivation_time_constant", "tendon_strain")
         for name in (*_NUMBERS, *times):
             self.check_broadcasts(name, self.shape)
-        angle = self.pennation_angle
-        check(np.all(np.less(np.asarray(angle), math.pi / 2)), "pennation_angle", angle, "less than π/2 (rad)")
 
     @property
     def inputs(self) -> Ports:

@@ -7,7 +7,7 @@ import functools
 import types
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 import mujoco
@@ -18,7 +18,8 @@ from mujoco import batch as mujoco_batch
 from motorgrad._errors import check
 from motorgrad._limits import MAX_DIAGRAM_MODEL_CHARACTERS
 from motorgrad.bodies import CURVES, Mjcf, tension
-from timlab.diagram import Block, Host, HostBlock, HostMoment, Moment, Parameter, Port, Ports, Setting, Signals
+from motorgrad.schema import number, static
+from timlab.diagram import Block, Host, HostBlock, HostMoment, Moment, Port, Ports, Signals
 
 _WARNING = mujoco.mjtWarning
 # MuJoCo silently resets a simulation that raises one of these warnings; only a counter shows it.
@@ -138,18 +139,16 @@ class MujocoModel(HostBlock):
     name: ClassVar[str] = "mujoco model"
     category: ClassVar[str] = "bodies and worlds"
 
-    xml: Annotated[str, Setting("the model as MJCF, if there is no file")] = PENDULUM
-    file: Annotated[
-        str, Setting("path of an MJCF or URDF file, relative to the working folder, with its meshes beside it")
-    ] = ""
-    keyframe: Annotated[str, Setting("name of the initial keyframe; empty for the model's default state")] = ""
-    muscle_model: Annotated[
-        str, Setting("native for MuJoCo's own muscles, hill for Hill-type muscles in their place", ("native", "hill"))
-    ] = "native"
-    tendon: Annotated[str, Setting("whether the tendons of Hill-type muscles stretch", ("compliant", "rigid"))] = (
-        "compliant"
+    xml: str = static(PENDULUM, help="the model as MJCF, if there is no file")
+    file: str = static(
+        "", help="path of an MJCF or URDF file, relative to the working folder, with its meshes beside it"
     )
-    curves: Annotated[str, Setting("the curves of Hill-type muscles", tuple(CURVES))] = "de-groote"
+    keyframe: str = static("", help="name of the initial keyframe; empty for the model's default state")
+    muscle_model: Literal["native", "hill"] = static(
+        "native", help="native for MuJoCo's own muscles, hill for Hill-type muscles in their place"
+    )
+    tendon: Literal["compliant", "rigid"] = static("compliant", help="whether the tendons of Hill-type muscles stretch")
+    curves: Literal[tuple(CURVES)] = static("de-groote", help="the curves of Hill-type muscles")  # type: ignore[valid-type]
 
     def validate(self) -> None:
         for taken, names in ((("reset",), self.actuators), (("qpos", "qvel", "diverged"), self.sensors)):
@@ -240,11 +239,11 @@ class MuscleLaw(Block):
     name: ClassVar[str] = "muscle"
     category: ClassVar[str] = "bodies and worlds"
 
-    strength: Annotated[Any, Parameter(r"$f_\max$, largest force", "N", low=0.0)] = 100.0
-    rest_length: Annotated[Any, Parameter("$r$, length of the largest force", "m", low=1e-6)] = 0.2
-    curve: Annotated[Any, Parameter("$k$, width of the force–length curve", low=1e-6)] = 0.5
-    damping: Annotated[Any, Parameter("damping, $d$", "N s/m", low=0.0)] = 0.0
-    shape: Annotated[tuple[int, ...], Setting("shape of the signals")] = ()
+    strength: Any = number(100.0, 0, unit="N", help=r"$f_\max$, largest force")
+    rest_length: Any = number(0.2, 1e-6, unit="m", help="$r$, length of the largest force")
+    curve: Any = number(0.5, 1e-6, help="$k$, width of the force–length curve")
+    damping: Any = number(0.0, 0, unit="N s/m", help="damping, $d$")
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
     def validate(self) -> None:
         for name in ("strength", "rest_length", "curve", "damping"):

@@ -4,15 +4,16 @@ import dataclasses
 import math
 import traceback
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad._limits import MAX_FUNCTION_CHARACTERS
+from motorgrad.schema import static
 from timlab.blocks._base import check_names
-from timlab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, Setting, is_from_a_file
+from timlab.diagram import Foreign, Host, HostBlock, HostMoment, Port, Ports, is_from_a_file
 
 FILE = "<python function>"
 SOURCE = """def start():
@@ -113,13 +114,11 @@ class PythonFunction(Foreign, HostBlock):
     category: ClassVar[str] = "mathematics"
     brings: ClassVar[str] = "source"
 
-    source: Annotated[str, Setting("Python with a function step")] = SOURCE
-    takes: Annotated[tuple[str, ...], Setting("names of the inputs")] = ("u",)
-    gives: Annotated[tuple[str, ...], Setting("names of the outputs")] = ("y",)
-    takes_shapes: Annotated[tuple[tuple[int, ...], ...], Setting("shapes of the inputs; empty for single numbers")] = ()
-    gives_shapes: Annotated[
-        tuple[tuple[int, ...], ...], Setting("shapes of the outputs; empty for single numbers")
-    ] = ()
+    source: str = static(SOURCE, help="Python with a function step")
+    takes: tuple[str, ...] = static(("u",), help="names of the inputs")
+    gives: tuple[str, ...] = static(("y",), help="names of the outputs")
+    takes_shapes: tuple[tuple[int, ...], ...] = static((), help="shapes of the inputs; empty for single numbers")
+    gives_shapes: tuple[tuple[int, ...], ...] = static((), help="shapes of the outputs; empty for single numbers")
 
     def validate(self) -> None:
         check(

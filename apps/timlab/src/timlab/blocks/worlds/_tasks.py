@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, NamedTuple, cast
+from typing import Any, ClassVar, Literal, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from motorgrad import worlds
 from motorgrad._errors import check, choice
+from motorgrad.schema import static
 from motorgrad.tasks import TASKS, BodyTask, Gymnasium, HostTask, Task, make
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.worlds._scene import (
@@ -26,7 +27,7 @@ from timlab.blocks.worlds._scene import (
     scene_outputs,
     scene_ports,
 )
-from timlab.diagram import Block, HostBlock, Moment, Ports, Setting, Signals
+from timlab.diagram import Block, HostBlock, Moment, Ports, Signals
 
 TASK_NAMES = tuple(name for name, kind in TASKS.items() if not issubclass(kind, HostTask))
 
@@ -48,8 +49,8 @@ class World(Block):
     name: ClassVar[str] = "world"
     category: ClassVar[str] = "bodies and worlds"
 
-    task: Annotated[str, Setting("name of the task", choices=TASK_NAMES)] = "linear-recruitment"
-    settings: Annotated[str | Mapping[str, Any], Setting("settings of the task, as TOML: `units = 8`")] = ""
+    task: Literal[TASK_NAMES] = static("linear-recruitment", help="name of the task")  # type: ignore[valid-type]
+    settings: str | Mapping[str, Any] = static("", help="settings of the task, as TOML: `units = 8`")
 
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
@@ -184,8 +185,8 @@ class Body(HostTaskBlock):
 
     name: ClassVar[str] = "body"
 
-    task: Annotated[str, Setting("name of the task", choices=BODIES)] = "hopper"
-    settings: Annotated[str | Mapping[str, Any], Setting("settings of the task, as TOML: `penalty = 0.2`")] = ""
+    task: Literal[BODIES] = static("hopper", help="name of the task")  # type: ignore[valid-type]
+    settings: str | Mapping[str, Any] = static("", help="settings of the task, as TOML: `penalty = 0.2`")
 
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
@@ -215,11 +216,10 @@ class Environment(HostTaskBlock):
 
     name: ClassVar[str] = "environment"
 
-    env_id: Annotated[str, Setting("id of the environment")] = "CartPole-v1"
-    settings: Annotated[
-        str | Mapping[str, Any],
-        Setting("settings of the task, as TOML; those of the environment are `kwargs.name = 1`"),
-    ] = ""
+    env_id: str = static("CartPole-v1", help="id of the environment")
+    settings: str | Mapping[str, Any] = static(
+        "", help="settings of the task, as TOML; those of the environment are `kwargs.name = 1`"
+    )
 
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
