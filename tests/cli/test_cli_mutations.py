@@ -1,4 +1,4 @@
-"""Ten thousand files of settings that somebody, or something, has spoilt: an answer, or a clear refusal on one line."""
+"""Ten thousand files and command lines that somebody, or something, has spoilt: an answer, or a refusal on one line."""
 
 import contextlib
 import copy
@@ -24,10 +24,15 @@ PATIENCE = timedelta(seconds=20)
 
 def check(command, path):
     """The exit status of a command that only checks a file, and what it says on the two outputs."""
+    return run_command(command, "--config", str(path), "--check")
+
+
+def run_command(*arguments):
+    """The exit status of a command, and what it says on the two outputs."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            status = main([command, "--config", str(path), "--check"])
+            status = main(list(arguments))
         except SystemExit as left:
             status = left.code
     return status, out.getvalue(), err.getvalue()
@@ -215,3 +220,105 @@ def test_what_is_no_file_is_refused(command, place, tmp_path, monkeypatch):
     status, out, err = check(command, place)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert place in err
+
+
+def _leaves(table, way=()):
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, (*way, key))
+        elif not isinstance(value, list) or not any(isinstance(each, dict | list) for each in value):
+            yield (*way, key), value
+
+
+def _line(table):
+    """The words that say the same as the table of a training, as far as they can."""
+    found = [table["task"]["name"]]
+    for way, value in _leaves(table):
+        flag = "--" + ".".join(way).replace("_", "-")
+        if way[-1] in ("name", "kind") and len(way) == 2:
+            continue
+        if isinstance(value, bool):
+            found.append(flag if value else f"--no-{flag[2:]}")
+        else:
+            found += [flag, *(map(str, value) if isinstance(value, list) else [str(value)])]
+    return found
+
+
+ODD_WORDS = [
+    "",
+    "-",
+    "--",
+    "---",
+    "=",
+    "--=",
+    "--steps",
+    "--steps=",
+    "--seeds",
+    "--agent",
+    "--agent.",
+    "--agent..decay",
+]
+ODD_WORDS += [
+    "--agent.decay",
+    "--agent.trace",
+    "window",
+    "none",
+    "--task.x",
+    "--no-steps",
+    "--config",
+    "--sweep",
+    "a=b",
+]
+ODD_WORDS += ["decay=0.1,0.2", "-1", "1e400", "nan", "٣", "1,000", "é", "\x1b[0m", "x" * 3000, "--help", "--check"]
+
+
+@st.composite
+def mutated_lines(draw, lines):
+    line = list(draw(st.sampled_from(lines)))
+    for _ in range(draw(st.integers(0, 4))):
+        at = draw(st.integers(0, len(line)))
+        match draw(st.sampled_from(["drop", "twice", "insert", "change", "typo", "swap", "join"])):
+            case "drop":
+                del line[at : at + draw(st.integers(1, 3))]
+            case "twice":
+                line[at:at] = line[at : at + 2]
+            case "insert":
+                line.insert(at, draw(st.sampled_from(ODD_WORDS)))
+            case "change" if at < len(line):
+                line[at] = str(draw(scalars))
+            case "typo" if at < len(line):
+                letter = draw(st.integers(0, len(line[at])))
+                line[at] = line[at][:letter] + draw(st.sampled_from(["x", "-", ".", "", "é"])) + line[at][letter + 1 :]
+            case "swap" if at + 1 < len(line):
+                line[at], line[at + 1] = line[at + 1], line[at]
+            case "join" if at + 1 < len(line):
+                line[at : at + 2] = [f"{line[at]}={line[at + 1]}"]
+    return line
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("count", [100, pytest.param(10_000, marks=[pytest.mark.slow])])
+def test_a_spoilt_command_line_gives_an_answer_or_is_refused_on_one_line(count, sound, monkeypatch):
+    tables, folder = sound
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "200")
+    lines = [_line(table) for command, table in tables if command == "train" and "name" in table.get("task", {})]
+    seen = {0: 0, 2: 0}
+
+    @settings(
+        max_examples=count, deadline=PATIENCE, database=None, suppress_health_check=list(HealthCheck), derandomize=True
+    )
+    @given(mutated_lines(lines))
+    def judged(line):
+        before = set(folder.rglob("*"))
+        status, out, err = run_command("train", *line, "--check")
+        assert set(folder.rglob("*")) == before  # nothing is made
+        assert "Traceback" not in err
+        seen[status] += 1
+        if status == 2:
+            assert out == ""
+            assert err.count("\n") == 1, err
+            assert err.startswith("motorgrad train: ")
+
+    judged()
+    assert min(seen.values()) > count / 20

@@ -305,9 +305,11 @@ def _plain_value(hint: Any, value: Any, where: str, default: Any = None) -> Any:
 def _one_of(hint: object, options: tuple[Any, ...], value: object, where: str, default: object) -> Any:
     if (value is None or value == "none") and type(None) in options:
         return None
-    lists = [option for option in options if typing.get_origin(option) is tuple]
-    if len(lists) == 1 and isinstance(value, tuple | list):
-        return as_hinted(lists[0], value, where, default)
+    some = [option for option in options if option is not types.NoneType]
+    lists = [option for option in some if typing.get_origin(option) is tuple]
+    only = some if len(some) == 1 else lists if isinstance(value, tuple | list) else []
+    if len(only) == 1:  # what is wrong in it is worth saying
+        return as_hinted(only[0], value, where, default)
     for option in sorted(options, key=lambda option: option is not type(value)):  # 10.0 stays a float
         try:
             return as_hinted(option, value, where, default)

@@ -46,7 +46,9 @@ def with_fields(cls: type) -> None:
     for name, field in fields.items():
         declared = declared_by(field)
         if field.init and declared.help:
-            lines.append(f"- `{name}`{declared.unit and f' ({declared.unit})'}: {declared.help}.")
+            unit = declared.unit and f" ({declared.unit})"
+            ends = "" if declared.range is None else declared.range.ends
+            lines.append(f"- `{name}`{unit}: {declared.help}{ends and f'; {ends}'}.")
     if own and lines:
         text = inspect.cleandoc(own)
         place = re.search(r"\n*(?=\*\*Raises|```|\Z)", text)

@@ -139,7 +139,9 @@ def search(
     if file is not None:
         check_writable("out", file)
     if file is None or not file.exists():
-        state, candidates, scores = method.begin(space.start), np.zeros((0, space.size)), np.zeros(0)
+        state = method.begin(space.start)
+        candidates = np.zeros((0, space.size))
+        scores = np.zeros(0)
     else:
         state, candidates, scores = _read(file, marks, space)
     first = len(scores) // batch

@@ -58,19 +58,25 @@ class OfSensors(OfActuators):
 class MuscleLengths(OfSensors):
     """Lengths of muscles, in m; of any actuator the length of what it drives."""
 
-    kind, reads, place = "ACTUATORPOS", "length", 0
+    kind = "ACTUATORPOS"
+    reads = "length"
+    place = 0
 
 
 class MuscleVelocities(OfSensors):
     """Velocities at which muscles lengthen, in m/s."""
 
-    kind, reads, place = "ACTUATORVEL", "velocity", 1
+    kind = "ACTUATORVEL"
+    reads = "velocity"
+    place = 1
 
 
 class MuscleForces(OfSensors):
     """Forces of actuators, in N; negative for a muscle that pulls. They are those of the last physics step."""
 
-    kind, reads, place = "ACTUATORFRC", "force", 2
+    kind = "ACTUATORFRC"
+    reads = "force"
+    place = 2
 
 
 class Activations(OfActuators):
