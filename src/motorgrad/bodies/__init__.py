@@ -43,12 +43,7 @@ from motorgrad.bodies.muscles._hill_traced import hill_in_jax
 from motorgrad.bodies.muscles._muscle import Attachment, Muscle, Servo, Wrap, groups_of, native_force_length, tension
 from motorgrad.bodies.muscles._wrapping import away_angle, path_points, wrapped_length, wrapped_rate, wrapping_angle
 
-BODIES: dict[str, type[Body]] = {
-    "arm": Arm,
-    "hexapod": Hexapod,
-    "hopper": Hopper,
-    "mjcf": Mjcf,
-}
+BODIES: dict[str, type[Body]] = {"arm": Arm, "hexapod": Hexapod, "hopper": Hopper, "mjcf": Mjcf}
 """The registry: bodies by name. A new body is one file, and one line here; TimSim then shows it without a task."""
 
 __all__ = [

@@ -84,13 +84,7 @@ def run(arguments: list[str]) -> int:
         offered("course of a run", *PICTURES)(runs[0], options.seed)  # raises at once for a run that cannot be filmed
     out = options.out or options.runs[0] / "figures"
     figure = learning_curves(
-        runs,
-        options.quantity,
-        out,
-        x=options.x,
-        smooth=options.smooth,
-        labels=options.labels,
-        format=options.format,
+        runs, options.quantity, out, x=options.x, smooth=options.smooth, labels=options.labels, format=options.format
     )
     found: dict[str, Any] = {
         "figure": str(figure.saved),

@@ -73,9 +73,8 @@ class Options(Settings):
     )
     sweep: tuple[str, ...] | None = static(
         None,
-        help="The settings of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2. All "
-        "combinations learn side by side in one compiled call. In a file: a table of lists, or a list of "
-        "tables",
+        help="The settings of the learner to sweep, such as decay=0.9,0.95 learning-rate=1e-3,1e-2. All combinations "
+        "learn side by side in one compiled call. In a file: a table of lists, or a list of tables",
     )
     window: int | None = count(
         None, 1, help="The number of decisions per record of the metrics; by default a two-hundredth of the steps"

@@ -7,15 +7,7 @@ A command is a frozen dataclass of its options and a function of the words of th
 `executors` has the options that say where the jobs of a study run; it is not imported here, as few commands have jobs.
 """
 
-from motorgrad.options._configuration import (
-    ASKED,
-    Arguments,
-    naming,
-    parse,
-    pop_option,
-    read_arguments,
-    resolve,
-)
+from motorgrad.options._configuration import ASKED, Arguments, naming, parse, pop_option, read_arguments, resolve
 from motorgrad.options._line import HELP, HELP_ALL
 from motorgrad.options._outputs import MARK, OUTPUTS
 from motorgrad.options._results import (
@@ -29,12 +21,7 @@ from motorgrad.options._results import (
     summary_text,
     write_json,
 )
-from motorgrad.options._task_options import (
-    changes_from_task,
-    command_with_learner,
-    is_task_word,
-    split_task,
-)
+from motorgrad.options._task_options import changes_from_task, command_with_learner, is_task_word, split_task
 
 __all__ = [
     "ASKED",

@@ -345,12 +345,7 @@ class Beta(Density):
         return jnp.log1p(u) - math.log(2), jnp.log1p(-u) - math.log(2)
 
 
-DENSITIES: dict[str, Density] = {
-    "beta": Beta(),
-    "clipped": Clipped(),
-    "squashed": Squashed(),
-    "truncated": Truncated(),
-}
+DENSITIES: dict[str, Density] = {"beta": Beta(), "clipped": Clipped(), "squashed": Squashed(), "truncated": Truncated()}
 """The densities of bounded graded units, by name."""
 
 FAR = 10.0

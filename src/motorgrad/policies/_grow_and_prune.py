@@ -113,8 +113,7 @@ class InitialGrowing(InitialPolicy):
         help="how steeply the probability falls at a unit's surface; of soft spheres and boxes only",
     )
     pair: Pair = static(
-        "exact",
-        help="printed for the biased score that the thesis prints (`PrintedGaussians`); of Gaussians only",
+        "exact", help="printed for the biased score that the thesis prints (`PrintedGaussians`); of Gaussians only"
     )
 
     def validate(self) -> None:

@@ -11,14 +11,7 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._errors import check
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
-from motorgrad.policies._graded import (
-    GradedUnits,
-    Noisy,
-    StartsNoisy,
-    check_floor,
-    level_units,
-    normal_of,
-)
+from motorgrad.policies._graded import GradedUnits, Noisy, StartsNoisy, check_floor, level_units, normal_of
 from motorgrad.policies._local import InitialLaidOut, tiles
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, outer, per_unit, trainable
 from motorgrad.policies._policy import Composed, Policy, check_shapes, has_rows

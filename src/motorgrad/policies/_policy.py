@@ -19,15 +19,7 @@ from motorgrad._interface import Interface
 from motorgrad.policies._actor import Actor
 from motorgrad.policies._arguments import check_arguments
 from motorgrad.policies._export import export
-from motorgrad.policies._parameters import (
-    Parametric,
-    from_rows,
-    outer,
-    parts_of,
-    rows,
-    trainable,
-    with_parts,
-)
+from motorgrad.policies._parameters import Parametric, from_rows, outer, parts_of, rows, trainable, with_parts
 
 
 class Regions(NamedTuple):
@@ -225,10 +217,7 @@ class Policy(Parametric):
         return tuple(outer(block) for block in self.blocks(self.score(observation, action)))
 
     def fisher_sum(
-        self,
-        observations: Float[Array, "decisions inputs"],
-        actions: Array,
-        weights: Float[Array, " decisions"],
+        self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         r"""$\sum_t w_t\,F_t$, the sum of the matrices of `fisher` at many decisions, with weights of at least 0.
 

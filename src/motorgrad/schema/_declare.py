@@ -156,12 +156,7 @@ def number(
 
 
 def count(
-    default: object = dataclasses.MISSING,
-    low: int = 0,
-    high: int = MAX_WHOLE,
-    *,
-    unit: str = "",
-    help: str = "",
+    default: object = dataclasses.MISSING, low: int = 0, high: int = MAX_WHOLE, *, unit: str = "", help: str = ""
 ) -> Any:
     """Declare a field that holds a whole number which is part of the structure: a length, an interval or a count."""
     declared = Declared(help, unit, Range(low, high, kind="int"))

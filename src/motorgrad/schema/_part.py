@@ -152,13 +152,8 @@ def _check_number(name: str, value: object, declared: Declared, options: tuple[A
         return
     if declared.groups and isinstance(value, Mapping):
         for group, item in value.items():
-            traced = is_tracer(item) or isinstance(item, jax.Array)
-            check(
-                traced or allowed.allows(item),
-                f"{name}.{group}",
-                item,
-                f"{declared.allowed}, or an array of such numbers",
-            )
+            fine = is_tracer(item) or isinstance(item, jax.Array) or allowed.allows(item)
+            check(fine, f"{name}.{group}", item, f"{declared.allowed}, or an array of such numbers")
         return
     single = is_number(value) or (declared.groups and isinstance(value, np.ndarray))
     words = declared.allowed

@@ -20,28 +20,11 @@ from motorgrad._running import RunningMean, counted_on
 from motorgrad.bodies import Body, BodyState, start_pose
 from motorgrad.schema import kind_of, static
 from motorgrad.tasks._composed_goal import goal_of
-from motorgrad.tasks._composing import (
-    BodyLike,
-    Drive,
-    body_of,
-    body_table,
-    drive_of,
-    reach,
-    with_absolute_paths,
-)
+from motorgrad.tasks._composing import BodyLike, Drive, body_of, body_table, drive_of, reach, with_absolute_paths
 from motorgrad.tasks._holding import tell_if_few_can_be_held
 from motorgrad.tasks._host_task import BodyTask
 from motorgrad.tasks._task import Flag, Metric, Scalar
-from motorgrad.tasks.terms import (
-    Bound,
-    BoundReset,
-    Observation,
-    Quantity,
-    Reset,
-    Scene,
-    Start,
-    Target,
-)
+from motorgrad.tasks.terms import Bound, BoundReset, Observation, Quantity, Reset, Scene, Start, Target
 from motorgrad.tasks.terms._term import Now, bound, common, scaled, units_of
 
 MARK = 0.02  # m, the radius of the mark of a target without a tolerance

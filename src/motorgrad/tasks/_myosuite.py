@@ -35,10 +35,7 @@ GRACE = 2  # decisions before a reach can be lost
 
 
 def myosuite(
-    env_id: str,
-    *,
-    actions: Literal["graded", "binary"] = "graded",
-    scaling: Literal["running", "none"] = "running",
+    env_id: str, *, actions: Literal["graded", "binary"] = "graded", scaling: Literal["running", "none"] = "running"
 ) -> Composed:
     """A posing or reaching task of MyoSuite, as a composed task on its own model: the same observations, rewards and
     ends of episodes, stepped by `BodyBatch` for all seeds together.

@@ -69,10 +69,7 @@ class Walls(Settings):
         pressed = [jnp.where(held, jnp.abs(part), 0.0) for part, held in zip(force, borne, strict=True)]
         left = [jnp.where(held, 0.0, part) for part, held in zip(force, borne, strict=True)]
         # pressure along one axis causes friction along the other
-        return (
-            left[0] - self.friction * pressed[1] * velocity[0],
-            left[1] - self.friction * pressed[0] * velocity[1],
-        )
+        return (left[0] - self.friction * pressed[1] * velocity[0], left[1] - self.friction * pressed[0] * velocity[1])
 
     def collide(
         self, position: Components, velocity: Components, gain: Components

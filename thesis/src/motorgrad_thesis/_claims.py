@@ -46,9 +46,8 @@ class Claim(Settings):
     kind: Kind = static("thesis", help='whose statement it is: `"thesis"`, `"extension"` (ours) or `"reference model"`')
     of: str = static(
         "",
-        help="the statement of which this claim is one variant, where an experiment tests it in several (for "
-        "each decay, pool or layout); the variants share these words. By default the claim's own "
-        "statement",
+        help="the statement of which this claim is one variant, where an experiment tests it in several (for each "
+        "decay, pool or layout); the variants share these words. By default the claim's own statement",
     )
     untested: str = static(
         "", help="why the measurement does not test the statement by the thesis's own settings; empty where it does"

@@ -79,9 +79,8 @@ class Arm(Settings):
         0,
         open_low=True,
         unit="N",
-        help="the muscle's force at full activation. By default just enough to lift 14 kg to the top with "
-        "bones, offset and stop as they are by default: 371.6 N with a vertical upper arm, 164.6 N with a "
-        "horizontal one",
+        help="the muscle's force at full activation. By default just enough to lift 14 kg to the top with bones, "
+        "offset and stop as they are by default: 371.6 N with a vertical upper arm, 164.6 N with a horizontal one",
     )
     offset: float = number(0.02, 0, unit="m", help="distance of the muscle's ends from the bones")
     least_angle: float = number(

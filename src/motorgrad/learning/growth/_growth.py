@@ -172,11 +172,7 @@ class Growth(Part):
         pool = eqx.tree_at(
             lambda each: (each.pool.centre, getattr(each.pool, name), each.active),
             pool,
-            (
-                jnp.where(new[:, None], start, centres),
-                jnp.where(column, math.log(self.width), size),
-                pool.active | new,
-            ),
+            (jnp.where(new[:, None], start, centres), jnp.where(column, math.log(self.width), size), pool.active | new),
         )
         added = due & room
         fresh = state._replace(unit=place, age=jnp.int32(0), criterion=self.criterion.renew(state.criterion))

@@ -19,20 +19,10 @@ from motorgrad._running import RunningMean
 from motorgrad.schema import count, number, static
 from motorgrad.tasks._host_task import HostTask
 from motorgrad.tasks._task import Actions, Flag, Metric, Scalar
-from motorgrad.tasks.gymnasium._batch import (
-    EnvironmentBatch,
-    EnvironmentState,
-    find_info,
-    why_not_saved,
-)
+from motorgrad.tasks.gymnasium._batch import EnvironmentBatch, EnvironmentState, find_info, why_not_saved
 from motorgrad.tasks.gymnasium._making import foreign_code, id_of, make_environment
 from motorgrad.tasks.gymnasium._names import documented_names
-from motorgrad.tasks.gymnasium._spaces import (
-    Code,
-    Scaling,
-    action_code,
-    observation_code,
-)
+from motorgrad.tasks.gymnasium._spaces import Code, Scaling, action_code, observation_code
 from motorgrad.tasks.gymnasium._workers import WorkerBatch
 
 if TYPE_CHECKING:
