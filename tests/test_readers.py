@@ -17,7 +17,7 @@ import pytest
 from audit import mutations, nothing_happens, trap_module
 from motorgrad.bodies.arm._lift import LiftTable
 from motorgrad.search import Range, Space, Uniform
-from motorgrad.search._search import _mark, _read
+from motorgrad.search._search import _marks, _read
 from motorgrad.studies import Results, Study, run_study
 from motorgrad.studies._scores import _score_in
 from motorgrad.training import RunDirectoryError
@@ -119,12 +119,13 @@ def test_a_score_that_is_none_is_refused_by_name(text, tmp_path):
 
 def test_a_search_without_its_scores_is_refused_by_name(tmp_path):
     space, file = Space({"x": Range(0.0, 1.0)}), tmp_path / "search.npz"
-    mark = _mark(space, Uniform(), 0)
+    marks = _marks(space, Uniform(), 0)
+    mark = marks[0]
     whole = {"mark": mark, "candidates": np.zeros((2, 1)), "scores": np.zeros(2)}
     for changed in ({"scores": np.zeros(3)}, {"candidates": np.zeros((2, 2))}, {"scores": np.array(["a", "b"])}, {}):
         np.savez(file, **({**whole, **changed} if changed else {"mark": mark}))
         with pytest.raises(ValueError, match=r"search\.npz: damaged: must hold scores and as many candidates"):
-            _read(file, mark, space)
+            _read(file, marks, space)
 
 
 def test_a_study_whose_settings_were_changed_after_it_ran_says_so(tmp_path):

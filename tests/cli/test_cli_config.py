@@ -333,3 +333,10 @@ def test_the_pages_errors_are_what_is_said(capsys):
         content = content.replace("] ", "]\n")
         assert status("train", "hopper", "--config", write("hop.toml", content)) == 2
         assert said in capsys.readouterr().err
+
+
+def test_a_key_of_another_command_is_refused(tmp_path, capsys):
+    file = tmp_path / "sim.toml"
+    file.write_text('[task]\nname = "hopper"\n[steps]\na = 1\n')
+    assert main(["sim", "--config", str(file), "--check"]) == 2
+    assert "unknown setting of sim 'steps'" in capsys.readouterr().err

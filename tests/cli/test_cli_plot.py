@@ -101,11 +101,11 @@ def test_event_files_are_written_into_each_run_or_together(folder, runs, capsys)
     ("options", "named"),
     [
         (["--x", "simulated"], "the task chain has no simulated time"),
-        (["--x", "days"], "x = 'days': must be 'decisions' or 'simulated'"),
+        (["--x", "days"], "unknown x 'days': known are cpu, decisions, simulated, wall"),
         (["--smooth", 20], "smooth = 20.0: must be more than a record, which is 20 decisions"),
         (["--smooth", "nan"], "smooth = nan"),
         (["--labels", "a", "b"], "labels = ('a', 'b'): must be 1 different words"),
-        (["--format", "gif"], "format = 'gif': must be 'svg' or 'png' or 'pdf'"),
+        (["--format", "gif"], "unknown format 'gif': known are pdf, png, svg"),
         (["--out", "c.png", "--format", "svg"], "format = 'svg': must be 'png'"),
         (["--tensorboard", "a", "b"], "must be one folder, or none"),
     ],

@@ -286,7 +286,7 @@ def test_settings_make_them():
         (lambda: agent_for(mg.make("chain"), baseline="bined"), "'bined': did you mean 'binned'"),
         (
             lambda: agent_for(mg.make("chain"), baseline={"kind": "binned", "low": 2.0}),
-            r"agent\.estimator\.baseline: low, high = \(2\.0, 1\.0\)",
+            r"agent\.estimator\.baseline\.low, high = \(2\.0, 1\.0\)",
         ),
         (
             lambda: mg.train("chain", agent_for(mg.make("chain"), baseline={"kind": "binned", "input": 9}), 10),

@@ -348,7 +348,10 @@ def _annealed(start=0.1, **more):
 @pytest.mark.parametrize(
     ("make_it", "said"),
     [
-        (lambda: FisherMetric(kl=-1.0), "kl = -1.0: must be None or a finite number of at least 0, or an Annealed"),
+        (
+            lambda: FisherMetric(kl=-1.0),
+            "kl = -1.0: must be None or a finite number of at least 0, in nats, or an Annealed",
+        ),
         (
             lambda: Estimator(entropy=float("nan")),
             "entropy = nan: must be None or a finite number of at least 0, or an Annealed",

@@ -92,7 +92,7 @@ def test_early_stopping_skips_records_in_which_a_reading_did_not_occur():
     [
         ({}, "goal, patience = .*: must be at least one of the two"),
         ({"patience": 0}, "patience = 0: must be an integer of at least 1"),
-        ({"goal": float("nan")}, "goal = nan: must be a number"),
+        ({"goal": float("nan")}, "goal = nan: must be a finite number"),
         ({"goal": 1.0, "least_gain": -1.0}, "least_gain = -1.0: must be a finite number of at least 0"),
     ],
 )

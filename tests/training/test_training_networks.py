@@ -34,7 +34,7 @@ def test_tables_name_the_hidden_layers_of_policy_and_critic():
     assert mg.agent_for(task, policy={**table(changed), "network": "none"}).policy.network is None
     for bad, told in {
         "hiden": "did you mean 'hidden'",
-        "hidden": "must be one or more whole",
+        "hidden": r"hidden\[0\] = -1: must be an integer from 1 to 100,000",
         "sparsity": "in",
     }.items():
         with pytest.raises(ValueError, match=told):

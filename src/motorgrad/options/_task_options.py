@@ -40,7 +40,8 @@ def command_with_learner(base: type, name: str, does: str, task_name: str, given
 def _of_schedule(base: type, values: dict[str, Any]) -> dict[str, Any]:
     """The options of a command on which the learner depends: its preset and steps."""
     hints = hints_of(base)
-    how = {name: as_hinted(hints[name], values[name], name) for name in ("preset", "steps") if name in values}
+    known = {"preset", "steps"} & hints.keys() & values.keys()  # an unknown key of a file is refused later
+    how = {name: as_hinted(hints[name], values[name], name) for name in known}
     return {name: value for name, value in how.items() if name == "preset" or 1 <= value < 2**32}
 
 

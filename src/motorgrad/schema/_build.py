@@ -281,7 +281,8 @@ def _plain_value(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         check(value is None or value == "none", where, value, "none")
         return None
     if dataclasses.is_dataclass(hint):
-        check(isinstance(value, typing.cast(type, hint)), where, value, f"a table of the settings of {_name(hint)}")
+        words = _name(hint) if kinds else f"a table of the settings of {_name(hint)}"
+        check(isinstance(value, typing.cast(type, hint)), where, value, words)
         return value
     if hint is float:
         number = isinstance(value, int | float) and not isinstance(value, bool)

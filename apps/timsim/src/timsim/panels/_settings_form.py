@@ -97,8 +97,12 @@ class SettingsForm:
             for field, name in zip(self._fields, self._names, strict=False):
                 if field.value.strip() != f"{self._shown[name]:.6g}":
                     changes.append(Edit(name, number_of(self._words(name)[0], field.value)))
-            for change in changes:
-                self._panel.order(change)
+            try:
+                for change in changes:
+                    self._panel.order(change)
+            except ValueError:
+                self.refused()
+                raise
         finally:
             for field, name in zip(self._fields, self._names, strict=False):
                 if not _is_number(field.value):
