@@ -79,7 +79,6 @@ class Critic(Baseline):
 
     needs_decision: ClassVar[bool] = True
 
-    centring: eqx.AbstractVar[Centring | None]
     features: Features | Callable[..., Any] = inner(
         Features(),
         help=r"$\phi$, `Features` or a `Part` of your own, called as `features(observation, previous)` with two "
@@ -96,6 +95,7 @@ class Critic(Baseline):
         r"all states apart, and the noisier $v$ is. 1 for the average reward needs a task with episodes",
     )
     fit: CriticFit = inner(LeastSquares(), help="how $w$ is learned, `TemporalDifference` or `LeastSquares`")
+    centring: eqx.AbstractVar[Centring | None]  # pyright: ignore[reportGeneralTypeIssues]
 
     @abc.abstractmethod
     def first_weights(self, features: int, dtype: DTypeLike, key: jax.Array) -> PyTree:

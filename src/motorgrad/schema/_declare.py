@@ -204,7 +204,7 @@ def inner(
     **Arguments:** the `default`, or a `factory` that makes it; `converter` as in `equinox.field`; `unit` and `help` for
     people.
     """
-    keywords = {} if converter is None else {"converter": converter}
+    keywords: dict[str, Any] = {} if converter is None else {"converter": converter}
     keywords |= _default(default) if factory is None else {"default_factory": factory}
     return eqx.field(metadata={"declared": Declared(help, unit)}, **keywords)
 

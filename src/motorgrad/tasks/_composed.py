@@ -135,7 +135,7 @@ class Composed(BodyTask):
     metric_terms: tuple[Quantity, ...] = static(
         (), option=False, help="what is recorded (`Quantity`). Short name: `metrics`"
     )
-    actions: Literal["graded", "binary"] = static(
+    actions: Literal["graded", "binary"] = static(  # pyright: ignore[reportIncompatibleVariableOverride]
         "graded",
         help='`"graded"` for controls in the actuators\' ranges; `"binary"` for units that are on or off, '
         "one for each muscle, and two that oppose each other for an actuator that works in both "

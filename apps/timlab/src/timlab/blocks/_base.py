@@ -41,7 +41,8 @@ class OneShape(Block):
 class Shaped(OneShape):
     """A block with one output `y` whose `shape` is given by name."""
 
-    shape: tuple[int, ...] = static((), kw_only=True, help="shape of the signals")
+    _: dataclasses.KW_ONLY
+    shape: tuple[int, ...] = static((), help="shape of the signals")
 
 
 @dataclasses.dataclass(frozen=True)
