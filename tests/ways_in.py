@@ -1,6 +1,7 @@
 """How far a value is from where it is given to the field that checks it, counted while it travels."""
 
 import contextlib
+import importlib.util
 import inspect
 import sys
 from pathlib import Path
@@ -8,7 +9,8 @@ from pathlib import Path
 from motorgrad.schema import Part, check_fields
 
 MAX_CALLS = 8
-OURS = ("motorgrad", "timsim", "timlab", "motorgrad_thesis")
+SPECS = filter(None, map(importlib.util.find_spec, ("motorgrad", "timsim", "timlab", "motorgrad_thesis")))
+ROOTS = [Path(spec.origin).parent for spec in SPECS]
 
 
 def calls_to(name, value, given):
@@ -40,8 +42,7 @@ def calls_to(name, value, given):
 
 def is_ours(code):
     """Whether code is a function of one of the packages, and no comprehension."""
-    parts = Path(code.co_filename).parts
-    return "tests" not in parts and any(name in parts for name in OURS) and not code.co_name.startswith("<")
+    return not code.co_name.startswith("<") and any(root in Path(code.co_filename).parents for root in ROOTS)
 
 
 def assert_short(calls):

@@ -180,7 +180,7 @@ def test_a_run_with_features_is_stored_and_continues(tmp_path):
         (lambda: FeatureMap(shape="tan"), "unknown shape 'tan': did you mean 'tanh'"),
         (lambda: FeatureMap(scale=0.0), "scale = 0.0: must be a finite number above 0"),
         (lambda: FeatureMap(nonlinear=-1), "nonlinear = -1: must be"),
-        (lambda: hyperplanes(3, 2, 64), "features = 64: must be a table of the settings of a FeatureMap"),
+        (lambda: hyperplanes(3, 2, 64), "features = 64: must be a FeatureMap"),
         (lambda: Featured(Hyperplanes([[1.0]], [0.0]), RICH, 3), "pool.inputs = 1: must be 16, the number of features"),
     ],
 )
