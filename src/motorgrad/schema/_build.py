@@ -1,4 +1,4 @@
-"""Settings: frozen dataclasses and parts of learners from plain tables, and back; unknown settings are refused."""
+"""Objects from plain tables of settings, whoever wrote them: every value read, converted and put in its place."""
 
 import dataclasses
 import re
@@ -6,7 +6,7 @@ import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,13 +16,10 @@ from motorgrad.schema._part import Part, fields_of, hints_of, options_of, parts_
 from motorgrad.schema._table import table
 from motorgrad.schema._words import Words
 
-if TYPE_CHECKING:
-    pass
-
 T = TypeVar("T")
 MAX_SINGLE_PRECISION = 3.4e38
-WHOLE = 2**63 - 1
-EXACT = 2**53  # the largest up to which a float is the one whole number that was written
+MAX_INTEGER = 2**63 - 1
+MAX_EXACT_FLOAT = 2**53  # the largest up to which a float is the one whole number that was written
 
 
 def build(cls: type[T], values: Any, where: str = "", base: T | None = None) -> T:
@@ -34,7 +31,8 @@ def build(cls: type[T], values: Any, where: str = "", base: T | None = None) -> 
     **Raises:** `ValueError` that names the unknown key and the nearest known one, the value of a wrong type or out of
     its range, or the key that is missing.
     """
-    outermost = _described(cls, _read(cls, values, where), where, base)
+    values = _read(cls, values, where)
+    outermost = _described(cls, values, where, base)
     if outermost is None:
         return _plain_value(cls, values, where, base)
     # A loop over all tables in place of a function that calls itself for each: a value is read here, and the part that
@@ -290,10 +288,10 @@ def _plain_value(hint: Any, value: Any, where: str, default: Any = None) -> Any:
         check(finite, where, value, "a finite number in single precision")
         return float(value)
     if hint is int:
-        if isinstance(value, float) and value.is_integer() and abs(value) <= EXACT:  # 1e5
+        if isinstance(value, float) and value.is_integer() and abs(value) <= MAX_EXACT_FLOAT:  # 1e5
             return int(value)
         check(isinstance(value, int) and not isinstance(value, bool), where, value, "an integer")
-        check(-WHOLE <= value <= WHOLE, where, value, f"an integer of at most {WHOLE}")
+        check(-MAX_INTEGER <= value <= MAX_INTEGER, where, value, f"an integer of at most {MAX_INTEGER}")
         return value
     if hint is Path:
         text = str(value) if isinstance(value, str | Path) else ""

@@ -13,7 +13,7 @@ import numpy as np
 from motorgrad._errors import check
 
 Kind = Literal["float", "int", "bool"]
-WIDE = 2**30  # whole numbers up to here or beyond are as good as unlimited, and messages name no end
+MAX_NAMED_END = 2**30  # of whole numbers: one from here on is as good as none, and messages leave it out
 MAX_WHOLE = 2**31 - 1
 
 
@@ -56,7 +56,7 @@ class Range(NamedTuple):
 
     def _ends(self, far: bool) -> str:
         if self.whole:
-            near = self.high < WIDE or far
+            near = self.high < MAX_NAMED_END or far
             return f"from {self.low:,} to {self.high:,}" if near else f"at least {self.low:,}"
         if math.isinf(self.high):
             return "" if math.isinf(self.low) else f"{'above' if self.open_low else 'at least'} {self.low:g}"
