@@ -70,7 +70,7 @@ def natural_actor_critic(
                 "discount": discount,
                 "fit": {"kind": "least-squares", "rate": rate, "interval": batch},
             },
-            "improve": batch,
+            "update_every": batch,
             "normalization": {"rate": 1 / (10 * batch)},
             "entropy": annealed(entropy, 0.0, updates),
         },

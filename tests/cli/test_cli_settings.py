@@ -119,9 +119,9 @@ REFUSED = [
     ({"learning_rate": {"weights": -1.0}}, "weights = -1.0"),
     ({"learning_rate": {"weights": "fast"}}, "agent.optimizer.learning_rate.weights = 'fast'"),
     ({"learning_rate": "fast"}, "agent.optimizer.learning_rate = 'fast'"),
-    ({"improve": 0}, "improve = 0"),
-    ({"improve": True}, "'?True'?"),
-    ({"improve": "always"}, "'always'"),
+    ({"update_every": 0}, "update_every = 0"),
+    ({"update_every": True}, "'?True'?"),
+    ({"update_every": "always"}, "'always'"),
     ({"discount": 0.0}, "discount = 0.0"),
     ({"discount": 1.5}, "discount = 1.5"),
     ({"trace": "window", "trace.length": 0}, "length = 0"),
@@ -153,7 +153,7 @@ def test_a_named_estimator_stands_for_its_parts_unless_they_are_given(name):
     plain = agent_for("hopper", estimator=name)
     assert plain == agent_for("hopper", {f"estimator.{part}": value for part, value in parts.items()})
     assert plain.estimator.trace == agent_for("hopper").estimator.trace  # the task's own
-    changed = agent_for("hopper", estimator=name, improve=7, baseline="fixed-step").estimator
+    changed = agent_for("hopper", estimator=name, update_every=7, baseline="fixed-step").estimator
     assert (changed.improve, type(changed.baseline).__name__) == (7, "FixedStep")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Decided(NamedTuple):
-    """A learner after `act` and the action, after `reinforce`, and after `improve`."""
+    """A learner after `act` and the action, after `reinforce`, and after `update_every`."""
 
     acted: Any
     action: Any

@@ -29,8 +29,8 @@ TABLE, CHAIN = Softmax(np.array([[0.3, -0.2, 0.1, 0.0], [0.0, 0.4, 0.2, 0.0]])),
 EXACT = LeastSquares(0.0, 1.0, damping=1e-6, interval=20)
 
 
-def estimator(baseline, improve="never"):
-    return Estimator(Exponential(0.0), baseline, improve=improve)
+def estimator(baseline, update_every="never"):
+    return Estimator(Exponential(0.0), baseline, update_every=improve)
 
 
 def estimates(task, policy, baseline, decisions, seeds=200):

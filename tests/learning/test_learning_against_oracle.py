@@ -78,14 +78,14 @@ UNBIASED = {
     "window": (
         ThreeState(),
         POINT,
-        Estimator(Window(20), MeanReward(), improve="never"),
+        Estimator(Window(20), MeanReward(), update_every="never"),
         1,
         lambda mdp: oracle.gradient(mdp, POINT),
     ),
     "episodic": (
         Chain(length=4, time_limit=6),
         CHAIN_POINT,
-        Estimator(Episodic(), None, improve="never"),
+        Estimator(Episodic(), None, update_every="never"),
         6,
         lambda mdp: episode_gradient(mdp, CHAIN_POINT, 6),
     ),
@@ -93,7 +93,7 @@ UNBIASED = {
     "discounted": (
         ThreeState(time_limit=40),
         POINT,
-        Estimator(Episodic(), MeanReward(), discount=0.8, improve="never"),
+        Estimator(Episodic(), MeanReward(), discount=0.8, update_every="never"),
         40,
         lambda mdp: oracle.discounted_gradient(mdp, POINT, 0.8),
     ),

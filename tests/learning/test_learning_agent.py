@@ -80,16 +80,16 @@ ESTIMATORS = {
     "no memory": (olpomdp(0.0), (0.0, None, 1, True, 1)),
     "GPOMDP": (gpomdp(0.9), (0.9, None, "never", False, 1)),
     "GPOMDP with a baseline": (gpomdp(0.9, MeanReward()), (0.9, "mean", "never", False, 1)),
-    "every seventh, mean": (Estimator(Exponential(0.8), improve=7), (0.8, "mean", 7, False, 1)),
-    "every seventh, sum": (Estimator(Exponential(0.8), improve=7, batch="sum"), (0.8, "mean", 7, True, 1)),
-    "episode, mean": (Estimator(Episodic(), improve="episode"), (1.0, "mean", "episode", False, 1)),
+    "every seventh, mean": (Estimator(Exponential(0.8), update_every=7), (0.8, "mean", 7, False, 1)),
+    "every seventh, sum": (Estimator(Exponential(0.8), update_every=7, reduction="sum"), (0.8, "mean", 7, True, 1)),
+    "episode, mean": (Estimator(Episodic(), update_every="episode"), (1.0, "mean", "episode", False, 1)),
     "episode, sum": (
-        Estimator(Episodic(), None, improve="episode", batch="sum"),
+        Estimator(Episodic(), None, update_every="episode", reduction="sum"),
         (1.0, None, "episode", True, 1),
     ),
     "discounted": (Estimator(Episodic(), discount=0.9), (1.0, "mean", 1, True, 0.9)),
     "discounted, episode": (
-        Estimator(Episodic(), discount=0.7, improve="episode"),
+        Estimator(Episodic(), discount=0.7, update_every="episode"),
         (1.0, "mean", "episode", False, 0.7),
     ),
 }
@@ -147,11 +147,11 @@ def test_an_online_learner_moves_at_every_decision():
 
 
 def test_a_batch_learner_moves_after_every_so_many_decisions():
-    np.testing.assert_array_equal(moves(Estimator(improve=10)), np.arange(9, STEPS, 10))
+    np.testing.assert_array_equal(moves(Estimator(update_every=10)), np.arange(9, STEPS, 10))
 
 
 def test_an_episodic_learner_moves_at_the_ends_of_episodes_only():
-    np.testing.assert_array_equal(moves(Estimator(Episodic(), improve="episode")), np.flatnonzero(experience()[3]))
+    np.testing.assert_array_equal(moves(Estimator(Episodic(), update_every="episode")), np.flatnonzero(experience()[3]))
 
 
 def test_an_estimate_at_fixed_parameters_never_moves_them():
@@ -159,9 +159,9 @@ def test_an_estimate_at_fixed_parameters_never_moves_them():
 
 
 def test_the_named_estimators_are_configurations():
-    assert olgarb(0.7) == Estimator(Exponential(0.7), MeanReward(), improve=1)
-    assert olpomdp(0.7) == Estimator(Exponential(0.7), None, improve=1)
-    assert gpomdp(0.7) == Estimator(Exponential(0.7), None, improve="never")
+    assert olgarb(0.7) == Estimator(Exponential(0.7), MeanReward(), update_every=1)
+    assert olpomdp(0.7) == Estimator(Exponential(0.7), None, update_every=1)
+    assert gpomdp(0.7) == Estimator(Exponential(0.7), None, update_every="never")
 
 
 TRACES = [Exponential(0.9), Episodic(), Window(4), LaggedGaussian(2.0, 1.0)]
@@ -210,7 +210,7 @@ def test_a_lowered_flag_changes_nothing(flag):
 
 @pytest.mark.parametrize("flag", ["terminated", "truncated"])
 def test_the_last_reward_of_an_episode_counts(flag):
-    agent = agent_with(Exponential(0.9), improve="never")
+    agent = agent_with(Exponential(0.9), update_every="never")
     state, observation = halfway(agent)
     plain = agent.reinforce(state, jnp.asarray(2.0), observation)
     ended = agent.reinforce(state, jnp.asarray(2.0), observation, **{flag: True})
@@ -220,9 +220,9 @@ def test_the_last_reward_of_an_episode_counts(flag):
 
 
 @pytest.mark.parametrize("reward", [2.0, np.nan, np.inf])
-@pytest.mark.parametrize("improve", ["never", 1])
+@pytest.mark.parametrize("update_every", ["never", 1])
 def test_a_diverged_sample_is_dropped_and_the_baseline_and_counts_stay(improve, reward):
-    agent = agent_with(Exponential(0.9), improve=improve)
+    agent = agent_with(Exponential(0.9), update_every=improve)
     state, observation = halfway(agent)
     dropped = agent.reinforce(state, jnp.asarray(reward), observation, diverged=jnp.asarray(True))
     after = agent.improve(dropped)
@@ -238,7 +238,7 @@ def test_a_diverged_sample_is_dropped_and_the_baseline_and_counts_stay(improve, 
 
 
 def test_the_discount_weighs_the_decisions_of_an_episode_from_its_start():
-    agent = agent_with(Episodic(), discount=0.8, improve="never")
+    agent = agent_with(Episodic(), discount=0.8, update_every="never")
     state, observation = agent.init(jax.random.key(0)), jnp.asarray([1.0, -0.5])
     seen = []
     for number in range(6):
@@ -268,8 +268,8 @@ def test_fixed_settings_of_a_policy_are_not_learned():
         (lambda: Agent("softmax"), "policy = 'softmax'"),
         (lambda: Agent(Softmax([[1.0]]), estimator=0.9), "estimator = 0.9: must be an Estimator"),
         (lambda: Agent(Softmax([[1.0]]), optimizer=0.01), "optimizer = 0.01: must be an Optimizer"),
-        (lambda: Estimator(improve=0), "improve = 0"),
-        (lambda: Estimator(improve="always"), "improve = 'always'"),
+        (lambda: Estimator(update_every=0), "update_every = 0"),
+        (lambda: Estimator(update_every="always"), "update_every = 'always'"),
         (lambda: Estimator(discount=0.0), "discount = 0.0"),
         (lambda: Estimator(discount=1.1), "discount = 1.1"),
         (lambda: Estimator(batch="median"), "batch 'median': did you mean 'mean'"),

@@ -151,7 +151,7 @@ def test_a_step_has_the_divergence_of_the_limit_at_most(network):
 def test_a_network_learns_by_it_and_resumes_bit_for_bit(tmp_path):
     agent = {
         "policy": {"kind": "hyperplanes", "network": {"hidden": [8]}},
-        "estimator": {"improve": 50, "trace": {"decay": 0.9}},
+        "estimator": {"update_every": 50, "trace": {"decay": 0.9}},
         "metric": {"kind": "conjugate-gradient", "memory": 50, "kl": 0.02},
         "learning_rate": 1.0,
     }

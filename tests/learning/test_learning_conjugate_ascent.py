@@ -96,7 +96,7 @@ def test_an_estimate_does_not_grow_beyond_the_most_batches():
 
 @pytest.mark.ci
 def test_it_finds_the_best_policy():
-    estimator = Estimator(Exponential(0.8), MeanReward(), improve=1_000)
+    estimator = Estimator(Exponential(0.8), MeanReward(), update_every=1_000)
     agent = Agent(Softmax(jnp.zeros((2, 2))), estimator, ConjugateAscent(30.0))
     stepper = stepper_for(ThreeState(), agent, range(10))
     stepper.advance(100_000)
@@ -109,10 +109,10 @@ def test_it_finds_the_best_policy():
     [
         (
             lambda: Agent(Softmax(jnp.zeros((2, 2))), Estimator(), ConjugateAscent()),
-            "estimator.improve = 1: must be a batch of more than 1 with ConjugateAscent; SGD and Adam step online",
+            "estimator.update_every = 1: must be a batch of more than 1 with ConjugateAscent; SGD and Adam step online",
         ),
         (
-            lambda: Agent(Softmax(jnp.zeros((2, 2))), Estimator(improve=9), ConjugateAscent(), FisherMetric()),
+            lambda: Agent(Softmax(jnp.zeros((2, 2))), Estimator(update_every=9), ConjugateAscent(), FisherMetric()),
             "metric = .*: must be None with ConjugateAscent; SGD and Adam take one",
         ),
         (lambda: ConjugateAscent(initial=0.0), "initial = 0.0"),
@@ -125,4 +125,4 @@ def test_what_does_not_fit_together_is_refused_by_name(make, said):
 
 
 def test_other_optimizers_take_any_batch():
-    assert Agent(Softmax(jnp.zeros((2, 2))), Estimator(improve=9), SGD(0.1), FisherMetric()).metric == FisherMetric()
+    assert Agent(Softmax(jnp.zeros((2, 2))), Estimator(update_every=9), SGD(0.1), FisherMetric()).metric == FisherMetric()

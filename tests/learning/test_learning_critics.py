@@ -62,7 +62,7 @@ def with_weights(state, weights):
 
 def learned(task, policy, critic, decisions, seeds=40):
     """The critics of many seeds at a fixed policy."""
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(seeds))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, update_every="never")), range(seeds))
     stepper.advance(decisions)
     return stepper.state["cycle"].agent
 

@@ -51,7 +51,7 @@ def test_the_mean_estimate_is_the_exact_gradient(name):
     exact, length = oracle.flat(gradient), 40  # .8⁴⁰ = 1e-4 of the return is left out
     task = ThreeState(time_limit=length) if from_start else ThreeState()
     critic = Known(fit=TemporalDifference(0.0), share=share)
-    estimator = dataclasses.replace(actor_critic(critic, DECAY, DISCOUNT, from_start), improve="never")
+    estimator = dataclasses.replace(actor_critic(critic, DECAY, DISCOUNT, from_start), update_every="never")
     stepper = stepper_for(task, Agent(POINT, estimator), range(400))
     stepper.advance(4_800)
     found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(400, -1)

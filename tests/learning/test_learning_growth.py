@@ -281,7 +281,7 @@ def test_without_growth_nothing_of_a_learner_changes():
 
 @pytest.mark.ci
 def test_it_grows_with_a_batch_learner_too():
-    state, _ = live(learner(estimator=dataclasses.replace(olpomdp(0.5), improve=5), optimizer=SGD(0.01)), 30)
+    state, _ = live(learner(estimator=dataclasses.replace(olpomdp(0.5), update_every=5), optimizer=SGD(0.01)), 30)
     np.testing.assert_array_equal(state.policy.active, [True, True, True, False])
     assert np.isfinite(np.asarray(state.policy.pool.centre)).all()
 

@@ -157,7 +157,7 @@ def test_no_input_baseline_biases_the_estimate(baseline, trace):
     filter_, gradient = TRACES[trace]
     task = ThreeState()
     exact = oracle.flat(gradient(task.dynamics))
-    found = estimates(task, POINT, Estimator(filter_, baseline, improve="never"), 4_800, 300)
+    found = estimates(task, POINT, Estimator(filter_, baseline, update_every="never"), 4_800, 300)
     error = found.std(0) / np.sqrt(len(found))
     assert np.linalg.norm(error) < 0.06 * np.linalg.norm(exact)
     # the level, a mean of all rewards, is correlated with each by 1/n: 1/4800 for each score in the trace's memory
@@ -180,7 +180,7 @@ def test_told_the_level_for_all_it_is_the_plain_baseline():
 @pytest.mark.ci
 def test_the_weight_of_a_discounted_episode_is_on_both_parts():
     task = ThreeState(time_limit=40)  # 40 decisions leave out .8⁴⁰ = 1e-4 of the return
-    estimator = Estimator(Episodic(), Told(3.0, 0.3), discount=0.8, improve="never")
+    estimator = Estimator(Episodic(), Told(3.0, 0.3), discount=0.8, update_every="never")
     exact = oracle.flat(oracle.discounted_gradient(task.dynamics, POINT, 0.8))
     found = 40 * estimates(task, POINT, estimator, 4_800, 400)
     error = found.std(0) / np.sqrt(len(found))

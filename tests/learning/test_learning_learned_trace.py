@@ -52,7 +52,7 @@ def test_weights_go_towards_those_of_least_error(name):
     best = lengths / (lengths + variances / DECISIONS)
     trace = LearnedTrace(LENGTH, 0.0)
     baseline = Constant(oracle.average_reward(task.dynamics, policy))
-    stepper = stepper_for(task, Agent(policy, Estimator(trace, baseline, improve="never")), range(SEEDS))
+    stepper = stepper_for(task, Agent(policy, Estimator(trace, baseline, update_every="never")), range(SEEDS))
     stepper.advance(DECISIONS)
     state = stepper.state["cycle"].agent.estimator.trace
     weights = np.asarray(jax.jit(jax.vmap(trace.weights))(state), float)
@@ -75,7 +75,7 @@ def test_the_rule_is_the_one_written_out():
     rate, length = 0.2, 3
     with jax.enable_x64(True):
         policy = Hyperplanes(jnp.array([[0.5, -0.2], [0.1, 0.3]], jnp.float64), jnp.zeros(2, jnp.float64))
-        agent = Agent(policy, Estimator(LearnedTrace(length, rate), Constant(0.3), improve="never"))
+        agent = Agent(policy, Estimator(LearnedTrace(length, rate), Constant(0.3), update_every="never"))
         state, rng = started(agent), np.random.default_rng(1)
         scores, samples, total = [], [], np.zeros(6)
         for step in range(1, 11):

@@ -411,7 +411,7 @@ def test_it_starts_as_the_plain_gradient_and_forgets_that():
 
 def test_a_batch_learner_solves_once_a_batch_and_steps_by_the_natural_gradient():
     policy, metric = Hyperplanes([[0.5], [0.1]], [0.0, 0.2]), FisherMetric(0.1, 0.02)
-    agent = Agent(policy, Estimator(Exponential(0.5), improve=5), SGD(0.1), metric)
+    agent = Agent(policy, Estimator(Exponential(0.5), update_every=5), SGD(0.1), metric)
     state, rng = started(agent), np.random.default_rng(0)
     for number in range(10):
         _, _, told, after = decided(agent, state, [0.7], rng.random(2), rng.normal())

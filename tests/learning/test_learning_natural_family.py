@@ -118,7 +118,7 @@ def test_the_inverse_stays_finite_along_directions_without_scores():
 
 def regressed(task, policy, metric, count, seeds=40):
     """The directions that a metric has found after so many decisions at a fixed policy."""
-    agent = Agent(policy, Estimator(Exponential(0.0), None, improve=count), SGD(0.0), metric)
+    agent = Agent(policy, Estimator(Exponential(0.0), None, update_every=count), SGD(0.0), metric)
     stepper = stepper_for(task, agent, range(seeds))
     stepper.advance(count)
     state = stepper.state["cycle"].agent.chain[0]
@@ -179,7 +179,7 @@ def test_episodes_find_the_exact_natural_gradient():
 
 def test_a_broken_episode_is_left_out():
     metric = EpisodicNatural()
-    agent = Agent(POINT, Estimator(Exponential(0.0), None, improve="episode"), SGD(1.0), metric)
+    agent = Agent(POINT, Estimator(Exponential(0.0), None, update_every="episode"), SGD(1.0), metric)
     state = started(agent)
     for diverged in (False, True):
         flags = {"truncated": not diverged, "diverged": diverged}
@@ -196,12 +196,12 @@ LEARNERS = {
     "rank one": lambda task: Agent(start(task), actor_critic(decay=0.5), SGD(0.01), ShermanMorrison(1e-3, 0.01)),
     "least squares": lambda task: Agent(
         start(task),
-        Estimator(Exponential(0.0), None, improve=200),
+        Estimator(Exponential(0.0), None, update_every=200),
         SGD(0.1),
         LeastSquaresNatural(Features(bias=False), None, 0.5, LeastSquares(1e-3, interval=200)),
     ),
     "episodes": lambda task: Agent(
-        start(task), Estimator(Exponential(0.0), None, improve=200), SGD(0.1), EpisodicNatural(1.0, 0.005)
+        start(task), Estimator(Exponential(0.0), None, update_every=200), SGD(0.1), EpisodicNatural(1.0, 0.005)
     ),
 }
 
@@ -224,8 +224,8 @@ def test_it_finds_the_best_policy(name):
     ("make", "said"),
     [
         (
-            lambda: Agent(POINT, Estimator(improve=100), metric=CompatibleWeights()),
-            "improve = 100: must be 1, at every decision, with CompatibleWeights; FisherMetric takes batches",
+            lambda: Agent(POINT, Estimator(update_every=100), metric=CompatibleWeights()),
+            "update_every = 100: must be 1, at every decision, with CompatibleWeights; FisherMetric takes batches",
         ),
         (
             lambda: stepper_for(ThreeState(), Agent(POINT, gpomdp(0.9), metric=EpisodicNatural()), [0]),
@@ -251,5 +251,5 @@ def test_what_does_not_fit_together_is_refused_by_name(make, said):
 
 
 def test_an_estimator_in_batches_may_have_any_other_metric():
-    agent = Agent(POINT, Estimator(improve=100), metric=FisherMetric())
+    agent = Agent(POINT, Estimator(update_every=100), metric=FisherMetric())
     assert dataclasses.replace(agent, metric=ShermanMorrison()).metric == ShermanMorrison()

@@ -18,15 +18,15 @@ POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 
 @pytest.mark.slow
 @pytest.mark.parametrize("task", [pytest.param("call-admission", marks=pytest.mark.ci), "hopper"])
-@pytest.mark.parametrize("improve", [1, 7])
+@pytest.mark.parametrize("update_every", [1, 7])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(task, improve, tmp_path):
-    asked = {"task": task, "agent": agent_for(mg.make(task), metric="fisher", damping=0.1, improve=improve)}
+    asked = {"task": task, "agent": agent_for(mg.make(task), metric="fisher", damping=0.1, update_every=improve)}
     whole = mg.train(**asked, steps=600, seeds=3, out=tmp_path / "whole", window=100, progress=False)
     mg.train(**asked, steps=300, seeds=3, out=tmp_path / "parts", window=100, progress=False)
     parts = mg.train(**asked, steps=600, seeds=3, out=tmp_path / "parts", window=100, progress=False)
     assert jax.tree.all(jax.tree.map(np.array_equal, parts.policies, whole.policies))
     assert load(tmp_path / "parts").config["agent"]["metric"]["damping"] == 0.1
-    plain = mg.train(task, agent_for(mg.make(task), improve=improve), 600, 3, progress=False)
+    plain = mg.train(task, agent_for(mg.make(task), update_every=improve), 600, 3, progress=False)
     assert not jax.tree.all(jax.tree.map(np.array_equal, plain.policies, whole.policies))
 
 
@@ -73,7 +73,7 @@ def check_together(interval, improve, tolerance):
     found = []
     for together in (1, interval):
         agent = Agent(
-            policy, Estimator(Exponential(0.5), improve=improve), SGD(0.1), FisherMetric(0.1, interval=together)
+            policy, Estimator(Exponential(0.5), update_every=improve), SGD(0.1), FisherMetric(0.1, interval=together)
         )
 
         @eqx.filter_jit
@@ -113,10 +113,10 @@ def test_a_step_of_a_batch_learner_takes_in_the_decisions_that_wait(interval):
 @pytest.mark.ci
 @pytest.mark.representatives("4-3")
 @pytest.mark.parametrize("interval", [1, 3])
-@pytest.mark.parametrize("improve", [1, 4])
+@pytest.mark.parametrize("update_every", [1, 4])
 def test_a_diverged_decision_leaves_the_matrix_and_the_parameters(improve, interval):
     metric = FisherMetric(0.1, interval=interval)
-    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(improve=improve), SGD(0.1), metric)
+    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(update_every=improve), SGD(0.1), metric)
     state = decided(agent, started(agent), [0.7], [0.3], 1.0).state
     for broken in (np.nan, 0.7):
         after = decided(agent, state, [broken], [0.3], np.nan, diverged=True).state

@@ -48,7 +48,7 @@ def values_of(critic, states, seen):
 def test_a_network_critic_learns_the_exact_values(name, discount):
     task, policy, rate, decisions = WORLDS[name]
     critic = NetworkCritic(Which(task.dynamics), discount, 0.7, TemporalDifference(rate, level_rate=0.0), SMALL)
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(50))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, update_every="never")), range(50))
     stepper.advance(decisions)
     seen = jnp.asarray(task.dynamics.observations, jnp.float32)
     found = values_of(critic, stepper.state["cycle"].agent.estimator.baseline, seen)
@@ -64,7 +64,7 @@ def test_values_fitted_to_the_returns_of_batches_are_the_exact_ones():
     task, policy, *_ = WORLDS["chain"]
     fit = FittedReturns(0.01, interval=400, passes=20)
     critic = NetworkCritic(Which(task.dynamics), 0.8, 0.7, fit, SMALL)
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, improve="never")), range(50))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(0.5), critic, update_every="never")), range(50))
     seen = jnp.asarray(task.dynamics.observations, jnp.float32)
     found = {}
     for decisions in (399, 1, 11_600):
@@ -124,7 +124,7 @@ def test_network_policy_and_network_critic_estimate_the_exact_gradient():
     policy = eqx.filter_jit(softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0)))(KEY)
     policy = moved(policy, 0.3)
     critic = NetworkCritic(network=SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, improve="never")), range(seeds))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, update_every="never")), range(seeds))
     stepper.advance(4_800)
     leaves = jax.tree.leaves(stepper.state["cycle"].agent.gradient.mean)
     found = np.concatenate([np.asarray(leaf, float).reshape(seeds, -1) for leaf in leaves], axis=1)

@@ -70,7 +70,7 @@ def test_the_unit_of_the_reward_does_not_matter(name, discount):
 
 def test_the_mean_sample_is_the_gradient_by_the_usual_advantage():
     decay, task = 0.5, ThreeState()
-    estimator = Estimator(Exponential(decay), improve="never", normalization=RootMeanSquare(1e-3))
+    estimator = Estimator(Exponential(decay), update_every="never", normalization=RootMeanSquare(1e-3))
     stepper = stepper_for(task, Agent(POINT, estimator, SGD(0.0)), range(200))
     stepper.advance(4_000)
     found = np.asarray(stepper.state["cycle"].agent.gradient.mean.weights, float).reshape(200, -1)

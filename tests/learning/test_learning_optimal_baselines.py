@@ -28,7 +28,7 @@ PLACES = {"three states": (ThreeState(), POINT), "calls": (CALLS, ADMITS)}
 
 def run(task, policy, baseline, decay, decisions, seeds):
     """The baselines' states and the estimates of many seeds at fixed parameters."""
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(decay), baseline, improve="never")), range(seeds))
+    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(decay), baseline, update_every="never")), range(seeds))
     stepper.advance(decisions)
     state = stepper.state["cycle"].agent
     estimate = np.concatenate([leaf.reshape(seeds, -1) for leaf in jax.tree.leaves(state.gradient.mean)], axis=1)
@@ -87,7 +87,7 @@ def test_units_have_constants_of_their_own():
     """Written out: each row of weights is a unit, with the running means of its own trace."""
     policy = Hyperplanes(jnp.array([[0.5, -0.2], [0.1, 0.3]]), jnp.zeros(2))
     for baseline, power in ((OptimalBaseline(each="unit"), 1.0), (UnitMean(), 0.5)):
-        agent = Agent(policy, Estimator(Exponential(0.7), baseline, improve="never"))
+        agent = Agent(policy, Estimator(Exponential(0.7), baseline, update_every="never"))
         state, rng = started(agent), np.random.default_rng(1)
         products, weights, total = np.zeros(2), np.zeros(2), np.zeros((2, 2))
         for n in range(1, 7):

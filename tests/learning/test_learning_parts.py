@@ -60,7 +60,7 @@ from motorgrad.tasks.terms import Follow, Observation, Quantity, Reset, Target
 from motorgrad.training import agent_from_table, agent_table, clear_programs, stepper_for
 
 DECISIONS = 8
-BATCH = Estimator(improve=2)
+BATCH = Estimator(update_every=2)
 
 
 class Accumulating(Trace):
@@ -130,7 +130,7 @@ def narrow_soft(values=None, replay=None, entropy_target=None):
     network = dataclasses.replace(values.network, hidden=(4,))
     replay = dataclasses.replace(Replay() if replay is None else replay, capacity=40, start=4, batch=3)
     values = dataclasses.replace(values, network=network)
-    return SoftActorCritic(improve=2, values=values, replay=replay, entropy_target=entropy_target)
+    return SoftActorCritic(update_every=2, values=values, replay=replay, entropy_target=entropy_target)
 
 
 def agent_with(base, name):
@@ -160,7 +160,7 @@ def agent_with(base, name):
         Centring: lambda: {"estimator": Estimator(baseline=LinearCritic(centring=made(cls)))},
         Features: lambda: {"estimator": Estimator(baseline=LinearCritic(made(cls)))},
         StepBound: lambda: {"estimator": Estimator(bound=made(cls))},
-        ClippedSurrogate: lambda: {"estimator": Estimator(improve=6, reuse=made(cls))},
+        ClippedSurrogate: lambda: {"estimator": Estimator(update_every=6, reuse=made(cls))},
         RewardScaling: lambda: {"estimator": Estimator(reward_scaling=made(cls))},
         RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
         Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},

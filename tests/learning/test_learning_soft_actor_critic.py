@@ -314,7 +314,7 @@ def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
     with jax.enable_x64(True):
         policy: Any = unit()
         policy = Autoregressive(policy, autocorrelation) if autocorrelation else policy
-        estimator = SoftActorCritic(improve=1, entropy=0.3, values=ActionValueEnsemble(members=1, network=Bowls()))
+        estimator = SoftActorCritic(update_every=1, entropy=0.3, values=ActionValueEnsemble(members=1, network=Bowls()))
         state = estimator.values.init(2, jnp.float64, jax.random.key(0))
         (head,) = state.weights
         state = state._replace(weights=(eqx.tree_at(lambda w: w.weights, head, jnp.ones(1)),))
@@ -349,7 +349,7 @@ def bandit(estimator, policy, decisions, key=0):
 def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
     network = MultilayerPerceptron((32,), activation="tanh", sparsity=0.0, layer_norm=False)
     values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
-    estimator = SoftActorCritic(improve=4, values=values, replay=Replay(3_000, 100, 64, 4))
+    estimator = SoftActorCritic(update_every=4, values=values, replay=Replay(3_000, 100, 64, 4))
     state = bandit(estimator, unit(), 1_500)
     policy = state.policy
     assert float(policy.weights[0, 0]) == pytest.approx(CENTRE, abs=0.1)
@@ -363,7 +363,7 @@ def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
     values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
     wanted = 0.3  # a deviation, of which entropy is a function
     target = EntropyTarget(math.log(wanted) + 0.5 * math.log(2 * math.pi * math.e), start=0.5, learning_rate=0.02)
-    estimator = SoftActorCritic(improve=4, values=values, replay=Replay(3_000, 100, 64, 4), entropy_target=target)
+    estimator = SoftActorCritic(update_every=4, values=values, replay=Replay(3_000, 100, 64, 4), entropy_target=target)
     state = bandit(estimator, unit(), 2_500)
     assert float(state.policy.deviation[0]) == pytest.approx(wanted, abs=0.06)
     # where s is best, 2 s² = α: the square counts −1, and a nat of log s counts α
@@ -372,7 +372,7 @@ def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
 
 @pytest.mark.ci
 def test_nothing_moves_before_there_is_enough_experience():
-    estimator = SoftActorCritic(improve=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
+    estimator = SoftActorCritic(update_every=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
     before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision
     np.testing.assert_array_equal(before.policy.weights, unit().weights)
     assert float(after.policy.weights[0, 0]) != 0.2
@@ -384,7 +384,7 @@ def test_nothing_moves_before_there_is_enough_experience():
 def test_parts_and_policies_without_a_place_in_it_are_refused():
     for changes, words in (
         ({"baseline": MeanReward()}, "baseline = "),
-        ({"improve": "episode"}, "improve = 'episode': must be a number of decisions with SoftActorCritic"),
+        ({"update_every": "episode"}, "update_every = 'episode': must be a number of decisions with SoftActorCritic"),
         ({"discount": 0.9}, "discount = 0.9"),
         ({"entropy": 0.1, "entropy_target": EntropyTarget()}, r"entropy = 0\.1: must be None with an entropy_target"),
     ):

@@ -273,7 +273,7 @@ def test_a_diverged_decision_teaches_nothing_and_ends_the_episode():
     [
         ({"estimator": Estimator(Window(3))}, "estimator.trace = "),
         ({"estimator": olgarb(0.9, LinearBaseline(0.1))}, "estimator.baseline = "),
-        ({"estimator": Estimator(improve=5)}, "estimator.improve = 5"),
+        ({"estimator": Estimator(update_every=5)}, "estimator.update_every = 5"),
         ({"optimizer": Adam(1e-3)}, "optimizer = "),
         ({"optimizer": SGD(1e-3, 0.1)}, "optimizer = "),
         ({"metric": FisherMetric(1e-3)}, "metric = "),

@@ -31,7 +31,7 @@ def test_it_finds_the_exact_scores_of_states_and_the_exact_direction(name, decay
     mdp, weight, seeds = task.dynamics, 0.6, 60
     metric = StationaryMetric(features, weight, decay, rate=0.0, ridge=1e-6, damping=0.05, initial=0.0)
     stepper = stepper_for(
-        task, Agent(policy, Estimator(Exponential(0.0), improve="never"), metric=metric), range(seeds)
+        task, Agent(policy, Estimator(Exponential(0.0), update_every="never"), metric=metric), range(seeds)
     )
     stepper.advance(6_000)
     state = stepper.state["cycle"].agent.chain[0]
@@ -73,7 +73,7 @@ def test_the_means_are_those_written_out_and_a_diverged_decision_breaks_the_chai
     with jax.enable_x64(True):
         policy = Hyperplanes(jnp.array([[0.5, -0.2], [0.1, 0.3]], jnp.float64), jnp.array([0.1, -0.3], jnp.float64))
         metric = StationaryMetric(Features(), 1.0, decay, rate=0.0, damping=0.1)
-        agent = Agent(policy, Estimator(Exponential(0.0), None, improve="never"), metric=metric)
+        agent = Agent(policy, Estimator(Exponential(0.0), None, update_every="never"), metric=metric)
         state, rng = agent.init(jax.random.key(0)), np.random.default_rng(0)
         samples, known, blocks = [], None, [np.stack([np.eye(3)] * 2)]
         for step in range(10):

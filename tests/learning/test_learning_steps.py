@@ -252,11 +252,11 @@ AVERAGES = {"all": PolyakAveraging(), "late": PolyakAveraging(start=7), "forgett
 
 @pytest.mark.ci
 @pytest.mark.representatives("late-5")
-@pytest.mark.parametrize("improve", [1, 5])
+@pytest.mark.parametrize("update_every", [1, 5])
 @pytest.mark.parametrize("name", AVERAGES)
 def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
     average = AVERAGES[name]
-    estimator = dataclasses.replace(olgarb(0.5), improve=improve)
+    estimator = dataclasses.replace(olgarb(0.5), update_every=improve)
     plain, agent = (Agent(POINT, estimator, SGD(0.1), averaging=a) for a in (None, average))
     steppers = [stepper_for(ThreeState(), a, range(3)) for a in (plain, agent)]
     mean, n = steppers[0].policies().weights.astype(float), 0
@@ -402,7 +402,7 @@ def test_settings_stand_for_the_parts():
         "three-state",
         baseline=critic,
         decay=0.873,
-        improve=160,
+        update_every=160,
         entropy=_annealed(0.02, end=0.0, steps=300),
         metric={"kind": "fisher", "kl": 0.03},
         averaging={"start": 150},

@@ -47,12 +47,12 @@ def test_one_pass_over_a_batch_is_the_step_of_its_samples(trace, baseline):
     """Advantages summed backwards, times scores, are errors times the trace, ends of episodes included."""
     policy = Softmax(WEIGHTS)
     once = ClippedSurrogate(epochs=1, standardise=False)
-    plain = Estimator(trace, baseline, improve=8, entropy=0.1)
-    reused = Estimator(trace, baseline, improve=8, entropy=0.1, reuse=once)
+    plain = Estimator(trace, baseline, update_every=8, entropy=0.1)
+    reused = Estimator(trace, baseline, update_every=8, entropy=0.1, reuse=once)
     found, wanted = (stepped(Agent(policy, each, SGD(0.5))) for each in (reused, plain))
     assert not np.allclose(wanted.policy.weights, WEIGHTS)
     np.testing.assert_allclose(found.policy.weights, wanted.policy.weights, rtol=1e-4, atol=1e-6)
-    assert int(found.estimator.batch.waiting) == int(found.gradient.count) == 0
+    assert int(found.estimator.reduction.waiting) == int(found.gradient.count) == 0
 
 
 @pytest.mark.parametrize(("worth", "wanted"), [([0.1] * 7, [0.0] * 7), ([0.0, 1.0, 1.0, 0.0], [-1.0, 1.0, 1.0, -1.0])])
@@ -66,7 +66,7 @@ def test_equal_advantages_are_standardised_to_0(worth, wanted):
 @pytest.mark.ci
 def test_what_diverged_is_no_part_of_a_batch():
     policy = Softmax(WEIGHTS)
-    parts = {"trace": Exponential(0.8), "baseline": MeanReward(), "improve": 7}
+    parts = {"trace": Exponential(0.8), "baseline": MeanReward(), "update_every": 7}
     once = ClippedSurrogate(epochs=1, standardise=False)
     found = stepped(Agent(policy, Estimator(**parts, reuse=once), SGD(0.5)), (), (3,))
     wanted = stepped(Agent(policy, Estimator(**parts), SGD(0.5)), (), (3,))
@@ -120,9 +120,9 @@ def test_every_decision_is_used_once_an_epoch_in_an_order_of_its_own():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"improve": 1}, r"improve = 1: must be the decisions of a batch, an integer of at least 2"),
-        ({"improve": "episode"}, r"improve = 'episode': must be the decisions of a batch"),
-        ({"improve": 9}, r"reuse.minibatches = 2: must be a divisor of improve = 9"),
+        ({"update_every": 1}, r"update_every = 1: must be the decisions of a batch, an integer of at least 2"),
+        ({"update_every": "episode"}, r"update_every = 'episode': must be the decisions of a batch"),
+        ({"update_every": 9}, r"reuse.minibatches = 2: must be a divisor of update_every = 9"),
         ({"trace": Window(3)}, r"trace = 'Window': must be Exponential or Episodic"),
         ({"baseline": OptimalBaseline()}, r"baseline = 'OptimalBaseline': must be a critic, or one that does not see"),
         ({"bound": OvershootingBound()}, r"bound = .*: must be None for a reuse of batches"),
@@ -131,7 +131,7 @@ def test_every_decision_is_used_once_an_epoch_in_an_order_of_its_own():
 )
 def test_parts_that_do_not_fit_are_refused_by_name(settings, message):
     with pytest.raises(ValueError, match=message):
-        Estimator(**{"improve": 8, "reuse": ClippedSurrogate(minibatches=2), **settings})
+        Estimator(**{"update_every": 8, "reuse": ClippedSurrogate(minibatches=2), **settings})
 
 
 @pytest.mark.parametrize(
@@ -139,10 +139,10 @@ def test_parts_that_do_not_fit_are_refused_by_name(settings, message):
 )
 def test_steps_that_read_no_gradient_or_compare_whole_batches_take_no_reuse(settings):
     with pytest.raises(ValueError, match=r"estimator\.reuse = .*: must be None with .*; .* takes? one"):
-        Agent(Softmax(WEIGHTS), Estimator(improve=8, reuse=ClippedSurrogate(minibatches=2)), **settings)
+        Agent(Softmax(WEIGHTS), Estimator(update_every=8, reuse=ClippedSurrogate(minibatches=2)), **settings)
 
 
 def test_a_policy_whose_memory_depends_on_its_parameters_is_refused():
-    agent = Agent(recurrent(2, 1), Estimator(improve=8, reuse=ClippedSurrogate()))
+    agent = Agent(recurrent(2, 1), Estimator(update_every=8, reuse=ClippedSurrogate()))
     with pytest.raises(ValueError, match=r"policy = .*: must be one whose memory does not depend on its parameters"):
         eqx.filter_eval_shape(agent.init, jax.random.key(0))

@@ -96,7 +96,7 @@ def test_the_key_is_that_of_the_structure(path):
         dataclasses.replace(RICH, averaging=None),
         dataclasses.replace(RICH, optimizer=SGD({"weights": 0.01}, 1e-3)),
         dataclasses.replace(RICH, metric=dataclasses.replace(RICH.metric, damping=0.1)),  # no array
-        dataclasses.replace(RICH, estimator=dataclasses.replace(RICH.estimator, batch="sum")),
+        dataclasses.replace(RICH, estimator=dataclasses.replace(RICH.estimator, reduction="sum")),
     )
     assert len({key, *(Numbers(other.hyperparameters).key for other in others)}) == 1 + len(others)
 

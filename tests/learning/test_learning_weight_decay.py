@@ -105,7 +105,7 @@ def practice(agent, rewards, diverged=False):
 def test_an_online_learner_decays_at_every_decision_and_a_batch_learner_once_a_batch():
     each = practice(learner(olpomdp(0.0)), [0.0] * 6)
     np.testing.assert_array_equal(each.weights, 0.75**6 * PLANES.weights)
-    batch = practice(learner(Estimator(improve=3)), [0.0] * 6)
+    batch = practice(learner(Estimator(update_every=3)), [0.0] * 6)
     np.testing.assert_array_equal(batch.weights, 0.75**2 * PLANES.weights)
 
 
@@ -162,10 +162,10 @@ def test_settings_make_the_decay_and_the_plain_optimizer_has_none():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("improve", [1, 7])
+@pytest.mark.parametrize("update_every", [1, 7])
 def test_a_run_that_was_stopped_goes_on_bit_for_bit(improve, tmp_path):
     def run(out, steps, **changes):
-        settings = agent_for("linear-recruitment", improve=improve, **{"weight_decay": {"gain": 1e-3}, **changes})
+        settings = agent_for("linear-recruitment", update_every=improve, **{"weight_decay": {"gain": 1e-3}, **changes})
         return mg.train("linear-recruitment", settings, steps, 3, tmp_path / out, window=100, progress=False)
 
     whole = run("whole", 600)

@@ -171,7 +171,7 @@ def test_it_can_be_a_part_of_others_but_its_units_cannot_be_masked():
 
 def learned(policy, metric, decisions=4000, batch=20):
     """Learn to fire on the side that an input points to, by everything that a learner may have beside its trace."""
-    estimator = Estimator(Exponential(0.5), LinearCritic(), improve=batch, entropy=1e-3)
+    estimator = Estimator(Exponential(0.5), LinearCritic(), update_every=batch, entropy=1e-3)
     agent = Agent(policy, estimator, SGD(0.2), metric, averaging=PolyakAveraging(start=10))
     rng = np.random.default_rng(1)
     inputs, uniforms = rng.normal(size=(decisions + 1, 1)), rng.random((decisions, 2))

@@ -78,7 +78,7 @@ def test_policies_can_be_laid_out_or_grown_with_the_printed_pair():
 def test_an_estimator_that_asks_for_no_scores_is_refused():
     policy, settings = Masked(PrintedGaussians(CENTRE, LOG_WIDTH)), SimpleNamespace(estimator=olgarb())
     validate_score(policy, settings)
-    settings.estimator = dataclasses.replace(olgarb(), reuse=ClippedSurrogate(), improve=64)
+    settings.estimator = dataclasses.replace(olgarb(), reuse=ClippedSurrogate(), update_every=64)
     with pytest.raises(ValueError, match="pair = 'printed': must be exact for an estimator that asks for no scores"):
         validate_score(policy, settings)
     validate_score(LocalGaussians(CENTRE, LOG_WIDTH), settings)

@@ -161,7 +161,7 @@ def test_a_run_with_everything_resumes_and_loads(tmp_path):
         "baseline": {"kind": "critic", "fit": "td"},
         "averaging": "polyak",
         "entropy": 0.01,
-        "improve": 10,
+        "update_every": 10,
     }
     agent = agent_for(task, changes)
     whole = train(task, agent, steps=40, seeds=2, out=tmp_path / "whole", window=10, progress=False)

@@ -198,7 +198,7 @@ def test_the_first_policy_tiles_the_box_with_both_directions_at_each_place():
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("change", [{"learning_rate": {"centre": 2e-4, "log_width": 10.0}}, {"improve": 7}])
+@pytest.mark.parametrize("change", [{"learning_rate": {"centre": 2e-4, "log_width": 10.0}}, {"update_every": 7}])
 def test_learning_keeps_widths_within_their_limits(change):
     limits = {"copies": 2, "least_log_width": -1.9, "most_log_width": -1.8}
     rates = {"centre": 0.0, "log_width": 10.0}

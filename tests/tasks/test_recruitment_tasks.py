@@ -238,7 +238,7 @@ def test_direct_simulation_pays_what_the_table_does():
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("change", [{}, {"batch": "mean"}])
+@pytest.mark.parametrize("change", [{}, {"reduction": "mean"}])
 def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
     task = ArmRecruitment(least=2.0, most=2.0, low=-2.0, high=9.0)  # -2, 0 … 8: six decisions
     stepper = stepper_for(task, agent_for(task, **change), range(3))
@@ -251,7 +251,7 @@ def test_the_parameters_move_once_a_sweep_by_its_sum_or_its_mean(change):
     moved = stepper.policies().gain - start
     assert (moved != 0).any()
     # the sixth sample is unknown here, but the sum is six times the mean
-    other = stepper_for(task, agent_for(task, batch="mean" if not change else "sum"), range(3))
+    other = stepper_for(task, agent_for(task, reduction="mean" if not change else "sum"), range(3))
     other.advance(6)
     times = 6.0 if not change else 1 / 6
     np.testing.assert_allclose(moved, times * (other.policies().gain - start), rtol=1e-4)

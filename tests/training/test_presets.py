@@ -25,7 +25,7 @@ def test_schedules_scale_with_the_budget(steps, batch, updates):
     assert isinstance(metric, FisherMetric)
     assert isinstance(critic, LinearCritic)
     assert isinstance(metric.kl, Annealed)
-    assert (estimator.improve, critic.fit.interval) == (batch, batch)
+    assert (estimator.update_every, critic.fit.interval) == (batch, batch)
     assert (metric.kl.steps, agent.averaging.start) == (updates, updates - updates // 8)
     np.testing.assert_allclose(
         [metric.rate, critic.fit.rate, estimator.normalization.rate], [0.1, 0.1, 0.1] / np.array(batch)
@@ -103,7 +103,7 @@ def test_the_learner_of_24_muscles_has_the_numbers_of_its_study():
     }
     assert {path: numbers[path] for path in wanted} == wanted
     agent: Any = mg.agent_for("hexapod")
-    assert (agent.estimator.improve, agent.metric.kl.steps, agent.averaging.start) == (160, 1200, 1050)
+    assert (agent.estimator.update_every, agent.metric.kl.steps, agent.averaging.start) == (160, 1200, 1050)
 
 
 @pytest.mark.parametrize("name", ["CartPole-v1", "Pendulum-v1", "hexapod"])
@@ -114,7 +114,7 @@ def test_a_network_stands_in_place_of_features_under_the_same_units(name):
     assert {key: value for key, value in deep["policy"].items() if key != "network"} == policy
     assert deep["policy"]["network"]["hidden"] == [128, 128]
     assert deep["metric"]["kind"] == "conjugate-gradient"
-    assert deep["metric"]["memory"] == deep["estimator"]["improve"] == plain["estimator"]["improve"]
+    assert deep["metric"]["memory"] == deep["estimator"]["update_every"] == plain["estimator"]["update_every"]
     assert deep["metric"]["kl"] == plain["metric"]["kl"]
     horizon = min(100, max(10, (task.longest_episode or 200) / 5))
     found = deep["estimator"]["baseline"]["discount"], deep["estimator"]["trace"]["decay"]
@@ -156,7 +156,7 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
         main(["train", "--config", str(config), "--agent.baseline.discount", "0.9", "--check"])
     assert done.value.code == 0
     said = capsys.readouterr().out
-    for words in ('preset = "natural"', "improve = 50", "discount = 0.9", "steps = 100", 'kind = "fisher"'):
+    for words in ('preset = "natural"', "update_every = 50", "discount = 0.9", "steps = 100", 'kind = "fisher"'):
         assert words in said
     # the options of the policy of graded actions, which the task's default environment does not have
     words = "train Pendulum-v1 --agent.policy.deviation 0.7 --agent.policy.features.nonlinear 32 --check"
@@ -231,9 +231,9 @@ def test_hidden_layers_stand_before_the_tasks_own_policy_or_another_that_takes_t
 @pytest.mark.parametrize(("steps", "batch"), [(1_000, 256), (20_000, 384), (1_000_000, 2048)])
 def test_the_batches_of_ppo_and_trpo_scale_with_the_budget_and_divide_into_minibatches(steps, batch):
     ppo, trpo = (getattr(mg.presets, name)("three-state", steps) for name in ("ppo", "trpo"))
-    assert (ppo.estimator.improve, ppo.estimator.baseline.fit.interval) == (batch, batch)
+    assert (ppo.estimator.update_every, ppo.estimator.baseline.fit.interval) == (batch, batch)
     assert (ppo.estimator.reuse.minibatches, ppo.estimator.reuse.epochs) == (batch // 64, 10)
-    assert (trpo.estimator.improve, trpo.metric.memory, trpo.metric.kl) == (batch, batch, 0.01)
+    assert (trpo.estimator.update_every, trpo.metric.memory, trpo.metric.kl) == (batch, batch, 0.01)
 
 
 def test_the_short_horizon_is_a_fifth_of_an_episode():
@@ -250,7 +250,7 @@ def test_reinforce_needs_episodes_and_several_environments_are_refused_for_batch
     with pytest.raises(ValueError, match=r"envs = 4: must be 1 for batches used again by ClippedSurrogate"):
         check_training("hopper", mg.presets.ppo("hopper", 6_400), 6_400, envs=4)
     with pytest.raises(ValueError, match=r"envs = 4: must be 1 for EpisodicNatural"):
-        check_training("hopper", mg.agent_for("hopper", metric="episodic-nac", improve=100), 6_400, envs=4)
+        check_training("hopper", mg.agent_for("hopper", metric="episodic-nac", update_every=100), 6_400, envs=4)
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ def test_divergences_are_counted(broken):
 
 LEARNERS = [
     {"optimizer": "adam"},
-    pytest.param({"estimator": "gpomdp", "improve": 50}, marks=pytest.mark.slow),
+    pytest.param({"estimator": "gpomdp", "update_every": 50}, marks=pytest.mark.slow),
     pytest.param({"trace": "window"}, marks=pytest.mark.slow),
 ]
 

@@ -73,9 +73,9 @@ def engine(task, agent=None, **settings) -> Any:
 def natural(task, batch=30):
     """A learner with every part that an environment could have for itself, or share."""
     critic = LinearCritic(discount=0.9, fit=LeastSquares(rate=0.01, interval=batch))
-    estimator = gae(critic, improve=batch)
+    estimator = gae(critic, update_every=batch)
     estimator = mg.learning.Estimator(
-        estimator.trace, critic, improve=batch, normalization=RootMeanSquare(0.01), entropy=0.01
+        estimator.trace, critic, update_every=batch, normalization=RootMeanSquare(0.01), entropy=0.01
     )
     return mg.Agent(mg.policies.hyperplanes(task), estimator, mg.learning.SGD(0.1), FisherMetric(0.02, kl=0.05))
 
@@ -209,9 +209,9 @@ def test_bodies_are_stepped_in_one_batch():
 
 @pytest.mark.ci
 def test_a_run_is_saved_resumed_and_evaluated(drift, task, agent, tmp_path):
-    words = f"train gymnasium --task.env-id {drift} --agent.improve 20 --envs 4 --steps 400 --seeds 2".split()
+    words = f"train gymnasium --task.env-id {drift} --agent.update-every 20 --envs 4 --steps 400 --seeds 2".split()
     assert main([*words, "--out", str(tmp_path / "whole")]) == 0
-    learner = mg.agent_for(task, improve=20, steps=400)  # with the schedules of the whole
+    learner = mg.agent_for(task, update_every=20, steps=400)  # with the schedules of the whole
     mg.train(task, learner, 200, 2, tmp_path / "parts", window=4, envs=4, progress=False)
     mg.resume(tmp_path / "parts", 400, progress=False)
     whole, parts = mg.load(tmp_path / "whole"), mg.load(tmp_path / "parts")

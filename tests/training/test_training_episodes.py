@@ -149,7 +149,7 @@ def test_a_baseline_that_returns_something_else_is_told_what():
     ("changes", "named"),
     [
         ({"trace": "episodic"}, r"trace.kind = 'episodic'"),
-        ({"improve": "episode"}, "improve = 'episode'"),
+        ({"update_every": "episode"}, "update_every = 'episode'"),
         ({"discount": 0.9}, "discount = 0.9"),
     ],
 )

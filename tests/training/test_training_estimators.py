@@ -13,7 +13,7 @@ from motorgrad.training import RunDirectoryError, agent_for, evaluate, load, ste
 
 EVERYTHING = {
     "decay": 0.873,
-    "improve": 40,
+    "update_every": 40,
     "learning_rate": 1.0,
     "metric": {"kind": "fisher", "rate": 0.01, "kl": {"kind": "annealed", "start": 0.03, "end": 0.0, "steps": 50}},
     "entropy": {"kind": "annealed", "start": 0.02, "end": 0.0, "steps": 50},
@@ -52,7 +52,7 @@ def test_everything_together_is_resumed_bit_for_bit(name, critic, tmp_path):
 
 
 def test_the_mean_of_no_gradient_samples_is_not_0(tmp_path):
-    changes = {"estimator": "gpomdp", "improve": 100}
+    changes = {"estimator": "gpomdp", "update_every": 100}
     for steps, known in ((150, True), (200, False)):  # after the step at decision 200 there is no sample yet
         run = train("three-state", changes, steps=steps, seeds=2, out=tmp_path / "run", progress=False)
         equal(load(tmp_path / "run").gradient, run.gradient)

@@ -134,7 +134,7 @@ def test_a_grown_run_is_taken_up_with_the_units_it_has():
             {**RULES["plateau"], "growth.criterion.window": 5},
             "growth.criterion.window = 5: must be an integer from 40",
         ),
-        ({**RULES["clock"], "improve": "never"}, "must be None where parameters never move"),
+        ({**RULES["clock"], "update_every": "never"}, "must be None where parameters never move"),
     ],
 )
 def test_impossible_schedules_are_refused_by_the_settings_names(changes, names):

@@ -353,7 +353,7 @@ def test_cart_pole_is_learned_quickly():
 @pytest.mark.slow
 def test_cart_pole_is_learned_from_its_own_rewards_alone():
     task = from_gymnasium("CartPole-v1")
-    estimator = Estimator(Exponential(0.99), None, improve=500)
+    estimator = Estimator(Exponential(0.99), None, update_every=500)
     agent = Agent(mg.policies.softmax(task), estimator, mg.learning.Adam(0.1))
     before, after = evaluated(task, agent, 10_000, 4, 1_000)
     assert np.median(after) > 2 * np.median(before)

@@ -48,7 +48,7 @@ def signal():
 WORLD = mg.make("load-unload", time_limit=20)
 PARTS = {  # of learners: with a critic and the natural gradient in the world, as light as can be elsewhere
     "world": {
-        "estimator": gae(LinearCritic(fit=LeastSquares(interval=50)), improve=50),
+        "estimator": gae(LinearCritic(fit=LeastSquares(interval=50)), update_every=50),
         "metric": FisherMetric(interval=10, kl=0.01),
     },
     "host": PLAIN,

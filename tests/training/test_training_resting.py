@@ -37,7 +37,7 @@ CRITIC = LinearCritic(Features(squares=True), 0.9, 0.8, LeastSquares(1e-2, inter
 GATHERED = 9
 
 
-def agent(task, improve=IMPROVE, interval=1):
+def agent(task, update_every=IMPROVE, interval=1):
     metric = FisherMetric(0.01, interval=interval, kl=Annealed(0.1, 0.01, 5))
     return Agent(hyperplanes(task), gae(CRITIC, 0.9, improve), SGD(1.0), metric, averaging=PolyakAveraging(2))
 
@@ -171,12 +171,12 @@ def test_the_rest_is_up_to_the_nearest_that_is_due():
 @pytest.mark.parametrize(
     ("learner", "rests", "rest"),
     [
-        (Estimator(improve=1), False, 0),
-        (Estimator(improve="episode"), False, 0),
-        (Estimator(improve=5), True, 4),
-        (Estimator(improve="never"), True, NEVER),
-        (gae(LinearCritic(fit=TemporalDifference()), improve=9), True, 8),
-        (gae(LinearCritic(fit=LeastSquares(interval=1)), improve=9), True, 0),
+        (Estimator(update_every=1), False, 0),
+        (Estimator(update_every="episode"), False, 0),
+        (Estimator(update_every=5), True, 4),
+        (Estimator(update_every="never"), True, NEVER),
+        (gae(LinearCritic(fit=TemporalDifference()), update_every=9), True, 8),
+        (gae(LinearCritic(fit=LeastSquares(interval=1)), update_every=9), True, 0),
     ],
 )
 def test_who_rests_and_for_how_long(learner, rests, rest):
@@ -189,7 +189,7 @@ def test_a_growing_learner_never_rests():
     from motorgrad.policies import LocalGaussians, Masked
 
     pool = LocalGaussians(np.zeros((3, 2)), np.zeros((3, 2)))
-    growing = Agent(Masked(pool, np.array([True, False, False])), Estimator(improve=5), growth=Growth())
+    growing = Agent(Masked(pool, np.array([True, False, False])), Estimator(update_every=5), growth=Growth())
     assert not growing.rests
 
 

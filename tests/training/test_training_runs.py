@@ -171,10 +171,10 @@ def test_an_unfinished_window_has_a_record_that_goes_with_more_steps(tmp_path):
 
 
 LEARNERS = {
-    "a batch": {"estimator": "gpomdp", "improve": 32},
+    "a batch": {"estimator": "gpomdp", "update_every": 32},
     "a window": {"trace": {"kind": "window", "length": 5}},
     "a lag": {"trace": {"kind": "lagged-gaussian", "lag": 2.0}},
-    "a discount": {"discount": 0.99, "trace": "episodic", "improve": "episode"},
+    "a discount": {"discount": 0.99, "trace": "episodic", "update_every": "episode"},
     "a fixed step": {"baseline": "fixed-step"},
     "adam": {"optimizer": "adam"},
 }

@@ -69,7 +69,7 @@ def test_a_list_of_mappings_is_run_as_it_stands():
 REFUSED = [
     ({"decy": [0.5]}, "unknown number in the sweep 'decy': did you mean"),
     ({"estimator.trace.decy": [0.5]}, "unknown number in the sweep 'estimator.trace.decy'"),
-    ({"improve": [1, 2]}, "'improve' is part of the structure, not a number"),
+    ({"update_every": [1, 2]}, "'update_every' is part of the structure, not a number"),
     ({"estimator.trace": [0.5]}, "'estimator.trace' is part of the structure"),
     ({"discount": [0.9]}, "'discount' is absent in this agent: give it a value first"),
     ({"policy.width": [0.1]}, "unknown number in the sweep 'policy.width'"),
@@ -134,7 +134,7 @@ SWEEPS = {
     ),
     "a critic": (
         FINITE,
-        {"baseline": {"kind": "critic", "features": {}, "fit": "td", "discount": 0.7}, "improve": 10},
+        {"baseline": {"kind": "critic", "features": {}, "fit": "td", "discount": 0.7}, "update_every": 10},
         {"estimator.baseline.discount": [0.5, 0.9]},
         100,
     ),
@@ -298,7 +298,7 @@ def test_a_file_sweeps(text, tmp_path, capsys):
         ("decay=0.5,much", "sweep = 'decay=0.5,much'"),
         # as REFUSED
         pytest.param("decy=0.5", "unknown number in the sweep 'decy'", marks=pytest.mark.ci),
-        pytest.param("improve=1,2", "part of the structure", marks=pytest.mark.ci),
+        pytest.param("update_every=1,2", "part of the structure", marks=pytest.mark.ci),
     ],
 )
 def test_a_sweep_that_cannot_be_is_refused_on_one_line(word, named, capsys):
@@ -341,7 +341,7 @@ def test_programs_are_shared_by_the_same_task_structure_and_mode_alone():
     assert program(mg.make("chain", time_limit=9), decay=0.1, learning_rate=0.5) is own
     assert program(mode="sample") is not own
     assert program(mg.make("chain", time_limit=8)) is not own
-    for changes in ({"baseline": None}, {"discount": 0.9}, {"improve": 2}, {"optimizer": "adam"}, {"trace": "window"}):
+    for changes in ({"baseline": None}, {"discount": 0.9}, {"update_every": 2}, {"optimizer": "adam"}, {"trace": "window"}):
         assert program(**changes) is not own
     assert program(learning_rate={"weights": 0.1}) is not own
     with jax.enable_x64(True):
@@ -399,7 +399,7 @@ def test_a_number_that_cannot_be_is_refused_and_nothing_changes():
         ("decay", 0.5, "unknown number 'decay'"),
         (DECAY, 1.5, r"estimator.trace.decay = 1.5: must be in \[0, 1\]"),
         (DECAY, 1.0, "needs episodes"),
-        ("estimator.improve", 3, "unknown number 'estimator.improve'"),
+        ("estimator.update_every", 3, "unknown number 'estimator.update_every'"),
     ):
         with pytest.raises(ValueError, match=named):
             stepper.set_number(path, value)

@@ -81,7 +81,7 @@ def test_the_learners_are_the_thesis_s():
         assert agent_for(task).estimator.trace.decay == 0
     agent = agent_for(arm_task("vertical", 3))
     assert agent.optimizer.learning_rate == {"gain": 2e-4, "threshold": 4e-4}
-    assert (agent.estimator.improve, agent.estimator.batch) == ("episode", "sum")
+    assert (agent.estimator.update_every, agent.estimator.reduction) == ("episode", "sum")
     arm = EXPERIMENTS["fig-4.8"]()
     assert (arm.seeds, arm.units) == (32, (2, 3, 4))
 

@@ -74,7 +74,7 @@ def test_nothing_is_given_to_the_learner_and_one_thing_is_changed_in_each_other(
     weights = full.policy(jax.random.key(0)).weights
     assert weights.shape == (24, 20)
     assert not np.any(weights)
-    assert study.updates * full.estimator.improve * task.period <= 4000
+    assert study.updates * full.estimator.update_every * task.period <= 4000
     own = agent_table(full)
     for variant in VARIANTS:
         changes, table = VARIANTS[variant][1], agent_table(study.learner(variant))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import motorgrad as mg
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training import stepper_for
@@ -24,7 +24,7 @@ class Work:
     most: int = 2**31
     runs: Path | None = None
 
-    def train(self, task: Task | str, agent: Agent | None, steps: int, seeds: int, keep: str = "") -> mg.Run:
+    def train(self, task: Task | str, agent: Learner | None, steps: int, seeds: int, keep: str = "") -> mg.Run:
         """A trained run; under the name `keep` it stays in the folder of runs, and is not made again."""
         out = self.runs / keep if self.runs and keep else None
         steps = min(steps, self.most)
@@ -38,7 +38,7 @@ class Work:
         return [length for length in lengths if length <= max(self.most, lengths[0])]
 
 
-def errors(agent: Agent, task: Task, mdp: FiniteMDP, lengths: Sequence[int], seeds: int) -> np.ndarray:
+def errors(agent: Learner, task: Task, mdp: FiniteMDP, lengths: Sequence[int], seeds: int) -> np.ndarray:
     """How far estimates are from the exact gradient, relative to its length: `(lengths, seeds)`."""
     assert isinstance(agent.policy, Policy)
     exact = oracle.flat(oracle.gradient(mdp, agent.policy))

@@ -78,7 +78,7 @@ def action_transitions(work: Work) -> Figure:
 
     def transitions(relative_to: str) -> Estimator:
         baseline = ActionTransitions(features, fit=fit, relative_to=relative_to)  # pyright: ignore[reportArgumentType]
-        return Estimator(Exponential(0.0), baseline, improve="never")
+        return Estimator(Exponential(0.0), baseline, update_every="never")
 
     rules = {
         r"GPOMDP, $\beta$ = 0.9": (gpomdp(0.9, MeanReward()), FAINT),
@@ -108,7 +108,7 @@ def learned_trace(work: Work) -> Figure:
     mdp = TASK.dynamics
     exact = np.array([oracle.flat(oracle.lagged_gradient(mdp, POLICY, int(lag))) for lag in lags])
     whole = oracle.flat(oracle.gradient(mdp, POLICY))
-    stepper = stepper_for(TASK, Agent(POLICY, Estimator(trace, MeanReward(), improve="never")), range(seeds))
+    stepper = stepper_for(TASK, Agent(POLICY, Estimator(trace, MeanReward(), update_every="never")), range(seeds))
     fixed = {
         "window": (np.ones(len(lags)), FAINT),
         r"exponential, $\beta$ = 0.8": (0.8**lags, ORANGE),
@@ -145,7 +145,7 @@ def stationary_metric(work: Work) -> Figure:
     lengths = work.lengths(*LENGTHS)
     exact = oracle.stationary_score(TASK.dynamics, POLICY)
     observations = jnp.asarray(TASK.dynamics.observations, jnp.float32)
-    estimator = Estimator(improve="never")
+    estimator = Estimator(update_every="never")
     for decay, colour in ((0.0, RED), (0.7, ORANGE), (0.95, BLUE)):
         metric = StationaryMetric(Features(bias=False), decay=decay, rate=0.0, ridge=1e-4)
         stepper = stepper_for(TASK, Agent(POLICY, estimator, metric=metric), range(SEEDS))
@@ -159,7 +159,7 @@ def stationary_metric(work: Work) -> Figure:
     left.set(xscale="log", yscale="log", xlabel="decisions", ylabel=r"relative error of $\xi$")
     left.legend(fontsize=7)
     policy = mg.policies.softmax(LATE_REWARD)
-    batch = Estimator(Exponential(0.9), improve=100)
+    batch = Estimator(Exponential(0.9), update_every=100)
     metrics = {
         "plain": (None, RED),
         r"actions, $\iota$ = 0": (StationaryMetric(weight=0.0), ORANGE),
@@ -188,8 +188,8 @@ def natural_actor_critics(work: Work) -> Figure:
     sensitivity(online, work, LATE_REWARD, found, [1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0], steps)
     online.set(title=f"chain of six, {steps:,} decisions, a step each")
     policy = mg.policies.softmax(episodes)
-    batch = Estimator(Exponential(0.8), improve=200)
-    unread = Estimator(Exponential(0.0), None, improve=200)
+    batch = Estimator(Exponential(0.8), update_every=200)
+    unread = Estimator(Exponential(0.0), None, update_every=200)
     squares = LeastSquares(rate=1e-3, interval=200)
     found = {
         "plain": (Agent(policy, batch, SGD(1.0)), RED),

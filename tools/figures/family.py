@@ -172,7 +172,7 @@ def ascent(work: Work) -> Figure:
         (axes[1], LATE_REWARD, 0.9, "chain of six"),
     ):
         policy = mg.policies.softmax(task)
-        batch = Estimator(Exponential(beta), improve=500)
+        batch = Estimator(Exponential(beta), update_every=500)
         agents = {
             "SGD": (Agent(policy, batch, SGD(1.0)), RED),
             "CONJPOMDP": (Agent(policy, batch, ConjugateAscent(1.0)), BLUE),

@@ -128,7 +128,10 @@ def index_row(units: int, seeds: int, decisions: int, pairs: int = 5, wanted: st
     width = WIDTH / (units / 2) ** 0.5
     policy = {"copies": 2, "width": width, "least_log_width": -8.0}
     rates = {"centre": 2e-4 * (width / 0.16) ** 2, "log_width": 8e-4}
-    agents = [agent_for(task, {"policy": policy, "learning_rate": rates, "kind": kind}) for kind in ("sparse", "dense")]
+    agents = [
+        agent_for(task, {"policy": policy, "learning_rate": rates, "kind": kind})
+        for kind in ("sparse", "policy-gradient")
+    ]
     learners = [stepper_for(task, agent, range(seeds)) for agent in agents]
     name = f"falling particle of {units:,} units, indexed ÷ all"
     return _compare(name, "decisions/s", learners, seeds, decisions, pairs, wanted)

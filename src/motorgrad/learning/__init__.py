@@ -3,8 +3,10 @@
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning._action_transitions import ActionTransitions
-from motorgrad.learning._action_values import ActionValueGradient, ActionValues
-from motorgrad.learning._agent import Agent, AgentState, Decision
+from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
+from motorgrad.learning._action_value_gradient import ActionValueGradient, ActionValues
+from motorgrad.learning._advantages import Advantages
+from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._baselines import (
     Advantage,
     Baseline,
@@ -16,7 +18,6 @@ from motorgrad.learning._baselines import (
     LinearState,
     MeanReward,
     ScalarBaseline,
-    Transition,
 )
 from motorgrad.learning._branching import NEVER
 from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
@@ -30,29 +31,29 @@ from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._learned_trace import LearnedTrace
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition
 from motorgrad.learning._named_estimators import actor_critic, gae, gpomdp, olgarb, olpomdp
 from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
 from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
+from motorgrad.learning._proximal import Batch, ProximalPolicyOptimization, ProximalState
 from motorgrad.learning._registry import register
 from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
 from motorgrad.learning._soft_actor_critic import (
-    ActionValueEnsemble,
-    EnsembleState,
     EntropyState,
     EntropyTarget,
     SoftActorCritic,
+    SoftActorCriticState,
 )
 from motorgrad.learning._stationary_metric import StationaryMetric
-from motorgrad.learning._surrogate import Batch, ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
-from motorgrad.learning.sparse import IndexState, SparseAgent, SpatialIndex
+from motorgrad.learning.sparse import IndexState, SparseLearner, SparseState, SpatialIndex
 from motorgrad.schema import Part, count, number, static
 
 __all__ = [
@@ -64,6 +65,7 @@ __all__ = [
     "ActionValues",
     "Adam",
     "Advantage",
+    "Advantages",
     "Agent",
     "AgentState",
     "Annealed",
@@ -73,7 +75,6 @@ __all__ = [
     "BoundedTemporalDifference",
     "Centring",
     "Chain",
-    "ClippedSurrogate",
     "Clock",
     "CompatibleWeights",
     "ConjugateAscent",
@@ -110,6 +111,7 @@ __all__ = [
     "IntentionalTemporalDifference",
     "LaggedGaussian",
     "LearnedTrace",
+    "Learner",
     "LeastSquares",
     "LeastSquaresNatural",
     "LimitedMetric",
@@ -118,6 +120,7 @@ __all__ = [
     "LinearState",
     "MeanReward",
     "Metric",
+    "Needs",
     "NetworkCritic",
     "NormalizationState",
     "Optax",
@@ -127,6 +130,8 @@ __all__ = [
     "Part",
     "Plateau",
     "PolyakAveraging",
+    "ProximalPolicyOptimization",
+    "ProximalState",
     "RegressionMetric",
     "Replay",
     "RewardScaling",
@@ -137,7 +142,9 @@ __all__ = [
     "ShermanMorrison",
     "SimpleCentring",
     "SoftActorCritic",
-    "SparseAgent",
+    "SoftActorCriticState",
+    "SparseLearner",
+    "SparseState",
     "SpatialIndex",
     "StationaryMetric",
     "StepBound",

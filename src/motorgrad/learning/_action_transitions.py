@@ -20,10 +20,11 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._baselines import Advantage, Baseline, Transition
+from motorgrad.learning._baselines import Advantage, Baseline
 from motorgrad.learning._branching import where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, check_blind, endless
+from motorgrad.learning._learner import Transition
 from motorgrad.policies import Policy
 from motorgrad.schema import inner, number, static
 
@@ -62,7 +63,6 @@ class ActionTransitions(Baseline):
     ```
     """
 
-    needs_decision: ClassVar[bool] = True
     needs_policy: ClassVar[bool] = True
     newest_apart: ClassVar[bool] = True
 
@@ -150,8 +150,8 @@ class ActionTransitions(Baseline):
         weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state), self)
         return state._replace(weights=weights, fit=fit)
 
-    def rest(self, state: TransitionState) -> Int[Array, ""]:
-        return self.fit.rest(state.fit)
+    def decisions_until_due(self, state: TransitionState) -> Int[Array, ""]:
+        return self.fit.decisions_until_due(state.fit)
 
     def restart(self, state: TransitionState) -> TransitionState:
         return state._replace(fit=self.fit.restart(state.fit), previous=jnp.full_like(state.previous, -1))

@@ -1,57 +1,63 @@
-r"""The learner: act, reinforce, improve.
+r"""The policy gradient with traces: the learner of the thesis, online or in batches.
 
-    observation ──▶ act ──▶ action ──▶ (the task) ──▶ reward ──▶ reinforce ──▶ gradient sample ──▶ improve
-                     └──────── score ──▶ trace ─────────────────▲
+$$z \leftarrow f(z, \nabla\log\pi(a \mid y)),\qquad \delta = r - b,\qquad \theta \leftarrow \theta + \alpha\,\delta z$$
 
-Three pure functions of one state, so that an online learner calls all three at every decision and a batch learner the
-third once in a while (section 3.2.2 of the thesis). Nothing here knows the task.
+    observation ──▶ act ──▶ action ──▶ (the task) ──▶ reward ──▶ observe ──▶ gradient sample δz ──▶ update
+                     └──────── score ──▶ trace z ───────────────▲
+
+An online learner moves at every decision and a batch learner once in a while, by the mean of its samples (section 3.2.2
+of the thesis). Every part is a choice: the trace, what rewards are compared with, the metric, the optimizer.
 """
 
-import dataclasses
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
-from motorgrad._goal import Goal
-from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
-from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
-from motorgrad.learning._chain import SGD, Chain, Optimizer, PolyakAveraging, Transformation, as_transformation
+from motorgrad._running import RunningMean, add_sample, running_mean
+from motorgrad.learning._branching import NEVER, Flag, any_of, where
+from motorgrad.learning._chain import (
+    SGD,
+    Chain,
+    Optimizer,
+    PolyakAveraging,
+    Transformation,
+    as_transformation,
+    check_transformations,
+)
 from motorgrad.learning._estimator import Estimator, EstimatorState
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
-from motorgrad.policies import InitialPolicy, Policy, split, trainable, with_frozen_functions, with_interface
-from motorgrad.schema import Numbers, Part, inner
+from motorgrad.policies import Policy, trainable
+from motorgrad.schema import inner
 
 
-class Decision(NamedTuple):
-    """The observation of the units, the action that they drew, and the random numbers if the estimator needs them."""
+class Pending(NamedTuple):
+    """What the newest transition means for the update that follows it: whether its episode ended, and whether it
+    diverged."""
 
-    observation: Float[Array, " inputs"]
-    action: Array
-    uniforms: Float[Array, " uniforms"] | None = None
+    ended: Flag
+    diverged: Flag
 
 
 class AgentState(NamedTuple):
-    r"""Everything a learner carries from one decision to the next, for one seed. An absent part has the state `None`.
+    r"""Everything that the policy gradient carries from one decision to the next, for one seed. An absent part has the
+    state `None`.
 
     - `policy`: the parameters.
     - `estimator`: the state of trace, baseline and normalization.
-    - `gradient`: the running mean of the samples $g = \delta z$ since the last step; of $\delta$ alone where a batch is
-      used again. For an online learner it is the sample between `reinforce` and `improve`, which uses it up.
+    - `gradient`: the running mean of the samples $g = \delta z$ since the last step. For an online learner it is the
+      sample between `observe` and `update`, which uses it up; so is `pending`, also where a step is due at the end of
+      an episode.
     - `chain`: the states of the gradient transformations.
-    - `decision`: the decision that awaits its reward, where a part recalls it or the policy has hidden units or a
-      memory.
+    - `decision`: what the units saw and drew, where the policy has hidden units or a memory.
     - `steps`: how often the parameters have moved, where a part depends on it; 2,147,483,647 from there on.
     - `growth`: the state of a learner that grows.
-    - `index`: what a sparse learner knows of its units.
     - `memory`: what the policy remembers of the episode, where it has a memory.
     """
 
@@ -62,20 +68,12 @@ class AgentState(NamedTuple):
     decision: Decision | None = None
     steps: Steps = None
     growth: GrowthState | None = None
-    index: PyTree = None
     memory: Float[Array, " memory"] | None = None
+    pending: Pending | None = None
 
 
-def _ready(policy: object) -> Any:
-    """A policy whose leaves are arrays, also where it holds an `eqx.nn.MLP`; anything else as it is."""
-    return with_frozen_functions(policy) if isinstance(policy, Policy) else policy
-
-
-class Agent(Part):
-    """A learner: what acts, how credit is assigned, and how parameters move.
-
-    It is one tree of parts. Numbers are leaves: they may differ by seed, and change while the learner runs. Structure
-    is static: the kinds of parts, lengths, intervals and counts. A part that is absent is `None`.
+class Agent(Learner):
+    """The policy gradient with traces: what acts, how credit is assigned, and how parameters move.
 
     ```python
     agent = mg.Agent(
@@ -84,9 +82,6 @@ class Agent(Part):
         optimizer=mg.learning.SGD(5e-4),
     )
     ```
-
-    Its methods are pure functions. Compile them with `equinox.filter_jit(agent.improve)`: `jax.jit` refuses a bound
-    method of a tree that holds arrays, because it cannot hash them.
     """
 
     aliases: ClassVar[Mapping[str, str]] = {
@@ -95,20 +90,16 @@ class Agent(Part):
         "decay": "estimator.trace.decay",
         "baseline": "estimator.baseline",
         "discount": "estimator.discount",
-        "improve": "estimator.improve",
-        "batch": "estimator.batch",
+        "update_every": "estimator.update_every",
+        "reduction": "estimator.reduction",
         "entropy": "estimator.entropy",
         "normalization": "estimator.normalization",
         "learning_rate": "optimizer.learning_rate",
         "weight_decay": "optimizer.weight_decay",
         "damping": "metric.damping",
     }
-    """Short names of the settings that everyone types, for options, TOML and `agent_for`."""
+    critic: ClassVar[str | None] = "estimator.baseline"
 
-    policy: InitialPolicy | Any = inner(
-        converter=_ready,
-        help="the initial policy, or a function from a key to one, so that every seed starts from its own",
-    )
     estimator: Estimator = inner(
         Estimator(), help="how rewards are assigned to decisions: trace, baseline and batch (see `Estimator`, `olgarb`)"
     )
@@ -134,43 +125,23 @@ class Agent(Part):
     )
 
     def validate(self) -> None:
-        made = isinstance(self.policy, Policy) or callable(self.policy)
-        check(made, "policy", self.policy, "a policy or a function from a key to one")
-        weights = any(map(eqx.is_inexact_array, jax.tree.leaves(self.policy)))
-        bare = isinstance(self.policy, eqx.Module) and weights and not isinstance(self.policy, Policy)
-        wanted = "a Policy; motorgrad.policies.Network(units, module, observed) puts any module under units"
-        check(not bare, "policy", type(self.policy).__name__, wanted)
-        for index, stage in enumerate(self.transformations):
-            check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
+        super().validate()
+        check_transformations(self.transformations)
+        every = self.estimator.update_every
         for name in ("growth", "averaging"):
-            moves = getattr(self, name) is None or self.estimator.improve != "never"
-            check(moves, name, getattr(self, name), 'None where parameters never move, improve = "never"')
+            moves = getattr(self, name) is None or every != "never"
+            check(moves, name, getattr(self, name), 'None where parameters never move, update_every = "never"')
         for stage in self._stages().values():
-            stage.validate_in(self)
+            kind = type(stage).__name__
+            wanted = {"sample": "1, at every decision", "batch": "a batch of more than 1"}.get(stage.steps_from, "")
+            fits = stage.steps_from == "any" or (every == 1) == (stage.steps_from == "sample")
+            check(fits, "estimator.update_every", every, f"{wanted}, with {kind}")
+            grows = self.growth is not None and not stage.takes_growth
+            check(not grows, "growth", type(self.growth).__name__, f"None with {kind}")
+        lines = self.metric is not None and self.optimizer.steps_from == "batch"
+        check(not lines, "metric", self.metric, f"None with {type(self.optimizer).__name__}; SGD and Adam take one")
         whole = self.averaging is None or self.growth is None
         check(whole, "averaging", self.averaging, "None where a policy grows")
-
-    @property
-    def hyperparameters(self) -> Self:
-        """The tree without the policy, whose numbers are learned: its leaves are all numbers that may be changed."""
-        return self.with_policy(None)
-
-    def with_policy(self, policy: Policy | Callable[[jax.Array], Policy] | None) -> Self:
-        """The agent with another policy, built without its checks: the policy may be traced or absent."""
-        made = object.__new__(type(self))
-        for field in dataclasses.fields(self):
-            object.__setattr__(made, field.name, policy if field.name == "policy" else getattr(self, field.name))
-        return made
-
-    def with_numbers(self, numbers: Numbers, vector: Float[Array, " numbers"]) -> Self:
-        """The agent with its numbers from a vector, which may be traced."""
-        return numbers.tree(vector).with_policy(self.policy)
-
-    @property
-    def precision(self) -> np.dtype:
-        """The floating-point type of the parameters, to which the numbers are rounded."""
-        parameters = jax.eval_shape(lambda: trainable(self._first_policy(jax.random.key(0))))
-        return jax.tree.leaves(parameters)[0].dtype
 
     @property
     def chain(self) -> Chain:
@@ -184,50 +155,27 @@ class Agent(Part):
         return {path: stage for path, stage in found.items() if stage is not None}
 
     @property
-    def one_stream(self) -> str | None:
-        """The part that needs successive decisions of one environment, in words; `None` where none does."""
-        found = [type(stage).__name__ for stage in self._stages().values() if stage.one_stream]
-        return self.estimator.one_stream or next(iter(found), None)
-
-    @property
-    def needs_goal(self) -> str | None:
-        """The setting that needs a task with a goal, by path; `None` where none does."""
-        setting = self.estimator.needs_goal
-        return None if setting is None else f"estimator.{setting}"
-
-    def needs_episodes(self) -> list[str]:
-        """The settings that need a task with episodes."""
-        found = {path: stage.needs_episodes for path, stage in self._stages().items()}
-        own = [f"{path}.{setting}" for path, setting in found.items() if setting]
-        return [*(f"estimator.{setting}" for setting in self.estimator.needs_episodes()), *own]
-
-    def _first_policy(self, key: jax.Array) -> Policy:
-        """The policy that the agent was given, or the one that its function draws."""
-        policy = self.policy if isinstance(self.policy, Policy) else _ready(self.policy(key))
-        if isinstance(policy, Policy):  # what it means to the task is no part of what is learned
-            policy = with_interface(policy, None)
-        trains = len(jax.tree.leaves(trainable(policy))) > 0
-        check(trains, "policy", type(policy).__name__, "a policy with trainable parameters")
-        return policy
+    def needs(self) -> Needs:
+        stages = self._stages()
+        episodes = [f"estimator.{setting}" for setting in self.estimator.needs_episodes()]
+        episodes += [f"{path}.{stage.needs_episodes}" for path, stage in stages.items() if stage.needs_episodes]
+        single = [type(stage).__name__ for stage in stages.values() if stage.single_stream]
+        single = [self.estimator.single_stream, *single, None if self.growth is None else "a learner that grows"]
+        found = next((part for part in single if part is not None), None)
+        return Needs(tuple(episodes), single_stream=found, score=True)
 
     def init(self, key: jax.Array) -> AgentState:
-        """The state before the first decision; `key` matters where the initial policy is random."""
-        policy = self._first_policy(key)
-        leaves = jax.tree.leaves(trainable(policy))
+        policy = self.first_policy(key)
+        dtype = jax.tree.leaves(trainable(policy))[0].dtype
         growth = None
         if self.growth is not None:
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
-        if self.estimator.climbs:
-            zeros = jnp.zeros((), leaves[0].dtype)  # no gradient is made before the batch is full
-        chain = self.chain
-        # Of hidden units and of a memory, the decision tells what was drawn and what was seen.
-        kept = policy.hides or policy.has_memory
         decision = None
-        if chain.needs_decision or self.estimator.needs_decision or kept:
-            observation = jnp.zeros(policy.inputs, leaves[0].dtype)
-            uniforms = jnp.zeros(policy.uniforms, leaves[0].dtype) if self.estimator.needs_uniforms else None
-            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)), uniforms)
+        if policy.hides or policy.has_memory:
+            observation = jnp.zeros(policy.inputs, dtype)
+            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
+        chain = self.chain
         return AgentState(
             policy=policy,
             estimator=self.estimator.init(policy, jax.random.fold_in(key, 2)),
@@ -248,179 +196,118 @@ class Agent(Part):
         action = policy.sample(seen, uniforms)
         score = policy.score(seen, action)
         if state.decision is not None:
-            drawn = None if state.decision.uniforms is None else uniforms.astype(state.decision.uniforms.dtype)
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action, drawn))
+            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
         estimator = self.estimator.act(state.estimator, policy.judged(seen), score)
         return state._replace(estimator=estimator, memory=policy.remember(seen, action)), policy.emit(action)
 
-    def choose(
-        self,
-        state: AgentState,
-        observation: Float[Array, " inputs"],
-        uniforms: Float[Array, " uniforms"],
-        greedy: bool = False,
-    ) -> tuple[AgentState, Array]:
-        """Act without learning: sample an action, or take the most probable one."""
-        policy = state.policy
-        seen = policy.perceive(state.memory, observation)
-        action = policy.mode(seen) if greedy else policy.sample(seen, uniforms)
-        if state.decision is not None and (policy.hides or policy.has_memory):
-            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
-        return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
-
-    def reinforce(
-        self,
-        state: AgentState,
-        reward: Float[Array, ""],
-        next_observation: Float[Array, " inputs"],
-        terminated: Flag = False,
-        truncated: Flag = False,
-        diverged: Flag = False,
-    ) -> AgentState:
+    def observe(self, state: AgentState, transition: Transition) -> AgentState:
         r"""Turn a reward into a gradient sample $g = \delta z$, and let every part learn from the decision.
 
-        `next_observation` is what the world showed *before* any reset. `terminated` says that the episode is over,
-        `truncated` that a time limit cut it; either restarts the trace. `diverged` says that the simulation broke: its
-        sample is dropped, nothing is learned from it, and the trace restarts.
+        The end of an episode restarts the trace. What diverged is dropped.
         """
-        recalled: Any = (None, None, None) if state.decision is None else state.decision
-        seen = state.policy.perceive(state.memory, next_observation)
+        diverged = transition.diverged
+        seen = state.policy.perceive(state.memory, transition.next_observation)
         state = state._replace(policy=where(diverged, state.policy, state.policy.adapted(seen)))
-        observation, action, uniforms = recalled
-        after = state.policy.judged(seen)
-        transition = Transition(observation, action, reward, after, terminated, diverged, uniforms=uniforms)
+        dtype = jax.tree.leaves(trainable(state.policy))[0].dtype
+        decided = Decision(jnp.asarray(transition.observation, dtype), transition.action)
+        decided = decided if state.decision is None else state.decision
+        transition = transition._replace(
+            observation=decided.observation, action=decided.action, next_observation=state.policy.judged(seen)
+        )
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
-        gradient: PyTree = sample
         if isinstance(state.gradient, RunningMean):
-            gradient = where(diverged, state.gradient, add_sample(state.gradient, sample))
+            gradient: PyTree = where(diverged, state.gradient, add_sample(state.gradient, sample))
         else:
             gradient = where(diverged, jax.tree.map(jnp.zeros_like, sample), sample)
         growth = state.growth
         if self.growth is not None and growth is not None:
-            growth = where(diverged, growth, self.growth.reinforce(growth, reward))
-        chain = self.chain.map(lambda stage, inner: stage.observe(inner, state.policy, transition), state.chain)
+            growth = where(diverged, growth, self.growth.add_reward(growth, transition.reward))
+        chain = self.chain.map(lambda stage, own: stage.observe(own, state.policy, transition), state.chain)
         after = state._replace(estimator=estimator, gradient=gradient, chain=chain, growth=growth)
-        ended = any_of(terminated, truncated, diverged)
+        ended = any_of(transition.terminated, transition.truncated, diverged)
+        if self.estimator.online or self.estimator.update_every == "episode":
+            after = after._replace(pending=Pending(ended, diverged))
         return after if ended is False else self.restart(after, ended)
 
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Begin a new episode if `ended`: trace and memory are empty, and the discount starts again from 1."""
-        chain = self.chain.map(lambda stage, inner: stage.restart(inner, ended), state.chain)
+        chain = self.chain.map(lambda stage, own: stage.restart(own, ended), state.chain)
         fresh = self.estimator.restart(state.estimator, state.policy), state.policy.initial_memory()
         estimator, memory = where(ended, fresh, (state.estimator, state.memory))
         return state._replace(estimator=estimator, memory=memory, chain=chain)
 
+    def update(self, state: AgentState) -> AgentState:
+        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if a step is due, and do the periodic work of a
+        critic. A growing learner counts its decisions here, and may then add a unit."""
+        due = self._due(state)
+        chain = self.chain.map(lambda stage, own: stage.solve(own, state.policy, due), state.chain)
+        state = state._replace(estimator=self.estimator.solve(state.estimator), chain=chain)
+        state = self._moved(state, due)._replace(pending=None)
+        if self.growth is None or state.growth is None:
+            return state
+        growth, policy, new = self.growth.advance(state.growth, state.policy)
+        chain = self.chain.map(lambda stage, own: stage.after_growth(own, new), state.chain)
+        return state._replace(growth=growth, policy=policy, chain=chain)
+
+    def decisions_until_due(self, state: AgentState) -> int | Int[Array, ""]:
+        estimator = self.estimator
+        if estimator.online or estimator.update_every == "episode" or self.growth is not None:
+            return 0  # the end of an episode cannot be known beforehand
+        count = jnp.asarray(NEVER, jnp.int32)
+        if isinstance(estimator.update_every, int) and isinstance(state.gradient, RunningMean):
+            count = estimator.update_every - 1 - state.gradient.count.astype(jnp.int32)
+        if estimator.baseline is not None:
+            count = jnp.minimum(count, estimator.baseline.decisions_until_due(state.estimator.baseline))
+        return jnp.minimum(count, self.chain.decisions_until_due(state.chain))
+
+    def readings(self, state: AgentState) -> dict[str, Array]:
+        """The level of rewards, `baseline`; of a learner that grows the number of `units`, and whether the newest is
+        in its `adding` phase."""
+        found = {"baseline": self.estimator.level(state.estimator)}
+        if self.growth is not None and state.growth is not None:
+            found["units"] = jnp.sum(state.policy.active)  # type: ignore[attr-defined]
+            found["adding"] = self.growth.adds(state.growth).astype(jnp.int32)
+        return found
+
     def final_policy(self, state: AgentState) -> Policy:
-        """The policy to keep: the averaged one if there is one, else the one that acts. States of many seeds are
-        allowed."""
+        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
         return self.chain.final_policy(state.chain, state.policy)
 
     def set_policy(self, state: AgentState, policy: Policy) -> AgentState:
         """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
-        policy = with_interface(policy, None)
-        chain = self.chain.map(lambda stage, inner: stage.reset(inner, policy), state.chain)
-        return state._replace(policy=policy, chain=chain)
+        state = super().set_policy(state, policy)
+        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
 
-    def improve(
-        self, state: AgentState, ended: Flag = False, diverged: Flag = False, goal: Goal | None = None
-    ) -> AgentState:
-        r"""Move the parameters, $\theta \leftarrow \theta + \alpha g$, if the estimator requires a step now, and do
-        the periodic work of a critic.
-
-        Call it after every decision, except those that `rest` allows you to skip. A growing learner counts its
-        decisions here, and may then add a unit.
-
-        `ended` says whether an episode has just ended, for estimators that improve once an episode; `diverged`, as in
-        `reinforce`, that there is no sample: an online learner then does not move, and neither does its momentum. The
-        `goal` of the task is for learners that use experience for other targets.
-        """
-        due = self._due(state, ended)
-        chain = self.chain.map(lambda stage, inner: stage.solve(inner, state.policy, due), state.chain)
-        state = state._replace(estimator=self.estimator.solve(state.estimator), chain=chain)
-        state = self._improve(state, ended, diverged, goal)
-        if self.growth is None or state.growth is None:
-            return state
-        growth, policy, new = self.growth.advance(state.growth, state.policy)
-        chain = self.chain.map(lambda stage, inner: stage.after_growth(inner, new), state.chain)
-        return state._replace(growth=growth, policy=policy, chain=chain)
-
-    @property
-    def rests(self) -> bool:
-        """Whether there are decisions that `improve` need not follow; `rest` counts them. Online and growing learners
-        have none, and those that improve at the ends of episodes cannot know them beforehand."""
-        return not self.estimator.online and self.estimator.improve != "episode" and self.growth is None
-
-    def rest(self, state: AgentState) -> Int[Array, ""]:
-        """The least number of coming decisions for which `improve` would change nothing and can be skipped."""
-        if not self.rests:
-            return jnp.asarray(0, jnp.int32)
-        estimator = self.estimator
-        rest = jnp.asarray(NEVER, jnp.int32)
-        if isinstance(estimator.improve, int) and isinstance(state.gradient, RunningMean):
-            rest = estimator.improve - 1 - state.gradient.count.astype(jnp.int32)
-        if estimator.baseline is not None:
-            rest = jnp.minimum(rest, estimator.baseline.rest(state.estimator.baseline))
-        return jnp.minimum(rest, self.chain.rest(state.chain))
-
-    def _due(self, state: AgentState, ended: Flag) -> Flag:
+    def _due(self, state: AgentState) -> Flag:
         """Whether the parameters are about to move."""
-        if self.estimator.improve == "never" or self.estimator.online:
+        every = self.estimator.update_every
+        if every == "never" or self.estimator.online:
             return self.estimator.online
         running: Any = state.gradient
-        full = ended if self.estimator.improve == "episode" else running.count >= self.estimator.improve
+        if every == "episode":
+            full = False if state.pending is None else state.pending.ended
+        else:
+            full = running.count >= every
         return False if full is False else jnp.logical_and(full, running.count > 0)
 
-    def _improve(self, state: AgentState, ended: Flag, diverged: Flag, goal: Goal | None) -> AgentState:
-        estimator = self.estimator
-        if estimator.improve == "never":
-            return state
-        if estimator.online:
-            moved = self._step(state, state.gradient)._replace(gradient=None)
-            return moved if diverged is False else where(diverged, state._replace(gradient=None), moved)
-        due = self._due(state, ended)
+    def _moved(self, state: AgentState, due: Flag) -> AgentState:
+        """The state after a step of the parameters, where it is due."""
         if due is False:
             return state
+        growth = self.growth
+        grown = state.growth
+
+        def scaled(updates: PyTree[Array]) -> PyTree[Array]:
+            return updates if growth is None or grown is None else growth.scale_updates(grown, updates)
+
+        if self.estimator.online:
+            moved = self.chain.step(state, state.gradient, scale=scaled)._replace(gradient=None)
+            lost = False if state.pending is None else state.pending.diverged
+            return moved if lost is False else where(lost, state._replace(gradient=None), moved)
         running: Any = state.gradient
-        if estimator.climbs:
-            moved = self._climbed(state, due, goal)
-            return where(due, moved._replace(gradient=running_mean(running.mean)), moved)
-        size = running.count.astype(jnp.result_type(float)) if estimator.batch == "sum" else 1.0
-        moved = self._step(state, jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean), due)
+        size = running.count.astype(jnp.result_type(float)) if self.estimator.reduction == "sum" else 1.0
+        gradient = jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean)
+        moved = self.chain.step(state, gradient, due, scaled)
         return where(due, moved._replace(gradient=running_mean(running.mean)), state)
-
-    def _climbed(self, state: AgentState, due: Flag, goal: Goal | None) -> AgentState:
-        """The state after the steps of `Estimator.climb`, where they are due."""
-        estimator, batch = self.estimator, state.estimator.batch
-        numbers, structure = jax.tree.flatten(self.hyperparameters)
-
-        def steps(numbers: PyTree, state: AgentState, drawn: PyTree) -> AgentState:
-            agent = structure.unflatten(numbers)
-            return agent.estimator.climb(state, drawn, agent._step)
-
-        # Mapped over seeds, a product of matrices has one more axis, for which XLA's is several times as slow.
-        steps = jax.custom_batching.sequential_vmap(steps) if estimator.seeds_in_turn else steps
-
-        def climb(state: AgentState) -> AgentState:
-            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
-            state, kept = jax.lax.optimization_barrier((state, batch))
-            return steps(numbers, state, estimator.drawn(kept, goal))
-
-        # The loop does not carry the batch: mapped over seeds, it would copy it.
-        alone = state._replace(estimator=state.estimator._replace(batch=None))
-        moved = where_any(jnp.logical_and(due, estimator.ready(batch)), climb, alone)
-        batch = where(due, estimator.used(batch), batch)
-        return moved._replace(estimator=moved.estimator._replace(batch=batch))
-
-    def _step(self, state: AgentState, gradient: PyTree[Array], due: Flag = True) -> AgentState:
-        parameters, settings = split(state.policy)
-        stages = self.chain
-        updates, chain = stages.update(gradient, state.chain, state.policy, state.steps, due)
-        if self.growth is not None and state.growth is not None:
-            updates = self.growth.scale_updates(state.growth, updates)
-        updates = stages.constrain(updates, chain, state.policy, state.steps, due)
-        moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
-        steps = None if state.steps is None else counted_on(state.steps)
-        chain = stages.map(lambda stage, inner: stage.after_step(inner, moved, steps), chain)
-        return state._replace(policy=moved, chain=chain, steps=steps)

@@ -19,7 +19,7 @@ where $w_0 s_t$ is the newest score as the trace $z_t$ has it. For a trace witho
 """
 
 import abc
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -28,28 +28,10 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean, two_sum
-from motorgrad.learning._branching import NEVER, Flag, where
+from motorgrad.learning._branching import NEVER, where
+from motorgrad.learning._learner import Transition
 from motorgrad.policies import Policy
 from motorgrad.schema import Part, count, is_tracer, number
-
-
-class Transition(NamedTuple):
-    r"""One decision and its outcome.
-
-    `observation` and `action` are `None` unless a part of the learner says `needs_decision`. `next_observation` is what
-    the world showed before any reset. `eligibility` is the trace $z$ that the reward meets, in the structure of the
-    parameters, for a baseline that says `needs_eligibility`; `uniforms` the random numbers from which the action was
-    drawn, for an estimator that `needs_uniforms`.
-    """
-
-    observation: Any
-    action: Any
-    reward: Float[Array, ""]
-    next_observation: Float[Array, " inputs"]
-    terminated: Flag = False
-    diverged: Flag = False
-    eligibility: Any = None
-    uniforms: Any = None
 
 
 class Advantage(NamedTuple):
@@ -67,8 +49,6 @@ class Advantage(NamedTuple):
 class Baseline(Part):
     """What rewards are compared with: a baseline or a critic."""
 
-    needs_decision: ClassVar[bool] = False
-    """Whether `update` reads the observation and the action of the transition, which are `None` otherwise."""
     needs_eligibility: ClassVar[bool] = False
     """Whether `update` reads the eligibility of the transition, which is `None` otherwise."""
     newest_apart: ClassVar[bool] = False
@@ -100,10 +80,10 @@ class Baseline(Part):
         return state
 
     def solve(self, state: PyTree) -> PyTree:
-        """Do the work that is due once in many decisions. `rest` returns when it is due."""
+        """Do the work that is due once in many decisions. `decisions_until_due` returns when it is due."""
         return state
 
-    def rest(self, state: PyTree) -> Int[Array, ""]:
+    def decisions_until_due(self, state: PyTree) -> Int[Array, ""]:
         """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
@@ -175,7 +155,6 @@ class FixedStep(ScalarBaseline):
 class InputBaseline(Baseline):
     """A baseline that depends on the observation on which the newest action was taken."""
 
-    needs_decision: ClassVar[bool] = True
     newest_apart: ClassVar[bool] = True
 
     @abc.abstractmethod

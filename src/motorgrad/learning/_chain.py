@@ -11,7 +11,7 @@ and `after_growth` mark the end of an episode, another policy and new units.
 
 import functools
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -19,27 +19,18 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._errors import check
 from motorgrad._groups import by_group
-from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._baselines import Transition
+from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
 from motorgrad.learning._branching import NEVER, Flag, Scalar
-from motorgrad.learning._estimator import Estimator
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Policy, split, trainable
 from motorgrad.schema import Part, count, number, static
 
 Updates = PyTree[Array]
-
-
-class Learner(Protocol):
-    """What of an `Agent` the parts of its chain may ask for."""
-
-    @property
-    def estimator(self) -> Estimator: ...
-    @property
-    def metric(self) -> Part | None: ...
-    @property
-    def growth(self) -> Part | None: ...
+S = TypeVar("S", bound=Any)
+"""The state of a learner."""
 
 
 class Transformation(Part):
@@ -59,16 +50,15 @@ class Transformation(Part):
     ```
     """
 
-    needs_decision: ClassVar[bool] = False
-    """Whether `observe` needs the observation and the action of the transition."""
     needs_steps: ClassVar[bool] = False
     """Whether a method needs the number of steps that the parameters have made."""
-    one_stream: ClassVar[bool] = False
+    single_stream: ClassVar[bool] = False
     """Whether it needs successive decisions of one environment: where the end of an episode changes what it knows of
     earlier ones, which several environments would not share."""
-
-    def validate_in(self, agent: Learner) -> None:
-        """Refuse, by name, an `Agent` whose other parts are incompatible with this one."""
+    steps_from: ClassVar[Literal["any", "sample", "batch"]] = "any"
+    """From what it makes a step: any gradient, only the sample of every decision, or only the mean of a batch."""
+    takes_growth: ClassVar[bool] = True
+    """Whether the pool of the policy may grow."""
 
     def init(self, policy: Policy) -> PyTree:
         """The state before the first decision."""
@@ -82,7 +72,7 @@ class Transformation(Part):
         """The state after work that is due once in many decisions, or, at the latest, where a step is `due`."""
         return state
 
-    def rest(self, state: PyTree) -> Int[Array, ""]:
+    def decisions_until_due(self, state: PyTree) -> Int[Array, ""]:
         """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
@@ -291,11 +281,6 @@ class Chain(NamedTuple):
     stages: tuple[Transformation, ...]
 
     @property
-    def needs_decision(self) -> bool:
-        """Whether any stage needs the observation and the action of a transition."""
-        return any(stage.needs_decision for stage in self.stages)
-
-    @property
     def needs_steps(self) -> bool:
         """Whether any stage needs the number of steps."""
         return any(stage.needs_steps for stage in self.stages)
@@ -307,29 +292,38 @@ class Chain(NamedTuple):
         """The states after `method(stage, state)` of every stage."""
         return tuple(method(stage, state) for stage, state in zip(self.stages, states, strict=True))
 
-    def rest(self, states: tuple[PyTree, ...]) -> Int[Array, ""]:
+    def decisions_until_due(self, states: tuple[PyTree, ...]) -> Int[Array, ""]:
         """The least number of coming decisions in which `solve` changes no stage."""
-        rests = [stage.rest(state) for stage, state in zip(self.stages, states, strict=True)]
-        return functools.reduce(jnp.minimum, rests, jnp.asarray(NEVER, jnp.int32))
+        counts = [stage.decisions_until_due(state) for stage, state in zip(self.stages, states, strict=True)]
+        return functools.reduce(jnp.minimum, counts, jnp.asarray(NEVER, jnp.int32))
 
-    def update(
-        self, gradient: Updates, states: tuple[PyTree, ...], policy: Policy, steps: Steps, due: Flag = True
-    ) -> tuple[Updates, tuple[PyTree, ...]]:
-        """The step of the parameters for a gradient to be climbed, and the states afterwards."""
+    def step(
+        self,
+        state: S,
+        gradient: PyTree[Array],
+        due: Flag = True,
+        scale: Callable[[Updates], Updates] = lambda updates: updates,
+    ) -> S:
+        r"""The state of a learner after a step up a gradient, $\theta \leftarrow \theta + \alpha g$.
+
+        **Arguments:** the `state`, which has the fields `policy`, `chain` (the states of the stages) and `steps`; the
+        `gradient`; whether there is a step now, `due`, else the result is to be discarded; `scale`, what becomes of the
+        step before it is limited as a whole.
+        """
+        policy: Policy = state.policy
+        parameters, settings = split(policy)
         updates = jax.tree.map(jnp.negative, gradient)
-        after = []
-        for stage, state in zip(self.stages, states, strict=True):
-            updates, state = stage.update(updates, state, policy, steps, due)
-            after.append(state)
-        return policy.allowed(updates), tuple(after)
-
-    def constrain(
-        self, updates: Updates, states: tuple[PyTree, ...], policy: Policy, steps: Steps, due: Flag = True
-    ) -> Updates:
-        """The step within the limits of every stage, the innermost first."""
-        for stage, state in reversed(list(zip(self.stages, states, strict=True))):
-            updates = stage.constrain(updates, state, policy, steps, due)
-        return updates
+        states = []
+        for stage, own in zip(self.stages, state.chain, strict=True):
+            updates, own = stage.update(updates, own, policy, state.steps, due)
+            states.append(own)
+        updates = scale(policy.allowed(updates))
+        for stage, own in reversed(list(zip(self.stages, states, strict=True))):  # the innermost limit first
+            updates = stage.constrain(updates, own, policy, state.steps, due)
+        moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
+        steps = None if state.steps is None else counted_on(state.steps)
+        chain = self.map(lambda stage, own: stage.after_step(own, moved, steps), tuple(states))
+        return state._replace(policy=moved, chain=chain, steps=steps)
 
     def final_policy(self, states: tuple[PyTree, ...], policy: Policy) -> Policy:
         """The policy to keep."""
@@ -342,3 +336,16 @@ def as_transformation(value: Any) -> Any:
     """A transformation; one of optax's is wrapped."""
     foreign = not isinstance(value, Part) and hasattr(value, "init") and hasattr(value, "update")
     return Optax(value) if foreign else value
+
+
+def check_transformations(stages: tuple[object, ...]) -> None:
+    """Refuse what is no transformation among the `transformations` of a learner."""
+    for index, stage in enumerate(stages):
+        check(isinstance(stage, Transformation), f"transformations.{index}", stage, "a Transformation, or optax's")
+
+
+def check_any_gradient(optimizer: Optimizer, learner: str) -> None:
+    """Refuse an optimizer that does not make a step of any gradient, for the class of a learner that gives several
+    from the same decisions."""
+    wanted = f"one that makes a step of every gradient, such as SGD or Adam, for {learner}"
+    check(optimizer.steps_from == "any", "optimizer", type(optimizer).__name__, wanted)

@@ -6,7 +6,7 @@ decisions in question (Martens, 2010; Schulman et al., 2015).
 """
 
 from collections.abc import Callable
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,12 +14,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._running import counted_round
-from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates, inner
+from motorgrad.learning._gradients import empty_rows
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import LimitedMetric
 from motorgrad.learning._schedules import Annealed, Steps
-from motorgrad.learning._surrogate import empty_rows
 from motorgrad.policies import Policy, split
 from motorgrad.schema import count, number
 
@@ -44,8 +44,6 @@ class ConjugateGradient(LimitedMetric):
 
     **Raises:** `ValueError` for a value out of range.
     """
-
-    needs_decision: ClassVar[bool] = True
 
     memory: int = count(
         1000,

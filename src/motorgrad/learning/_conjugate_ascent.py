@@ -5,16 +5,15 @@ $g(\theta) \cdot h$ along a direction $h$ differs most there. So the maximum is 
 and the parameters go where the line between both inner products is 0.
 """
 
-from typing import NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._branching import Flag, ratio, where
-from motorgrad.learning._chain import Learner, Optimizer, Updates, inner
+from motorgrad.learning._chain import Optimizer, Updates, inner
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
 from motorgrad.schema import count, number
@@ -69,13 +68,16 @@ class ConjugateAscent(Optimizer):
     With a `certainty` above 0 an estimate averages batches until its inner product is that many standard errors away
     from 0, or until there are `most` batches.
 
-    **Raises:** `ValueError` for a value out of range; in an `Agent` that improves at every decision, or that has a
-    metric, growth or `reuse` of batches.
+    **Raises:** `ValueError` for a value out of range; in a learner that makes steps of single samples, or several
+    steps of a batch, or that has a metric or growth.
 
     ```python
-    agent = mg.Agent(policy, mg.learning.Estimator(improve=1000), mg.learning.ConjugateAscent(10.0))
+    agent = mg.Agent(policy, mg.learning.Estimator(update_every=1000), mg.learning.ConjugateAscent(10.0))
     ```
     """
+
+    steps_from: ClassVar[Literal["any", "sample", "batch"]] = "batch"
+    takes_growth: ClassVar[bool] = False
 
     initial: float = number(
         10.0, 0, open_low=True, help="$s_0$, the first step of a line, in units of the learning rate of a plain ascent"
@@ -83,18 +85,6 @@ class ConjugateAscent(Optimizer):
     certainty: float = number(0.0, 0, unit="standard errors", help="how far from 0 an inner product must be")
     most: int = count(10, 1, unit="batches", help="the most in an estimate")
     trials: int = count(12, 2, help="the most on a line")
-
-    def validate_in(self, agent: Learner) -> None:
-        improve = agent.estimator.improve
-        batch = "a batch of more than 1 with ConjugateAscent; SGD and Adam step online"
-        check(improve != 1, "estimator.improve", improve, batch)
-        reuse = agent.estimator.reuse
-        check(reuse is None, "estimator.reuse", reuse, "None with ConjugateAscent; SGD and Adam take one")
-        name = type(agent.estimator).__name__
-        check(not agent.estimator.climbs, "estimator", name, "one whose samples make a gradient with ConjugateAscent")
-        for name in ("metric", "growth"):
-            part = getattr(agent, name)
-            check(part is None, name, part, "None with ConjugateAscent; SGD and Adam take one")
 
     def init(self, policy: Policy) -> AscentState:
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))

@@ -41,7 +41,7 @@ class CriticFit(Part):
 
     linear: ClassVar[bool] = True
     """Whether it is for linear critics alone, whose weights are one vector."""
-    one_stream: ClassVar[bool] = False
+    single_stream: ClassVar[bool] = False
     """Whether successive decisions must be of one environment."""
     leaves_errors: ClassVar[bool] = True
     """Whether the level of rewards may learn from the temporal differences of discounted values. Those of a rule that
@@ -71,7 +71,7 @@ class CriticFit(Part):
         """
         return weights, state
 
-    def rest(self, state: PyTree) -> Int[Array, ""]:
+    def decisions_until_due(self, state: PyTree) -> Int[Array, ""]:
         """The least number of coming decisions in which `solve` changes nothing."""
         return jnp.asarray(NEVER, jnp.int32)
 
@@ -226,9 +226,9 @@ class LeastSquares(CriticFit):
             empty = jax.tree.map(jnp.zeros_like, state.waiting)
             return solved, LeastSquaresState(state.trace, means, empty, state.gathered * 0)
 
-        return where_any(self.rest(state) < 0, solve, (weights, state))
+        return where_any(self.decisions_until_due(state) < 0, solve, (weights, state))
 
-    def rest(self, state: LeastSquaresState) -> Int[Array, ""]:
+    def decisions_until_due(self, state: LeastSquaresState) -> Int[Array, ""]:
         return self.interval - 1 - state.gathered
 
     def restart(self, state: LeastSquaresState) -> LeastSquaresState:

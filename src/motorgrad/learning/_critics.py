@@ -18,10 +18,11 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, running_mean
-from motorgrad.learning._baselines import Advantage, Baseline, Transition
+from motorgrad.learning._baselines import Advantage, Baseline
 from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._centring import Centring, SimpleCentring
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, Weights
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._overshooting import BoundedTemporalDifference
 from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, Policy, adapted, frozen, split, thawed
 from motorgrad.schema import Part, inner, number, static
@@ -76,8 +77,6 @@ class CriticState(NamedTuple):
 
 class Critic(Baseline):
     r"""A value function $v(y_t) = f_w(\phi(y_t, a_{t-1}))$, and its temporal differences. Subclasses define $f$."""
-
-    needs_decision: ClassVar[bool] = True
 
     features: Features | Callable[..., Any] = inner(
         Features(),
@@ -175,8 +174,8 @@ class Critic(Baseline):
         weights, fit = self.fit.solve(state.weights, state.fit, self._compared(state), self)
         return state._replace(weights=weights, fit=fit)
 
-    def rest(self, state: CriticState) -> Int[Array, ""]:
-        return self.fit.rest(state.fit)
+    def decisions_until_due(self, state: CriticState) -> Int[Array, ""]:
+        return self.fit.decisions_until_due(state.fit)
 
     def restart(self, state: CriticState) -> CriticState:
         return state._replace(fit=self.fit.restart(state.fit), previous=jnp.zeros_like(state.previous))
@@ -260,7 +259,7 @@ class NetworkCritic(Critic):
 
     ```python
     critic = mg.learning.NetworkCritic(discount=0.99, decay=0.8)
-    agent = mg.Agent(policy, estimator=mg.learning.gae(critic, decay=0.8, improve=1))
+    agent = mg.Agent(policy, estimator=mg.learning.gae(critic, decay=0.8, update_every=1))
     ```
     """
 

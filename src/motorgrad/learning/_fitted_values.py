@@ -43,7 +43,7 @@ class FittedReturns(CriticFit):
     """
 
     linear: ClassVar[bool] = False
-    one_stream: ClassVar[bool] = True
+    single_stream: ClassVar[bool] = True
     leaves_errors: ClassVar[bool] = False
 
     learning_rate: float = number(3e-3, 0, help="learning rate of Adam")
@@ -83,7 +83,7 @@ class FittedReturns(CriticFit):
     def restart(self, state: FittedState) -> FittedState:
         return state._replace(end=state.end | (jnp.arange(self.interval) == state.waiting - 1))
 
-    def rest(self, state: FittedState) -> Int[Array, ""]:
+    def decisions_until_due(self, state: FittedState) -> Int[Array, ""]:
         return self.interval - 1 - state.waiting
 
     def solve(
@@ -122,7 +122,7 @@ class FittedReturns(CriticFit):
             (learned, rule), _ = jax.lax.scan(descend, (learned, rule), length=self.passes)
             return learned if settings is None else eqx.combine(learned, settings), rule
 
-        full = self.rest(state) < 0
+        full = self.decisions_until_due(state) < 0
         weights, rule = where_any(full, fit, (weights, state.rule))
         empty = state._replace(end=jnp.zeros_like(state.end), waiting=jnp.zeros_like(state.waiting), rule=rule)
         return weights, where(full, empty, state)

@@ -4,16 +4,15 @@ Both algorithms take a gradient sample $g$: $\delta\psi$ with the score $\psi$ i
 here. At every decision they compute a few products, where `FisherMetric` solves a system.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from motorgrad._errors import check
-from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where
-from motorgrad.learning._chain import Learner, Updates, inner
+from motorgrad.learning._chain import Updates, inner
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, first_blocks, identities
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
@@ -32,16 +31,12 @@ class CompatibleWeights(Metric):
     correlations of all parameters count. $w$ is a mean over some $1/\alpha|\psi|^2$ decisions, like a momentum: the
     policy must change more slowly.
 
-    **Raises:** `ValueError` in an `Agent` that does not improve at every decision.
+    **Raises:** `ValueError` in an `Agent` that makes steps of several samples.
     """
 
-    needs_decision: ClassVar[bool] = True
+    steps_from: ClassVar[Literal["any", "sample", "batch"]] = "sample"
 
     rate: float = number(0.02, 0, help=r"$\alpha$. Stable where $\alpha|\psi|^2$ is well below 1")
-
-    def validate_in(self, agent: Learner) -> None:
-        wanted = "1, at every decision, with CompatibleWeights; FisherMetric takes batches"
-        check(agent.estimator.online, "estimator.improve", agent.estimator.improve, wanted)
 
     def init(self, policy: Policy) -> PyTree[Array]:
         return jax.tree.map(jnp.zeros_like, trainable(policy))
@@ -86,8 +81,6 @@ class ShermanMorrison(Metric):
     **Raises:** `ValueError` for a value out of range; from `init`, for a policy with more than 4,096 parameters in a
     block.
     """
-
-    needs_decision: ClassVar[bool] = True
 
     rate: float = number(
         1e-3,

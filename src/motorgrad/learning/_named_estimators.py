@@ -61,16 +61,16 @@ def actor_critic(
     if discount is not None:
         critic = dataclasses.replace(critic, discount=discount)
     if not from_start:
-        return gae(critic, decay, improve=1)
+        return gae(critic, decay, update_every=1)
     check(critic.discount is not None, "discount", None, "in (0, 1] with from_start")
     return Estimator(Exponential(decay), critic, discount=critic.discount)
 
 
-def gae(critic: Critic, decay: float = 0.9, improve: int | Literal["episode", "never"] = 160) -> Estimator:
+def gae(critic: Critic, decay: float = 0.9, update_every: int | Literal["episode", "never"] = 160) -> Estimator:
     r"""Generalised advantage estimation (Schulman et al., 2016).
 
     A critic's temporal differences, each credited to the action of $k$ decisions before by $(\gamma\lambda)^k$, with
-    the critic's $\gamma$ and `decay` $\lambda \in [0, 1]$; a step is the mean of `improve` samples. $\gamma\lambda = 1$
-    needs a task with episodes.
+    the critic's $\gamma$ and `decay` $\lambda \in [0, 1]$; a step is the mean of `update_every` samples.
+    $\gamma\lambda = 1$ needs a task with episodes.
     """
-    return Estimator(Exponential(critic.horizon * decay), critic, improve=improve)
+    return Estimator(Exponential(critic.horizon * decay), critic, update_every=update_every)

@@ -16,11 +16,11 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group
-from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
+from motorgrad.learning._gradients import empty_rows
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.learning._surrogate import empty_rows
 from motorgrad.policies import Policy, trainable
 from motorgrad.schema import count, number
 
@@ -46,6 +46,9 @@ def _blocks(state: Blocks | Gathering) -> Blocks:
 
 class Metric(Transformation):
     """The measure of distance between policies by which a gradient is the steepest ascent."""
+
+    reads_gradient: ClassVar[bool] = True
+    """Whether a step depends on the gradient, and not on the scores that it observes alone."""
 
 
 class LimitedMetric(Metric):
@@ -95,8 +98,6 @@ class FisherMetric(LimitedMetric):
     **Raises:** `ValueError` for a value out of range; from `init`, for a damping without a field, or one whose shape
     does not fit its field, and for a policy with more than 4,096 parameters in a block.
     """
-
-    needs_decision: ClassVar[bool] = True
 
     rate: float = number(
         1e-3, 0, 1, open_low=True, help=r"rate of forgetting $\rho$; the matrix is a mean over about $1/\rho$ decisions"
@@ -168,11 +169,11 @@ class FisherMetric(LimitedMetric):
             kept = (1 - rate) ** waiting
             return tuple(kept * f + more for f, more in zip(blocks, added, strict=True)), waiting * 0
 
-        full = jnp.logical_or(due, self.rest(state) < 0)
+        full = jnp.logical_or(due, self.decisions_until_due(state) < 0)
         blocks, waiting = where_any(full & (state.waiting > 0), take_in, (state.blocks, state.waiting))
         return state._replace(blocks=blocks, waiting=waiting)
 
-    def rest(self, state: Blocks | Gathering) -> Int[Array, ""]:
+    def decisions_until_due(self, state: Blocks | Gathering) -> Int[Array, ""]:
         never = jnp.asarray(NEVER, jnp.int32)
         return self.interval - 1 - state.waiting if isinstance(state, Gathering) else never
 

@@ -15,11 +15,11 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
-from motorgrad.learning._chain import Learner, Updates
+from motorgrad.learning._chain import Updates
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
 from motorgrad.learning._critics import Features, check_blind, endless
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import Metric, zeros_of
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
@@ -29,14 +29,7 @@ from motorgrad.schema import inner, number
 class RegressionMetric(Metric):
     """A metric that finds the direction of a step by regression on scores."""
 
-    needs_decision: ClassVar[bool] = True
-
-    def validate_in(self, agent: Learner) -> None:
-        reuse = agent.estimator.reuse
-        wanted = f"None with {type(self).__name__}, which reads no gradient; FisherMetric takes one"
-        check(reuse is None, "estimator.reuse", reuse, wanted)
-        wanted = f"one that follows scores with {type(self).__name__}, which reads no gradient"
-        check(not agent.estimator.climbs, "estimator", type(agent.estimator).__name__, wanted)
+    reads_gradient: ClassVar[bool] = False
 
     def score(self, policy: Policy, transition: Transition) -> Float[Array, " parameters"]:
         """The score of a decision, as one vector."""
@@ -115,8 +108,8 @@ class LeastSquaresNatural(RegressionMetric):
         weights, fit = self.fit.solve(state.weights, state.fit, self._level(state), self)
         return state._replace(weights=weights, fit=fit)
 
-    def rest(self, state: CompatibleState) -> Int[Array, ""]:
-        return self.fit.rest(state.fit)
+    def decisions_until_due(self, state: CompatibleState) -> Int[Array, ""]:
+        return self.fit.decisions_until_due(state.fit)
 
     def update(
         self, updates: Updates, state: CompatibleState, policy: Policy, steps: Steps, due: Flag
@@ -157,7 +150,7 @@ class EpisodicNatural(RegressionMetric):
     `init`, for a policy with more than 4,096 parameters.
     """
 
-    one_stream: ClassVar[bool] = True  # its means change with the end of an episode
+    single_stream: ClassVar[bool] = True  # its means change with the end of an episode
 
     discount: float = number(1.0, 0, 1, open_low=True, help=r"$\gamma$ within an episode")
     rate: float = number(

@@ -18,8 +18,9 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._baselines import Advantage, Baseline, Transition
+from motorgrad.learning._baselines import Advantage, Baseline
 from motorgrad.learning._branching import ratio, where
+from motorgrad.learning._learner import Transition
 from motorgrad.policies import Policy, trainable
 from motorgrad.schema import number, static
 

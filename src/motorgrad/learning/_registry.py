@@ -1,7 +1,8 @@
 """The registry: the parts of a learner by name. One line here gives a part its name in options, TOML and TimLab."""
 
 from motorgrad.learning._action_transitions import ActionTransitions
-from motorgrad.learning._action_values import ActionValueGradient, ActionValues
+from motorgrad.learning._action_value_ensemble import ActionValueEnsemble
+from motorgrad.learning._action_value_gradient import ActionValueGradient, ActionValues
 from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
@@ -15,21 +16,22 @@ from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._learned_trace import LearnedTrace
+from motorgrad.learning._learner import Learner
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
+from motorgrad.learning._proximal import ProximalPolicyOptimization
 from motorgrad.learning._replay import Hindsight, Replay
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
-from motorgrad.learning._soft_actor_critic import ActionValueEnsemble, EntropyTarget, SoftActorCritic
+from motorgrad.learning._soft_actor_critic import EntropyTarget, SoftActorCritic
 from motorgrad.learning._stationary_metric import StationaryMetric
-from motorgrad.learning._surrogate import ClippedSurrogate
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
-from motorgrad.learning.sparse import SparseAgent, SpatialIndex
+from motorgrad.learning.sparse import SparseLearner, SpatialIndex
 from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 from motorgrad.schema import PART_CLASSES
 from motorgrad.schema import register as register
@@ -38,7 +40,6 @@ PART_CLASSES.update(
     {
         ActionValueEnsemble: {"action-value-ensemble": ActionValueEnsemble},
         ActionValues: {"action-values": ActionValues},
-        Agent: {"dense": Agent, "sparse": SparseAgent},
         Architecture: {"perceptron": MultilayerPerceptron},
         Annealed: {"annealed": Annealed},
         Baseline: {
@@ -54,7 +55,6 @@ PART_CLASSES.update(
             "unit-mean": UnitMean,
         },
         Centring: {"simple": SimpleCentring, "value-based": ValueBasedCentring},
-        ClippedSurrogate: {"clipped": ClippedSurrogate},
         Criterion: {"clock": Clock, "plateau": Plateau},
         CriticFit: {
             "bounded-td": BoundedTemporalDifference,
@@ -66,15 +66,18 @@ PART_CLASSES.update(
             "true-online-td": TrueOnlineTemporalDifference,
         },
         EntropyTarget: {"entropy-target": EntropyTarget},
-        Estimator: {
-            "action-value-gradient": ActionValueGradient,
-            "estimator": Estimator,
-            "soft-actor-critic": SoftActorCritic,
-        },
+        Estimator: {"estimator": Estimator},
         FeatureMap: {"map": FeatureMap},
         Features: {"features": Features},
         Growth: {"constructive": Growth},
         Hindsight: {"hindsight": Hindsight},
+        Learner: {
+            "action-value-gradient": ActionValueGradient,
+            "policy-gradient": Agent,
+            "proximal": ProximalPolicyOptimization,
+            "soft-actor-critic": SoftActorCritic,
+            "sparse": SparseLearner,
+        },
         Metric: {
             "compatible": CompatibleWeights,
             "conjugate-gradient": ConjugateGradient,

@@ -8,7 +8,7 @@ one of them been the target, the decisions would have been good ones. *Hindsight
 2017): the movement stays, and errors and rewards are those for the place that was reached.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt32
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad.learning._branching import Flag, where
+from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.schema import Part, count, inner, number
 
 LAST = 2**31 - 1  # the number of an episode, after which they begin again from 0
@@ -132,9 +132,7 @@ class Replay(Part):
     )
     start: int = count(1_000, 2, 100_000_000, help="number of observations from which a learner begins to move")
     batch: int = count(256, 1, 1_000_000, help="number of decisions of a step")
-    updates: int = count(
-        1, 1, 1_000_000, help="number of steps each time that the parameters move, as `improve` of the estimator says"
-    )
+    updates: int = count(1, 1, 1_000_000, help="number of batches of each update")
     hindsight: Hindsight | None = inner(None, help="none, or `Hindsight` for a task with a target")
 
     def validate(self) -> None:
@@ -224,3 +222,41 @@ class Replay(Part):
         """The experience after it was used: the next draws differ."""
         key = jax.random.fold_in(jax.random.wrap_key_data(kept.key), 1)
         return kept._replace(key=jax.random.key_data(key))
+
+
+S = TypeVar("S", bound=Any)
+"""The state of a learner, whose field `experience` has what is kept."""
+
+
+def learned_from_replay(learner: Any, state: S, due: Flag, goal: Goal | None) -> S:
+    """The state of a learner after the steps of `learner.replay.updates` batches, where they are `due` and there is
+    enough experience.
+
+    **Arguments:** the `learner`, with a `replay` and a function `learned_from(state, batch, key)`, which makes the
+    steps of one batch; its `state`; whether they are `due`; the `goal` of the task, for hindsight.
+    """
+    replay: Replay = learner.replay
+    experience: Experience = state.experience
+    numbers, structure = jax.tree.flatten(learner.hyperparameters)
+
+    # Mapped over seeds, a product of matrices has one more axis, for which XLA's is several times as slow.
+    @jax.custom_batching.sequential_vmap
+    def steps(numbers: list[Any], state: S, drawn: tuple[Drawn, Array]) -> S:
+        agent = structure.unflatten(numbers)
+
+        def step(state: S, each: tuple[Drawn, Array]) -> tuple[S, None]:
+            batch, words = each
+            return agent.learned_from(state, batch, jax.random.wrap_key_data(words)), None
+
+        return jax.lax.scan(step, state, drawn)[0]
+
+    def learn(state: S) -> S:
+        # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+        state, kept = jax.lax.optimization_barrier((state, experience))
+        keys = jax.random.split(jax.random.wrap_key_data(kept.key), (replay.updates, 2))
+        batches = jax.vmap(lambda key: replay.draw(kept, key, goal))(keys[:, 0])
+        return steps(numbers, state, (batches, jax.random.key_data(keys[:, 1])))
+
+    # The loop does not carry the experience: mapped over seeds, it would copy it.
+    moved = where_any(jnp.logical_and(due, replay.ready(experience)), learn, state._replace(experience=None))
+    return moved._replace(experience=where(due, replay.renewed(experience), experience))

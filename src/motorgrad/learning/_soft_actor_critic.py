@@ -5,118 +5,42 @@ batches of them, many times. $Q(y, a)$ may be learned from whatever a policy did
 for several decisions (`Autoregressive`), and targets may be relabelled (`Hindsight`).
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad.learning._action_values import PathwiseEstimator, check_differentiable
-from motorgrad.learning._baselines import Transition
-from motorgrad.learning._branching import Flag, Scalar, where
-from motorgrad.learning._critics import ValueNetwork, value_network
-from motorgrad.learning._estimator import EstimatorState
-from motorgrad.learning._replay import Drawn, Experience, Replay
-from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.learning._surrogate import gradient_of
-from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
+from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
+from motorgrad.learning._branching import Scalar, any_of, where
+from motorgrad.learning._chain import (
+    Adam,
+    Chain,
+    Optimizer,
+    PolyakAveraging,
+    Transformation,
+    as_transformation,
+    check_any_gradient,
+    check_transformations,
+)
+from motorgrad.learning._gradients import gradient_of
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition
+from motorgrad.learning._replay import Drawn, Experience, Replay, learned_from_replay
+from motorgrad.learning._scaling import RewardScaling, ScalingState
+from motorgrad.learning._schedules import Annealed, Steps, at, changes
+from motorgrad.policies import Policy, trainable
 from motorgrad.schema import Part, count, inner, number
-
-
-class EnsembleState(NamedTuple):
-    """The networks; their slow copies, of what is learned alone; the state of Adam."""
-
-    weights: tuple[ValueNetwork, ...]
-    slow: PyTree
-    rule: optax.OptState
-
-
-class ActionValueEnsemble(Part):
-    r"""The value $Q(y, a)$ of an action by several networks, of which the least counts (Fujimoto et al., 2018).
-
-    Each learns by Adam from
-
-    $$r + \gamma\,\big(\min_k \bar Q_k(y', a') + \alpha H(\pi(\cdot \mid y'))\big),\qquad a' \sim \pi(\cdot \mid y'),$$
-
-    whatever the policy was when the decision was made. $\bar Q$ are slow copies of the networks, which follow them by
-    the share `tracking` at every step.
-    """
-
-    discount: float = number(0.99, 0, 1, open_high=True, help=r"$\gamma$, the weight of the next value")
-    learning_rate: float | Annealed = number(5e-4, 0, help="learning rate of Adam")
-    tracking: float = number(
-        0.01, 0, 1, help="the share of the distance to the networks by which their slow copies move at a step"
-    )
-    members: int = count(2, 1, 1_000, help="number of networks")
-    network: Architecture = inner(
-        MultilayerPerceptron(sparsity=0.0, activation="relu", standardise=True),
-        help="the hidden layers. They see the observation and the action, in one vector",
-    )
-
-    def init(self, inputs: int, dtype: DTypeLike, key: jax.Array) -> EnsembleState:
-        """The state before any decision, for this many `inputs`: observation and action."""
-        weights = tuple(value_network(self.network, inputs, dtype, own) for own in jax.random.split(key, self.members))
-        learned = split(cast(Any, weights))[0]
-        return EnsembleState(weights, learned, optax.scale_by_adam().init(learned))
-
-    def values(
-        self,
-        weights: tuple[ValueNetwork, ...],
-        observation: Float[Array, "batch inputs"],
-        action: Float[Array, "batch actions"],
-    ) -> Float[Array, "members batch"]:
-        """$Q_k(y, a)$ of all members."""
-        joined = jnp.concatenate([observation, action], axis=1).astype(weights[0].weights.dtype)
-        return jnp.stack([jax.vmap(member)(joined) for member in weights])
-
-    def adapted(self, state: EnsembleState, observation: Array, action: Array) -> EnsembleState:
-        """The state after one more decision was seen, for networks that keep statistics."""
-        seen = jnp.concatenate([observation, action]).astype(state.weights[0].weights.dtype)
-        after = [
-            eqx.tree_at(lambda each: each.layers, member, adapted(member.layers, seen)) for member in state.weights
-        ]
-        return state._replace(weights=tuple(after))
-
-    def update(
-        self,
-        state: EnsembleState,
-        policy: Policy,
-        drawn: Drawn,
-        entropy_coefficient: Scalar | None,
-        key: jax.Array,
-        steps: Steps = None,
-    ) -> EnsembleState:
-        """The state after a step down the squared errors of a batch of decisions; the parameters have made `steps`."""
-        learned, settings = split(cast(Any, state.weights))
-        following = drawn.next_observation
-        numbers = jax.random.uniform(key, (len(following), policy.uniforms), following.dtype)
-        action = jax.vmap(policy.sample)(following, numbers)
-        later = jnp.min(self.values(eqx.combine(state.slow, settings), following, action), axis=0)
-        if entropy_coefficient is not None:
-            later = later + entropy_coefficient * jax.vmap(policy.entropy_estimate)(following, numbers)
-        wanted = (drawn.reward + self.discount * (1 - drawn.terminated) * later).astype(later.dtype)
-
-        def loss(learned: PyTree) -> Float[Array, ""]:
-            found = self.values(eqx.combine(learned, settings), drawn.observation, drawn.action)
-            return 0.5 * drawn.mean(jnp.sum(jnp.square(found - wanted), axis=0))
-
-        moves, rule = optax.scale_by_adam().update(jax.grad(loss)(learned), state.rule)
-        rate = at(self.learning_rate, steps)
-        learned = eqx.apply_updates(learned, jax.tree.map(lambda move: (-rate * move).astype(move.dtype), moves))
-        slow = jax.tree.map(lambda old, new: (old + self.tracking * (new - old)).astype(old.dtype), state.slow, learned)
-        return EnsembleState(eqx.combine(learned, settings), slow, rule)
 
 
 class EntropyState(NamedTuple):
     """The logarithm of the entropy coefficient, and the state of Adam."""
 
-    log_worth: Float[Array, ""]
+    log_coefficient: Float[Array, ""]
     rule: optax.OptState
 
 
@@ -139,26 +63,48 @@ class EntropyTarget(Part):
 
     def init(self, dtype: DTypeLike) -> EntropyState:
         """The state at the start."""
-        log_worth = jnp.log(jnp.asarray(self.start, dtype))
-        return EntropyState(log_worth, optax.scale_by_adam().init(log_worth))
+        log_coefficient = jnp.log(jnp.asarray(self.start, dtype))
+        return EntropyState(log_coefficient, optax.scale_by_adam().init(log_coefficient))
 
     def update(self, state: EntropyState, policy: Policy, drawn: Drawn, key: jax.Array) -> EntropyState:
         """The state after a step with a batch of decisions."""
         observation = drawn.observation
         numbers = jax.random.uniform(key, (len(observation), policy.uniforms), observation.dtype)
         entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(observation, numbers))
-        above = (entropy / policy.outputs - self.target).astype(state.log_worth.dtype)
+        above = (entropy / policy.outputs - self.target).astype(state.log_coefficient.dtype)
         move, rule = optax.scale_by_adam().update(above, state.rule)
-        log_worth = state.log_worth - self.learning_rate * cast(Array, move)
-        return EntropyState(log_worth.astype(state.log_worth.dtype), rule)
+        log_coefficient = state.log_coefficient - self.learning_rate * cast(Array, move)
+        return EntropyState(log_coefficient.astype(state.log_coefficient.dtype), rule)
 
 
-class SoftActorCritic(PathwiseEstimator):
-    r"""Soft actor-critic (Haarnoja et al., 2018): the policy climbs the value of its actions, at decisions from the
+class SoftActorCriticState(NamedTuple):
+    """The policy; the action values; the `experience`; how many decisions were kept since the last update, `waiting`;
+    the states of the gradient transformations; the state of the `entropy` coefficient that is learned, and of the
+    `scaling` of rewards; how often the parameters have moved, `steps`; of a policy whose noise lasts its `memory`, and
+    what it saw and drew."""
+
+    policy: Policy
+    values: EnsembleState
+    experience: Experience
+    waiting: Int[Array, ""]
+    chain: tuple[PyTree, ...]
+    entropy: EntropyState | None = None
+    scaling: ScalingState | None = None
+    steps: Steps = None
+    memory: Float[Array, " memory"] | None = None
+    decision: Decision | None = None
+
+
+class SoftActorCritic(Learner):
+    r"""Soft actor-critic (Haarnoja et al., 2018): the policy follows the value of its actions, at decisions from the
     past.
 
-    Decisions are kept. Each time that the parameters move, after every `improve` decisions, batches are drawn, and for
-    each batch the values make a step, and then the policy along
+    Decisions are kept. After every `update_every` of them, batches are drawn, and for each batch the values make a step
+    towards
+
+    $$r + \gamma\,\big(\min_k \bar Q_k(y', a') + \alpha H(\pi(\cdot \mid y'))\big),\qquad a' \sim \pi(\cdot \mid y'),$$
+
+    and then the policy along
 
     $$g = \nabla_\theta\,\mathbb E\big[\min_k Q_k(y, a_\theta(y, u)) + \alpha H(\pi(\cdot \mid y))\big]$$
 
@@ -166,141 +112,180 @@ class SoftActorCritic(PathwiseEstimator):
     average: by independent noise of the same spread. Without `entropy` or an `entropy_target`, the deviations of graded
     units shrink to their `floor`, which then sets how far they explore.
 
-    Of the settings of `Estimator`, `improve`, `entropy` ($\alpha$) and `reward_scaling` have an effect; `trace` has
-    none, and the others are refused.
-
-    **Raises:** `ValueError` for parts that have no place in it; from `init`, for a policy whose actions are not all
-    real numbers.
+    **Raises:** `ValueError` for an `entropy` with an `entropy_target`; from `init`, for a policy whose actions are not
+    all real numbers.
 
     ```python
     replay = mg.learning.Replay(batch=256, updates=25, hindsight=mg.learning.Hindsight())
-    estimator = mg.learning.SoftActorCritic(improve=100, replay=replay)
-    agent = mg.Agent(mg.policies.bounded_hyperplanes(task, floor=0.3), estimator, mg.learning.Adam(5e-4))
+    policy = mg.policies.bounded_hyperplanes(task, floor=0.3)
+    agent = mg.learning.SoftActorCritic(policy, update_every=100, replay=replay)
     ```
     """
 
+    aliases: ClassVar[Mapping[str, str]] = {
+        "units": "policy.units",
+        "discount": "values.discount",
+        "learning_rate": "optimizer.learning_rate",
+        "weight_decay": "optimizer.weight_decay",
+    }
+
     values: ActionValueEnsemble = inner(ActionValueEnsemble(), help="the values of actions, and how they are learned")
     replay: Replay = inner(Replay(), help="how much experience is kept, and how often it is used")
+    update_every: int = count(1, 1, unit="decisions", help="how many are kept from one use of the replay to the next")
+    entropy: float | Annealed | None = number(
+        None, 0, help=r"none, or $\alpha$, what a nat of entropy is worth in scaled reward"
+    )
     entropy_target: EntropyTarget | None = inner(
         None, help=r"none, or the entropy for which $\alpha$ is learned, in place of `entropy`"
+    )
+    reward_scaling: RewardScaling | None = inner(None, help="none, or `RewardScaling` of the rewards that are drawn")
+    optimizer: Optimizer = inner(
+        Adam(5e-4), converter=as_transformation, help="how a gradient moves the parameters of the policy"
+    )
+    transformations: tuple[Transformation, ...] = inner(
+        (),
+        converter=lambda stages: tuple(map(as_transformation, stages)),
+        help="further gradient transformations after the optimizer, ours or optax's",
+    )
+    averaging: PolyakAveraging | None = inner(
+        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
     )
 
     def validate(self) -> None:
         super().validate()
         both = self.entropy is not None and self.entropy_target is not None
         check(not both, "entropy", self.entropy, "None with an entropy_target, which learns it")
-        wanted = "a number of decisions with SoftActorCritic"
-        check(isinstance(self.improve, int), "improve", self.improve, wanted)
+        check_transformations(self.transformations)
+        check_any_gradient(self.optimizer, type(self).__name__)
 
     @property
-    def online(self) -> bool:
-        return False
+    def chain(self) -> Chain:
+        """The gradient transformations, in their order."""
+        averaging = () if self.averaging is None else (self.averaging,)
+        return Chain((self.optimizer, *self.transformations, *averaging))
 
     @property
-    def climbs(self) -> bool:
-        return True
+    def needs(self) -> Needs:
+        goal = None if self.replay.hindsight is None else "replay.hindsight"
+        kept = f"the experience kept by {type(self).__name__}"
+        return Needs(goal=goal, single_stream=kept, continuous=True, memory="noise")
 
-    @property
-    def one_stream(self) -> str | None:
-        return "the experience kept by SoftActorCritic"
-
-    @property
-    def needs_goal(self) -> str | None:
-        return None if self.replay.hindsight is None else "replay.hindsight"
-
-    def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
-        lasting = policy.marginal
-        plain = policy.actions == "graded" and not lasting.has_memory and not policy.hides
-        wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory but lasting noise"
-        check(plain, "policy", type(policy).__name__, f"{wanted}, for SoftActorCritic")
-        key = jax.random.key(0) if key is None else key
+    def init(self, key: jax.Array) -> SoftActorCriticState:
+        policy = self.first_policy(key)
+        own = jax.random.fold_in(key, 2)
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
-        observation = jnp.zeros(lasting.inputs, dtype)
-        numbers = jnp.zeros(lasting.uniforms, dtype)
-        action = lasting.mode(observation)
+        observation = jnp.zeros(policy.marginal.inputs, dtype)
+        action = policy.marginal.mode(observation)
+        counted = self.chain.needs_steps or changes(self.hyperparameters)
+        decision = None
+        if policy.has_memory:
+            seen = jnp.zeros(policy.inputs, dtype)
+            decision = Decision(seen, jnp.zeros_like(policy.mode(seen)))
+        return SoftActorCriticState(
+            policy=policy,
+            values=self.values.init(observation.size + action.size, dtype, jax.random.fold_in(own, 2)),
+            experience=self.replay.init(observation, action, jax.random.fold_in(own, 3)),
+            waiting=jnp.zeros((), jnp.int32),
+            chain=self.chain.init(policy),
+            entropy=None if self.entropy_target is None else self.entropy_target.init(dtype),
+            scaling=None if self.reward_scaling is None else self.reward_scaling.init(dtype),
+            steps=jnp.zeros((), jnp.int32) if counted else None,
+            memory=policy.initial_memory(),
+            decision=decision,
+        )
 
-        def slope(numbers: Array) -> PyTree[Array]:
-            return gradient_of(lambda present: jnp.sum(present.sample(observation, numbers)), lasting)
+    def act(
+        self, state: SoftActorCriticState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
+    ) -> tuple[SoftActorCriticState, Array]:
+        policy = state.policy
+        seen = policy.perceive(state.memory, observation)
+        action = policy.sample(seen, uniforms)
+        if state.decision is not None:
+            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        return state._replace(memory=policy.remember(seen, action)), action
 
-        check_differentiable(policy, slope, numbers)
-        values = self.values.init(observation.size + action.size, dtype, jax.random.fold_in(key, 2))
-        experience = self.replay.init(observation, action, jax.random.fold_in(key, 3))
-        scaling = None if self.reward_scaling is None else self.reward_scaling.init(dtype)
-        entropy = None if self.entropy_target is None else self.entropy_target.init(dtype)
-        return EstimatorState(None, values, None, None, scaling, experience, entropy=entropy)
-
-    def sample(
-        self, state: EstimatorState, policy: Policy, transition: Transition, steps: Steps = None
-    ) -> tuple[PyTree[Array], EstimatorState]:
-        scaling, dropped = state.scaling, transition.diverged
-        shown = policy.observation_size  # behind it stands what a policy with lasting noise remembers
-        seen = transition.observation[:shown]
-        following = transition.next_observation[:shown]
-        values = where(dropped, state.baseline, self.values.adapted(state.baseline, seen, transition.action))
+    def observe(self, state: SoftActorCriticState, transition: Transition) -> SoftActorCriticState:
+        """Keep the decision. What diverged is dropped."""
+        dropped = transition.diverged
+        following = transition.next_observation
+        seen = state.policy.perceive(state.memory, following)
+        policy = where(dropped, state.policy, state.policy.adapted(seen))
+        observation = jnp.asarray(transition.observation, state.experience.observations.dtype)
+        values = where(dropped, state.values, self.values.adapted(state.values, observation, transition.action))
+        scaling = state.scaling
         if self.reward_scaling is not None and scaling is not None:
             scaling = where(dropped, scaling, self.reward_scaling.update(scaling, transition.reward))
-        entry = (seen, transition.action, transition.reward, following, transition.terminated, dropped)
-        batch = self.replay.add(state.batch, *entry)  # type: ignore[arg-type]
-        reward = transition.reward.astype(batch.rewards.dtype)
-        return reward, state._replace(baseline=values, scaling=scaling, batch=batch)
+        entry = (observation, transition.action, transition.reward, following, transition.terminated, dropped)
+        after = state._replace(
+            policy=policy,
+            values=values,
+            scaling=scaling,
+            experience=self.replay.add(state.experience, *entry),
+            waiting=where(dropped, state.waiting, state.waiting + 1),
+        )
+        ended = any_of(transition.terminated, transition.truncated, dropped)
+        return where(ended, self._restarted(after), after)
 
-    def restart(self, state: EstimatorState, policy: Policy) -> EstimatorState:
+    def update(self, state: SoftActorCriticState, goal: Goal | None = None) -> SoftActorCriticState:
+        """Learn from batches of what is kept, where that is due. Hindsight needs the `goal` of the task."""
+        due = state.waiting >= self.update_every
+        after = learned_from_replay(self, state, due, goal)
+        return after._replace(waiting=where(due, jnp.zeros_like(state.waiting), state.waiting))
+
+    def decisions_until_due(self, state: SoftActorCriticState) -> Int[Array, ""]:
+        return self.update_every - 1 - state.waiting
+
+    def learned_from(self, state: SoftActorCriticState, batch: Drawn, key: jax.Array) -> SoftActorCriticState:
+        """The state after a step of the values and one of the policy, with a batch of decisions."""
+        of_next, of_this = jax.random.split(key)
+        if self.reward_scaling is not None and state.scaling is not None:
+            reward = (self.reward_scaling.factor(state.scaling) * batch.reward).astype(batch.reward.dtype)
+            batch = batch._replace(reward=reward)
+        policy = state.policy.marginal
+        learned = state.entropy
+        coefficient = None if self.entropy is None else at(self.entropy, state.steps)
+        if self.entropy_target is not None and learned is not None:
+            learned = self.entropy_target.update(learned, policy, batch, of_this)
+            coefficient = jnp.exp(learned.log_coefficient)
+
+        following = batch.next_observation
+        numbers = jax.random.uniform(of_next, (len(following), policy.uniforms), following.dtype)
+        later = self.values.later(state.values, following, jax.vmap(policy.sample)(following, numbers))
+        if coefficient is not None:
+            later = later + coefficient * jax.vmap(policy.entropy_estimate)(following, numbers)
+        values = self.values.update(state.values, batch, later, state.steps)
+        gradient = self._gradient(values, state.policy, batch, coefficient, of_this)
+        return self.chain.step(state._replace(values=values, entropy=learned), gradient)
+
+    def final_policy(self, state: SoftActorCriticState) -> Policy:
+        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
+        return self.chain.final_policy(state.chain, state.policy)
+
+    def set_policy(self, state: SoftActorCriticState, policy: Policy) -> SoftActorCriticState:
+        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
+        state = super().set_policy(state, policy)
+        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
+
+    def _restarted(self, state: SoftActorCriticState) -> SoftActorCriticState:
+        """The state at the start of an episode."""
         scaling = state.scaling
-        scaling = scaling if self.reward_scaling is None or scaling is None else self.reward_scaling.restart(scaling)
-        return state._replace(batch=self.replay.restart(state.batch), scaling=scaling)  # type: ignore[arg-type]
-
-    @property
-    def seeds_in_turn(self) -> bool:
-        return True
-
-    def ready(self, batch: Experience) -> Flag:
-        return self.replay.ready(batch)
-
-    def drawn(self, batch: Experience, goal: Goal | None) -> tuple[Drawn, Array]:
-        keys = jax.random.split(jax.random.wrap_key_data(batch.key), (self.replay.updates, 2))
-        return jax.vmap(lambda key: self.replay.draw(batch, key, goal))(keys[:, 0]), jax.random.key_data(keys[:, 1])
-
-    def climb(
-        self, state: PyTree, drawn: tuple[Drawn, Array], step: Callable[[PyTree, PyTree[Array]], PyTree]
-    ) -> PyTree:
-        factor = 1.0
-        if self.reward_scaling is not None:
-            factor = self.reward_scaling.factor(state.estimator.scaling)
-
-        def once(state: PyTree, each: tuple[Drawn, Array]) -> tuple[PyTree, None]:
-            drawn, words = each
-            of_next, of_this = jax.random.split(jax.random.wrap_key_data(words))
-            drawn = drawn._replace(reward=(factor * drawn.reward).astype(drawn.reward.dtype))
-            learned = state.estimator.entropy
-            entropy_coefficient = None if self.entropy is None else at(self.entropy, state.steps)
-            if self.entropy_target is not None:
-                learned = self.entropy_target.update(learned, state.policy.marginal, drawn, of_this)
-                entropy_coefficient = jnp.exp(learned.log_worth)
-            marginal = state.policy.marginal
-            values = self.values.update(
-                state.estimator.baseline, marginal, drawn, entropy_coefficient, of_next, state.steps
-            )
-            state = state._replace(estimator=state.estimator._replace(baseline=values, entropy=learned))
-            return step(state, self._gradient(values, state.policy, drawn, entropy_coefficient, of_this)), None
-
-        return jax.lax.scan(once, state, drawn)[0]
-
-    def used(self, batch: Experience) -> Experience:
-        return self.replay.renewed(batch)
+        if self.reward_scaling is not None and scaling is not None:
+            scaling = self.reward_scaling.restart(scaling)
+        experience = self.replay.restart(state.experience)
+        return state._replace(experience=experience, scaling=scaling, memory=state.policy.initial_memory())
 
     def _gradient(
-        self, values: EnsembleState, policy: Policy, drawn: Drawn, entropy_coefficient: Scalar | None, key: jax.Array
+        self, values: EnsembleState, policy: Policy, batch: Drawn, coefficient: Scalar | None, key: jax.Array
     ) -> PyTree[Array]:
         """The mean gradient of the least value over a batch, for actions drawn anew."""
-        observation = drawn.observation
+        observation = batch.observation
         numbers = jax.random.uniform(key, (len(observation), policy.marginal.uniforms), observation.dtype)
 
         def gain(whole: Policy) -> Float[Array, ""]:
             present = whole.marginal
-            action = jax.vmap(present.sample)(observation, numbers)
-            gains = jnp.min(self.values.values(values.weights, observation, action), axis=0)
-            if entropy_coefficient is not None:
-                gains = gains + entropy_coefficient * jax.vmap(present.entropy_estimate)(observation, numbers)
-            return drawn.mean(gains)
+            gains = self.values.least(values, observation, jax.vmap(present.sample)(observation, numbers))
+            if coefficient is not None:
+                gains = gains + coefficient * jax.vmap(present.entropy_estimate)(observation, numbers)
+            return batch.mean(gains)
 
         return gradient_of(gain, policy)

@@ -21,12 +21,11 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
-from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import Flag, where, where_any
-from motorgrad.learning._chain import Learner, Updates
+from motorgrad.learning._chain import Updates
 from motorgrad.learning._critics import Features, check_blind
+from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import Blocks, Metric, identities, zeros_of
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable
@@ -78,8 +77,8 @@ class StationaryMetric(Metric):
     ```
     """
 
-    needs_decision: ClassVar[bool] = True
-    one_stream: ClassVar[bool] = True  # a decision is compared with the one before it
+    single_stream: ClassVar[bool] = True  # a decision is compared with the one before it
+    takes_growth: ClassVar[bool] = False
 
     features: Features = inner(
         Features(), help=r"$\phi$, without the previous action. They should tell the states apart"
@@ -116,10 +115,6 @@ class StationaryMetric(Metric):
 
     def validate(self) -> None:
         check_blind(self.features)
-
-    def validate_in(self, agent: Learner) -> None:
-        wanted = "None with StationaryMetric; FisherMetric takes policies that grow"
-        check(agent.growth is None, "growth", type(agent.growth).__name__, wanted)
 
     def init(self, policy: Policy) -> StationaryState:
         zeros = zeros_of(policy)

@@ -136,7 +136,7 @@ def _of_part(part: Part, path: str, optional: bool = False) -> Iterator[Option]:
     family = next(((base, kinds) for base, kinds in PART_CLASSES.items() if cls in kinds.values()), None)
     if family is not None and len(family[1]) > 1:
         base, kinds = family
-        keeps = "keeps the settings that both have" if hasattr(base, "aliases") else "starts from its own defaults"
+        keeps = "keeps the policy" if hasattr(base, "aliases") else "starts from its own defaults"
         names = [*(["none"] if optional else []), *kinds]
         text = f"The kind of {name_in_words(base)}. Another kind {keeps}."
         yield Option(f"{path}.kind", Literal[tuple(names)], kind_of(part), text)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from motorgrad._errors import check, choice
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.options._configuration import Arguments, naming, pop_option
 from motorgrad.options._line import HELP, HELP_ALL, flag_of, nested, read_line
 from motorgrad.schema import as_hinted, default_of, fields_of, hints_of
@@ -45,7 +45,7 @@ def _of_schedule(base: type, values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in how.items() if name == "preset" or 1 <= value < 2**32}
 
 
-def changes_from_task(task: Task, agent: Agent, preset: str | None, steps: int) -> dict[str, Any]:
+def changes_from_task(task: Task, agent: Learner, preset: str | None, steps: int) -> dict[str, Any]:
     """The settings in which an agent differs from the learner that goes with its task, or a preset, by path."""
     started = agent_for(task, preset=preset, steps=steps)
     own, now = (dict(_leaves(agent_table(each))) for each in (started, agent))
@@ -121,14 +121,14 @@ def _task_in_file(table: dict[str, Any], folder: Path) -> tuple[str | None, dict
     return named, values | ({"task": settings} if settings else {})
 
 
-def _with_fields(base: type, name: str, does: str, task: Task, agent: Agent) -> Any:
+def _with_fields(base: type, name: str, does: str, task: Task, agent: Learner) -> Any:
     """The options of `base` with those of a task and of a learner, whose values are the defaults."""
     fields = [
         ("task", type(task), dataclasses.field(default_factory=lambda: task)),
-        ("agent", Agent, dataclasses.field(default_factory=lambda: agent)),
+        ("agent", Learner, dataclasses.field(default_factory=lambda: agent)),
     ]
     goal = (type(task).__doc__ or "").partition("\n")[0]
-    doc = f"{does}: {goal}\n\n{_about_all(type(task), name.lower())}\n\n{_short_names()}"
+    doc = f"{does}: {goal}\n\n{_about_all(type(task), name.lower())}\n\n{_short_names(agent)}"
     return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
 
 
@@ -142,11 +142,11 @@ def _about_all(task: type[Task], command: str) -> str:
     )
 
 
-def _short_names() -> str:
+def _short_names(agent: Learner) -> str:
     """The short names of a learner's settings as a sentence of the help."""
-    first, *others = sorted(Agent.aliases, key=lambda short: -Agent.aliases[short].count("."))
+    first, *others = sorted(agent.aliases, key=lambda short: -agent.aliases[short].count("."))
     listed = ", ".join(others).replace("_", "-")
-    return f"Short names: {flag_of(f'agent.{first}')} is {flag_of(f'agent.{Agent.aliases[first]}')}; likewise {listed}."
+    return f"Short names: {flag_of(f'agent.{first}')} is {flag_of(f'agent.{agent.aliases[first]}')}; likewise {listed}."
 
 
 def _leaves(value: object, path: str = "") -> Iterator[tuple[str, Any]]:

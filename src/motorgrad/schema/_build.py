@@ -223,10 +223,8 @@ def _described(hint: Any, value: Any, where: str, default: object) -> _Table | N
     else:
         cls = known[name]
     if base is not None and type(base) is not cls:
-        # another kind of agent keeps the settings that both have
-        related = isinstance(base, cls) or issubclass(cls, type(base))
-        shared = {name: getattr(base, name) for name in fields_of(type(base)) if name in fields_of(cls)}
-        base = cls(**shared) if related and getattr(cls, "aliases", None) else None
+        # a learner of another kind keeps the policy
+        base = cls(**cls.settings_from(base)) if hasattr(cls, "settings_from") else None
     return _Table(cls, settings, where, base)
 
 

@@ -47,7 +47,10 @@ class Part(eqx.Module):
     @classmethod
     def kinds(cls) -> dict[str, type["Part"]]:
         """The registered parts that may stand where a `cls` is wanted, by name."""
-        return PART_CLASSES.get(cls, {})
+        if cls in PART_CLASSES:
+            return PART_CLASSES[cls]
+        kinds = (each for kinds in PART_CLASSES.values() for each in kinds.items())
+        return {name: kind for name, kind in kinds if issubclass(kind, cls)}
 
 
 PART_CLASSES: dict[type, dict[str, Any]] = {}

@@ -34,8 +34,8 @@ class ArmRecruitment(Recruitment):
     learner: ClassVar[Mapping[str, Any]] = {
         "policy": {"kind": "motoneurons", "low": 0.0, "high": 10.0},
         "decay": 0.0,
-        "improve": "episode",
-        "batch": "sum",
+        "update_every": "episode",
+        "reduction": "sum",
         "learning_rate": {"gain": 2e-4, "threshold": 4e-4},
     }
     metric_names: ClassVar[tuple[str, ...]] = ("height", "active")

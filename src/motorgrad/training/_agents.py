@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
 from motorgrad._natural import STEPS, Learnable, PolicyTable
-from motorgrad.learning import Agent, Estimator, Optax
+from motorgrad.learning import Agent, Estimator, Learner, Optax
 from motorgrad.policies import InitialPolicy
 from motorgrad.schema import PART_CLASSES, Words, build, check_rounded, full_path, kind_of, parts_by_path, table
 from motorgrad.tasks import Gymnasium, Task
@@ -20,6 +20,8 @@ from motorgrad.training._trust import task_named
 
 Table = Callable[[Learnable, int, PolicyTable | None], dict[str, Any]]
 """A learner as a table of settings: for a task, the decisions of a training, and the task's own policy or `None`."""
+USUAL = "policy-gradient"
+"""The kind of learner that a table without a kind has."""
 PRESETS: dict[str, Table] = {}
 """The presets by name, as `preset` registers them."""
 
@@ -31,14 +33,14 @@ def agent_for(
     preset: str | None = None,
     steps: int | None = None,
     **more: object,
-) -> Agent:
+) -> Learner:
     """The learner that goes with a task, with some settings changed.
 
     **Arguments:**
 
     - `task`: a task, or the name of one.
     - `changes`: settings by path, such as `{"estimator.trace.decay": 0.98}`, or by the short names of
-      `Agent.aliases`. A part is given itself, by the name of its kind, as a table with a `kind`, or as `None`.
+      the learner's `aliases`. A part is given itself, by the name of its kind, as a table with a `kind`, or as `None`.
     - `preset`: the name of a preset in place of the task's own learner, such as `"natural"`, with the task's own
       policy, before which it may put hidden layers. It may stand among the changes.
     - `steps` (decisions): length of the training, with which the schedules of learners scale; by default 100,000.
@@ -76,12 +78,12 @@ def agent_for(
         own_policy = wanted  # the settings of a policy do not pass to another kind, which may refuse them
     policy = build(InitialPolicy, own_policy, "agent.policy")
     kind = wanted or kind_of(policy)
-    agent = build(Agent, {**own, **policies.IMPLIED.get(kind, {})}, "agent", Agent(policy))
-    agent = bound_to(build(Agent, given, "agent", agent), task)
+    agent = build(Learner, {**own, **policies.IMPLIED.get(kind, {})}, "agent", Agent(policy))
+    agent = bound_to(build(Learner, given, "agent", agent), task)
     kind = kind_of(agent.policy) if isinstance(agent.policy, InitialPolicy) else ""
     for name, value in policies.IMPLIED.get(kind, {}).items():
         needed = f"set, such as {value!r}, for the policy {kind!r}"
-        check(getattr(agent, name) is not None, f"agent.{name}", None, needed)
+        check(getattr(agent, name, None) is not None, f"agent.{name}", None, needed)
     try:
         jax.eval_shape(agent.init, jax.random.key(0))  # refuses parts that do not fit the policy
     except ValueError as error:
@@ -96,7 +98,7 @@ class PresetAgent(Protocol):
 
     def __call__(
         self, task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
-    ) -> Agent: ...
+    ) -> Learner: ...
 
 
 def preset(name: str) -> Callable[[Table], PresetAgent]:
@@ -106,7 +108,7 @@ def preset(name: str) -> Callable[[Table], PresetAgent]:
     def registered(table: Table) -> PresetAgent:
         def agent(
             task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
-        ) -> Agent:
+        ) -> Learner:
             return agent_for(task, changes, preset=name, steps=steps, **more)
 
         PRESETS[name] = table
@@ -118,16 +120,16 @@ def preset(name: str) -> Callable[[Table], PresetAgent]:
     return registered
 
 
-def with_changes(agent: Agent, changes: Mapping[str, Any]) -> Agent:
+def with_changes(agent: Learner, changes: Mapping[str, Any]) -> Learner:
     """The agent with some settings changed, and with what a policy among them implies. **Raises** `ValueError` for an
     unknown name or setting, with the nearest known one, and for impossible values."""
     task = agent.policy.task if isinstance(agent.policy, InitialPolicy) else None
     implied = policies.IMPLIED.get(_kind_of_policy(changes), {})  # such as growth, for a policy that grows
-    changed = build(Agent, {**implied, **changes}, "agent", agent)
+    changed = build(Learner, {**implied, **changes}, "agent", agent)
     return changed if task is None else bound_to(changed, task)
 
 
-def bound_to(agent: Agent, task: Task) -> Agent:
+def bound_to(agent: Learner, task: Task) -> Learner:
     """The agent with its initial policy for this task. **Raises** `ValueError` for one that is impossible for it."""
     if not isinstance(agent.policy, InitialPolicy):
         return agent
@@ -148,23 +150,27 @@ def _kind_of_policy(changes: Mapping[str, Any]) -> str:
 
 
 def changes_named(name: str, where: str = "agent") -> dict[str, Any]:
-    """The changes that a word given there stands for: a named estimator, or a preset. **Raises** `ValueError` for
-    others."""
-    if name not in (known := [*Estimator.presets, *PRESETS]):
+    """The changes that a word given there stands for: a named estimator, a preset, or a kind of learner. **Raises**
+    `ValueError` for others."""
+    if name not in (known := [*Estimator.presets, *PRESETS, *Learner.kinds()]):
         raise unknown(where, name, known, registered=True)
-    return {"preset": name} if name in PRESETS else {"estimator": name}
+    if name in PRESETS:
+        return {"preset": name}
+    return {"estimator": name} if name in Estimator.presets else {"kind": name}
 
 
 def changed(changes: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
     """Changes to a learner with `more` in their place, whether settings are named by path or by short name."""
-    paths = {full_path(Agent, name) for name in more}
-    return {name: value for name, value in changes.items() if full_path(Agent, name) not in paths} | dict(more)
+    kinds = Learner.kinds().values()
+    paths = {(kind, full_path(kind, name)) for name in more for kind in kinds}
+    kept = (name for name in changes if not any((kind, full_path(kind, name)) in paths for kind in kinds))
+    return {name: changes[name] for name in kept} | dict(more)
 
 
-def agent_table(agent: Agent) -> dict[str, Any]:
+def agent_table(agent: Learner) -> dict[str, Any]:
     """An agent as a table for configurations. `agent_from_table` is the inverse where all its parts are registered."""
     found = table(agent)
-    if found["kind"] == "dense":
+    if found["kind"] == USUAL:
         del found["kind"]
     if not isinstance(agent.policy, InitialPolicy):
         state = jax.eval_shape(agent.init, jax.random.key(0))
@@ -180,27 +186,27 @@ def agent_table(agent: Agent) -> dict[str, Any]:
     return found
 
 
-def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agent") -> Agent:
+def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agent") -> Learner:
     """The agent of a saved configuration. **Raises** `ValueError` where a part was made in Python and is not
     registered."""
     made = _unregistered(settings, where)
     if made:
         raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
-    return bound_to(build(Agent, settings, where), task)
+    return bound_to(build(Learner, settings, where), task)
 
 
 def _unregistered(settings: object, where: str) -> list[str]:
     """The parts of a saved table that are not registered, by path."""
     known = {name for kinds in PART_CLASSES.values() for name in kinds}
     if isinstance(settings, Mapping):
-        found = [where] if settings.get("kind", "dense") not in known else []
+        found = [where] if settings.get("kind", USUAL) not in known else []
         return found + [p for name, value in settings.items() for p in _unregistered(value, f"{where}.{name}")]
     if isinstance(settings, list | tuple):
         return [p for index, value in enumerate(settings) for p in _unregistered(value, f"{where}.{index}")]
     return []
 
 
-def _first_steps(part: Optax, agent: Agent) -> list[str]:
+def _first_steps(part: Optax, agent: Learner) -> list[str]:
     """The first steps of an optax transformation, which identify most of its hidden constants."""
     policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
 

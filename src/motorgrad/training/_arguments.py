@@ -9,14 +9,14 @@ import numpy as np
 from jax.tree_util import KeyPath
 
 from motorgrad._errors import check, is_integer
-from motorgrad.learning import Agent, SparseAgent
+from motorgrad.learning import Learner, SparseLearner
 from motorgrad.policies import Policy, trainable, with_interface
 from motorgrad.schema import check_rounded, path_of
 from motorgrad.tasks import Gymnasium, HostTask, Task
 from motorgrad.training._agents import agent_for
 from motorgrad.training._sweep import Setting, Sweep, sweep_settings
 from motorgrad.training._trust import task_named
-from motorgrad.training.engines import MAX_TALLY_DECISIONS, check_carries, validate, validate_needs, validate_score
+from motorgrad.training.engines import MAX_TALLY_DECISIONS, check_carries, validate, validate_needs
 
 MAX_LANES = 1_000_000
 MAX_STEPS = 2**32 - 256
@@ -30,7 +30,7 @@ class TrainingArguments(NamedTuple):
     processes in which they are stepped (`workers`)."""
 
     task: Task
-    agent: Agent
+    agent: Learner
     steps: int
     seeds: list[int]
     initial: Policy | None = None
@@ -42,7 +42,7 @@ class TrainingArguments(NamedTuple):
 
 def check_training(
     task: Task | str,
-    agent: Agent | Mapping[str, Any] | None = None,
+    agent: Learner | Mapping[str, Any] | None = None,
     steps: int = 100_000,
     seeds: int | Sequence[int] = 1,
     window: int | None = None,
@@ -58,7 +58,7 @@ def check_training(
     names the impossible argument."""
     task = task_named(task) if isinstance(task, str) else task
     check(isinstance(task, Task), "task", task, "a task, or the name of one")
-    known = agent is None or isinstance(agent, Agent | Mapping)
+    known = agent is None or isinstance(agent, Learner | Mapping)
     check(known, "agent", agent, "an Agent, a mapping of changes, or None for the task's own")
     if isinstance(initial, Policy):  # it is said first what has changed, then what no longer fits
         check_carries(task, initial, "initial")
@@ -77,15 +77,14 @@ def check_training(
         check(isinstance(seconds, int | float | np.number) and seconds >= 0, name, seconds, "at least 0 seconds")
     valid = is_integer(threads) and 0 <= threads <= MAX_THREADS
     check(valid, "threads", threads, f"0 for one per processor, or a number of at most {MAX_THREADS}")
-    learner = agent if isinstance(agent, Agent) else agent_for(task, agent, steps=int(steps))
+    learner = agent if isinstance(agent, Learner) else agent_for(task, agent, steps=int(steps))
     own_window = -(-max(1, int(steps) // 200) // envs) * envs if is_integer(envs) and envs > 0 else 1
     chosen_window = int(own_window if window is None else window)
     _check_envs(envs, workers, task, learner, {"steps": int(steps), "window": chosen_window})
-    compiled = not isinstance(task, HostTask) or not isinstance(learner, SparseAgent)
+    compiled = not isinstance(task, HostTask) or not isinstance(learner, SparseLearner)
     check(compiled, "task", task.name, "a task in a JAX world for a sparse agent")
     policy = jax.eval_shape(learner.init, jax.random.key(0)).policy
     validate(task, policy)
-    validate_score(policy, learner)
     validate_needs(task, check_rounded(learner, learner.precision))
     own = None if initial is None else check_initial(initial, policy, len(chosen))
     settings = [] if sweep is None else sweep_settings(sweep, task, learner)
@@ -97,7 +96,7 @@ def check_training(
     return TrainingArguments(task, learner, int(steps), every, own, settings, chosen_window, int(envs), int(workers))
 
 
-def _check_envs(envs: int, workers: int, task: Task, agent: Agent, decisions: Mapping[str, int]) -> None:
+def _check_envs(envs: int, workers: int, task: Task, agent: Learner, decisions: Mapping[str, int]) -> None:
     """Refuse several environments where they cannot feed one learner, and numbers of decisions that do not divide."""
     valid = is_integer(envs) and 1 <= envs <= MAX_ENVS
     check(valid, "envs", envs, f"from 1 to {MAX_ENVS} environments of each learner")
@@ -108,8 +107,11 @@ def _check_envs(envs: int, workers: int, task: Task, agent: Agent, decisions: Ma
         return
     on_host = isinstance(task, HostTask)
     check(on_host, "envs", envs, f"1 for the task {task.name!r}, whose world is compiled; it learns from more seeds")
-    check(agent.growth is None, "envs", envs, "1 for a learner that grows")
-    check(agent.one_stream is None, "envs", envs, f"1 for {agent.one_stream}")
+    single = agent.needs.single_stream
+    check(single is None, "envs", envs, f"1 for {single}")
+    check(
+        hasattr(agent, "restart"), "envs", envs, f"1 for {type(agent).__name__}, which has no function restart(state)"
+    )
     for name, number in decisions.items():
         more = -(-number // envs) * envs
         check(more == number, name, number, f"a multiple of envs = {envs}, all of which it counts, such as {more}")

@@ -14,17 +14,18 @@ from jaxtyping import PyTree
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._interface import Interface
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy, rebuild, trainable, with_interface
 from motorgrad.schema import path_of
 from motorgrad.tasks import Task
+from motorgrad.training._agents import USUAL
 from motorgrad.training._evaluating import STATE
 from motorgrad.training._metrics import mean_of_samples
 from motorgrad.training._run import Run
 from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, part_of, release_changes, versions
 
 MEMORY = "cycle.memory"
-CRITIC = "cycle.agent.estimator.baseline"
-"""Where a state has the task's memory, and the learner's baseline or critic."""
+"""Where a state has the task's memory."""
 Given = TypeVar("Given")
 Found = TypeVar("Found")
 
@@ -77,8 +78,16 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
         one = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), learned)
         estimate = mean_of_samples(_filled(path, one, arrays, lanes, mean), count)
     records = pa.table({}) if metrics is None else metrics
-    parts = [part_of(arrays, place) for place in (MEMORY, STATE, CRITIC)]
+    parts = [part_of(arrays, place) for place in (MEMORY, STATE)]
+    parts.append(critic_of(arrays, config["agent"]))
     return Run(config, about["decision"], records, policies, initial, estimate, Path(path), task, trust, *parts)
+
+
+def critic_of(arrays: Mapping[str, np.ndarray], agent: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """What the baseline or critic knew, by path, of the arrays of a state and the table of its learner; empty for a
+    learner without one, or one of a kind that is not registered."""
+    kind = Learner.kinds().get(agent.get("kind", USUAL))
+    return {} if kind is None or kind.critic is None else part_of(arrays, f"cycle.agent.{kind.critic}")
 
 
 def saved_config(path: Path | str, allow_changed: bool = False) -> dict[str, Any]:

@@ -72,7 +72,7 @@ class PolicyScore(Settings):
         check(self.seed < 2**31 - self.streams, "seed", self.seed, f"at most {2**31 - 1 - self.streams:,}")
         choice("of", self.of, ("reward", *task.metric_names))
         if self.gradient is not None:
-            check(self.gradient.improve == "never", "gradient.improve", self.gradient.improve, '"never"')
+            check(self.gradient.update_every == "never", "gradient.update_every", self.gradient.update_every, '"never"')
             check(self.of == "reward", "of", self.of, '"reward" where a gradient is estimated')
             check(self.streams > 1, "streams", self.streams, "at least 2 where a gradient is estimated")
             validate_needs(task, Agent(made, self.gradient))

@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Bool, Float, Int, PyTree
 
 from motorgrad._errors import check, choice, counted, unknown
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Actor, Masked, Policy, split, with_interface
 from motorgrad.schema import numbers_of
 from motorgrad.statistics import first_time
@@ -476,7 +476,7 @@ def saved_task(config: dict[str, Any], path: Path | str | None = None, trust: bo
         raise ValueError(str(error) if path is None else f"{path}/config.toml: {error}") from None
 
 
-def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Agent:
+def saved_agent(task: Task, settings: dict[str, Any], where: str) -> Learner:
     """The learner of a run's configuration. **Raises** `RunDirectoryError` where a part of it was made in Python."""
     try:
         return agent_from_table(task, settings, where)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from motorgrad._errors import check, unknown
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.schema import Part, check_rounded, fields_of, full_path, numbers_of, with_number
 from motorgrad.tasks import Task
 from motorgrad.training.engines import validate_needs
@@ -18,7 +18,7 @@ Sweep = Mapping[str, Sequence[float]] | Sequence[Mapping[str, float]]
 """Numbers that combine as a product, by path; or a list of settings."""
 
 
-def sweep_settings(sweep: Sweep, task: Task, agent: Agent) -> list[Setting]:
+def sweep_settings(sweep: Sweep, task: Task, agent: Learner) -> list[Setting]:
     """The settings of a sweep, each a mapping from paths to numbers, in the order of the lanes: in a product, the last
     path changes fastest. **Raises** `ValueError` for an unknown path, a static one, and for impossible numbers."""
     wanted = 'paths and lists of numbers, such as {"optimizer.learning_rate": [1e-3, 1e-2]}, or a list of settings'
@@ -68,7 +68,7 @@ def setting_text(setting: Mapping[str, float]) -> str:
     return ", ".join(f"{path.rpartition('.')[2]} = {value:g}" for path, value in setting.items()) or "the only setting"
 
 
-def sweepable(name: str, agent: Agent) -> bool:
+def sweepable(name: str, agent: Learner) -> bool:
     """Whether a setting of the agent, by its path or short name, is a number that a sweep can vary."""
     return full_path(type(agent), name) in _numbers(agent.hyperparameters)
 
@@ -77,7 +77,7 @@ def _numbers(tree: PyTree) -> dict[str, Any]:
     return {path: value for path, value in numbers_of(tree).items() if np.ndim(value) == 0}
 
 
-def _possible(make: Callable[..., Agent], *arguments: object) -> Agent | None:
+def _possible(make: Callable[..., Learner], *arguments: object) -> Learner | None:
     """The agent that is made, if it is possible."""
     try:
         return make(*arguments)
@@ -85,7 +85,7 @@ def _possible(make: Callable[..., Agent], *arguments: object) -> Agent | None:
         return None
 
 
-def _path(name: str, agent: Agent) -> str:
+def _path(name: str, agent: Learner) -> str:
     """The path of a number, which may be given by its short name."""
     path = full_path(type(agent), name)
     tree = agent.hyperparameters

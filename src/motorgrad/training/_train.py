@@ -8,7 +8,7 @@ from typing import Any
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
 from motorgrad._platform import tell_the_platform
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training._arguments import check_training
@@ -27,7 +27,7 @@ from motorgrad.training.store import RunDirectory
 
 def train(
     task: Task | str,
-    agent: Agent | Mapping[str, Any] | None = None,
+    agent: Learner | Mapping[str, Any] | None = None,
     steps: int = 100_000,
     seeds: int | Sequence[int] | None = None,
     out: Path | str | None = None,

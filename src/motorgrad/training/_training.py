@@ -24,7 +24,7 @@ from motorgrad.training._arguments import TrainingArguments
 from motorgrad.training._broken import lanes_in_words, not_all_finite, not_finite
 from motorgrad.training._callbacks import Callback, Report
 from motorgrad.training._evaluating import STATE, EvaluationCallback, evaluating_of
-from motorgrad.training._load import CRITIC
+from motorgrad.training._load import critic_of
 from motorgrad.training._metrics import Records, mean_of_samples
 from motorgrad.training._progress import TrainingProgress
 from motorgrad.training._run import Run
@@ -40,7 +40,6 @@ from motorgrad.training.store import (
     differences,
     fill_tree,
     fingerprint,
-    part_of,
     release_changes,
     versions,
 )
@@ -85,7 +84,8 @@ class Training:
             self.evaluating.begin(task, steps)
             self.config["run"] |= self.evaluating.settings
         start = self.stepper.state["cycle"].agent
-        self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint((start.policy, start.chain))}
+        initial_state = start.policy, getattr(start, "chain", ())
+        self.begins = {"structure": describe(self.stepper.policy), "initial": fingerprint(initial_state)}
         self.records = Records(self.stepper.seeds, task.period, len(settings), task.metric_units)
         self.interface = interface_of(task, self.stepper.policy)
         self.initial = self._with_interface(self.stepper.policies(), self.stepper.start_statistics)
@@ -297,14 +297,14 @@ class Training:
     def _outcome(self) -> Run:
         saving, state = self.saving, self.stepper.state
         learner = state["cycle"].agent
-        batches = isinstance(learner.gradient, RunningMean)
+        samples = getattr(learner, "gradient", None)
         metrics = self.records.take() if saving is None else saving.metrics()
         return dataclasses.replace(
             self._run_of(state["cycle"].memory),
             metrics=pa.table({}) if metrics is None else metrics,
-            gradient=mean_of_samples(learner.gradient.mean, learner.gradient.count) if batches else None,
+            gradient=mean_of_samples(samples.mean, samples.count) if isinstance(samples, RunningMean) else None,
             path=None if saving is None else saving.directory.path,
-            _critic=part_of(numbers_of(state), CRITIC),
+            _critic=critic_of(numbers_of(state), self.config["agent"]),
             _evaluations={} if self.evaluating is None else self.evaluating.state,
         )
 

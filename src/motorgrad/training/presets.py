@@ -48,13 +48,11 @@ def avg(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
     """
     network = {"hidden": [256, 256], "layer_norm": False, "sparsity": 0.0, "standardise": True, "unit_length": True}
     return {
+        "kind": "action-value-gradient",
         "policy": _behind_layers(task, network, policy),
-        "estimator": {
-            "kind": "action-value-gradient",
-            "values": {"discount": DISCOUNT, "learning_rate": 1e-3, "network": network},
-            "entropy": 0.05,
-            "reward_scaling": {"discount": DISCOUNT},
-        },
+        "values": {"discount": DISCOUNT, "learning_rate": 1e-3, "network": network},
+        "entropy": 0.05,
+        "reward_scaling": {"discount": DISCOUNT},
         "optimizer": {"kind": "adam", "learning_rate": 3e-4, "b1": 0.0},
     }
 
@@ -145,7 +143,7 @@ def natural_network(task: Learnable, steps: int, policy: PolicyTable | None = No
     ```
     """
     found = natural_learner(task, steps, _behind_layers(task, NETWORK, policy), share=1 / 5, entropy=0.1)
-    batch = found["estimator"]["improve"]
+    batch = found["estimator"]["update_every"]
     kl = found["metric"]["kl"]
     metric = {"kind": "conjugate-gradient", "memory": batch, "iterations": 5, "damping": 0.1, "kl": kl}
     return {**found, "metric": metric}
@@ -164,7 +162,7 @@ def ppo(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
     **Arguments**, **Returns** and **Raises:** as `natural`.
 
     ```python
-    agent = mg.presets.ppo("hopper", 200_000, {"estimator.reuse.epochs": 4})
+    agent = mg.presets.ppo("hopper", 200_000, {"epochs": 4})
     ```
     """
     return _proximal(task, steps, policy)
@@ -248,19 +246,17 @@ def sac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
     batches = 10
     updates, last = (decisions // every * batches for decisions in (max(0, steps - start), steps // 8))
     return {
+        "kind": "soft-actor-critic",
         "policy": own,
-        "estimator": {
-            "kind": "soft-actor-critic",
-            "improve": every,
-            "values": {"discount": 1 - 1 / ahead, "network": network},
-            "replay": {
-                "capacity": min(MAX_REPLAY_CAPACITY, max(1_000, 5 * steps // 4)),
-                "start": start,
-                "updates": batches,
-                "hindsight": None if task.hindsight is None else hindsight,
-            },
-            "reward_scaling": {"discount": 1 - 1 / ahead},
+        "update_every": every,
+        "values": {"discount": 1 - 1 / ahead, "network": network},
+        "replay": {
+            "capacity": min(MAX_REPLAY_CAPACITY, max(1_000, 5 * steps // 4)),
+            "start": start,
+            "updates": batches,
+            "hindsight": None if task.hindsight is None else hindsight,
         },
+        "reward_scaling": {"discount": 1 - 1 / ahead},
         "optimizer": {"kind": "adam", "learning_rate": 5e-4},
         "averaging": {"start": max(0, updates - last)},
     }
@@ -349,7 +345,7 @@ def _in_batches(
         "estimator": {
             "trace": {"kind": "exponential", "decay": discount * decay},
             "baseline": {"kind": "network-critic", "discount": discount, "decay": decay, "network": SMALL, "fit": fit},
-            "improve": batch,
+            "update_every": batch,
             "reward_scaling": {"discount": discount},
             **estimator,
         },
@@ -371,7 +367,16 @@ def _proximal(
 ) -> dict[str, Any]:
     """Proximal policy optimisation as a table: the clipped surrogate, ten times over each batch."""
     batch = _large_batch(steps)
-    reuse = {"clip": 0.2, "epochs": 10, "minibatches": batch // 64}
     fit = _fitted_returns(batch, passes=40, learning_rate=1e-3)
-    table = _in_batches(task, policy, batch=batch, decay=decay, fit=fit, discount=discount, reuse=reuse)
-    return {**table, "optimizer": {"kind": "adam", "learning_rate": 3e-4}}
+    return {
+        "kind": "proximal",
+        "policy": _behind_layers(task, SMALL, policy),
+        "baseline": {"kind": "network-critic", "discount": discount, "decay": decay, "network": SMALL, "fit": fit},
+        "decay": discount * decay,
+        "update_every": batch,
+        "clip": 0.2,
+        "epochs": 10,
+        "minibatches": batch // 64,
+        "reward_scaling": {"discount": discount},
+        "optimizer": {"kind": "adam", "learning_rate": 3e-4},
+    }

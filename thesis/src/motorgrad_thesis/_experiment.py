@@ -17,7 +17,7 @@ import numpy as np
 from motorgrad._errors import check, counted
 from motorgrad._extras import installed, missing
 from motorgrad._files import read_arrays, write_arrays
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.schema import Settings, declared_by, fields_of, table
 from motorgrad.tasks import Task
@@ -42,7 +42,9 @@ class Workspace:
         self.trained: dict[str, float] = {}
         """Seconds of training of every run that was requested, over all sessions."""
 
-    def train(self, task: Task, agent: Agent, steps: int, seeds: int | list[int], initial: Policy | None = None) -> Run:
+    def train(
+        self, task: Task, agent: Learner, steps: int, seeds: int | list[int], initial: Policy | None = None
+    ) -> Run:
         """Train, or load the run if an experiment has already requested the same; `initial` as in `motorgrad.train`.
 
         **Raises** `KeyboardInterrupt` if Ctrl-C stopped the training; what was trained is saved.

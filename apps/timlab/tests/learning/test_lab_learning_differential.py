@@ -141,7 +141,7 @@ def test_other_baselines_and_optimizers_are_the_librarys(name):
 def test_normalised_batches_with_a_decay_are_the_librarys():
     """Normalization, means of batches and weight decay, put between blocks that are there."""
     task = mg.make("three-state")
-    settings = {"normalization": {"rate": 0.05}, "improve": 20, "decay": 0.8, "learning_rate": 0.1}
+    settings = {"normalization": {"rate": 0.05}, "update_every": 20, "decay": 0.8, "learning_rate": 0.1}
     agent = mg.agent_for(task, policy="softmax", weight_decay=0.01, **settings)
     theirs = stepper(task, agent)
     theirs.advance(301)  # the step of 300 samples acts at decision 300 already
@@ -174,7 +174,7 @@ LEARNERS = {
         "policy": "softmax",
         "baseline": {"kind": "critic", "fit": "td"},
         "decay": 0.5,
-        "improve": 10,
+        "update_every": 10,
         "learning_rate": 0.05,
     },
 }

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from motorgrad.bodies import Body
-    from motorgrad.learning import Agent
+    from motorgrad.learning import Learner
     from motorgrad.tasks import Task
     from motorgrad.training import Run
     from timsim.film import Motion
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def view(
     task: Task | Body | mujoco.MjModel | mujoco.MjSpec | Path | str,
-    agent: Agent | Mapping[str, Any] | None = None,
+    agent: Learner | Mapping[str, Any] | None = None,
     *,
     seed: int | Sequence[int] = 0,
     beside: Mapping[str, Any] | None = None,

@@ -29,7 +29,7 @@ class Criterion(Part):
         """The state when a unit has been added."""
 
     @abc.abstractmethod
-    def reinforce(self, state: PyTree, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PyTree:
+    def add_reward(self, state: PyTree, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PyTree:
         """The state after a reward; `grown` says whether the adding phase of the newest unit is over."""
 
     @abc.abstractmethod
@@ -55,7 +55,7 @@ class Clock(Criterion):
     def init(self, dtype: DTypeLike) -> None:
         return None
 
-    def reinforce(self, state: PyTree, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PyTree:
+    def add_reward(self, state: PyTree, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PyTree:
         return state
 
     def due(self, state: PyTree, age: Int[Array, ""]) -> Bool[Array, ""]:
@@ -122,7 +122,7 @@ class Plateau(Criterion):
             windows=none, best=jnp.full((), -math.inf, dtype), best_variance=zero, vain=none, due=jnp.zeros((), bool),
         )  # fmt: skip
 
-    def reinforce(self, state: PlateauState, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PlateauState:
+    def add_reward(self, state: PlateauState, reward: Float[Array, ""], grown: Bool[Array, ""]) -> PlateauState:
         rewards = state.rewards + 1
         batch = state.batch + (reward - state.batch) / rewards
         part = rewards >= self.window // BATCHES

@@ -127,9 +127,9 @@ class Growth(Part):
             return state
         return state._replace(visited=self.placement.observe(state.visited, observation, state.salt))
 
-    def reinforce(self, state: GrowthState, reward: Float[Array, ""]) -> GrowthState:
+    def add_reward(self, state: GrowthState, reward: Float[Array, ""]) -> GrowthState:
         """The state after a reward."""
-        return state._replace(criterion=self.criterion.reinforce(state.criterion, reward, ~self.adds(state)))
+        return state._replace(criterion=self.criterion.add_reward(state.criterion, reward, ~self.adds(state)))
 
     def scale_updates(self, state: GrowthState, step: PyTree[Array]) -> PyTree[Array]:
         """A step of the parameters, scaled for each unit by the phase."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from motorgrad.learning import Agent, SparseAgent
+from motorgrad.learning import Learner, SparseLearner
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, HostTask, Task
 from motorgrad.training.engines._cycle import MAX_TALLY_DECISIONS, CycleState, Mode
@@ -18,7 +18,6 @@ from motorgrad.training.engines._stepper import (
     mean_reward,
     validate,
     validate_needs,
-    validate_score,
     without_broken,
 )
 from motorgrad.training.engines._transition import raw_names, state_names
@@ -44,14 +43,13 @@ __all__ = [
     "training_stepper_for",
     "validate",
     "validate_needs",
-    "validate_score",
     "without_broken",
 ]
 
 
 def stepper_for(
     task: Task,
-    agent: Agent,
+    agent: Learner,
     seeds: Sequence[int],
     mode: Mode = "learn",
     threads: int = 0,
@@ -70,13 +68,13 @@ def stepper_for(
         kind = BodyStepper if isinstance(task, BodyTask) else HostStepper
         more = {"envs": envs, "workers": workers, "first_episode": first_episode}
         return kind(task, agent, seeds, mode, threads, initial, numbers, **more)
-    engine = SparseStepper if isinstance(agent, SparseAgent) and mode == "learn" else WorldStepper
+    engine = SparseStepper if isinstance(agent, SparseLearner) and mode == "learn" else WorldStepper
     return engine(task, agent, seeds, mode, initial, numbers, first_episode)
 
 
 def training_stepper_for(
     task: Task,
-    agent: Agent,
+    agent: Learner,
     seeds: Sequence[int],
     threads: int = 0,
     initial: Policy | None = None,

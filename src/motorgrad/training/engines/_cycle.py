@@ -2,7 +2,9 @@
 
 The engines for worlds and for bodies differ only in who steps the dynamics; both call the functions here:
 
-    act ──▶ (dynamics step) ──▶ learn: reward, observe, reinforce, improve ──▶ [restart where an episode ended] ──▶ act
+    act ──▶ (dynamics step) ──▶ observe ──▶ update ──▶ [new episode where one has ended] ──▶ act
+
+Of a learner it knows the five functions of `motorgrad.learning.Learner`.
 """
 
 import dataclasses
@@ -14,9 +16,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._interface import Statistics
-from motorgrad.learning import NEVER, Agent, AgentState, two_sum
+from motorgrad.learning import Learner, Transition, two_sum
+from motorgrad.learning._branching import any_of
 from motorgrad.schema import Numbers
 from motorgrad.tasks import Task, observe, outcome
+from motorgrad.training.engines._frozen import Frozen
 
 Mode = Literal["learn", "sample", "mode", "given"]
 """Learn; or act by a frozen policy, with sampled actions or the most probable ones; or take actions that are given."""
@@ -45,7 +49,7 @@ class CycleState(NamedTuple):
     - `tally`: sums for the next record.
     """
 
-    agent: AgentState
+    agent: Any
     numbers: Float[Array, " numbers"]
     memory: Any
     observation: Float[Array, " inputs"]
@@ -56,11 +60,11 @@ class CycleState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Cycle:
-    """The decision of `agent` on `task`, as pure functions. The agent gives the structure. Its numbers are those of
-    each seed's state, so that one compiled program serves all values."""
+    """The decision of a learner, `agent`, on `task`, as pure functions. The learner gives the structure. Its numbers
+    are those of each seed's state, so that one compiled program serves all values."""
 
     task: Task
-    agent: Agent
+    agent: Learner
     mode: Mode = "learn"
     diverges: bool = False
     """Whether the dynamics can diverge and say so."""
@@ -72,9 +76,25 @@ class Cycle:
         """The order of the hyperparameters in the vector of a state."""
         return Numbers(self.agent.hyperparameters)
 
-    def learner(self, cycle: CycleState) -> Agent:
-        """The agent with the numbers of a state."""
-        return self.agent.with_numbers(self.numbers, cycle.numbers)
+    def acting(self, agent: Learner) -> Any:
+        """What chooses actions: the learner, or its policy alone where nothing is to be learned."""
+        return agent if self.mode == "learn" else Frozen(agent, self.mode == "mode")
+
+    def learner(self, cycle: CycleState) -> Any:
+        """What chooses actions, with the numbers of a state."""
+        return self.acting(self.agent.with_numbers(self.numbers, cycle.numbers))
+
+    @functools.cached_property
+    def waits(self) -> bool:
+        """Whether there are decisions without an update; `decisions_until_due` counts them."""
+        found: list[object] = []
+
+        def trace() -> None:
+            acting = self.acting(self.agent)
+            found.append(acting.decisions_until_due(acting.init(jax.random.key(0))))
+
+        jax.eval_shape(trace)
+        return not isinstance(found[0], int)
 
     @property
     def restarts(self) -> bool:
@@ -83,7 +103,7 @@ class Cycle:
 
     def blank(
         self,
-        agent: AgentState,
+        agent: Any,
         numbers: Float[Array, " numbers"],
         init: Float[Array, " _"],
         statistics: Statistics | None = None,
@@ -95,8 +115,8 @@ class Cycle:
         if statistics is not None:
             memory = self.task.with_statistics(memory, statistics)
             memory = memory if self.mode == "learn" else self.task.freeze(memory)
-        seen = agent.policy.perceive(agent.memory, observation)
-        action = agent.policy.emit(agent.policy.mode(seen))
+        policy = agent.policy
+        action = policy.emit(policy.mode(policy.perceive(policy.initial_memory(), observation)))
         metrics = len(self.task.metric_names)
         zero = jnp.zeros(1 + metrics)
         tally = Tally(zero, zero, jnp.zeros(metrics + 2 + self.first_episode, jnp.int32))
@@ -113,7 +133,7 @@ class Cycle:
         action or a new episode changes. What is learned is changed by neither, and shared."""
         acted = self.act(cycle, uniforms)
         after = acted._replace(
-            agent=self.agent.restart(acted.agent),
+            agent=self.learner(cycle).restart(acted.agent),
             memory=self.task.renew(acted.memory, init),
             observation=jnp.zeros_like(acted.observation),
             action=jnp.zeros_like(acted.action),
@@ -151,10 +171,7 @@ class Cycle:
         """Choose an action on the present observation, unless it is given."""
         if self.mode == "given":
             return cycle
-        if self.mode == "learn":
-            agent, action = self.learner(cycle).act(cycle.agent, cycle.observation, uniforms)
-            return cycle._replace(agent=agent, action=action)
-        agent, action = self.agent.choose(cycle.agent, cycle.observation, uniforms, self.mode == "mode")
+        agent, action = self.learner(cycle).act(cycle.agent, cycle.observation, uniforms)
         return cycle._replace(agent=agent, action=action)
 
     def learn(
@@ -163,32 +180,28 @@ class Cycle:
         state: PyTree,
         uniforms: Float[Array, " _"],
         diverged: Flag = False,
-        resting: bool = False,
+        update: bool = True,
     ) -> tuple[CycleState, Flag]:
-        """Observe what the action led to and learn from it. Also returns whether the episode is over. `resting` leaves
-        out `Agent.improve`, which changes nothing at this decision, as `rest` has said."""
+        """Observe what the action led to and learn from it. Also returns whether the episode is over. Without `update`
+        the learner's update is left out, which would change nothing at this decision, as `decisions_until_due` has
+        said."""
         led = outcome(self.task, cycle.memory, state, cycle.action, uniforms, cycle.elapsed)
-        agent = cycle.agent
-        ended: Flag = False
-        for flag in (led.terminated, led.truncated, diverged):
-            if flag is not False:
-                ended = flag if ended is False else ended | flag
-        if self.mode == "learn":
-            learner = self.learner(cycle)
-            transition = (led.reward, led.observation, led.terminated, led.truncated, diverged)
-            agent = learner.reinforce(agent, *transition)
-            agent = agent if resting else learner.improve(agent, ended, diverged, self.task.hindsight)
+        ended = any_of(led.terminated, led.truncated, diverged)
+        learner = self.learner(cycle)
+        flags = (led.terminated, led.truncated, diverged)
+        agent = learner.observe(
+            cycle.agent, Transition(cycle.observation, cycle.action, led.reward, led.observation, *flags)
+        )
+        if update and self.mode == "learn" and self.agent.needs.goal is not None:
+            agent = learner.update(agent, self.task.hindsight)
+        elif update:
+            agent = learner.update(agent)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
         return CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
 
-    @property
-    def rests(self) -> bool:
-        """Whether there are decisions that can be learned from `resting`; `rest` counts them."""
-        return self.mode != "learn" or self.agent.rests
-
-    def rest(self, cycle: CycleState) -> Int[Array, ""]:
-        """How many decisions at least can be learned from `resting`."""
-        return self.learner(cycle).rest(cycle.agent) if self.mode == "learn" else jnp.asarray(NEVER, jnp.int32)
+    def decisions_until_due(self, cycle: CycleState) -> int | Int[Array, ""]:
+        """How many decisions at least can be learned from without an update."""
+        return self.learner(cycle).decisions_until_due(cycle.agent)
 
     def restart(
         self,
@@ -200,9 +213,8 @@ class Cycle:
     ) -> CycleState:
         """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
         memory, observation = observe(self.task, self.task.renew(cycle.memory, init), state, uniforms)
-        agent = cycle.agent._replace(memory=cycle.agent.policy.initial_memory())
         elapsed = None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed)
-        fresh = cycle._replace(agent=agent, memory=memory, observation=observation, elapsed=elapsed)
+        fresh = cycle._replace(memory=memory, observation=observation, elapsed=elapsed)
         return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)
 
     def _count(

@@ -16,7 +16,8 @@ from motorgrad._errors import check
 from motorgrad._interface import Statistics
 from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
+from motorgrad.learning._branching import where
 from motorgrad.policies import Policy
 from motorgrad.tasks import HostBatch, HostTask, Task
 from motorgrad.training.engines._cycle import CycleState, Flag, Mode
@@ -48,7 +49,7 @@ class HostProgram(Program):
     def __init__(
         self,
         task: HostTask,
-        agent: Agent,
+        agent: Learner,
         mode: Mode,
         example: HostBatch,
         seeds: int,
@@ -72,7 +73,7 @@ class HostProgram(Program):
             self._own = self._belonging(single, uniforms)
             begin = self._begin_all
             begun = jax.eval_shape(begin, jnp.int32(0), numbers, jnp.stack([row] * envs), given)
-        packing = Packing(begun, seeds, self._still(single, row, uniforms) if self.cycle.rests else ())
+        packing = Packing(begun, seeds, self._still(single, row, uniforms) if self.cycle.waits else ())
         pack, unpack = packing.pack, packing.unpack
 
         @jax.jit
@@ -99,12 +100,14 @@ class HostProgram(Program):
         )
         self.first = compiled(self._act)
         self.learn = compiled(self._learn_and_act)
-        self.learn_resting = compiled(functools.partial(self._learn_and_act, resting=True), packing.still)
+        self.learn_only = compiled(functools.partial(self._learn_and_act, update=False), packing.still)
         self._copy = jax.jit(lambda cycles: jax.tree.map(jnp.copy, cycles))
         self._merge = jax.jit(jax.vmap(lambda one, x, y: jax.tree.map(lambda a, b: jnp.where(one, a, b), x, y)))
         self.again = compiled(self._restart_and_act)
         self.harvest = jax.jit(jax.vmap(harvest), donate_argnums=0)
-        self.rest = jax.jit(jax.vmap(lambda cycle: self._rest(self._first(unpack(cycle)), jnp.result_type(float))))
+        self.decisions_until_due = jax.jit(
+            jax.vmap(lambda cycle: self._until_due(self._first(unpack(cycle)), jnp.result_type(float)))
+        )
         self.resume = jax.jit(jax.vmap(self._resume))
         self.viewer = view
 
@@ -120,22 +123,21 @@ class HostProgram(Program):
             each = [jax.vmap(functools.partial(self.start_memory, environment=e))(lanes) for e in range(self._envs)]
         return np.stack(each, axis=1).reshape(len(seeds) * self._envs, self.task.init_uniforms)
 
-    def learn_each(
-        self, cycles: Packed, resting: Bool[np.ndarray, " seeds"], row: np.ndarray
-    ) -> tuple[Packed, np.ndarray]:
-        """Learn from one decision, where `resting` by the shorter program. The two may round differently. So a seed's
-        program depends on itself alone, and both run where seeds differ, as they do after one of them has diverged."""
-        if resting.all():
-            return self.learn_resting(cycles, row)
-        if not resting.any():
+    def learn_each(self, cycles: Packed, due: Bool[np.ndarray, " seeds"], row: np.ndarray) -> tuple[Packed, np.ndarray]:
+        """Learn from one decision, by the shorter program where no update is `due`. The two may round differently. So a
+        seed's program depends on itself alone, and both run where seeds differ, as they do after one of them has
+        diverged."""
+        if due.all():
             return self.learn(cycles, row)
+        if not due.any():
+            return self.learn_only(cycles, row)
         with _alone:
             spare = self._copy(cycles)  # the first call uses up its input
-        rested = self.learn_resting(spare, row)
-        due = self.learn(cycles, row)
+        learned = self.learn_only(spare, row)
+        updated = self.learn(cycles, row)
         with _alone:
-            cycles = jax.block_until_ready(self._merge(resting, rested[0], due[0]))
-        return cycles, np.where(np.repeat(resting, self._envs)[:, None], rested[1], due[1])
+            cycles = jax.block_until_ready(self._merge(due, updated[0], learned[0]))
+        return cycles, np.where(np.repeat(due, self._envs)[:, None], updated[1], learned[1])
 
     def _over_seeds(self, packing: Packing, function: Decision, still: Set[str] = frozenset()) -> OverSeeds:
         """`function(cycle, packed, uniforms, *rest) -> (cycle, out)` compiled for all seeds. It does not change the
@@ -230,11 +232,11 @@ class HostProgram(Program):
         return observe_all(begun, rows, uniforms)[0]
 
     def _still(self, example: CycleState, row: Array, uniforms: Uniforms) -> list[int]:
-        """The leaves of a cycle that a decision learned from resting returns unchanged."""
+        """The leaves of a cycle that a decision without an update returns unchanged."""
         still: list[int] = []
 
         def learn(cycle: CycleState, row: Array) -> None:
-            after = self._learn_and_act(cycle, row, uniforms, True)[0]
+            after = self._learn_and_act(cycle, row, uniforms, False)[0]
             pairs = zip(jax.tree.leaves(cycle), jax.tree.leaves(after), strict=True)
             still.extend(index for index, (before, after) in enumerate(pairs) if after is before)
 
@@ -255,33 +257,33 @@ class HostProgram(Program):
         return cycle, self._out_row(cycle, 0.0)
 
     def _learn_and_act(
-        self, cycle: CycleState, row: Array, uniforms: Uniforms, resting: bool = False
+        self, cycle: CycleState, row: Array, uniforms: Uniforms, update: bool = True
     ) -> tuple[CycleState, Array]:
         diverged = row[-1] > 0
-        cycle, ended = self.cycle.learn(cycle, self._unpack_row(row), uniforms["observe"], diverged, resting)
-        cycle = self.cycle.act(cycle, uniforms["policy"])
-        return cycle, self._out_row(cycle, ended)
+        cycle, ended = self.cycle.learn(cycle, self._unpack_row(row), uniforms["observe"], diverged, update)
+        acted = self.cycle.act(cycle, uniforms["policy"])
+        # Where an episode has ended, the learner has yet to see the start of the next one, on which it acts then.
+        return where(ended, cycle, acted), self._out_row(acted, ended)
 
     def _restart_and_act(
         self, cycle: CycleState, row: Array, uniforms: Uniforms, ended: Bool[Array, ""], out: Array
     ) -> tuple[CycleState, Array]:
-        """Where an episode has `ended`, the action already chosen is discarded and chosen again on the new start."""
+        """Where an episode has `ended`, the action is chosen on the start of the next one."""
         state = self._unpack_row(row)
         fresh = self.cycle.restart(cycle, state, ended, uniforms["memory"], uniforms["look"])
-        fresh = fresh._replace(agent=self.cycle.learner(cycle).restart(fresh.agent, ended))
         fresh, action = self._act(fresh, row, uniforms)
         return jax.tree.map(lambda new, old: jnp.where(ended, new, old), (fresh, action), (cycle, out))
 
     def _out_row(self, cycle: CycleState, ended: Flag | float) -> Float[Array, " size"]:
         """What crosses to the host: the control of the dynamics, whether the episode has ended, and how many decisions
-        can be learned from resting."""
+        pass until an update is due."""
         control = jnp.asarray(self.task.control(cycle.action, cycle.memory), jnp.result_type(float))
         ends = jnp.asarray(ended, control.dtype)
-        return jnp.append(control, jnp.stack([ends, self._rest(cycle, control.dtype)]))
+        return jnp.append(control, jnp.stack([ends, self._until_due(cycle, control.dtype)]))
 
-    def _rest(self, cycle: CycleState, dtype: np.dtype) -> Array:
-        most = 2**24  # whole numbers up to which single precision is exact
-        return jnp.minimum(self.cycle.rest(cycle), most).astype(dtype)
+    def _until_due(self, cycle: CycleState, dtype: np.dtype) -> Array:
+        exact = 2**24  # whole numbers up to which single precision is exact
+        return jnp.minimum(jnp.asarray(self.cycle.decisions_until_due(cycle), jnp.int32), exact).astype(dtype)
 
 
 class HostStepper(Stepper):
@@ -297,7 +299,7 @@ class HostStepper(Stepper):
     def __init__(
         self,
         task: HostTask,
-        agent: Agent,
+        agent: Learner,
         seeds: Sequence[int],
         mode: Mode = "learn",
         threads: int = 0,
@@ -338,22 +340,24 @@ class HostStepper(Stepper):
         self._cycles, self._out = self.program.first(cycles, self._input())
 
     def advance(self, decisions: int) -> None:
-        program, rests, has_episodes, envs = self.program, self.cycle.rests, self.task.has_episodes, self.envs
+        program = self.program
+        waits = self.cycle.waits
+        envs = self.envs
         check(decisions % envs == 0, "decisions", decisions, f"a multiple of the {envs} environments of a learner")
         for _ in range(decisions // envs):
-            rest = self._out[envs - 1 :: envs, -1] >= envs
+            due = self._out[envs - 1 :: envs, -1] < envs
             before = self.batch.packed if self.watcher is None else self.batch.packed.copy()
             self.batch.step(self._out[:, :-2])
             self.decision += envs
             if self.watcher is not None:
                 watched = program.watched(self._cycles, before, self._input())
                 self.watcher({name: np.array(part)[None] for name, part in watched.items()})
-            if rests:
-                self._cycles, self._out = program.learn_each(self._cycles, rest, self._input())
+            if waits:
+                self._cycles, self._out = program.learn_each(self._cycles, due, self._input())
             else:
                 self._cycles, self._out = program.learn(self._cycles, self._input())
             self.ended = None
-            if (has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
+            if (self.task.has_episodes or self.batch.lost) and np.count_nonzero(self._out[:, -2]):
                 ended = self._out[:, -2] > 0
                 self.ended = self.batch.packed.copy()
                 rows = np.flatnonzero(ended)
@@ -363,7 +367,7 @@ class HostStepper(Stepper):
     @property
     def state(self) -> PyTree[np.ndarray]:
         cycle = self.program.unpack(self._cycles)
-        # How long it may rest follows from the cycle and the mode, so it is not kept.
+        # How many decisions pass until an update is due follows from the cycle, so it is not kept.
         parts = {"action": self._out[:, :-1], "physics": self.batch.snapshot()}
         if self.envs > 1:  # seeds lead
             parts = jax.tree.map(lambda x: np.reshape(x, (len(self.seeds), self.envs, *np.shape(x)[1:])), parts)
@@ -376,8 +380,8 @@ class HostStepper(Stepper):
             parts = jax.tree.map(lambda x: np.reshape(x, (-1, *np.shape(x)[2:])), parts)
         self.batch.restore(parts["physics"])
         self._cycles = self.program.pack(state["cycle"])
-        rest = np.repeat(self.program.rest(self._cycles), self.envs)
-        self._out = np.append(np.array(parts["action"]), rest[:, None], axis=1)
+        until_due = np.repeat(self.program.decisions_until_due(self._cycles), self.envs)
+        self._out = np.append(np.array(parts["action"]), until_due[:, None], axis=1)
         self.decision = int(state["decision"])
 
     def harvest(self) -> Record:
@@ -385,11 +389,13 @@ class HostStepper(Stepper):
         return jax.tree.map(np.array, found)
 
     def policies(self) -> Policy:
-        return jax.tree.map(np.array, self.agent.final_policy(self.program.unpack(self._cycles).agent))
+        agent = self.program.unpack(self._cycles).agent
+        return jax.tree.map(np.array, self.cycle.acting(self.agent).final_policy(agent))
 
     def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         cycles = self.program.unpack(self._cycles)
-        cycles = cycles._replace(agent=self.agent.set_policy(cycles.agent, jax.tree.map(jnp.array, policies)))
+        acting = self.cycle.acting(self.agent)
+        cycles = cycles._replace(agent=acting.set_policy(cycles.agent, jax.tree.map(jnp.array, policies)))
         if memory is not None:
             cycles = self.program.resume(self.seeds, cycles, jnp.array(self.batch.packed), memory)
         elif (statistics := statistics_of(policies)) is not None:

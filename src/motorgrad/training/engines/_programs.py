@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import jax
 
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.schema import Numbers
 from motorgrad.tasks import Task
@@ -20,7 +20,7 @@ _programs: OrderedDict[Hashable, Any] = OrderedDict()
 _lock = threading.Lock()
 
 
-def shared(kind: type[P], task: Task, agent: Agent, more: Hashable, make: Callable[[], P]) -> P:
+def shared(kind: type[P], task: Task, agent: Learner, more: Hashable, make: Callable[[], P]) -> P:
     """The program of this `kind` for a task, an agent and what `more` it depends on, made once. Agents that differ in
     the values of their numbers alone share it; so do those whose initial policies are given as arrays of the same
     shapes."""
@@ -61,7 +61,7 @@ def _key_of_task(task: Task) -> Hashable:
     return type(task), task
 
 
-def _key_of_agent(agent: Agent) -> Hashable:
+def _key_of_agent(agent: Learner) -> Hashable:
     policy: Hashable = agent.policy
     if isinstance(policy, Policy):  # its arrays are arguments of the program
         leaves, structure = jax.tree.flatten(policy)

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask
 from motorgrad.training.engines._host import BodyStepper
@@ -34,7 +34,7 @@ class SideBySide(Stepper):
     def __init__(
         self,
         task: BodyTask,
-        agent: Agent,
+        agent: Learner,
         seeds: Sequence[int],
         threads: int = 0,
         initial: Policy | None = None,

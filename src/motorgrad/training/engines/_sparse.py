@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
 from motorgrad._random import BLOCK, block_at, draw_places
-from motorgrad.learning import Agent, AgentState, SparseAgent
+from motorgrad.learning import Learner, SparseLearner, SparseState
 from motorgrad.policies import Policy
 from motorgrad.training.engines._cycle import CycleState
 from motorgrad.training.engines._world import Carry, WorldProgram, WorldStepper
@@ -17,12 +17,12 @@ LAST: Any = -1
 
 
 class SparseProgram(WorldProgram):
-    """The compiled functions of learning in a JAX world by a `SparseAgent`. The loop stops where a table is due, before
-    the next action. The index has its seeds first: rows that one seed looks up are then together in memory."""
+    """The compiled functions of learning in a JAX world by a `SparseLearner`. The loop stops where a table is due,
+    before the next action. The index has its seeds first: rows that one seed looks up are then together in memory."""
 
     axes: ClassVar[Any] = (
         CycleState(
-            AgentState(*[LAST] * len(AgentState._fields))._replace(index=0), *[LAST] * (len(CycleState._fields) - 1)
+            SparseState(*[LAST] * len(SparseState._fields))._replace(index=0), *[LAST] * (len(CycleState._fields) - 1)
         ),
         LAST,
     )
@@ -60,7 +60,7 @@ class SparseProgram(WorldProgram):
 
 
 class SparseStepper(WorldStepper):
-    """Learning in a JAX world by a `SparseAgent`. Tables are made on the host wherever the loop stops for them, so
+    """Learning in a JAX world by a `SparseLearner`. Tables are made on the host wherever the loop stops for them, so
     results do not depend on how many decisions are made at a time."""
 
     program_type: ClassVar[type[WorldProgram]] = SparseProgram
@@ -96,6 +96,6 @@ class SparseStepper(WorldStepper):
         self._carry = (cycle._replace(agent=cycle.agent._replace(index=index)), world)
 
 
-def _sparse(agent: Agent) -> SparseAgent:
-    assert isinstance(agent, SparseAgent)
+def _sparse(agent: Learner) -> SparseLearner:
+    assert isinstance(agent, SparseLearner)
     return agent

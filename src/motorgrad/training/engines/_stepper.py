@@ -14,8 +14,8 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad._errors import check, unknown
 from motorgrad._interface import Statistics
 from motorgrad._random import key_of
-from motorgrad.learning import Agent, AgentState
-from motorgrad.policies import Policy, PrintedGaussians, trainable
+from motorgrad.learning import Learner
+from motorgrad.policies import Policy, trainable
 from motorgrad.schema import declared_at, with_number
 from motorgrad.tasks import Task
 from motorgrad.training.engines._cycle import Cycle, CycleState, Mode
@@ -44,17 +44,18 @@ class Program:
     only the structure matters; `diverges` says whether the dynamics can."""
 
     def __init__(
-        self, task: Task, agent: Agent, mode: Mode = "learn", diverges: bool = False, first_episode: bool = False
+        self, task: Task, agent: Learner, mode: Mode = "learn", diverges: bool = False, first_episode: bool = False
     ):
         self.task = task
         self.cycle = Cycle(task, agent, mode, diverges, first_episode)
         self.policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
         """The shapes of one seed's policy."""
 
-    def fresh(self, seed: Array, numbers: Array, initial: Policy | None) -> AgentState:
+    def fresh(self, seed: Array, numbers: Array, initial: Policy | None) -> Any:
         """One seed's learner before its first decision, from its `initial` policy where there is one."""
         agent = self.cycle.agent.with_numbers(self.cycle.numbers, numbers)
-        state = (agent if initial is None else agent.with_policy(initial)).init(key_of(seed, "initial"))
+        agent = agent if initial is None else agent.with_policy(initial)
+        state = self.cycle.acting(agent).init(key_of(seed, "initial"))
         # The loop returns strong types. After weak ones, as of `jnp.full(3, 0.5)`, it would be compiled a second time.
         return jax.tree.map(lambda leaf: jnp.asarray(leaf, leaf.dtype), state)
 
@@ -73,11 +74,7 @@ class Program:
         """One seed's tallies and the visible state of its learner; the tallies begin anew."""
         agent, tally = state.agent, state.tally
         found = self.cycle.read_tally(tally)
-        found["baseline"] = self.cycle.learner(state).estimator.level(agent.estimator)
-        growth = self.cycle.learner(state).growth
-        if growth is not None and agent.growth is not None:
-            found["units"] = jnp.sum(agent.policy.active)  # type: ignore[attr-defined]
-            found["adding"] = growth.adds(agent.growth).astype(jnp.int32)
+        found |= self.cycle.learner(state).readings(agent)
         found["parameters"] = ravel_pytree(trainable(agent.policy))[0]
         return state._replace(tally=jax.tree.map(jnp.zeros_like, tally)), found
 
@@ -94,7 +91,7 @@ class Stepper(abc.ABC):
     def __init__(
         self,
         task: Task,
-        agent: Agent,
+        agent: Learner,
         seeds: Sequence[int],
         mode: Mode = "learn",
         initial: Policy | None = None,
@@ -109,7 +106,6 @@ class Stepper(abc.ABC):
         validate(task, self.policy)
         if mode == "learn":
             validate_needs(task, agent)
-            validate_score(self.policy, agent)
         if initial is None and isinstance(agent.policy, Policy):
             initial = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(self.seeds), *leaf.shape)), agent.policy)
         if initial is not None:
@@ -215,18 +211,6 @@ def validate(task: Task, policy: Policy) -> None:
         raise ValueError(f"{kind}: {has} actions, but the task {task.name!r} takes {takes}")
 
 
-def validate_score(policy: Policy, agent: Agent) -> None:
-    """Refuse a policy without an exact score for a learner by scores, and the printed score for one without scores."""
-    printed = any(_is_printed(part) for part in jax.tree.leaves(policy, is_leaf=_is_printed))
-    check(not (printed and agent.estimator.climbs), "pair", "printed", "exact for an estimator that asks for no scores")
-    wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
-    check(policy.has_exact_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
-
-
-def _is_printed(part: object) -> bool:
-    return isinstance(part, PrintedGaussians)
-
-
 def _actions_in_words(actions: str | tuple[str, ...]) -> str:
     """A kind of actions in words, such as "binary" or "2 binary, 3 graded"."""
     if isinstance(actions, str):
@@ -234,15 +218,14 @@ def _actions_in_words(actions: str | tuple[str, ...]) -> str:
     return ", ".join(f"{len(list(run))} {kind}" for kind, run in itertools.groupby(actions))
 
 
-def validate_needs(task: Task, agent: Agent) -> None:
+def validate_needs(task: Task, agent: Learner) -> None:
     """Refuse a learner that needs episodes, or a goal, on a task that has none."""
-    for setting in [] if task.has_episodes else agent.needs_episodes():
+    needs = agent.needs
+    for setting in () if task.has_episodes else needs.episodes:
         raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
-    if agent.needs_goal is not None and task.hindsight is None:
+    if needs.goal is not None and task.hindsight is None:
         has = "a composed task has one with scaling = 'none', one target that stays, its error observed, and a reward"
-        raise ValueError(
-            f"{agent.needs_goal}: needs a goal, but the task {task.name!r} has none; {has} of its distance"
-        )
+        raise ValueError(f"{needs.goal}: needs a goal, but the task {task.name!r} has none; {has} of its distance")
 
 
 def fits(state: PyTree[np.ndarray], template: PyTree[np.ndarray]) -> None:

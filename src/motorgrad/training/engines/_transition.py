@@ -53,7 +53,7 @@ def transition(task: Task, cycle: CycleState, before: PyTree, after: PyTree, led
         nobody = jnp.zeros(0)
         found["observation"] = task.sense(cycle.memory, before, nobody)[1]
         found["end observation"] = task.sense(led.memory, after, nobody)[1]
-    if policy.has_memory and agent.decision is not None:  # what the units see also holds what the policy remembers
+    if policy.has_memory:  # what the units see also holds what the policy remembers
         found["seen"] = agent.decision.observation
         found["end seen"] = policy.perceive(agent.memory, led.observation)
     if isinstance(task.dynamics, World):

@@ -10,7 +10,7 @@ from jaxtyping import Array, PyTree
 
 from motorgrad._compiler import loop_options
 from motorgrad._random import BLOCK, block_at, draw_block, key_of
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task, outcome
 from motorgrad.training.engines._cycle import CycleState, Mode
@@ -28,7 +28,7 @@ class WorldProgram(Program):
     axes: ClassVar[Any] = (-1, -1)
     """Where the seeds are in the loop's state: one axis, or a tree of them."""
 
-    def __init__(self, task: Task, agent: Agent, mode: Mode, first_episode: bool = False):
+    def __init__(self, task: Task, agent: Learner, mode: Mode, first_episode: bool = False):
         super().__init__(task, agent, mode, first_episode=first_episode)
         assert isinstance(task.dynamics, World)
         self.world = task.dynamics
@@ -126,7 +126,7 @@ class WorldStepper(Stepper):
     def __init__(
         self,
         task: Task,
-        agent: Agent,
+        agent: Learner,
         seeds: Sequence[int],
         mode: Mode = "learn",
         initial: Policy | None = None,
@@ -176,11 +176,11 @@ class WorldStepper(Stepper):
         return seeds_first(found)
 
     def policies(self) -> Policy:
-        return seeds_first(self.agent.final_policy(self._carry[0].agent))
+        return seeds_first(self.cycle.acting(self.agent).final_policy(self._carry[0].agent))
 
     def set_policies(self, policies: Policy, memory: PyTree = None) -> None:
         cycle, world = self._carry
-        cycle = cycle._replace(agent=self.agent.set_policy(cycle.agent, seeds_last(policies)))
+        cycle = cycle._replace(agent=self.cycle.acting(self.agent).set_policy(cycle.agent, seeds_last(policies)))
         if memory is not None:
             cycle = self.program.resume(self.seeds, cycle, world, memory)
         self._carry = (cycle, world)

@@ -1,6 +1,7 @@
 """What the learner of a run holds of the situations of a rollout: the value of its critic, or its baseline."""
 
 import copy
+import operator
 import warnings
 from typing import Self
 
@@ -56,9 +57,13 @@ def values_of(run: Run) -> Values | None:
     except RunDirectoryError as error:
         warnings.warn(f"no column `value`: {error}", RunWarning, stacklevel=4)
         return None
-    if not isinstance(baseline := agent.estimator.baseline, Critic | InputBaseline):
+    if agent.critic is None:
         return None
-    one = jax.eval_shape(agent.init, jax.random.key(0)).estimator.baseline
+    where = operator.attrgetter(agent.critic)
+    baseline = where(agent)
+    if not isinstance(baseline, Critic | InputBaseline):
+        return None
+    one = where(jax.eval_shape(agent.init, jax.random.key(0)))
     # of several environments that fed a learner, the first stands for those parts that each has for itself
     sizes = {name: leaf.ndim + 1 for name, leaf in numbers_of(one).items()}
     stored = {name: each[:, 0] if each.ndim > sizes.get(name, 0) else each for name, each in run.critic.items()}

@@ -76,7 +76,7 @@ def frozen_reward(work: Workspace, task: Task, policies: Policy, decisions: int,
 
     Each acts on the random numbers of its neighbour, so that none is judged on those of its training.
     """
-    settings = agent_for(task, **changes, improve="never")
+    settings = agent_for(task, **changes, update_every="never")
     moved = jax.tree.map(lambda leaf: jnp.roll(leaf, 1, axis=0), policies)
     count = jax.tree.leaves(policies)[0].shape[0]
     run = work.train(task, settings, decisions, count, moved)

@@ -22,7 +22,7 @@ from motorgrad._errors import NotTrusted, check, check_integer
 from motorgrad._extras import require
 from motorgrad._files import read_content
 from motorgrad._limits import MAX_ARRAY_BYTES
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training import Run, load, stepper_for
@@ -45,7 +45,7 @@ class Beside:
     """
 
     label: str
-    agent: Agent
+    agent: Learner
     seed: int = 0
     initial: Policy | None = None
     memory: Any = None
@@ -137,7 +137,9 @@ def side_by_side(
     return chosen[0], f"seed {chosen[0]}" if len(chosen) > 1 else "", others or None
 
 
-def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int, trust: bool = False) -> tuple[Beside, ...]:
+def beside_of(
+    task: Task, agent: Learner, given: Mapping[str, Any], seed: int, trust: bool = False
+) -> tuple[Beside, ...]:
     """The bodies that `setup_of` is asked for, by label.
 
     **Arguments:** `given`: by label, a run, its directory, or a pair of one and a seed; a policy, or a file of one
@@ -161,13 +163,13 @@ def beside_of(task: Task, agent: Agent, given: Mapping[str, Any], seed: int, tru
     return tuple(found)
 
 
-def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int, trust: bool) -> Beside:
+def _beside(task: Task, agent: Learner, label: str, given: Any, seed: int, trust: bool) -> Beside:
     pair: Any = given if isinstance(given, tuple) and len(given) == 2 else (given, None)
     what, of = pair
     if isinstance(what, str) and what == UNTRAINED:
         return Beside(label, agent, seed)
     if isinstance(what, Policy):
-        return Beside(label, Agent(what), seed)
+        return Beside(label, Learner(what), seed)
     if isinstance(what, str | Path):
         path = Path(what)
         if path.suffix == ".zip":
@@ -184,7 +186,7 @@ def _beside(task: Task, agent: Agent, label: str, given: Any, seed: int, trust: 
         memory = what.memory
         row = what.seeds.index(of) if of in what.seeds else 0
         memory = None if memory is None else jax.tree.map(lambda leaf: leaf[row : row + 1], memory)
-        return Beside(label, Agent(what.policy(of)), of, memory=memory)
+        return Beside(label, Learner(what.policy(of)), of, memory=memory)
     if hasattr(what, "predict"):
         # a model of stable-baselines3 holds environments, which cannot be sent to the worker's process; its policy can
         policy = getattr(what, "policy", what)

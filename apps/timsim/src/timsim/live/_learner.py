@@ -9,8 +9,8 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad.learning import Agent, SparseAgent
 from motorgrad.policies import Policy, with_interface
 from motorgrad.schema import declared_at, numbers_of
 from motorgrad.tasks import EnvironmentPictures, Task
@@ -187,7 +187,7 @@ class Learner:
 
     def freeze(self, on: bool) -> None:
         if on != self.frozen:
-            known = not isinstance(self.agent, SparseAgent)
+            known = not isinstance(self.agent, learning.SparseLearner)
             check(known, "freeze", on, "left alone with a learner whose units are indexed")
             self._switch(self._changes, on)
 
@@ -331,7 +331,7 @@ def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
     return wide
 
 
-def agent_numbers(agent: Agent) -> dict[str, float]:
+def agent_numbers(agent: learning.Learner) -> dict[str, float]:
     """The numbers of a learner that can be changed while it runs, by name."""
     found = {path: value for path, value in numbers_of(agent.hyperparameters).items() if declared_at(agent, path).live}
     return {f"{AGENT}{path}": value for path, value in found.items() if isinstance(value, float)}

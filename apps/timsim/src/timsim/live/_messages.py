@@ -19,7 +19,7 @@ import mujoco
 from jaxtyping import PyTree
 
 from motorgrad._errors import check, unknown
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from timsim.live._foreign import Picture
@@ -120,7 +120,7 @@ class View(Protocol):
     def task(self) -> Task | None: ...
 
     @property
-    def agent(self) -> Agent | None: ...
+    def agent(self) -> Learner | None: ...
 
     @property
     def model(self) -> mujoco.MjModel | None: ...

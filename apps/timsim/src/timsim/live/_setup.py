@@ -19,7 +19,7 @@ from motorgrad._errors import check, unknown
 from motorgrad._limits import MAX_MOTION_SECONDS
 from motorgrad._myosuite import is_of_myosuite, models
 from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.schema import Settings, inner, number, static
 from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task, load, myosuite, myosuite_ids
@@ -169,7 +169,7 @@ class Setup:
 
     name: str
     task: Task | None = None
-    agent: Agent | None = None
+    agent: Learner | None = None
     seed: int = 0
     initial: Policy | None = None
     memory: Any = None
@@ -191,7 +191,7 @@ Simulated = Task | Body | mujoco.MjModel | mujoco.MjSpec | Path | str
 
 def setup_of(
     subject: Simulated,
-    agent: Agent | Mapping[str, Any] | None = None,
+    agent: Learner | Mapping[str, Any] | None = None,
     seed: int = 0,
     *,
     run: Run | Path | str | None = None,
@@ -280,7 +280,7 @@ def named_subject(subject: Simulated) -> Any:
 
 def _of_task(
     task: Task | str,
-    agent: Agent | Mapping[str, Any] | None,
+    agent: Learner | Mapping[str, Any] | None,
     seed: int,
     run: Run | Path | str | None,
     frozen: bool,
@@ -340,9 +340,9 @@ def _of_model(subject: Body | mujoco.MjModel | mujoco.MjSpec | Path | str, stage
     return Setup(name, model=model, key=start_key(body, model), body=body, stage=stage)
 
 
-def acting(run: Run, seed: int) -> Agent:
+def acting(run: Run, seed: int) -> Learner:
     """An agent that only acts, with a run's policy, for runs whose learner cannot be made again."""
-    return Agent(run.policy(seed))
+    return Learner(run.policy(seed))
 
 
 def is_path(subject: object) -> bool:

@@ -11,7 +11,7 @@ from motorgrad.schema import sentence
 from timsim.live import declared_setting, field_of, geom_of
 
 if TYPE_CHECKING:
-    from motorgrad.learning import Agent
+    from motorgrad.learning import Learner
     from motorgrad.tasks import Task
     from timsim.panels._panel import Panel
 
@@ -114,7 +114,7 @@ class SettingsForm:
         self.refresh()
 
 
-def words_of(name: str, task: Task | None = None, agent: Agent | None = None) -> tuple[str, str]:
+def words_of(name: str, task: Task | None = None, agent: Learner | None = None) -> tuple[str, str]:
     """A setting's label, with its unit, and what it means; of a task and a learner, what their fields declare."""
     if name.startswith("body."):
         label, hint = SETTING_LABELS[field_of(name)]

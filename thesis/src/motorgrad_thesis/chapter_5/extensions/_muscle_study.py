@@ -83,9 +83,9 @@ class MuscleStudy(Experiment):
     def trained(self, work: Workspace, variant: str = FULL, seeds: int | None = None) -> Run:
         """Trained hexapods, shared with other experiments of the same settings."""
         settings = self.learner(variant)
-        assert isinstance(settings.estimator.improve, int)
+        assert isinstance(settings.estimator.update_every, int)
         count = seeds or self.seeds
-        steps = self.updates * settings.estimator.improve
+        steps = self.updates * settings.estimator.update_every
         # a count where seeds start from 0, because stored runs are found by it
         chosen = list(range(self.first_seed, self.first_seed + count)) if self.first_seed else count
         return work.train(self.task(variant), settings, steps, chosen)

@@ -165,7 +165,7 @@ def _learner(units: int, kind: str) -> tuple[FallingParticle, Agent]:
         task,
         policy={"copies": 2, "width": float(width), "least_log_width": -8.0},
         learning_rate={"centre": 2e-4 * float(width / 0.16) ** 2, "log_width": 8e-4},
-        kind="sparse" if kind == "indexed" else "dense",
+        kind="sparse" if kind == "indexed" else "policy-gradient",
     )
 
 

@@ -14,7 +14,7 @@ left it.
 
 import functools
 import math
-from typing import Any, NamedTuple, cast
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,16 +23,19 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
-from motorgrad._goal import Goal
-from motorgrad.learning._agent import Agent, AgentState
-from motorgrad.learning._branching import Flag, Scalar, where_any
+from motorgrad.learning._advantages import Advantages, times
+from motorgrad.learning._agent import Agent
+from motorgrad.learning._baselines import MeanReward, ScalarBaseline
+from motorgrad.learning._branching import Flag, Scalar, any_of, where, where_any
 from motorgrad.learning._chain import SGD
+from motorgrad.learning._learner import Learner, Needs, Transition
+from motorgrad.learning._scaling import NormalizationState, RootMeanSquare
 from motorgrad.learning._schedules import changes
-from motorgrad.learning._traces import Episodic, Exponential
+from motorgrad.learning._traces import Episodic, Exponential, credited
 from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
 from motorgrad.policies import LocalGaussians, split, trainable
-from motorgrad.schema import inner
+from motorgrad.schema import inner, number
 
 MIN_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
 STEP = 16  # units, by which the room in a table grows
@@ -66,59 +69,94 @@ class IndexState(NamedTuple):
     moved: Float[Array, ""]
 
 
-class SparseAgent(Agent):
-    """An online learner of local Gaussian units, which at every decision updates only those that can fire there.
+class SparseState(NamedTuple):
+    r"""The policy, which is up to date only after `publish`; the weights of the episodes in the trace; the `index`; the
+    states of the `baseline` and of the `normalization` of advantages; the discount $\gamma^t$ within the episode,
+    `weight`; between `observe` and `update` the `sample`, which is $\delta$ times the trace."""
 
-    It is an `Agent` for the policy without what the index neglects: a unit that is not listed where the learner is does
-    not fire there, and has no score. It learns what the plain learner of that policy learns, within rounding, but for
-    limits of log-widths, which apply to a unit when it is updated.
+    policy: LocalGaussians
+    trace: Float[Array, " episodes"]
+    index: IndexState
+    baseline: PyTree = None
+    normalization: NormalizationState | None = None
+    scaling: None = None
+    weight: Float[Array, ""] | None = None
+    sample: Float[Array, " episodes"] | None = None
+
+
+class SparseLearner(Learner):
+    r"""An online learner of local Gaussian units, which at every decision updates only those that can fire there.
+
+    It is the policy gradient with traces (`Agent`), $z \leftarrow \beta z + \nabla\log\pi$ and
+    $\theta \leftarrow \theta + \alpha\delta z$, for the policy without what the index neglects: a unit that is not
+    listed where the learner is does not fire there, and has no score. It learns what the plain learner of that policy
+    learns, within rounding, but for limits of log-widths, which apply to a unit when it is updated.
 
     Tables are made outside compiled code. Where `due` says so, call `refresh` before the next `act`, which consumes as
     many uniforms as the table has room for. `publish` brings the policy up to date, for others to read.
+
+    **Raises:** from `init`, `ValueError` for a policy that is no `LocalGaussians`.
     """
 
+    critic: ClassVar[str | None] = "baseline"
+
+    decay: float = number(0.9, 0, 1, help=r"$\beta$, the decay of the trace; 1 needs a task with episodes")
+    baseline: ScalarBaseline | None = inner(
+        MeanReward(), help="what rewards are compared with; none for the rewards themselves"
+    )
+    discount: float | None = number(
+        None,
+        0,
+        1,
+        open_low=True,
+        help=r"none where all decisions count alike; $\gamma$ for the discounted return of an episode",
+    )
+    normalization: RootMeanSquare | None = inner(
+        None, help=r"none for advantages $\delta$ as they are, or `RootMeanSquare` to normalize them"
+    )
+    learning_rate: float | dict[str, Any] = number(
+        1e-3, 0, groups=True, help=r"$\alpha$, for all parameters or for each of the policy's fields, as of `SGD`"
+    )
     index: SpatialIndex = inner(SpatialIndex(), help="what is neglected and when tables are made")
 
-    def validate(self) -> None:
-        super().validate()
-        estimator, baseline = self.estimator, self.estimator.baseline
-        traced = isinstance(estimator.trace, Exponential | Episodic)
-        check(traced, "estimator.trace", estimator.trace, "Exponential or Episodic with a spatial index")
-        scalar = baseline is None or not baseline.needs_decision
-        check(scalar, "estimator.baseline", baseline, "one that does not see the observation with a spatial index")
-        weighted = baseline is not None and baseline.needs_eligibility
-        words = "one that does not see the eligibility, such as MeanReward, with a spatial index"
-        check(not weighted, "estimator.baseline", baseline, words)
-        check(estimator.online, "estimator.improve", estimator.improve, "1, at every decision, with a spatial index")
-        plain = type(self.optimizer) is SGD and self.optimizer.weight_decay is None
-        check(plain, "optimizer", self.optimizer, "SGD without weight decay with a spatial index")
-        rate = getattr(self.optimizer, "learning_rate", None)
-        check(not changes(rate), "optimizer.learning_rate", rate, "one that does not change with a spatial index")
-        for name in ("metric", "growth", "averaging"):
-            check(getattr(self, name) is None, name, getattr(self, name), "None with a spatial index")
-        for name in ("bound", "reward_scaling", "reuse"):
-            part = getattr(estimator, name)
-            check(part is None, f"estimator.{name}", part, "None with a spatial index")
-        check(not self.transformations, "transformations", self.transformations, "() with a spatial index")
-        check(estimator.entropy is None, "estimator.entropy", estimator.entropy, "None with a spatial index")
+    @classmethod
+    def settings_from(cls, other: Learner) -> dict[str, Any]:
+        found = super().settings_from(other)
+        if not isinstance(other, Agent):
+            return found
+        estimator = other.estimator
+        found["discount"] = estimator.discount
+        found["normalization"] = estimator.normalization
+        if isinstance(estimator.trace, Exponential | Episodic):
+            found["decay"] = estimator.trace.decay if isinstance(estimator.trace, Exponential) else 1.0
+        if estimator.baseline is None or isinstance(estimator.baseline, ScalarBaseline):
+            found["baseline"] = estimator.baseline
+        if type(other.optimizer) is SGD and not changes(other.optimizer.learning_rate):
+            found["learning_rate"] = other.optimizer.learning_rate
+        return found
 
     @property
-    def decay(self) -> Float[Array, ""]:
-        """The decay of the trace, which may be traced."""
-        trace = self.estimator.trace
-        return jnp.asarray(trace.decay if isinstance(trace, Exponential) else 1.0)
+    def advantages(self) -> Advantages:
+        """The parts that make advantages of rewards."""
+        return Advantages(self.baseline, None, self.normalization)
+
+    @property
+    def needs(self) -> Needs:
+        found = ["decay = 1"] if isinstance(self.decay, float) and self.decay == 1 else []
+        if self.discount is not None:
+            found.append(f"discount = {self.discount}")
+        return Needs(tuple(found), single_stream=f"the index of {type(self).__name__}", score=True)
 
     @property
     def rebase(self) -> Int[Array, ""]:
         """Decisions from one rebase to the next."""
-        decay = self.decay
+        decay = jnp.asarray(self.decay)
         within = (decay > 0) & (decay < 1)
         most = jnp.log(MIN_SCALE) / jnp.log(jnp.where(within, decay, 0.5))
         return jnp.where(within, jnp.clip(most.astype(jnp.int32), 1, self.index.rebase), self.index.rebase)
 
-    def init(self, key: jax.Array) -> AgentState:
-        state = super().init(key)
-        pool = state.policy
+    def init(self, key: jax.Array) -> SparseState:
+        pool = self.first_policy(key)
         local = isinstance(pool, LocalGaussians)
         check(local, "policy", type(pool).__name__, "LocalGaussians where units are indexed")
         (theta,) = pool.blocks(trainable(pool))
@@ -140,18 +178,25 @@ class SparseAgent(Agent):
             size=jnp.ones(pool.inputs, dtype),
             moved=jnp.full((), jnp.inf, dtype),
         )
-        return self._with_trace(state, jax.nn.one_hot(0, episodes, dtype=dtype))._replace(index=index)
+        return SparseState(
+            policy=pool,
+            trace=jax.nn.one_hot(0, episodes, dtype=dtype),
+            index=index,
+            weight=None if self.discount is None else jnp.ones((), dtype),
+            **self.advantages.init(pool, jax.random.fold_in(key, 2)),
+        )
 
     def act(
-        self, state: AgentState, observation: Float[Array, " inputs"], uniforms: Float[Array, " room"]
-    ) -> tuple[AgentState, Array]:
+        self, state: SparseState, observation: Float[Array, " inputs"], uniforms: Float[Array, " room"]
+    ) -> tuple[SparseState, Array]:
         """What `Agent.act` does, for the units alone that are listed where the observation is."""
-        decayed = self._with_trace(state, self.decay * state.estimator.trace)
-        state = self._begin(decayed, self.decay <= 0)  # without memory, every decision is an episode of its own
-        index = _index(state)
+        decay = jnp.asarray(self.decay)
+        decayed = state._replace(trace=decay * state.trace)
+        state = self._begin(decayed, decay <= 0)  # without memory, every decision is an episode of its own
+        index = state.index
         units = state.policy.outputs
-        trace = state.estimator.trace
-        rates = self._rates(state)
+        trace = state.trace
+        rates = SGD(self.learning_rate).learning_rates(trainable(state.policy))
         near = index.table[self.index.cell(observation, index.low, index.size, units)]
         there = near < units
         few = jax.tree.map(lambda leaf: _rows_of(leaf, near, units, 1), state.policy)
@@ -181,56 +226,60 @@ class SparseAgent(Agent):
         index = index._replace(rows=write_rows(index.rows, near, rows, count), limit=limit)
         return state._replace(index=index), write_rows(jnp.zeros(units, fired.dtype), near, fired, count)
 
-    def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
-        weight = state.estimator.weight
-        weight = None if weight is None else jnp.where(ended, 1.0, weight)
-        state = state._replace(estimator=state.estimator._replace(weight=weight))
-        return self._begin(state, jnp.logical_and(ended, self.decay > 0))
+    def observe(self, state: SparseState, transition: Transition) -> SparseState:
+        r"""Turn a reward into $\delta$ times the trace. The end of an episode restarts the trace."""
+        diverged = transition.diverged
+        advantage, state = self.advantages.update(state, state.policy, transition)
+        if self.discount is not None and state.weight is not None:
+            advantage = times(state.weight, advantage)
+            state = state._replace(weight=state.weight * self.discount)
+        sample = credited(state.trace, advantage.trace)
+        state = state._replace(sample=where(diverged, jnp.zeros_like(sample), sample))
+        ended = any_of(transition.terminated, transition.truncated, diverged)
+        if ended is False:
+            return state
+        fresh = self.advantages.restart(state)
+        if state.weight is not None:
+            fresh = fresh._replace(weight=jnp.ones_like(state.weight))
+        return self._begin(where(ended, fresh, state), jnp.logical_and(ended, jnp.asarray(self.decay) > 0))
 
-    def improve(
-        self, state: AgentState, ended: Flag = False, diverged: Flag = False, goal: Goal | None = None
-    ) -> AgentState:
-        del ended, diverged, goal
-        index = _index(state)
-        sample = cast(Array, state.gradient)
-        count = (index.count + 1) % self.rebase
-        travel = index.travel + jnp.abs(sample)
-        index = index._replace(sums=index.sums + sample, count=count, travel=travel)
+    def update(self, state: SparseState) -> SparseState:
+        """Let all units learn from the newest sample, and bring them up to date where that is due."""
+        sample = state.sample
+        assert sample is not None
+        count = (state.index.count + 1) % self.rebase
+        travel = state.index.travel + jnp.abs(sample)
+        index = state.index._replace(sums=state.index.sums + sample, count=count, travel=travel)
         due = (count == 0) | jnp.any(travel > index.limit)
         rebased = functools.partial(self._rebased, state.policy)
-        index, trace = where_any(due, rebased, (index, state.estimator.trace))
-        return self._with_trace(state, trace)._replace(index=index, gradient=None)
+        index, trace = where_any(due, rebased, (index, state.trace))
+        return state._replace(trace=trace, index=index, sample=None)
 
-    def publish(self, state: AgentState) -> AgentState:
+    def readings(self, state: SparseState) -> dict[str, Array]:
+        """The level of rewards, `baseline`."""
+        return {"baseline": self.advantages.level(state)}
+
+    def publish(self, state: SparseState) -> SparseState:
         """The state with its policy as it is now. What is learned from there is the same, published or not."""
-        return state._replace(policy=_with(state.policy, _caught_up(_index(state))))
+        return state._replace(policy=_with(state.policy, _caught_up(state.index)))
 
-    def take_up(self, state: AgentState) -> AgentState:
+    def take_up(self, state: SparseState) -> SparseState:
         """The inverse of `publish`, for a policy that was put in place: learning continues from it, without a trace."""
         (theta,) = state.policy.blocks(trainable(state.policy))
-        index = _index(state)
+        index = state.index
         moved = jnp.full_like(index.moved, jnp.inf)
         rows = _rows(theta, jnp.zeros_like(theta))
         return state._replace(index=index._replace(rows=rows, moved=moved, limit=jnp.full_like(index.limit, jnp.inf)))
 
-    def due(self, state: AgentState) -> Bool[Array, "*seeds"]:
+    def due(self, state: SparseState) -> Bool[Array, "*seeds"]:
         """Whether a table must be made before the next action: see `refresh`."""
-        return _index(state).moved > MOVED
+        return state.index.moved > MOVED
 
-    def _begin(self, state: AgentState, ended: Flag) -> AgentState:
-        index = _index(state)
-        episode = index.episode + jnp.asarray(ended, jnp.int32)
-        trace = state.estimator.trace
-        fresh = jax.nn.one_hot(episode, len(index.sums), dtype=trace.dtype)
-        return self._with_trace(state, jnp.where(ended, fresh, trace))._replace(index=index._replace(episode=episode))
-
-    def _with_trace(self, state: AgentState, trace: Float[Array, " episodes"]) -> AgentState:
-        return state._replace(estimator=state.estimator._replace(trace=trace))
-
-    def _rates(self, state: AgentState) -> PyTree:
-        """The learning rate of every parameter, in their structure."""
-        assert isinstance(self.optimizer, SGD)
-        return self.optimizer.learning_rates(trainable(state.policy))
+    def _begin(self, state: SparseState, ended: Flag) -> SparseState:
+        """The state where another episode begins if the last has `ended`."""
+        episode = state.index.episode + jnp.asarray(ended, jnp.int32)
+        fresh = jax.nn.one_hot(episode, len(state.index.sums), dtype=state.trace.dtype)
+        return state._replace(trace=jnp.where(ended, fresh, state.trace), index=state.index._replace(episode=episode))
 
     def _rebased(self, policy: Any, state: tuple[IndexState, Array]) -> tuple[IndexState, Array]:
         """All units caught up with, and what they have moved since the table was made."""
@@ -296,11 +345,6 @@ class SparseAgent(Agent):
 @functools.partial(jax.jit, donate_argnums=0)
 def _place(old: PyTree, new: PyTree, seed: int) -> PyTree:
     return jax.tree.map(lambda all, one: all.at[seed].set(one), old, new)
-
-
-def _index(state: AgentState) -> IndexState:
-    assert state.index is not None
-    return state.index
 
 
 def _rows(base: Array, slope: Array, episode: Scalar = 0) -> Float[Array, "units row"]:

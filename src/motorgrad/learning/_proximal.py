@@ -1,0 +1,360 @@
+r"""Proximal policy optimisation: several steps from one batch of decisions (Schulman et al., 2017).
+
+A gradient sample $\delta z$ holds at the parameters that chose the actions, so it is good for one step. To use a batch
+again, it must be kept: what was seen, what was done and what it led to. Then, at any parameters near by,
+
+$$L(\theta) = \frac1n \sum_t \min\big(\rho_t A_t,\ \operatorname{clip}(\rho_t, 1 - \epsilon, 1 + \epsilon)\,A_t\big),
+\qquad \rho_t = \frac{\pi_\theta(a_t \mid y_t)}{\pi_{\text{old}}(a_t \mid y_t)},$$
+
+measures the gain over the old policy. Decisions whose probability has changed by the share $\epsilon$ in the direction
+of their advantage add nothing more.
+"""
+
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
+
+from motorgrad._errors import check
+from motorgrad.learning._advantages import Advantages
+from motorgrad.learning._baselines import Baseline, MeanReward
+from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
+from motorgrad.learning._chain import (
+    Adam,
+    Chain,
+    Optimizer,
+    PolyakAveraging,
+    Transformation,
+    as_transformation,
+    check_any_gradient,
+    check_transformations,
+)
+from motorgrad.learning._gradients import empty_rows, gradient_of
+from motorgrad.learning._learner import Decision, Learner, Needs, Transition
+from motorgrad.learning._natural import Metric
+from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
+from motorgrad.learning._schedules import Annealed, Steps, at, changes
+from motorgrad.policies import Policy, trainable
+from motorgrad.schema import count, inner, number, static
+
+
+class Batch(NamedTuple):
+    r"""The decisions of a batch, of which the first `waiting` are filled in.
+
+    `error` is the part of each advantage that the actions before share, `newest` the part of its own action alone, both
+    in units of (scaled) reward; after an `end` another episode began. `key` draws the order in which the decisions are
+    used.
+    """
+
+    observations: Float[Array, "batch inputs"]
+    actions: Array
+    error: Float[Array, " batch"]
+    newest: Float[Array, " batch"]
+    end: Bool[Array, " batch"]
+    waiting: Int[Array, ""]
+    key: UInt32[Array, " words"]
+
+    @classmethod
+    def empty(cls, policy: Policy, size: int, key: jax.Array) -> "Batch":
+        """A batch of this size without decisions."""
+        seen, done = empty_rows(policy, size)
+        numbers = jnp.zeros(size, seen.dtype)
+        words = jax.random.key_data(key)
+        return cls(seen, done, numbers, numbers, jnp.zeros(size, bool), jnp.zeros((), jnp.int32), words)
+
+    def add(self, seen: Array, action: Array, error: Array, newest: Array | int, dropped: Flag = False) -> "Batch":
+        """The batch with one more decision; what is to be `dropped` is written, too, and overwritten by the next."""
+
+        def put(rows: Array, row: Array | bool | int) -> Array:
+            # There is room: an update has emptied what was full.
+            return rows.at[self.waiting].set(jnp.asarray(row, rows.dtype))
+
+        return self._replace(
+            observations=put(self.observations, seen),
+            actions=put(self.actions, action),
+            error=put(self.error, error),
+            newest=put(self.newest, newest),
+            end=put(self.end, False),
+            waiting=where(dropped, self.waiting, self.waiting + 1),
+        )
+
+    def restart(self) -> "Batch":
+        """The batch where an episode ends with the newest decision."""
+        newest = jnp.arange(len(self.end)) == self.waiting - 1
+        return self._replace(end=self.end | newest)
+
+    def emptied(self) -> "Batch":
+        """The batch after it was used."""
+        key = jax.random.key_data(jax.random.fold_in(jax.random.wrap_key_data(self.key), 1))
+        return self._replace(waiting=jnp.zeros_like(self.waiting), key=key)
+
+
+class ProximalState(NamedTuple):
+    """The policy; the `batch`; the states of the gradient transformations, of the `baseline`, of the `scaling` of
+    rewards and of the `normalization` of advantages; how often the parameters have moved, `steps`; of a policy with
+    hidden units or a memory what it saw and drew, and its `memory`."""
+
+    policy: Policy
+    batch: Batch
+    chain: tuple[PyTree, ...]
+    baseline: PyTree = None
+    scaling: ScalingState | None = None
+    normalization: NormalizationState | None = None
+    steps: Steps = None
+    decision: Decision | None = None
+    memory: Float[Array, " memory"] | None = None
+
+
+class ProximalPolicyOptimization(Learner):
+    r"""Proximal policy optimisation, PPO (Schulman et al., 2017): uses every batch of decisions several times.
+
+    Once a batch of `update_every` decisions is full, its advantages are summed up from the last decision back,
+    $A_t = \delta_t + \beta A_{t+1}$ with the `decay` $\beta$, $\gamma\lambda$ of generalised advantages (Schulman et
+    al., 2016). The end of an episode, or of the batch, ends the sum. Then the decisions are shuffled and cut into
+    `minibatches`, and the gradient of $L$ for each goes through metric, optimizer and further transformations. This
+    happens `epochs` times.
+
+    **Raises:** `ValueError` for parts that do not fit; from `init`, for a policy whose memory depends on its
+    parameters.
+
+    ```python
+    critic = mg.learning.LinearCritic(discount=0.99)
+    agent = mg.learning.ProximalPolicyOptimization(policy, critic, decay=0.94, update_every=512, minibatches=8)
+    ```
+    """
+
+    aliases: ClassVar[Mapping[str, str]] = {
+        "units": "policy.units",
+        "learning_rate": "optimizer.learning_rate",
+        "weight_decay": "optimizer.weight_decay",
+        "damping": "metric.damping",
+    }
+    critic: ClassVar[str | None] = "baseline"
+
+    baseline: Baseline | None = inner(
+        MeanReward(), help="what rewards are compared with, a baseline or a critic; none for the rewards themselves"
+    )
+    decay: float = number(
+        0.9,
+        0,
+        1,
+        help=r"$\beta$, how much of a temporal difference is credited to the decision before; 1 needs a task "
+        "with episodes",
+    )
+    update_every: int = count(2048, 2, unit="decisions", help="length of a batch")
+    clip: float = number(
+        0.2,
+        0,
+        open_low=True,
+        help=r"$\epsilon$; a decision whose probability has changed by this share of it, in the direction of its "
+        r"advantage, adds nothing to the gradient",
+    )
+    epochs: int = count(10, 1, 10_000, help="number of times that each decision is used")
+    minibatches: int = count(
+        1,
+        1,
+        1_000_000,
+        help="into how many parts a batch is cut, each for a step of the parameters; a divisor of `update_every`",
+    )
+    standardise: bool = static(
+        True, help="whether the advantages of a batch are made to have mean 0 and deviation 1; equal ones become 0"
+    )
+    entropy: float | Annealed | None = number(
+        None, 0, help="none, or what a nat of entropy is worth in standardised advantages: it is added to $L$"
+    )
+    reward_scaling: RewardScaling | None = inner(
+        None, help="none, or `RewardScaling` of rewards before anything else sees them"
+    )
+    normalization: RootMeanSquare | None = inner(
+        None, help=r"none for temporal differences $\delta$ as they are, or `RootMeanSquare` to normalize them"
+    )
+    optimizer: Optimizer = inner(
+        Adam(3e-4), converter=as_transformation, help="how a gradient moves the parameters of the policy"
+    )
+    metric: Metric | None = inner(
+        None, help="none for the plain gradient; a `ConjugateGradient` or `FisherMetric` for the natural gradient"
+    )
+    transformations: tuple[Transformation, ...] = inner(
+        (),
+        converter=lambda stages: tuple(map(as_transformation, stages)),
+        help="further gradient transformations after the optimizer, ours or optax's",
+    )
+    averaging: PolyakAveraging | None = inner(
+        None, help="none, or `PolyakAveraging` to keep the mean of the last parameters in place of the last ones"
+    )
+
+    def validate(self) -> None:
+        super().validate()
+        divides = self.update_every % self.minibatches == 0
+        check(divides, "minibatches", self.minibatches, f"a divisor of update_every = {self.update_every}")
+        name = type(self).__name__
+        weighted = self.baseline is not None and self.baseline.needs_eligibility
+        words = f"a critic, or one that does not see the eligibility, such as MeanReward, for {name}"
+        check(not weighted, "baseline", type(self.baseline).__name__, words)
+        reads = self.metric is None or (self.metric.reads_gradient and self.metric.steps_from == "any")
+        words = f"one that reads a gradient, such as FisherMetric, for {name}"
+        check(reads, "metric", type(self.metric).__name__, words)
+        check_transformations(self.transformations)
+        check_any_gradient(self.optimizer, name)
+
+    @property
+    def advantages(self) -> Advantages:
+        """The parts that make advantages of rewards."""
+        return Advantages(self.baseline, self.reward_scaling, self.normalization)
+
+    @property
+    def chain(self) -> Chain:
+        """The gradient transformations, in their order."""
+        stages = (self.metric, self.optimizer, *self.transformations, self.averaging)
+        return Chain(tuple(stage for stage in stages if stage is not None))
+
+    @property
+    def needs(self) -> Needs:
+        episodes = ["decay = 1"] if isinstance(self.decay, float) and self.decay == 1 else []
+        if self.baseline is not None and self.baseline.needs_episodes:
+            episodes.append(f"baseline.{self.baseline.needs_episodes}")
+        kept = f"batches used again by {type(self).__name__}"
+        return Needs(tuple(episodes), single_stream=kept, memory="independent")
+
+    def init(self, key: jax.Array) -> ProximalState:
+        policy = self.first_policy(key)
+        own = jax.random.fold_in(key, 2)
+        dtype = jax.tree.leaves(trainable(policy))[0].dtype
+        decision = None
+        if policy.hides or policy.has_memory:
+            observation = jnp.zeros(policy.inputs, dtype)
+            decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
+        counted = self.chain.needs_steps or changes(self.hyperparameters)
+        return ProximalState(
+            policy=policy,
+            batch=Batch.empty(policy, self.update_every, jax.random.fold_in(own, 1)),
+            chain=self.chain.init(policy),
+            steps=jnp.zeros((), jnp.int32) if counted else None,
+            decision=decision,
+            memory=policy.initial_memory(),
+            **self.advantages.init(policy, own),
+        )
+
+    def act(
+        self, state: ProximalState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
+    ) -> tuple[ProximalState, Array]:
+        policy = state.policy
+        seen = policy.perceive(state.memory, observation)
+        action = policy.sample(seen, uniforms)
+        if state.decision is not None:
+            state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
+        state = self.advantages.observe(state, policy.judged(seen))
+        return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
+
+    def observe(self, state: ProximalState, transition: Transition) -> ProximalState:
+        """Keep the decision with its advantage. What diverged is dropped."""
+        dropped = transition.diverged
+        seen = state.policy.perceive(state.memory, transition.next_observation)
+        policy = where(dropped, state.policy, state.policy.adapted(seen))
+        state = state._replace(policy=policy)
+        decided = Decision(jnp.asarray(transition.observation, state.batch.error.dtype), transition.action)
+        decided = decided if state.decision is None else state.decision
+        transition = transition._replace(
+            observation=decided.observation, action=decided.action, next_observation=policy.judged(seen)
+        )
+        advantage, state = self.advantages.update(state, policy, transition)
+        newest = 0 if advantage.newest is None else advantage.newest
+        batch = state.batch.add(decided.observation, decided.action, advantage.trace, newest, dropped)
+        chain = self.chain.map(lambda stage, own: stage.observe(own, policy, transition), state.chain)
+        after = state._replace(batch=batch, chain=chain)
+        ended = any_of(transition.terminated, transition.truncated, dropped)
+        return after if ended is False else self._restarted(after, ended)
+
+    def update(self, state: ProximalState) -> ProximalState:
+        """Use a batch that is full, and fit the critic where that is due."""
+        due = state.batch.waiting >= self.update_every
+        chain = self.chain.map(lambda stage, own: stage.solve(own, state.policy, due), state.chain)
+        state = self.advantages.solve(state)._replace(chain=chain)
+        batch = state.batch
+
+        def learned(state: ProximalState) -> ProximalState:
+            # The barrier keeps the compiler from working ahead of the loop in `where_any`.
+            return self._learned_from(*jax.lax.optimization_barrier((state, batch)))
+
+        # The loop does not carry the batch: mapped over seeds, it would copy it.
+        state = where_any(due, learned, state._replace(batch=None))  # type: ignore[arg-type]
+        return state._replace(batch=where(due, batch.emptied(), batch))
+
+    def decisions_until_due(self, state: ProximalState) -> Int[Array, ""]:
+        count = jnp.asarray(NEVER, jnp.int32)
+        if self.baseline is not None:
+            count = self.baseline.decisions_until_due(state.baseline)
+        count = jnp.minimum(count, self.chain.decisions_until_due(state.chain))
+        return jnp.minimum(self.update_every - 1 - state.batch.waiting, count)
+
+    def readings(self, state: ProximalState) -> dict[str, Array]:
+        """The level of rewards, `baseline`."""
+        return {"baseline": self.advantages.level(state)}
+
+    def final_policy(self, state: ProximalState) -> Policy:
+        """The averaged policy if there is one, else the one that acts. States of many seeds are allowed."""
+        return self.chain.final_policy(state.chain, state.policy)
+
+    def set_policy(self, state: ProximalState, policy: Policy) -> ProximalState:
+        """The state with another policy in place, from which averages begin anew. States of many seeds are allowed."""
+        state = super().set_policy(state, policy)
+        return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
+
+    def summed(self, batch: Batch) -> Float[Array, " batch"]:
+        """The advantage of every decision of a batch."""
+
+        def back(later: Array, decision: tuple[Array, Array]) -> tuple[Array, Array]:
+            error, end = decision
+            total = (error + jnp.where(end, 0, self.decay * later)).astype(error.dtype)
+            return total, total
+
+        nothing = jnp.zeros((), batch.error.dtype)
+        found = jax.lax.scan(back, nothing, (batch.error, batch.end), reverse=True)[1] + batch.newest
+        if not self.standardise:
+            return found
+        spread = jnp.std(found)
+        # of equal numbers, deviations and their spread are rounding, and would be standardised to 1
+        flat = (jnp.max(found) == jnp.min(found)) | (spread == 0)
+        return jnp.where(flat, 0, (found - jnp.mean(found)) / jnp.where(flat, 1, spread))
+
+    def gradient(self, policy: Policy, rows: PyTree, bonus: Float[Array, ""] | None = None) -> PyTree[Array]:
+        r"""$\nabla_\theta L$ at the parameters of `policy`, for the decisions in `rows`: observations, actions, their
+        log-probabilities under the old policy and advantages; `bonus`, what a nat of entropy is worth, if anything."""
+        observations, actions, old, advantages = rows
+
+        def gain(present: Policy) -> Float[Array, ""]:
+            ratio = jnp.exp(jax.vmap(present.log_prob)(observations, actions) - old)
+            limited = jnp.clip(ratio, 1 - self.clip, 1 + self.clip)
+            total = jnp.mean(jnp.minimum(ratio * advantages, limited * advantages))
+            return total if bonus is None else total + bonus * jnp.mean(jax.vmap(present.entropy)(observations))
+
+        return gradient_of(gain, policy)
+
+    def order(self, batch: Batch) -> Int[Array, "steps size"]:
+        """The places of the decisions in the batch, those of one step in each row."""
+        keys = jax.random.split(jax.random.wrap_key_data(batch.key), self.epochs)
+        drawn = jax.vmap(lambda key: jax.random.permutation(key, len(batch.end)))(keys)
+        return drawn.reshape(self.epochs * self.minibatches, -1)
+
+    def _learned_from(self, state: ProximalState, batch: Batch) -> ProximalState:
+        """The state after all steps of a batch."""
+        advantages = self.summed(batch)
+        old = jax.vmap(state.policy.log_prob)(batch.observations, batch.actions)
+        rows = (batch.observations, batch.actions, old, advantages)
+
+        def step(state: ProximalState, places: Int[Array, " size"]) -> tuple[ProximalState, None]:
+            chosen = jax.tree.map(lambda each: each[places], rows)
+            bonus = None if self.entropy is None else at(self.entropy, state.steps)
+            return self.chain.step(state, self.gradient(state.policy, chosen, bonus)), None
+
+        return jax.lax.scan(step, state, self.order(batch))[0]
+
+    def _restarted(self, state: ProximalState, ended: Flag) -> ProximalState:
+        """The state where an episode has `ended`."""
+        chain = self.chain.map(lambda stage, own: stage.restart(own, ended), state.chain)
+        fresh = self.advantages.restart(state)._replace(
+            batch=state.batch.restart(), memory=state.policy.initial_memory()
+        )
+        return where(ended, fresh, state)._replace(chain=chain)
