@@ -1,34 +1,18 @@
 """Presets: learners for any task, in proportion to a budget, whose parts can be changed one by one.
 
-All return an `Agent`, and are called as `natural(task, steps=100_000, changes=None, **more)`, which has the arguments.
+All return a `Learner`, and are called as `natural(task, steps=100_000, changes=None, **more)`, which has the arguments.
+Each stands in the file of its algorithm, in `motorgrad.learning.algorithms`.
 """
 
-from motorgrad.training.presets import (
-    PRESETS,
-    a2c,
-    avg,
-    intentional_ac,
-    natural,
-    natural_network,
-    ppo,
-    ppo_short_horizon,
-    reinforce,
-    sac,
-    stream_ac,
-    trpo,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "PRESETS",
-    "a2c",
-    "avg",
-    "intentional_ac",
-    "natural",
-    "natural_network",
-    "ppo",
-    "ppo_short_horizon",
-    "reinforce",
-    "sac",
-    "stream_ac",
-    "trpo",
-]
+from motorgrad.training import PRESETS, preset_agent
+
+if TYPE_CHECKING:
+    from motorgrad.training import PresetAgent
+
+    def __getattr__(name: str) -> PresetAgent: ...
+
+
+globals().update({name.replace("-", "_"): preset_agent(name) for name in PRESETS})
+__all__ = ["PRESETS", *(name.replace("-", "_") for name in PRESETS)]  # pyright: ignore[reportUnsupportedDunderAll]

@@ -2,11 +2,10 @@
 
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
+from motorgrad.learning import algorithms
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
-from motorgrad.learning._action_value_gradient import ActionValueGradient, ActionValues
 from motorgrad.learning._advantages import Advantages
-from motorgrad.learning._agent import Agent, AgentState
 from motorgrad.learning._baselines import (
     Advantage,
     Baseline,
@@ -19,6 +18,7 @@ from motorgrad.learning._baselines import (
     MeanReward,
     ScalarBaseline,
 )
+from motorgrad.learning._batches import Batch
 from motorgrad.learning._branching import NEVER
 from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
@@ -37,31 +37,30 @@ from motorgrad.learning._natural import FisherMetric, LimitedMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural, RegressionMetric
 from motorgrad.learning._optimal_baselines import EligibilityBaseline, OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
-from motorgrad.learning._proximal import Batch, ProximalPolicyOptimization, ProximalState
 from motorgrad.learning._registry import register
 from motorgrad.learning._replay import Drawn, Experience, Hindsight, Replay
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed
-from motorgrad.learning._soft_actor_critic import (
-    EntropyState,
-    EntropyTarget,
-    SoftActorCritic,
-    SoftActorCriticState,
-)
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
+from motorgrad.learning.algorithms import *  # noqa: F403
+from motorgrad.learning.algorithms import Agent
+from motorgrad.learning.algorithms._action_value_gradient import ActionValues
+from motorgrad.learning.algorithms._policy_gradient import AgentState
+from motorgrad.learning.algorithms._presets import PRESETS
+from motorgrad.learning.algorithms._soft_actor_critic import EntropyState, EntropyTarget
 from motorgrad.learning.growth import Clock, Criterion, Growth, GrowthState, Plateau, Visited
 from motorgrad.learning.sparse import IndexState, SparseLearner, SparseState, SpatialIndex
 from motorgrad.schema import Part, count, number, static
 
 __all__ = [
     "NEVER",
+    "PRESETS",
     "SGD",
     "ActionTransitions",
     "ActionValueEnsemble",
-    "ActionValueGradient",
     "ActionValues",
     "Adam",
     "Advantage",
@@ -130,8 +129,6 @@ __all__ = [
     "Part",
     "Plateau",
     "PolyakAveraging",
-    "ProximalPolicyOptimization",
-    "ProximalState",
     "RegressionMetric",
     "Replay",
     "RewardScaling",
@@ -141,8 +138,6 @@ __all__ = [
     "ScalingState",
     "ShermanMorrison",
     "SimpleCentring",
-    "SoftActorCritic",
-    "SoftActorCriticState",
     "SparseLearner",
     "SparseState",
     "SpatialIndex",
@@ -172,3 +167,4 @@ __all__ = [
     "static",
     "two_sum",
 ]
+__all__ += [name for name in vars(algorithms) if not name.startswith("_")]  # pyright: ignore[reportUnsupportedDunderAll]

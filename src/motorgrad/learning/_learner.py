@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from motorgrad._errors import check
 from motorgrad.learning._branching import Flag
 from motorgrad.policies import InitialPolicy, Policy, PrintedGaussians, trainable, with_frozen_functions, with_interface
-from motorgrad.schema import Numbers, Part, inner
+from motorgrad.schema import PART_CLASSES, Numbers, Part, inner
 
 
 class Transition(NamedTuple):
@@ -194,6 +194,9 @@ class Learner(Part):
         check(trains, "policy", type(policy).__name__, "a policy with trainable parameters")
         _check_policy(self, policy)
         return policy
+
+
+PART_CLASSES[Learner] = {}
 
 
 def _check_policy(learner: Learner, policy: Policy) -> None:

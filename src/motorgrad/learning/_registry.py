@@ -2,8 +2,6 @@
 
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble
-from motorgrad.learning._action_value_gradient import ActionValueGradient, ActionValues
-from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import Baseline, BinnedBaseline, Constant, FixedStep, LinearBaseline, MeanReward
 from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
 from motorgrad.learning._chain import SGD, Adam, Optimizer, PolyakAveraging
@@ -16,22 +14,21 @@ from motorgrad.learning._fitted_values import FittedReturns
 from motorgrad.learning._incremental_natural import CompatibleWeights, ShermanMorrison
 from motorgrad.learning._intentional import IntentionalStep, IntentionalTemporalDifference
 from motorgrad.learning._learned_trace import LearnedTrace
-from motorgrad.learning._learner import Learner
 from motorgrad.learning._natural import FisherMetric, Metric
 from motorgrad.learning._natural_regression import EpisodicNatural, LeastSquaresNatural
 from motorgrad.learning._optimal_baselines import OptimalBaseline, UnitMean
 from motorgrad.learning._overshooting import BoundedTemporalDifference, OvershootingBound, StepBound
-from motorgrad.learning._proximal import ProximalPolicyOptimization
 from motorgrad.learning._replay import Hindsight, Replay
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.learning._schedules import Annealed
-from motorgrad.learning._soft_actor_critic import EntropyTarget, SoftActorCritic
 from motorgrad.learning._stationary_metric import StationaryMetric
 from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
+from motorgrad.learning.algorithms._action_value_gradient import ActionValues
+from motorgrad.learning.algorithms._soft_actor_critic import EntropyTarget
 from motorgrad.learning.growth import Clock, Criterion, Growth, Plateau, Visited
-from motorgrad.learning.sparse import SparseLearner, SpatialIndex
+from motorgrad.learning.sparse import SpatialIndex
 from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron
 from motorgrad.schema import PART_CLASSES
 from motorgrad.schema import register as register
@@ -71,13 +68,6 @@ PART_CLASSES.update(
         Features: {"features": Features},
         Growth: {"constructive": Growth},
         Hindsight: {"hindsight": Hindsight},
-        Learner: {
-            "action-value-gradient": ActionValueGradient,
-            "policy-gradient": Agent,
-            "proximal": ProximalPolicyOptimization,
-            "soft-actor-critic": SoftActorCritic,
-            "sparse": SparseLearner,
-        },
         Metric: {
             "compatible": CompatibleWeights,
             "conjugate-gradient": ConjugateGradient,

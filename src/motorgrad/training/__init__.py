@@ -1,13 +1,16 @@
 """Training: the loop over seeds and decisions, sweeps, run directories, checkpoints and resume."""
 
 from motorgrad._errors import NotTrusted
+from motorgrad.learning import PRESETS
 from motorgrad.training._agents import (
+    PresetAgent,
     agent_for,
     agent_from_table,
     agent_table,
     bound_to,
     changed,
     changes_named,
+    preset_agent,
     with_changes,
 )
 from motorgrad.training._arguments import MAX_ENVS, MAX_STEPS, MAX_THREADS, check_training
@@ -35,7 +38,6 @@ from motorgrad.training.engines import (
     training_stepper_for,
 )
 from motorgrad.training.plots import Curve, check_tensorboard, folders_of, learning_curves, write_tensorboard
-from motorgrad.training.presets import PRESETS
 from motorgrad.training.rollouts import Rollout, check_table, rollout
 from motorgrad.training.store import (
     RunDirectoryError,
@@ -64,6 +66,7 @@ __all__ = [
     "NotSaved",
     "NotTrusted",
     "PolicyScore",
+    "PresetAgent",
     "Report",
     "Rollout",
     "Run",
@@ -93,6 +96,7 @@ __all__ = [
     "interface_of",
     "learning_curves",
     "load",
+    "preset_agent",
     "provenance",
     "provenance_changes",
     "resume",

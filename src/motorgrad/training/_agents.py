@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import jax
@@ -11,19 +11,15 @@ import jax.numpy as jnp
 
 from motorgrad import policies
 from motorgrad._errors import check, choice, unknown
-from motorgrad._natural import STEPS, Learnable, PolicyTable
-from motorgrad.learning import Agent, Estimator, Learner, Optax
+from motorgrad._natural import STEPS
+from motorgrad.learning import PRESETS, Agent, Estimator, Learner, Optax
 from motorgrad.policies import InitialPolicy
 from motorgrad.schema import PART_CLASSES, Words, build, check_rounded, full_path, kind_of, parts_by_path, table
 from motorgrad.tasks import Gymnasium, Task
 from motorgrad.training._trust import task_named
 
-Table = Callable[[Learnable, int, PolicyTable | None], dict[str, Any]]
-"""A learner as a table of settings: for a task, the decisions of a training, and the task's own policy or `None`."""
 USUAL = "policy-gradient"
 """The kind of learner that a table without a kind has."""
-PRESETS: dict[str, Table] = {}
-"""The presets by name, as `preset` registers them."""
 
 
 def agent_for(
@@ -101,23 +97,19 @@ class PresetAgent(Protocol):
     ) -> Learner: ...
 
 
-def preset(name: str) -> Callable[[Table], PresetAgent]:
-    """A decorator that registers a table as the preset of this name, and makes of it the function that returns the
-    agent: the table, with changes, as an `Agent`."""
+def preset_agent(name: str) -> PresetAgent:
+    """The preset of this name as a function that returns the learner."""
+    table = PRESETS[name]
 
-    def registered(table: Table) -> PresetAgent:
-        def agent(
-            task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
-        ) -> Learner:
-            return agent_for(task, changes, preset=name, steps=steps, **more)
+    def agent(
+        task: Task | str, steps: int = STEPS, changes: Mapping[str, object] | None = None, **more: object
+    ) -> Learner:
+        return agent_for(task, changes, preset=name, steps=steps, **more)
 
-        PRESETS[name] = table
-        # what `functools.wraps` sets beside these would show the arguments of the table
-        for about in ("__module__", "__name__", "__qualname__", "__doc__"):
-            setattr(agent, about, getattr(table, about))
-        return agent
-
-    return registered
+    # what `functools.wraps` sets beside these would show the arguments of the table
+    for about in ("__module__", "__name__", "__qualname__", "__doc__"):
+        setattr(agent, about, getattr(table, about))
+    return agent
 
 
 def with_changes(agent: Learner, changes: Mapping[str, Any]) -> Learner:

@@ -24,7 +24,6 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad.learning._advantages import Advantages, times
-from motorgrad.learning._agent import Agent
 from motorgrad.learning._baselines import MeanReward, ScalarBaseline
 from motorgrad.learning._branching import Flag, Scalar, any_of, where, where_any
 from motorgrad.learning._chain import SGD
@@ -32,10 +31,11 @@ from motorgrad.learning._learner import Learner, Needs, Transition
 from motorgrad.learning._scaling import NormalizationState, RootMeanSquare
 from motorgrad.learning._schedules import changes
 from motorgrad.learning._traces import Episodic, Exponential, credited
+from motorgrad.learning.algorithms._policy_gradient import Agent
 from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
 from motorgrad.policies import LocalGaussians, split, trainable
-from motorgrad.schema import inner, number
+from motorgrad.schema import inner, number, register
 
 MIN_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
 STEP = 16  # units, by which the room in a table grows
@@ -340,6 +340,9 @@ class SparseLearner(Learner):
             old = {name: getattr(index, name) for name in new}
             index = index._replace(**_place(old, new, seed))
         return index
+
+
+register(Learner, "sparse", SparseLearner)
 
 
 @functools.partial(jax.jit, donate_argnums=0)

@@ -34,7 +34,7 @@ from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
 from motorgrad.policies import Policy, trainable
-from motorgrad.schema import inner
+from motorgrad.schema import inner, register
 
 
 class Pending(NamedTuple):
@@ -311,3 +311,6 @@ class Agent(Learner):
         gradient = jax.tree.map(lambda mean: (size * mean).astype(mean.dtype), running.mean)
         moved = self.chain.step(state, gradient, due, scaled)
         return where(due, moved._replace(gradient=running_mean(running.mean)), state)
+
+
+register(Learner, "policy-gradient", Agent)

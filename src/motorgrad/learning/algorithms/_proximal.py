@@ -11,15 +11,17 @@ of their advantage add nothing more.
 """
 
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
+from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
+from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._advantages import Advantages
 from motorgrad.learning._baselines import Baseline, MeanReward
+from motorgrad.learning._batches import Batch
 from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._chain import (
     Adam,
@@ -31,64 +33,14 @@ from motorgrad.learning._chain import (
     check_any_gradient,
     check_transformations,
 )
-from motorgrad.learning._gradients import empty_rows, gradient_of
+from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Decision, Learner, Needs, Transition
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at, changes
+from motorgrad.learning.algorithms._presets import DISCOUNT, SMALL, behind_layers, fitted_returns, large_batch, preset
 from motorgrad.policies import Policy, trainable
-from motorgrad.schema import count, inner, number, static
-
-
-class Batch(NamedTuple):
-    r"""The decisions of a batch, of which the first `waiting` are filled in.
-
-    `error` is the part of each advantage that the actions before share, `newest` the part of its own action alone, both
-    in units of (scaled) reward; after an `end` another episode began. `key` draws the order in which the decisions are
-    used.
-    """
-
-    observations: Float[Array, "batch inputs"]
-    actions: Array
-    error: Float[Array, " batch"]
-    newest: Float[Array, " batch"]
-    end: Bool[Array, " batch"]
-    waiting: Int[Array, ""]
-    key: UInt32[Array, " words"]
-
-    @classmethod
-    def empty(cls, policy: Policy, size: int, key: jax.Array) -> "Batch":
-        """A batch of this size without decisions."""
-        seen, done = empty_rows(policy, size)
-        numbers = jnp.zeros(size, seen.dtype)
-        words = jax.random.key_data(key)
-        return cls(seen, done, numbers, numbers, jnp.zeros(size, bool), jnp.zeros((), jnp.int32), words)
-
-    def add(self, seen: Array, action: Array, error: Array, newest: Array | int, dropped: Flag = False) -> "Batch":
-        """The batch with one more decision; what is to be `dropped` is written, too, and overwritten by the next."""
-
-        def put(rows: Array, row: Array | bool | int) -> Array:
-            # There is room: an update has emptied what was full.
-            return rows.at[self.waiting].set(jnp.asarray(row, rows.dtype))
-
-        return self._replace(
-            observations=put(self.observations, seen),
-            actions=put(self.actions, action),
-            error=put(self.error, error),
-            newest=put(self.newest, newest),
-            end=put(self.end, False),
-            waiting=where(dropped, self.waiting, self.waiting + 1),
-        )
-
-    def restart(self) -> "Batch":
-        """The batch where an episode ends with the newest decision."""
-        newest = jnp.arange(len(self.end)) == self.waiting - 1
-        return self._replace(end=self.end | newest)
-
-    def emptied(self) -> "Batch":
-        """The batch after it was used."""
-        key = jax.random.key_data(jax.random.fold_in(jax.random.wrap_key_data(self.key), 1))
-        return self._replace(waiting=jnp.zeros_like(self.waiting), key=key)
+from motorgrad.schema import count, inner, number, register, static
 
 
 class ProximalState(NamedTuple):
@@ -302,23 +254,6 @@ class ProximalPolicyOptimization(Learner):
         state = super().set_policy(state, policy)
         return state._replace(chain=self.chain.map(lambda stage, own: stage.reset(own, state.policy), state.chain))
 
-    def summed(self, batch: Batch) -> Float[Array, " batch"]:
-        """The advantage of every decision of a batch."""
-
-        def back(later: Array, decision: tuple[Array, Array]) -> tuple[Array, Array]:
-            error, end = decision
-            total = (error + jnp.where(end, 0, self.decay * later)).astype(error.dtype)
-            return total, total
-
-        nothing = jnp.zeros((), batch.error.dtype)
-        found = jax.lax.scan(back, nothing, (batch.error, batch.end), reverse=True)[1] + batch.newest
-        if not self.standardise:
-            return found
-        spread = jnp.std(found)
-        # of equal numbers, deviations and their spread are rounding, and would be standardised to 1
-        flat = (jnp.max(found) == jnp.min(found)) | (spread == 0)
-        return jnp.where(flat, 0, (found - jnp.mean(found)) / jnp.where(flat, 1, spread))
-
     def gradient(self, policy: Policy, rows: PyTree, bonus: Float[Array, ""] | None = None) -> PyTree[Array]:
         r"""$\nabla_\theta L$ at the parameters of `policy`, for the decisions in `rows`: observations, actions, their
         log-probabilities under the old policy and advantages; `bonus`, what a nat of entropy is worth, if anything."""
@@ -332,15 +267,9 @@ class ProximalPolicyOptimization(Learner):
 
         return gradient_of(gain, policy)
 
-    def order(self, batch: Batch) -> Int[Array, "steps size"]:
-        """The places of the decisions in the batch, those of one step in each row."""
-        keys = jax.random.split(jax.random.wrap_key_data(batch.key), self.epochs)
-        drawn = jax.vmap(lambda key: jax.random.permutation(key, len(batch.end)))(keys)
-        return drawn.reshape(self.epochs * self.minibatches, -1)
-
     def _learned_from(self, state: ProximalState, batch: Batch) -> ProximalState:
         """The state after all steps of a batch."""
-        advantages = self.summed(batch)
+        advantages = batch.advantages(self.decay, self.standardise)
         old = jax.vmap(state.policy.log_prob)(batch.observations, batch.actions)
         rows = (batch.observations, batch.actions, old, advantages)
 
@@ -349,7 +278,7 @@ class ProximalPolicyOptimization(Learner):
             bonus = None if self.entropy is None else at(self.entropy, state.steps)
             return self.chain.step(state, self.gradient(state.policy, chosen, bonus)), None
 
-        return jax.lax.scan(step, state, self.order(batch))[0]
+        return jax.lax.scan(step, state, batch.order(self.epochs, self.minibatches))[0]
 
     def _restarted(self, state: ProximalState, ended: Flag) -> ProximalState:
         """The state where an episode has `ended`."""
@@ -358,3 +287,69 @@ class ProximalPolicyOptimization(Learner):
             batch=state.batch.restart(), memory=state.policy.initial_memory()
         )
         return where(ended, fresh, state)._replace(chain=chain)
+
+
+register(Learner, "proximal", ProximalPolicyOptimization)
+
+
+@preset("ppo")
+def ppo(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
+    r"""Proximal policy optimisation (Schulman et al., 2017): ten epochs of the clipped surrogate over each batch.
+
+    Policy and critic have two hidden layers of 64 units each. Both see inputs relative to their running mean and
+    deviation, and rewards are divided by the deviation of their discounted sum. A batch is a fiftieth of the `steps`,
+    from 256 to 2,048 decisions; minibatches have 64. Advantages are generalised ones with $\gamma = 0.99$ and
+    $\lambda = 0.95$, standardised by batch. Adam's learning rate is 3e-4 for the policy. The critic is fitted to the
+    $\lambda$-returns of each batch by 40 steps of Adam with a learning rate of 1e-3.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+
+    ```python
+    agent = mg.presets.ppo("hopper", 200_000, {"epochs": 4})
+    ```
+    """
+    return _proximal(task, steps, policy)
+
+
+@preset("ppo-short-horizon")
+def ppo_short_horizon(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[str, Any]:
+    r"""The preset `ppo` for bodies with many muscles: it looks ahead for a fifth of an episode.
+
+    With a horizon h of a fifth of the longest episode, from 10 to 100 decisions, $\gamma = 1 - 1/h$, so 0.95 for
+    episodes of 100 decisions, and $\lambda = 0.9$. All else is as in `ppo`.
+
+    Choose it for bodies with dozens of muscles, such as a hand, and a budget of a million decisions and more. With
+    fewer decisions, and on a finger, `natural_network` learned more.
+
+    **Arguments**, **Returns** and **Raises:** as `natural`.
+
+    ```python
+    task = mg.tasks.myosuite("myoHandReachRandom-v0")
+    agent = mg.presets.ppo_short_horizon(task, steps=9_000_000)
+    ```
+    """
+    ahead = horizon(task, 1 / 5)
+    table = _proximal(task, steps, policy, discount=1 - 1 / ahead, decay=0.9)
+    if table["policy"]["kind"] in ("bounded-hyperplanes", "graded-hyperplanes"):
+        table["policy"] = {"autocorrelation": 1 - 4 / ahead, **table["policy"]}
+    return table
+
+
+def _proximal(
+    task: Learnable, steps: int, policy: PolicyTable | None = None, discount: float = DISCOUNT, decay: float = 0.95
+) -> dict[str, Any]:
+    """Proximal policy optimisation as a table: the clipped surrogate, ten times over each batch."""
+    batch = large_batch(steps)
+    fit = fitted_returns(batch, passes=40, learning_rate=1e-3)
+    return {
+        "kind": "proximal",
+        "policy": behind_layers(task, SMALL, policy),
+        "baseline": {"kind": "network-critic", "discount": discount, "decay": decay, "network": SMALL, "fit": fit},
+        "decay": discount * decay,
+        "update_every": batch,
+        "clip": 0.2,
+        "epochs": 10,
+        "minibatches": batch // 64,
+        "reward_scaling": {"discount": discount},
+        "optimizer": {"kind": "adam", "learning_rate": 3e-4},
+    }

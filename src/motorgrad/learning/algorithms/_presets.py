@@ -1,0 +1,68 @@
+"""Presets: a learner for any task as one table of settings, by name; and what several of their tables share."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from motorgrad._natural import POLICIES, Learnable, PolicyTable
+
+Table = Callable[[Learnable, int, PolicyTable | None], dict[str, Any]]
+"""A learner as a table of settings: for a task, the decisions of a training, and the task's own policy or `None`."""
+PRESETS: dict[str, Table] = {}
+"""The presets by name, as `preset` registers them."""
+SMALL = {"hidden": [64, 64], "activation": "tanh", "layer_norm": False, "sparsity": 0.0, "standardise": True}
+"""Hidden layers of policy and critic of batch methods."""
+DISCOUNT = 0.99
+"""Of the critics with hidden layers, and of the sum by which their rewards are scaled."""
+
+
+def preset(name: str) -> Callable[[Table], Table]:
+    """A decorator that registers a table as the preset of this name. `motorgrad.presets` has it as a function that
+    returns the learner."""
+
+    def registered(table: Table) -> Table:
+        PRESETS[name] = table
+        return table
+
+    return registered
+
+
+def behind_layers(task: Learnable, network: Mapping[str, Any], policy: PolicyTable | None = None) -> dict[str, Any]:
+    """A policy that sees the output of hidden layers in place of fixed features: `policy`, or that for the task's kind
+    of actions. One that takes no layers is refused when it is made."""
+    given = POLICIES.get(task.actions, POLICIES["mixed"]) if policy is None else policy
+    kept = {"kind": given} if isinstance(given, str) else {key: given[key] for key in given if key != "features"}
+    return {**kept, "network": network}
+
+
+def in_batches(
+    task: Learnable,
+    policy: PolicyTable | None,
+    *,
+    batch: int | str,
+    decay: float,
+    fit: Mapping[str, Any],
+    discount: float = DISCOUNT,
+    **estimator: object,
+) -> dict[str, Any]:
+    """A batch method as a table: networks, scaled rewards, and generalised advantages from a critic, with the policy
+    updated every `batch` decisions, the lambda `decay`, the critic's `fit`, and further settings of the `estimator`."""
+    return {
+        "policy": behind_layers(task, SMALL, policy),
+        "estimator": {
+            "trace": {"kind": "exponential", "decay": discount * decay},
+            "baseline": {"kind": "network-critic", "discount": discount, "decay": decay, "network": SMALL, "fit": fit},
+            "update_every": batch,
+            "reward_scaling": {"discount": discount},
+            **estimator,
+        },
+    }
+
+
+def fitted_returns(batch: int, passes: int, learning_rate: float) -> dict[str, Any]:
+    """A critic's fit to the returns of each batch, a step for each pass over it."""
+    return {"kind": "fitted-returns", "interval": batch, "passes": passes, "learning_rate": learning_rate}
+
+
+def large_batch(steps: int) -> int:
+    """The decisions of a batch of PPO and TRPO: a fiftieth of a training, from 256 to 2,048, a multiple of 64."""
+    return 64 * (min(2048, max(256, steps // 50)) // 64)
