@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 import types
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, NamedTuple
@@ -245,13 +246,23 @@ def inherit_declarations(cls: type) -> None:
     bases = reversed(cls.__mro__[1:])
     known = {name: item for base in bases for name, item in vars(base).items() if isinstance(item, dataclasses.Field)}
     known |= inherited_fields(cls)
-    for name in vars(cls).get("__annotations__", {}):
+    for name in _own_annotations(cls):
         if name in known and declared_by(known[name]) is not NOTHING:
             given = getattr(cls, name, dataclasses.MISSING)
             field = given if isinstance(given, dataclasses.Field) else eqx.field(**_default(given))
             if declared_by(field) is NOTHING:
                 field.metadata = types.MappingProxyType({**known[name].metadata, **field.metadata})
                 setattr(cls, name, field)
+
+
+def _own_annotations(cls: type) -> Mapping[str, Any]:
+    """The annotations of a class's own body. Since Python 3.14 they are made when they are asked for, and names in them
+    may be unknown as yet (PEP 649)."""
+    if sys.version_info >= (3, 14):
+        import annotationlib
+
+        return annotationlib.get_annotations(cls, format=annotationlib.Format.FORWARDREF)
+    return vars(cls).get("__annotations__", {})
 
 
 def as_number(value: object) -> Any:
