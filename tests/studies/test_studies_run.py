@@ -1,6 +1,7 @@
 """Running studies in this process: what is in the folder, how a study continues, and what becomes of failures."""
 
 import json
+import threading
 
 import jax
 import numpy as np
@@ -12,10 +13,11 @@ from study_examples import assert_same_study, small
 import motorgrad as mg
 from motorgrad._errors import counted
 from motorgrad.cli import main
-from motorgrad.studies import Study, _partition, run_study
+from motorgrad.studies import Study, _driver, _partition, run_study
 from motorgrad.studies._folder import StudyFolder
 from motorgrad.studies._page import write_page
 from motorgrad.training import RunDirectoryError, RunWarning, final_metrics
+from motorgrad.training.store import warn_of_reading
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +162,31 @@ def test_settings_that_break_rank_last_and_it_is_said(tmp_path, capsys):
     assert main(["sweep", "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert f"  unknown, mean of none: learning_rate = 3e+38 ({counted(count, 'seed')} not finite)" in said
+
+
+@pytest.mark.ci
+def test_a_report_beside_the_jobs_takes_no_warning_from_them(tmp_path, monkeypatch):
+    """The page is being written, by a thread that gives no warnings, while a job gives one."""
+    write, train, writing, warned = _driver.write_page, _partition.train, threading.Event(), threading.Event()
+
+    def write_while_a_job_warns(*arguments):
+        warn_of_reading("the page has read this")
+        writing.set()
+        assert warned.wait(60)
+        write(*arguments)
+
+    def train_and_warn(*arguments, **options):
+        assert writing.wait(60)
+        warn_of_reading("the job has read this")
+        warned.set()
+        return train(*arguments, **options)
+
+    monkeypatch.setattr(_driver, "PAUSE", 0.01)
+    monkeypatch.setattr(_driver, "write_page", write_while_a_job_warns)
+    monkeypatch.setattr(_partition, "train", train_and_warn)
+    with pytest.warns(RunWarning) as given:
+        assert small().run(tmp_path / "study", progress=False).complete
+    assert {str(each.message) for each in given} == {"the job has read this"}
 
 
 def failing(monkeypatch, times, which="0001-three-state"):

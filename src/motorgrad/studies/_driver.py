@@ -4,7 +4,6 @@ import contextlib
 import threading
 import time
 import traceback
-import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,6 +22,7 @@ from motorgrad.studies._plan import StudyPlan
 from motorgrad.studies._ray import Ray
 from motorgrad.studies._results import Results
 from motorgrad.studies._slurm import Slurm
+from motorgrad.training.store import reading_quietly
 
 EXECUTORS: dict[str, type[Executor]] = {"here": Here, "processes": Processes, "ray": Ray, "slurm": Slurm}
 """Where jobs can run, by name."""
@@ -96,8 +96,7 @@ def run_study(
 
     def report(learned: float | None) -> None:
         folder.write_index()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # those about the run directories have been given
+        with reading_quietly():  # its warnings have been given, and other threads go on giving theirs
             write_page(folder, metric, learned)
 
     job_settings = Work(threads, checkpoint_every, tuple(imports), allowed())

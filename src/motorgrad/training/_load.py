@@ -1,6 +1,5 @@
 """Reading the run in a directory, or only its configuration."""
 
-import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,7 +21,14 @@ from motorgrad.training._agents import USUAL
 from motorgrad.training._evaluating import STATE
 from motorgrad.training._metrics import mean_of_samples
 from motorgrad.training._run import Run
-from motorgrad.training.store import RunDirectory, RunDirectoryError, RunWarning, part_of, release_changes, versions
+from motorgrad.training.store import (
+    RunDirectory,
+    RunDirectoryError,
+    part_of,
+    release_changes,
+    versions,
+    warn_of_reading,
+)
 
 MEMORY = "cycle.memory"
 """Where a state has the task's memory."""
@@ -59,7 +65,7 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
         raise RunDirectoryError(f"{path}: checkpoint/initial.policies is missing; training on restores it")
     directory.check_rest(about)
     if not allow_changed and (changes := release_changes(about["versions"], versions(), ("motorgrad", "mujoco"))):
-        warnings.warn(f"{path}: {'; '.join(changes)}: what it computes may differ", RunWarning, stacklevel=2)
+        warn_of_reading(f"{path}: {'; '.join(changes)}: what it computes may differ")
     shapes = _shapes(path, learner)
     lanes = len(config["run"]["seeds"]) * max(1, len(config.get("sweep", [])))
     policies = _filled(path, shapes, arrays, lanes, "kept.")

@@ -18,7 +18,6 @@ import json
 import os
 import re
 import uuid
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -38,6 +37,7 @@ from motorgrad.training.store._checkpoint import CorruptCheckpoint, checksum, is
 from motorgrad.training.store._facts import check_config, facts_of, learner_of
 from motorgrad.training.store._metrics import Damage, MetricsFiles
 from motorgrad.training.store._provenance import provenance, provenance_changes, versions
+from motorgrad.training.store._warning import warn_of_reading
 
 AGAIN = "training makes them again from the checkpoint before them"
 LOST = "no checkpoint before them is kept, so they are left out, unless you delete the folder checkpoint to begin again"
@@ -52,10 +52,6 @@ Commit = tuple[dict[str, np.ndarray], dict[str, Any]]
 
 class RunDirectoryError(RuntimeError):
     """A run directory that cannot be used: locked by another process, of another configuration, or not a run at all."""
-
-
-class RunWarning(UserWarning):
-    """A warning about a run directory, such as a damaged checkpoint."""
 
 
 class RunDirectory:
@@ -134,7 +130,7 @@ class RunDirectory:
         except RunDirectoryError as error:
             if about is None:
                 raise
-            _warn(f"{error}; using the configuration in the newest checkpoint")
+            warn_of_reading(f"{error}; using the configuration in the newest checkpoint")
             return about["config"]
         if about is None:
             return config
@@ -143,9 +139,9 @@ class RunDirectory:
             said = f"{file}: {where} is {now!r}, and was {then!r} when the newest checkpoint was saved"
             if where != "run.steps" and not allow_changed:
                 raise RunDirectoryError(f"{said}: {ON_PURPOSE}")
-            _warn(said)
+            warn_of_reading(said)
         if tomli_w.dumps(config).encode() != content_of(file, MAX_SETTINGS_BYTES):
-            _warn(f"{file}: was altered since motorgrad wrote it, but no setting was")
+            warn_of_reading(f"{file}: was altered since motorgrad wrote it, but no setting was")
         return config
 
     def write_config(self, config: dict[str, Any]) -> None:
@@ -167,14 +163,14 @@ class RunDirectory:
         """Add this process to the run's provenance. Warn of changes where it `continues` the run of a checkpoint."""
         file = self.path / "provenance.json"
         if wrong := [] if about is None else self._wrong_provenance(about):
-            _warn(f"{wrong[0]}; set aside as {file.name}.damaged, and begun again")
+            warn_of_reading(f"{wrong[0]}; set aside as {file.name}.damaged, and begun again")
             if file.exists():
                 os.replace(file, file.with_name(f"{file.name}.damaged"))
         sessions = _sessions(file, read_json(file)) if file.exists() else []
         sessions.append(provenance())
         changes = list(provenance_changes(*sessions[-2:])) if continues and len(sessions) > 1 else []
         if changes:
-            _warn(f"{self.path} continues, but not bit for bit: {'; '.join(changes)}")
+            warn_of_reading(f"{self.path} continues, but not bit for bit: {'; '.join(changes)}")
         write_atomically(file, json.dumps({"seeds": seeds, "sessions": sessions}, indent=2).encode())
         self._bound = {
             "provenance": {"sessions": len(sessions), "checksum": _sessions_checksum(seeds, sessions)},
@@ -240,7 +236,7 @@ class RunDirectory:
                     raise RunDirectoryError(
                         f"{error}; there is none before it. Delete the folder {path.parent} to train from the start"
                     ) from None
-                _warn(f"{error}; using the checkpoint before it")
+                warn_of_reading(f"{error}; using the checkpoint before it")
         return None
 
     def to_continue(self) -> Commit | None:
@@ -252,7 +248,7 @@ class RunDirectory:
             return found
         before = self._before(found[1])
         for each in damage:
-            _warn(self._said(each, before))
+            warn_of_reading(self._said(each, before))
         return before if before is not None and any(each.decision > before[1]["recorded"] for each in damage) else found
 
     def has_its_end(self, about: dict[str, Any]) -> bool:
@@ -268,7 +264,7 @@ class RunDirectory:
             if int(path.stem) > decision:
                 path.unlink()
             elif int(path.stem) < decision and not is_whole(path):
-                _warn(f"{path}: the checksum does not match; removed, as the newer checkpoint is whole")
+                warn_of_reading(f"{path}: the checksum does not match; removed, as the newer checkpoint is whole")
                 path.unlink()
         about = None if about is None else {**about, "short": about["short"] if finished else None}
         self._metrics.roll_back(recorded, known, about["short"][0] if about and about["short"] else None)
@@ -285,9 +281,9 @@ class RunDirectory:
         tables += last
         before = self._before(about) if damage else None
         for each in damage:
-            _warn(self._said(each, before))
+            warn_of_reading(self._said(each, before))
         for each in more:
-            _warn(f"{self._metrics.folder / each.name} {each.what}; training makes it again")
+            warn_of_reading(f"{self._metrics.folder / each.name} {each.what}; training makes it again")
         try:
             return pa.concat_tables(tables, promote_options="default") if tables else None
         except pa.ArrowException as error:  # of files of different columns
@@ -296,10 +292,10 @@ class RunDirectory:
     def check_rest(self, about: dict[str, Any]) -> None:
         """Warn of a damaged `provenance.json` or older checkpoint; refuse initial policies of another run."""
         for wrong in self._wrong_provenance(about):
-            _warn(wrong)
+            warn_of_reading(wrong)
         for path in self._checkpoints():
             if int(path.stem) < about["decision"] and not is_whole(path):
-                _warn(f"{path}: the checksum does not match; the newer checkpoint is whole")
+                warn_of_reading(f"{path}: the checksum does not match; the newer checkpoint is whole")
         if self.has_initial_policies and load(self._initial)[1]["checksum"] != about["initial"]:
             raise RunDirectoryError(f"{self._initial}: is not that of this run")
 
@@ -384,7 +380,3 @@ def _sessions(file: Path, found: object) -> list[dict[str, Any]]:
 
 def _sessions_checksum(seeds: list[int], sessions: list[Any]) -> str:
     return checksum(json.dumps([seeds, sessions], sort_keys=True).encode())
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, RunWarning, stacklevel=3)
