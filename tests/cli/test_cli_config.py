@@ -196,8 +196,8 @@ REFUSED = [
     ("train hopper", "[task]\naction_period = 1e9", "task.action_period = 1000000000.0"),
     ("train hopper", "[agent]\nunits = 10000000000", "units = 10000000000: must be an integer from 1 to "),
     ("train hopper", "[agent]\nunits = 7", "policy Hyperplanes: outputs = 7"),
-    ("train hopper", "[agent]\nimprove = 'episod'", "must be an integer or 'episode' or 'never'"),
-    ("train hopper", "[agent]\nimprove = 3000000000", "update_every = 3000000000"),
+    ("train hopper", "[agent]\nupdate_every = 'episod'", "must be an integer or 'episode' or 'never'"),
+    ("train hopper", "[agent]\nupdate_every = 3000000000", "update_every = 3000000000"),
     ("train hopper", "[agent]\npolicy = {widht = 1}", "unknown setting of agent.policy 'widht'"),
     (
         "train hopper",

@@ -14,7 +14,18 @@ from hypothesis import strategies as st
 from motorgrad.bodies import Hopper as HopperBody
 from motorgrad.bodies import Muscle
 from motorgrad.cli import main
-from motorgrad.learning import SGD, Adam, Agent, Annealed, Estimator, FisherMetric, Growth, LinearCritic, Window
+from motorgrad.learning import (
+    SGD,
+    Adam,
+    Agent,
+    Annealed,
+    Estimator,
+    FisherMetric,
+    Growth,
+    Learner,
+    LinearCritic,
+    Window,
+)
 from motorgrad.schema import build, declared_at, fields_of, numbers_of, table, with_number
 from motorgrad.tasks import TASKS, HexapodPrimitive, make
 from motorgrad.training import agent_for, agent_from_table, agent_table, load, stepper_for
@@ -109,7 +120,7 @@ REFUSED = [
     ({"trace": "windows"}, "'windows': did you mean 'window'"),
     ({"baseline": "means"}, "'means': did you mean 'mean'"),
     ({"optimizer": "adams"}, "'adams': did you mean 'adam'"),
-    ({"batch": "summ"}, "'summ': did you mean 'sum'"),
+    ({"reduction": "summ"}, "'summ': did you mean 'sum'"),
     ({"decay": 1.5}, r"decay = 1.5: must be in \[0, 1\]"),
     ({"decay": -0.1}, "decay = -0.1"),
     ({"decay": "0.9"}, "agent.estimator.trace.decay = '0.9': must be a finite number"),
@@ -154,14 +165,15 @@ def test_a_named_estimator_stands_for_its_parts_unless_they_are_given(name):
     assert plain == agent_for("hopper", {f"estimator.{part}": value for part, value in parts.items()})
     assert plain.estimator.trace == agent_for("hopper").estimator.trace  # the task's own
     changed = agent_for("hopper", estimator=name, update_every=7, baseline="fixed-step").estimator
-    assert (changed.improve, type(changed.baseline).__name__) == (7, "FixedStep")
+    assert (changed.update_every, type(changed.baseline).__name__) == (7, "FixedStep")
 
 
 def test_short_names_are_few_and_the_same_in_every_place():
-    assert len(Agent.aliases) <= 12
-    for short, path in Agent.aliases.items():
-        assert short not in fields_of(Agent)
-        assert path.rpartition(".")[2] == short
+    for kind in Learner.kinds().values():
+        assert len(kind.aliases) <= 12
+        for short, path in kind.aliases.items():
+            assert short not in fields_of(kind)
+            assert path.rpartition(".")[2] == short
     for short, whole in (("decay", "estimator.trace.decay"), ("trace.decay", "estimator.trace.decay")):
         assert agent_for("hopper", {short: 0.5}) == agent_for("hopper", {whole: 0.5})
     nested = agent_for("hopper", estimator={"trace": {"decay": 0.5}})

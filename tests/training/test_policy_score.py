@@ -94,7 +94,7 @@ def test_a_search_finds_a_good_policy():
         ({"steps": 0}, "steps = 0"),
         ({"streams": 0}, "streams = 0"),
         ({"of": "retrun"}, "unknown of 'retrun'"),
-        ({"gradient": olgarb()}, 'gradient.improve = 1: must be "never"'),
+        ({"gradient": olgarb()}, 'gradient.update_every = 1: must be "never"'),
         ({"gradient": gpomdp(), "streams": 1}, "streams = 1: must be at least 2 where a gradient is estimated"),
         ({"policy": 3}, "policy = 3: must be a policy, or a function from a key to one"),
         ({"policy": softmax(3, 2)}, "inputs = 3, but the task 'three-state' has 2"),

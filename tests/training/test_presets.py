@@ -151,7 +151,7 @@ def test_the_command_line_scales_and_changes_a_preset(tmp_path):
 
 def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
     config = tmp_path / "run.toml"
-    config.write_text('preset = "natural"\nsteps = 30000\n[task]\nname = "hopper"\n[agent]\nimprove = 50\n')
+    config.write_text('preset = "natural"\nsteps = 30000\n[task]\nname = "hopper"\n[agent]\nupdate_every = 50\n')
     with pytest.raises(SystemExit) as done:
         main(["train", "--config", str(config), "--agent.baseline.discount", "0.9", "--check"])
     assert done.value.code == 0
@@ -231,23 +231,25 @@ def test_hidden_layers_stand_before_the_tasks_own_policy_or_another_that_takes_t
 @pytest.mark.parametrize(("steps", "batch"), [(1_000, 256), (20_000, 384), (1_000_000, 2048)])
 def test_the_batches_of_ppo_and_trpo_scale_with_the_budget_and_divide_into_minibatches(steps, batch):
     ppo, trpo = (getattr(mg.presets, name)("three-state", steps) for name in ("ppo", "trpo"))
-    assert (ppo.estimator.update_every, ppo.estimator.baseline.fit.interval) == (batch, batch)
-    assert (ppo.estimator.reuse.minibatches, ppo.estimator.reuse.epochs) == (batch // 64, 10)
+    assert (ppo.update_every, ppo.baseline.fit.interval) == (batch, batch)
+    assert (ppo.minibatches, ppo.epochs) == (batch // 64, 10)
     assert (trpo.estimator.update_every, trpo.metric.memory, trpo.metric.kl) == (batch, batch, 0.01)
 
 
 def test_the_short_horizon_is_a_fifth_of_an_episode():
-    long = mg.presets.ppo_short_horizon("three-state", 1_000).estimator
-    short = mg.presets.ppo_short_horizon(mg.tasks.from_gymnasium("CartPole-v1"), 1_000).estimator
-    for estimator, discount in ((long, 1 - 1 / 40), (short, 0.99)):
-        assert estimator.baseline.discount == estimator.reward_scaling.discount == pytest.approx(discount)
-        assert (estimator.baseline.decay, estimator.trace.decay) == pytest.approx((0.9, 0.9 * discount))
+    long = mg.presets.ppo_short_horizon("three-state", 1_000)
+    short = mg.presets.ppo_short_horizon(mg.tasks.from_gymnasium("CartPole-v1"), 1_000)
+    for agent, discount in ((long, 1 - 1 / 40), (short, 0.99)):
+        assert agent.baseline.discount == agent.reward_scaling.discount == pytest.approx(discount)
+        assert (agent.baseline.decay, agent.decay) == pytest.approx((0.9, 0.9 * discount))
 
 
 def test_reinforce_needs_episodes_and_several_environments_are_refused_for_batches_used_again():
-    with pytest.raises(ValueError, match=r"estimator\.improve = 'episode': needs episodes, but the task 'three-state'"):
+    with pytest.raises(
+        ValueError, match=r"estimator\.update_every = 'episode': needs episodes, but the task 'three-state'"
+    ):
         check_training("three-state", mg.presets.reinforce("three-state"), 1_000)
-    with pytest.raises(ValueError, match=r"envs = 4: must be 1 for batches used again by ClippedSurrogate"):
+    with pytest.raises(ValueError, match=r"envs = 4: must be 1 for batches used again by ProximalPolicyOptimization"):
         check_training("hopper", mg.presets.ppo("hopper", 6_400), 6_400, envs=4)
     with pytest.raises(ValueError, match=r"envs = 4: must be 1 for EpisodicNatural"):
         check_training("hopper", mg.agent_for("hopper", metric="episodic-nac", update_every=100), 6_400, envs=4)

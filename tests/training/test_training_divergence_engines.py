@@ -11,6 +11,7 @@ from gymnasium import spaces
 from training_examples import PLAIN, assert_same
 
 import motorgrad as mg
+from motorgrad.learning.sparse import SparseState
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import BodyStepper, HostStepper, SideBySide, WorldStepper, agent_for
 from motorgrad.training.engines import SparseStepper
@@ -121,10 +122,13 @@ def hurt_physics(state, rows, value):
     return {**state, "physics": physics}
 
 
-def hurt_learner(part):
+def hurt_learner(*parts):
+    """Put a number into those of the parts that a learner has."""
+
     def hurt(state, rows, value):
         cycle = state["cycle"]
-        agent = cycle.agent._replace(**{part: set_rows(getattr(cycle.agent, part), rows, value)})
+        own = {part: getattr(cycle.agent, part) for part in parts if part in cycle.agent._fields}
+        agent = cycle.agent._replace(**set_rows(own, rows, value))
         return {**state, "cycle": cycle._replace(agent=agent)}
 
     return hurt
@@ -139,7 +143,7 @@ def of_others(found, hurt):
     """What the seeds that were not hurt have. How much room a sparse learner's tables have is one number for all."""
     policies, state, tallies = found
     agent = state["cycle"].agent
-    if agent.index is not None:
+    if isinstance(agent, SparseState):
         state = {**state, "cycle": state["cycle"]._replace(agent=agent._replace(index=agent.index._replace(room=())))}
     state = {name: part for name, part in state.items() if name != "decision"}
     return jax.tree.map(lambda leaf: np.delete(leaf, hurt, 0), (policies, state, tallies))
@@ -148,7 +152,7 @@ def of_others(found, hurt):
 ATTACKS = {
     "physics": hurt_physics,
     "policy": hurt_learner("policy"),
-    "estimator": hurt_learner("estimator"),
+    "estimator": hurt_learner("estimator", "trace", "baseline"),
     "optimizer": hurt_learner("chain"),
     "numbers": hurt_numbers,
 }

@@ -19,7 +19,7 @@ from training_examples import PLAIN
 import motorgrad as mg
 from motorgrad._random import draw_block
 from motorgrad.cli import main
-from motorgrad.learning import FisherMetric, LeastSquares, LinearCritic, RootMeanSquare, gae
+from motorgrad.learning import FisherMetric, LeastSquares, LinearCritic, RootMeanSquare, Transition, gae
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import RunDirectoryError, stepper_for
 from motorgrad.training.engines._host import seed_of
@@ -109,7 +109,7 @@ def test_one_learner_learns_from_the_decisions_of_its_environments_in_turn(task,
     state = agent.init(jax.random.key(0))
     own: dict[Any, Any] = dict.fromkeys(range(envs), state)
     memory = task.init(jnp.zeros(0))
-    act, reinforce, improve, restart = map(eqx.filter_jit, (agent.act, agent.reinforce, agent.improve, agent.restart))
+    act, observe, update, restart = map(eqx.filter_jit, (agent.act, agent.observe, agent.update, agent.restart))
     seen = {}
 
     def shared_with(e, state):
@@ -136,9 +136,11 @@ def test_one_learner_learns_from_the_decisions_of_its_environments_in_turn(task,
         for e in range(envs):
             now = unpack(jnp.asarray(rows[e]))
             _, reward, terminated = task.reward(memory, now, actions[e])
+            before = seen[e]
             memory, seen[e] = task.observe(memory, now, jnp.zeros(0))
             ended[e] = terminated | now.truncated
-            state = improve(reinforce(shared_with(e, state), reward, seen[e], terminated, now.truncated, False))
+            led = Transition(before, actions[e], reward, seen[e], terminated, now.truncated)
+            state = update(observe(shared_with(e, state), led))
             own[e], action = act(state, seen[e], numbers[tick, e])
             state, actions[e] = own[e], action
         batch.reset(np.flatnonzero(ended))

@@ -74,16 +74,17 @@ def register():
 
 
 def flags_seen(stepper, decisions, monkeypatch):
-    """What `Agent.reinforce` is handed, decision by decision: next observation, terminated, truncated."""
+    """What `Agent.observe` is handed, decision by decision: next observation, terminated, truncated."""
     seen = []
-    reinforce = Agent.reinforce
+    observe = Agent.observe
 
-    def watched(self, state, reward, observation, terminated=False, truncated=False, diverged=False):
-        jax.debug.callback(lambda *all_of: seen.append([np.asarray(x).item() for x in all_of]), observation[0],
-                           terminated, truncated, diverged, ordered=False)  # fmt: skip
-        return reinforce(self, state, reward, observation, terminated, truncated, diverged)
+    def watched(self, state, transition):
+        flags = (transition.terminated, transition.truncated, transition.diverged)
+        jax.debug.callback(lambda *all_of: seen.append([np.asarray(x).item() for x in all_of]),
+                           transition.next_observation[0], *flags, ordered=False)  # fmt: skip
+        return observe(self, state, transition)
 
-    monkeypatch.setattr(Agent, "reinforce", watched)
+    monkeypatch.setattr(Agent, "observe", watched)
     clear_programs()  # those of an earlier test call the method that it had
     stepper().advance(decisions)
     jax.effects_barrier()

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 from motorgrad._applications import LISTS, entries
 from motorgrad._extras import MissingExtra
 from motorgrad.commands import COMMANDS, command_named
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.options import HELP_ALL, parse
 from motorgrad.policies import INITIAL
 from motorgrad.schema import Settings, static
@@ -65,7 +65,8 @@ def _options(command: str) -> tuple[str, ...]:
     found = {word for line in OPTION.findall(said.getvalue()) for word in re.findall(r"--[\w.-]+", line)}
     own = {word for word in found if not word.startswith(("--task.", "--agent."))}
     if command in ABOUT_TASK:
-        own |= {f"--agent.{short.replace('_', '-')}" for short in Agent.aliases} | {POLICY, HELP_ALL}
+        short_names = {short.replace("_", "-") for kind in Learner.kinds().values() for short in kind.aliases}
+        own |= {f"--agent.{short}" for short in short_names} | {POLICY, HELP_ALL}
     return tuple(sorted(own))
 
 

@@ -1,6 +1,7 @@
 """The options of a task and its learner, for the commands that take both."""
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -128,17 +129,19 @@ def _with_fields(base: type, name: str, does: str, task: Task, agent: Learner) -
         ("agent", Learner, dataclasses.field(default_factory=lambda: agent)),
     ]
     goal = (type(task).__doc__ or "").partition("\n")[0]
-    doc = f"{does}: {goal}\n\n{_about_all(type(task), name.lower())}\n\n{_short_names(agent)}"
+    doc = f"{does}: {goal}\n\n{_about_all(type(task), agent, name.lower())}\n\n{_short_names(agent)}"
     return dataclasses.make_dataclass(name, fields, bases=(base,), frozen=True, namespace={"__doc__": doc})
 
 
-def _about_all(task: type[Task], command: str) -> str:
+def _about_all(task: type[Task], agent: Learner, command: str) -> str:
     """A sentence of the help on the options that it leaves out."""
     plain = (name for name, field in fields_of(task).items() if not dataclasses.is_dataclass(default_of(field)))
-    first = next((f"{flag_of(f'task.{name}')}, " for name in plain), "")
+    known = {*agent.aliases, *fields_of(type(agent))}
+    paths = [*(f"task.{name}" for name in itertools.islice(plain, 1)), "agent.kind"]
+    paths += [f"agent.{name}" for name in ("decay", "learning_rate") if name in known]
     return (
         "Every setting of the task, its body and the learner is an option, too, such as "
-        f"{first}--agent.decay or --agent.learning-rate: motorgrad {command} {task.name} --help-all lists them."
+        f"{', '.join(map(flag_of, paths))}: motorgrad {command} {task.name} --help-all lists them."
     )
 
 

@@ -107,8 +107,9 @@ def preset_agent(name: str) -> PresetAgent:
         return agent_for(task, changes, preset=name, steps=steps, **more)
 
     # what `functools.wraps` sets beside these would show the arguments of the table
-    for about in ("__module__", "__name__", "__qualname__", "__doc__"):
+    for about in ("__name__", "__qualname__", "__doc__"):
         setattr(agent, about, getattr(table, about))
+    agent.__module__ = "motorgrad.presets"  # where pickle finds it; in its table's module this name is the table
     return agent
 
 
@@ -184,7 +185,7 @@ def agent_from_table(task: Task, settings: Mapping[str, Any], where: str = "agen
     made = _unregistered(settings, where)
     if made:
         raise ValueError(f"{made[0]} was made in Python and is not registered: give the agent again")
-    return bound_to(build(Learner, settings, where), task)
+    return bound_to(build(Learner, {"kind": USUAL, **settings}, where), task)
 
 
 def _unregistered(settings: object, where: str) -> list[str]:

@@ -21,6 +21,9 @@ def preset(name: str) -> Callable[[Table], Table]:
 
     def registered(table: Table) -> Table:
         PRESETS[name] = table
+        ordered = sorted(PRESETS.items())  # whichever file is imported first
+        PRESETS.clear()
+        PRESETS.update(ordered)
         return table
 
     return registered

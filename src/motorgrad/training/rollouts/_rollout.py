@@ -16,7 +16,7 @@ from jaxtyping import PyTree
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check, check_integer, check_positive, choice
 from motorgrad._random import key_of
-from motorgrad.learning import Learner
+from motorgrad.learning import Agent, Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import BodyTask, Task
 from motorgrad.training._arguments import check_training
@@ -151,7 +151,7 @@ class _Acting:
         """The columns of the policies of these `lanes`, each on the random numbers of its own of the `seeds`."""
         task = self.task
         acting = self.of(lanes)
-        agent = Learner(jax.tree.map(lambda leaf: leaf[0], acting.policies))
+        agent = Agent(jax.tree.map(lambda leaf: leaf[0], acting.policies))
         stepper = stepper_for(task, agent, seeds, mode, threads)
         stepper.set_policies(acting.policies, acting.memory)
         every = None if readings == 1 else 1
@@ -201,7 +201,7 @@ def _acting(
         rows = np.array([run.seeds.index(each) for each in chosen])
         return _Acting(run.task, policies, list(run.seeds), run.memory, values).of(rows)
     check(not untrained, "untrained", untrained, "false for a task: its agent's policies have not learned")
-    learner = Learner(agent) if isinstance(agent, Policy) else agent
+    learner = Agent(agent) if isinstance(agent, Policy) else agent
     checked = check_training(run, learner, seeds=1 if seeds is None else seeds)
     first = jax.jit(jax.vmap(lambda each: checked.agent.init(key_of(each, "initial")).policy))
     return _Acting(checked.task, first(np.asarray(checked.seeds, np.int32)), checked.seeds)
