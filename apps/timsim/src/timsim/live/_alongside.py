@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from motorgrad.pages import Playback
+from timsim.live._beside import fitted
 from timsim.live._branches import Course
-from timsim.live._learner import fitted
 from timsim.live._messages import Subject
 from timsim.live._setup import Setup
 from timsim.live._snapshot import Sample, Tally

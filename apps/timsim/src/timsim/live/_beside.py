@@ -22,7 +22,7 @@ from motorgrad._errors import NotTrusted, check, check_integer
 from motorgrad._extras import require
 from motorgrad._files import read_content
 from motorgrad._limits import MAX_ARRAY_BYTES
-from motorgrad.learning import Learner
+from motorgrad.learning import Agent, Learner
 from motorgrad.policies import Policy
 from motorgrad.tasks import Task
 from motorgrad.training import Run, load, stepper_for
@@ -116,6 +116,16 @@ class BesideBody:
         self.stepper.set_actions(action.reshape(1, *([] if action.size == 1 else [action.size])))
 
 
+def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Rows of a given width: longer ones are cut, shorter ones are filled with NaN."""
+    if rows.shape[1:] == like.shape[1:]:
+        return rows
+    wide = np.full((len(rows), *like.shape[1:]), np.nan)
+    width = min(rows.shape[1], like.shape[1])
+    wide[:, :width] = rows[:, :width]
+    return wide
+
+
 def side_by_side(
     run: Run | Path | str | None, seeds: int | Sequence[int], beside: Mapping[str, Any] | None = None
 ) -> tuple[int, str, dict[str, Any] | None]:
@@ -169,7 +179,7 @@ def _beside(task: Task, agent: Learner, label: str, given: Any, seed: int, trust
     if isinstance(what, str) and what == UNTRAINED:
         return Beside(label, agent, seed)
     if isinstance(what, Policy):
-        return Beside(label, Learner(what), seed)
+        return Beside(label, Agent(what), seed)
     if isinstance(what, str | Path):
         path = Path(what)
         if path.suffix == ".zip":
@@ -186,7 +196,7 @@ def _beside(task: Task, agent: Learner, label: str, given: Any, seed: int, trust
         memory = what.memory
         row = what.seeds.index(of) if of in what.seeds else 0
         memory = None if memory is None else jax.tree.map(lambda leaf: leaf[row : row + 1], memory)
-        return Beside(label, Learner(what.policy(of)), of, memory=memory)
+        return Beside(label, Agent(what.policy(of)), of, memory=memory)
     if hasattr(what, "predict"):
         # a model of stable-baselines3 holds environments, which cannot be sent to the worker's process; its policy can
         policy = getattr(what, "policy", what)

@@ -12,25 +12,23 @@ from jaxtyping import PyTree
 from motorgrad import learning
 from motorgrad._errors import check
 from motorgrad.policies import Policy, with_interface
-from motorgrad.schema import declared_at, numbers_of
 from motorgrad.tasks import EnvironmentPictures, Task
 from motorgrad.training import RunWarning, Stepper, interface_of, stepper_for
-from motorgrad.training.engines import Record, mean_reward, without_broken
-from timsim.live._beside import UNTRAINED, Beside, BesideBody
+from motorgrad.training.engines import Mode, Record, mean_reward, without_broken
+from timsim.live._beside import UNTRAINED, Beside, BesideBody, fitted
 from timsim.live._foreign import Picture, body_in, picture_of
+from timsim.live._kept import Kept
 from timsim.live._numbers import check_number
 from timsim.live._policy import load_policy, save_policy
 from timsim.live._probe import Probed, gradient_norm, probe
 from timsim.live._replies import Ready
-from timsim.live._settings import AGENT, TASK
+from timsim.live._settings import AGENT, TASK, agent_numbers, task_numbers
 from timsim.live._setup import Setup
 from timsim.live._snapshot import Sample, Sizes, Tally
 
 ROOM = 20.0  # simulated seconds of the trail
 MAX_KEPT_ENGINES = 4  # so that going back to a setting makes nothing anew
 EXPLORATION = "exploration"
-SKIPPED = ("action_period", "time_limit")
-"""Numbers of tasks that do not change what is rewarded."""
 
 
 class Learner:
@@ -59,6 +57,7 @@ class Learner:
             self.settings[EXPLORATION] = 1.0
         self._pushed_until = self._counted = 0
         self._last: Probed | None = None
+        self._kept: Kept | None = None  # while frozen, unless it was from the start
         self._start = self.state
 
     @property
@@ -132,6 +131,7 @@ class Learner:
             "learner": self._stepper.state,
             "beside": {each.label: each.state for each in self._shown},
             "frozen": self.frozen,
+            "kept": self._kept,
             "changes": dict(self._changes),
             "settings": dict(self.settings),
             "pushed": self._pushed_until,
@@ -140,6 +140,7 @@ class Learner:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         self.frozen = state["frozen"]
+        self._kept = state["kept"]
         self._changes = dict(state["changes"])
         self._stepper = self._engine()
         self.settings = dict(state["settings"])
@@ -154,8 +155,11 @@ class Learner:
 
     def begin_again(self) -> None:
         settings = {name: value for name, value in self.settings.items() if name != EXPLORATION}
-        kept = {"frozen": self.frozen, "changes": self._changes, "settings": {**self._start["settings"], **settings}}
+        frozen = self.frozen
+        kept = {"changes": self._changes, "settings": {**self._start["settings"], **settings}}
         self.restore({**self._start, **kept, "beside": {each.label: each.start for each in self._shown}})
+        if frozen != self.frozen:
+            self._switch(self._changes, frozen)
         for name in agent_numbers(self.agent):
             self._stepper.set_number(name.removeprefix(AGENT), settings[name])
 
@@ -174,6 +178,8 @@ class Learner:
                 cycle = state["cycle"]
                 policy = jax.tree.map(np.asarray, cycle.agent.policy.with_temperature(factor))
                 state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))
+                if self._kept is not None:
+                    self._kept = self._kept._replace(agent=self._kept.agent._replace(policy=policy))
 
             self._change_state(explore)
         else:
@@ -224,6 +230,8 @@ class Learner:
                 stacklevel=2,
             )
         self._stepper.set_policies(policy, memory)
+        if self._kept is not None:
+            self._kept = self._kept.with_policy(self.agent, policy)
         self._last = None
         if EXPLORATION in self.settings:
             self.settings[EXPLORATION] = 1.0
@@ -247,15 +255,24 @@ class Learner:
         """Continue from the same state with other settings; if an engine refuses them, keep the old ones."""
         before = (self._changes, self.frozen)
         state = self._stepper.state
+        kept = self._kept
         self._changes, self.frozen = changes, frozen
         try:
             stepper = self._engine()
             self._body.apply(self.settings, [stepper])
+            if frozen and not before[1]:
+                kept = Kept.of(self._stepper)
+                state["cycle"] = kept.frozen(state["cycle"], stepper.state["cycle"].agent)
+            elif before[1] and not frozen:
+                kept = kept or self._kept_at_start(state["cycle"].agent.policy)
+                state["cycle"] = kept.thawed(state["cycle"])
+                kept = None
             stepper.restore(state)
         except ValueError:
             self._changes, self.frozen = before
             raise
         self._stepper = stepper
+        self._kept = kept
         self._last = None
 
     def _engine(self) -> Stepper:
@@ -266,14 +283,20 @@ class Learner:
                 task: Any = dataclasses.replace(self.task, **self._changes) if self._changes else self.task  # type: ignore[type-var]
             except ValueError as error:
                 raise ValueError(f"{TASK}{error}") from None
-            mode = "sample" if self.frozen else "learn"
-            made = stepper_for(task, self.agent, [self._setup.seed], mode, threads=1, initial=self._setup.initial)
+            made = self._made(task, "sample" if self.frozen else "learn")
             while len(self._engines) >= MAX_KEPT_ENGINES:
                 old = self._engines.pop(next(iter(self._engines)))
                 self._probes.pop(old, None)
             self._engines[key] = made
         self._engines[key] = self._engines.pop(key)  # the newest last
         return self._engines[key]
+
+    def _made(self, task: Task, mode: Mode) -> Stepper:
+        return stepper_for(task, self.agent, [self._setup.seed], mode, threads=1, initial=self._setup.initial)
+
+    def _kept_at_start(self, policy: Policy) -> Kept:
+        """What a learner knows that was frozen from the start, with the present policy."""
+        return Kept.of(self._made(self.task, "learn")).with_policy(self.agent, policy)
 
     def _body_beside(self, label: str) -> BesideBody:
         """The body of a label; the untrained one is made when it is first needed."""
@@ -294,7 +317,8 @@ class Learner:
         stepper = self._stepper
         if stepper not in self._probes:
             self._probes[stepper] = probe(stepper, self._body.feet)
-        return self._probes[stepper]() | self._of_body(stepper)
+        level = {} if self._kept is None else {"baseline": self._kept.baseline}
+        return self._probes[stepper]() | level | self._of_body(stepper)
 
     def _of_body(self, stepper: Stepper) -> Probed:
         """The current readings of the body."""
@@ -319,26 +343,3 @@ class Learner:
         )
         sample["gradient_norm"] = gradient_norm(before, after) if known and before else unknown
         return sample
-
-
-def fitted(rows: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Rows of a given width: longer ones are cut, shorter ones are filled with NaN."""
-    if rows.shape[1:] == like.shape[1:]:
-        return rows
-    wide = np.full((len(rows), *like.shape[1:]), np.nan)
-    width = min(rows.shape[1], like.shape[1])
-    wide[:, :width] = rows[:, :width]
-    return wide
-
-
-def agent_numbers(agent: learning.Learner) -> dict[str, float]:
-    """The numbers of a learner that can be changed while it runs, by name."""
-    found = {path: value for path, value in numbers_of(agent.hyperparameters).items() if declared_at(agent, path).live}
-    return {f"{AGENT}{path}": value for path, value in found.items() if isinstance(value, float)}
-
-
-def task_numbers(task: Task) -> dict[str, float]:
-    """The numbers of a task that can be changed while it runs, by name."""
-    fields = [field.name for field in dataclasses.fields(task)] if dataclasses.is_dataclass(task) else []
-    values = {name: getattr(task, name) for name in fields if name not in SKIPPED}
-    return {f"{TASK}{name}": value for name, value in values.items() if isinstance(value, float)}

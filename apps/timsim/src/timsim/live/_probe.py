@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad.bodies import BodyState
-from motorgrad.learning import SGD, AgentState, Optimizer, RunningMean
+from motorgrad.learning import SGD, RunningMean
 from motorgrad.policies import split, trainable
 from motorgrad.training import HostStepper, Stepper
 from motorgrad.training.engines import CycleState
@@ -22,9 +22,10 @@ Probed = dict[str, np.ndarray]
 def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
     """Make a function that samples a stepper.
 
-    `reward_sum` (seeds, 2) is the sum of rewards since the last harvest and its rounding error; `rates` are the
-    learning rates of the parameters, NaN where the optimizer has none. `memory` is what the policy remembers for its
-    next decision, and `fixed` its numbers that are not trained, such as the running statistics of observations.
+    `reward_sum` (seeds, 2) is the sum of rewards since the last harvest and its rounding error. `baseline` is the level
+    of rewards that the learner has found, and `rates` are the learning rates of the parameters; both are NaN where the
+    learner has none. `memory` is what the policy remembers for its next decision, and `fixed` its numbers that are not
+    trained, such as the running statistics of observations.
     """
 
     engine: Any = stepper  # every engine with a viewer has a cycle
@@ -33,28 +34,27 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
         agent, tally = cycle.agent, cycle.tally
         learner = engine.cycle.learner(cycle)
         parameters, settings = split(agent.policy)
-        # An engine on the host has acted already, and the memory has moved on: the decision has what the units saw.
-        acted = agent.decision if agent.policy.has_memory and isinstance(engine, HostStepper) else None
-        seen = agent.policy.perceive(agent.memory, cycle.observation) if acted is None else acted.observation
-        probability = agent.policy.prob(seen)
+        memory = getattr(agent, "memory", None)
+        probability = _probability(cycle, isinstance(engine, HostStepper))
         flat = ravel_pytree(parameters)[0]
         position, velocity = _moved(state)
         touched = [jnp.asarray(state.sensors[name]) for name in feet]
-        batch = agent.gradient.mean if isinstance(agent.gradient, RunningMean) else None
+        gradient = getattr(agent, "gradient", None)
+        batch = gradient.mean if isinstance(gradient, RunningMean) else None
         return {
             "position": position,
             "velocity": velocity,
             "activation": _active(state),
             "contacts": jnp.stack(touched) if touched else jnp.zeros(0),
             "observation": cycle.observation,
-            "memory": jnp.zeros(0) if agent.memory is None else agent.memory,
+            "memory": jnp.zeros(0) if memory is None else memory,
             "action": _wide(cycle.action, probability.shape[0]),
             "probability": probability,
             "reward_sum": jnp.stack([tally.sums[0], tally.carry[0]]),
-            "baseline": learner.estimator.level(agent.estimator),
+            "baseline": learner.readings(agent).get("baseline", jnp.asarray(jnp.nan)),
             "parameters": flat,
             "fixed": ravel_pytree(eqx.filter(settings, eqx.is_array))[0],
-            "rates": _learning_rates(learner.optimizer, agent, flat),
+            "rates": _learning_rates(learner, agent, flat),
             "marks": jnp.ravel(engine.task.marks(cycle.memory, state)),
             "batch": jnp.full_like(flat, jnp.nan) if batch is None else ravel_pytree(batch)[0],
         }
@@ -66,7 +66,7 @@ def gradient_norm(before: Probed, after: Probed) -> np.ndarray:
     """The norm of the gradient that the last decision's step followed, NaN where it is unknown.
 
     Where a gradient is the mean of a batch, this is the norm of the mean so far; with a metric it is that of the
-    natural gradient.
+    natural gradient, and of several steps at once that of their sum.
     """
     if not np.isnan(after["batch"]).any():
         return np.linalg.norm(after["batch"], axis=-1)
@@ -99,9 +99,23 @@ def _wide(action: Array, size: int) -> Array:
     return jnp.pad(numbers, (0, size - numbers.shape[0]), constant_values=jnp.nan)
 
 
-def _learning_rates(optimizer: Optimizer, state: AgentState, flat: Array) -> Array:
+def _probability(cycle: CycleState, acted: bool) -> Array:
+    """The probability of each unit or alternative at the present observation. NaN where the learner does not say what a
+    policy with a memory saw. `acted` says whether the action was chosen already, so that the memory has moved on."""
+    policy = cycle.agent.policy
+    memory = getattr(cycle.agent, "memory", None)
+    decision = getattr(cycle.agent, "decision", None)
+    if not policy.has_memory or (memory is not None and not acted):
+        return policy.prob(policy.perceive(memory, cycle.observation))
+    if decision is not None:
+        return policy.prob(decision.observation)
+    return jnp.full(policy.outputs, jnp.nan)
+
+
+def _learning_rates(learner: Any, state: Any, flat: Array) -> Array:
+    optimizer = getattr(learner, "optimizer", None)
     if not isinstance(optimizer, SGD):
         return jnp.full_like(flat, jnp.nan)
     parameters = trainable(state.policy)
-    rates = optimizer.learning_rates(parameters, state.steps)
+    rates = optimizer.learning_rates(parameters, getattr(state, "steps", None))
     return ravel_pytree(jax.tree.map(lambda p, rate: jnp.broadcast_to(rate, p.shape), parameters, rates))[0]

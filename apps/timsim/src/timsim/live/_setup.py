@@ -19,7 +19,7 @@ from motorgrad._errors import check, unknown
 from motorgrad._limits import MAX_MOTION_SECONDS
 from motorgrad._myosuite import is_of_myosuite, models
 from motorgrad.bodies import BODIES, BUNDLED, Body, Mjcf, Terrain, WrappedBody, compile_model, start_key
-from motorgrad.learning import Learner
+from motorgrad.learning import Agent, Learner
 from motorgrad.policies import Policy
 from motorgrad.schema import Settings, inner, number, static
 from motorgrad.tasks import TASKS, BodyTask, Composed, Gymnasium, Task, load, myosuite, myosuite_ids
@@ -342,7 +342,7 @@ def _of_model(subject: Body | mujoco.MjModel | mujoco.MjSpec | Path | str, stage
 
 def acting(run: Run, seed: int) -> Learner:
     """An agent that only acts, with a run's policy, for runs whose learner cannot be made again."""
-    return Learner(run.policy(seed))
+    return Agent(run.policy(seed))
 
 
 def is_path(subject: object) -> bool:

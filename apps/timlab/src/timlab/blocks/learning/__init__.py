@@ -17,8 +17,6 @@ from typing import Any
 
 from motorgrad import learning
 from timlab.blocks.learning._estimators import (
-    GradientMean,
-    GradientSample,
     NormalizationBlock,
     TraceBlock,
     baseline_block,
@@ -28,6 +26,7 @@ from timlab.blocks.learning._learner import Learner
 from timlab.blocks.learning._named_policies import NamedPolicy, Network
 from timlab.blocks.learning._optimizers import OptimizerBlock, WeightDecay
 from timlab.blocks.learning._parts import PartBlocks
+from timlab.blocks.learning._samples import GradientMean, GradientSample
 from timlab.blocks.learning._units import Gaussians, Hyperplanes, Motoneurons, Softmax
 
 PART_BLOCKS = PartBlocks(

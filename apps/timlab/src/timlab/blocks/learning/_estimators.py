@@ -1,8 +1,8 @@
-"""Traces, baselines, critics and the normalization of advantages as blocks, and what turns errors into gradients."""
+"""Traces, baselines, critics and the normalization of advantages as blocks."""
 
 import dataclasses
 import functools
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,11 +11,11 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning, policies
 from motorgrad._errors import check
-from motorgrad.schema import Declared, count, number, static
-from timlab.blocks.learning._parts import PartBlock
-from timlab.blocks.learning._shared import MAX_PARAMETERS, MAX_UNITS, VALID, Vector, is_paid, where
+from motorgrad.schema import Declared, count, static
+from timlab.blocks.learning._parts import PartBlock, block_of
+from timlab.blocks.learning._shared import MAX_PARAMETERS, MAX_UNITS, VALID, Vector, is_paid, reads, where
 from timlab.blocks.learning._units import key_from
-from timlab.diagram import Block, Moment, Port, Ports, Signals
+from timlab.diagram import Moment, Port, Ports, Signals
 
 ENDED = Port((), "bool", feedthrough=False, default=0.0, help="whether an episode ended at this tick")
 
@@ -129,7 +129,8 @@ class BaselineBlock(PartBlock):
         return state
 
     def _transition(self, state: PyTree[Array], inputs: Signals) -> learning.Transition:
-        return learning.Transition(None, None, inputs["reward"], None, False, ~inputs["valid"])  # type: ignore[arg-type]
+        seen = jnp.zeros(1)  # which no such baseline reads
+        return learning.Transition(seen, seen, inputs["reward"], seen, diverged=~inputs["valid"])
 
     def _update(
         self, baseline: learning.Baseline, state: PyTree[Array], inputs: Signals
@@ -207,9 +208,8 @@ class ObservingBaselineBlock(BaselineBlock):
     def _transition(self, state: Recalled, inputs: Signals) -> learning.Transition:
         reward = inputs["reward"]
         following = inputs["next_observation"]
-        return learning.Transition(
-            state.observation, state.action, reward, following, inputs["terminated"], ~inputs["valid"]
-        )
+        flags = {"terminated": inputs["terminated"], "diverged": ~inputs["valid"]}
+        return learning.Transition(state.observation, state.action, reward, following, **flags)
 
     def output(self, state: Recalled, inputs: Signals, now: Moment) -> Signals:
         found = super().output(state, inputs, now)
@@ -258,13 +258,29 @@ class EligibilityBaselineBlock(BaselineBlock):
         return {"gradient": jnp.where(is_paid(inputs, now), sample, 0), "baseline": baseline.level(state)}
 
 
+@functools.cache
 def baseline_block(part: type[learning.Baseline]) -> type[BaselineBlock]:
     """The base class of a baseline's block: with ports for the observation where the baseline looks at it, and for the
     trace where it looks at that."""
     if part.needs_eligibility:
         return EligibilityBaselineBlock
-    observes = part.needs_decision or part.observe is not learning.Baseline.observe
+    if issubclass(part, learning.ScalarBaseline):
+        return BaselineBlock
+    observes = part.observe is not learning.Baseline.observe or _reads_decision(part)
     return ObservingBaselineBlock if observes else BaselineBlock
+
+
+def _reads_decision(part: type[learning.Baseline]) -> bool:
+    """Whether a baseline learns from what was seen and done, which the traced function shows."""
+    baseline = block_of(BaselineBlock, part, part.__name__)().template
+    policy = policies.hyperplanes(1, 1)
+
+    def learned(seen: Array, action: Array, following: Array) -> Any:
+        state = baseline.start(policy, seen.dtype, jax.random.key(0))
+        return baseline.update(state, policy, learning.Transition(seen, action, jnp.zeros(()), following))
+
+    one = jax.ShapeDtypeStruct((1,), jnp.result_type(float))
+    return any(reads(learned, one, one, one))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -289,78 +305,3 @@ class NormalizationBlock(PartBlock):
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         advantage = inputs["error"] + inputs["newest"]
         return where(is_paid(inputs, now), self.bound_part.update(state, advantage), state)
-
-
-@dataclasses.dataclass(frozen=True)
-class GradientSample(Block):
-    r"""Credits an error to past actions by their trace, $g = \delta z$.
-
-    With a baseline of the observation it adds what the newest action alone is credited with, $g = \delta z + \nu s$.
-    """
-
-    name: ClassVar[str] = "gradient sample"
-    category: ClassVar[str] = "learning"
-
-    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the trace")
-
-    @property
-    def inputs(self) -> Ports:
-        return {
-            "error": Port(),
-            "trace": Port((self.size,)),
-            "newest_error": Port(default=0.0, help=r"$\nu$, `newest` of a baseline of the observation"),
-            "newest_score": Port((self.size,), default=0.0, help="$s$, `newest` of the trace"),
-        }
-
-    @property
-    def outputs(self) -> Ports:
-        return {"gradient": Port((self.size,))}
-
-    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
-        newest = inputs["newest_error"] * inputs["newest_score"]
-        return {"gradient": inputs["error"] * inputs["trace"] + newest}
-
-
-@dataclasses.dataclass(frozen=True)
-class GradientMean(Block):
-    """Collects gradient samples, for learners that step once a batch.
-
-    After `samples` of them it outputs their mean or sum, sets `due`, and starts the next batch. Otherwise it outputs 0.
-    """
-
-    name: ClassVar[str] = "gradient mean"
-    category: ClassVar[str] = "learning"
-
-    size: int = count(1, 1, MAX_PARAMETERS, help="number of parameters of the gradient")
-    samples: Any = number(100, 1, 2**31 - 1, kind="int", help="samples in a batch")
-    batch: Literal["mean", "sum"] = static("mean", help="whether a step uses their mean or their sum")
-
-    def validate(self) -> None:
-        self.check_broadcasts("samples", ())
-
-    @property
-    def inputs(self) -> Ports:
-        return {"gradient": Port((self.size,)), "valid": VALID}
-
-    @property
-    def outputs(self) -> Ports:
-        return {"gradient": Port((self.size,)), "due": Port((), "bool", help="whether a batch is complete")}
-
-    def init(self, uniforms: Float[Array, " 0"]) -> learning.RunningMean:
-        return learning.running_mean(jnp.zeros(self.size))
-
-    def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
-        running = self._collected(state, inputs, now)
-        size = running.count.astype(running.mean.dtype) if self.batch == "sum" else 1.0
-        due = self._is_full(running, inputs, now)
-        return {"gradient": jnp.where(due, size * running.mean, 0), "due": due}
-
-    def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
-        running = self._collected(state, inputs, now)
-        return where(self._is_full(running, inputs, now), learning.running_mean(running.mean), running)
-
-    def _collected(self, state: PyTree[Array], inputs: Signals, now: Moment) -> learning.RunningMean:
-        return where(is_paid(inputs, now), learning.add_sample(state, inputs["gradient"]), state)
-
-    def _is_full(self, running: learning.RunningMean, inputs: Signals, now: Moment) -> Array:
-        return is_paid(inputs, now) & (running.count >= self.samples)

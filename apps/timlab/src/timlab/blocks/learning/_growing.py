@@ -67,7 +67,7 @@ class _GrowingGaussians(PartBlock, Gaussians):
 
     def moved(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Growing:
         rule: learning.Growth = self.bound_part
-        growth = where(is_paid(inputs, now), rule.reinforce(state.growth, inputs["reward"]), state.growth)
+        growth = where(is_paid(inputs, now), rule.add_reward(state.growth, inputs["reward"]), state.growth)
         parameters, settings = split(state.policy)
         step = self.thawed(state.policy, state.policy.allowed(unflat(parameters, inputs["step"])))
         step = rule.scale_updates(growth, step)

@@ -4,7 +4,7 @@ import copy
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
@@ -34,17 +34,26 @@ from timlab.blocks.learning._shared import MAX_UNITS, VALID, where
 from timlab.blocks.learning._units import Sizes, flat, key_from, kind_of, size_of
 from timlab.diagram import Block, Moment, Port, Ports, Signals, nested
 
-if TYPE_CHECKING:
-    from motorgrad.learning import Agent
+
+class Decided(NamedTuple):
+    """The state of the learner, and the decision whose reward comes next."""
+
+    learner: Any
+    observation: Float[Array, " observed"]
+    action: Array
 
 
 @dataclasses.dataclass(frozen=True)
 class Learner(Block):
-    """Policy, trace, baseline or critic, metric and optimizer in one: a `motorgrad.learning.Agent`.
+    """A whole `motorgrad.learning.Learner` of any registered kind, by default the policy gradient: what acts, and how
+    it learns.
 
     `settings` are those of an agent in a configuration file, by path or short name, as `motorgrad.agent_for` takes
-    them. The agent's numbers are parameters of the block by their paths, such as `estimator.trace.decay`. To change one
-    while the diagram runs compiles nothing; the new value enters `settings`.
+    them. The learner's numbers are parameters of the block by their paths, such as `estimator.trace.decay`. To change
+    one while the diagram runs compiles nothing; the new value enters `settings`.
+
+    Replay in hindsight needs the goal of a task, which a diagram does not say, and tables of sparse units are made
+    outside compiled code: both are refused. While it is `frozen`, the learner sees the ends of episodes alone.
     """
 
     name: ClassVar[str] = "learner"
@@ -58,17 +67,15 @@ class Learner(Block):
     def validate(self) -> None:
         object.__setattr__(self, "settings", as_text("settings", self.settings))
         self.check_broadcasts("frozen", ())
-        kind = read_table("settings", self.settings).get("kind", "dense")
-        check(
-            PART_CLASSES[learning.Agent].get(kind) in (None, learning.Agent),
-            "settings.kind",
-            kind,
-            "'dense' in a diagram",
-        )
+        kind = read_table("settings", self.settings).get("kind", "policy-gradient")
+        sparse = issubclass(PART_CLASSES[learning.Learner].get(kind, learning.Learner), learning.SparseLearner)
+        check(not sparse, "settings.kind", kind, "another in a diagram, such as 'policy-gradient'")
+        goal = self._agent.needs.goal
+        check(goal is None, f"settings.{goal}", "given", "left out in a diagram, which has no goal")
         self.__dict__.update(_numbers_of(self._agent))
 
     @functools.cached_property
-    def _agent(self) -> "Agent":
+    def _agent(self) -> learning.Learner:
         from motorgrad.training import agent_for  # which takes a while to load
 
         return agent_for(Sizes(self.observed, self.actions), read_table("settings", self.settings))
@@ -101,7 +108,7 @@ class Learner(Block):
             agent = with_number(agent, path, value)
         check_rounded(agent, self._agent.precision)
         block = copy.copy(self)
-        table = _with_numbers(read_table("settings", self.settings), numbers)
+        table = _with_numbers(type(agent), read_table("settings", self.settings), numbers)
         block.__dict__.update(settings=as_text("settings", table), _agent=agent, **_numbers_of(agent))
         return block
 
@@ -111,7 +118,7 @@ class Learner(Block):
         return {
             "observation": Port((self.observed,)),
             "reward": Port(),
-            "next_observation": Port((self.observed,), default=0.0, help="before any reset; for critics"),
+            "next_observation": Port((self.observed,), default=0.0, help="before any reset; for learners of values"),
             "terminated": flag,
             "truncated": flag,
             "valid": VALID,
@@ -119,10 +126,14 @@ class Learner(Block):
 
     @property
     def outputs(self) -> Ports:
+        action = self._action
+        return {"action": Port(action.shape, kind_of(action.dtype)), "parameters": Port((size_of(self._state.policy),))}
+
+    @functools.cached_property
+    def _action(self) -> jax.ShapeDtypeStruct:
         policy = self._state.policy
         seen = jax.ShapeDtypeStruct((policy.inputs,), jnp.result_type(float))
-        action = jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
-        return {"action": Port(action.shape, kind_of(action.dtype)), "parameters": Port((size_of(policy),))}
+        return jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
 
     @property
     def uniforms(self) -> int:
@@ -133,44 +144,58 @@ class Learner(Block):
         return 1
 
     @property
-    def _bound_agent(self) -> "Agent":
+    def _bound_agent(self) -> learning.Learner:
         """The agent with this block's arrays as its numbers."""
         bound = jax.tree_util.tree_map_with_path(
             lambda place, _: self.__dict__[path_of(place)], self._agent.hyperparameters
         )
         return bound.with_policy(self._agent.policy)
 
-    def init(self, uniforms: Float[Array, " 1"]) -> PyTree[Array]:
-        return self._bound_agent.init(key_from(uniforms))
+    def init(self, uniforms: Float[Array, " 1"]) -> Decided:
+        action = jnp.zeros(self._action.shape, self._action.dtype)
+        return Decided(self._bound_agent.init(key_from(uniforms)), jnp.zeros(self.observed), action)
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
-        after, action = self._acted(state, inputs, now)
-        return {"action": action, "parameters": flat(trainable(after.policy))}
+        after = self._acted(state, inputs, now)
+        return {"action": after.action, "parameters": flat(trainable(after.learner.policy))}
 
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
-        return self._acted(state, inputs, now)[0]
+        return self._acted(state, inputs, now)
 
-    def _acted(self, state: PyTree[Array], inputs: Signals, now: Moment) -> tuple[Any, Array]:
-        """Learn from the reward of the last action, then choose the next."""
+    def _acted(self, state: Decided, inputs: Signals, now: Moment) -> Decided:
+        """Learn from what the last action led to, then choose the next."""
         agent = self._bound_agent
-        terminated = inputs["terminated"]
-        truncated = inputs["truncated"]
+        flags = {name: inputs[name] for name in ("terminated", "truncated")}
         diverged = ~inputs["valid"]
-        ended = terminated | truncated | diverged
-        learned = agent.reinforce(state, inputs["reward"], inputs["next_observation"], terminated, truncated, diverged)
-        learned = agent.improve(learned, ended, diverged)
-        after = where(now.tick > 0, where(self.frozen, agent.restart(state, ended), learned), state)
-        return agent.act(after, inputs["observation"], now.uniforms)
+        ended = flags["terminated"] | flags["truncated"] | diverged
+        transition = learning.Transition(
+            state.observation,
+            state.action,
+            inputs["reward"],
+            inputs["next_observation"],
+            **flags,
+            diverged=diverged | self.frozen,  # of which nothing is learned, though it ends an episode
+        )
+        learned = agent.update(agent.observe(state.learner, transition))
+        restart = getattr(agent, "restart", None)  # a learner that can be told of an end alone counts no decision there
+        restarted = learned if restart is None else restart(state.learner)
+        frozen = where(ended, restarted, state.learner)
+        after = where(now.tick > 0, where(self.frozen, frozen, learned), state.learner)
+        observation = inputs["observation"]
+        after, action = agent.act(after, observation, now.uniforms)
+        return Decided(after, observation, action)
 
 
-def _numbers_of(agent: "Agent") -> dict[str, Any]:
+def _numbers_of(agent: learning.Learner) -> dict[str, Any]:
     """An agent's numbers by path, as plain numbers or nested tuples of them."""
     return {path: nested(np.asarray(number).tolist()) for path, number in numbers_of(agent.hyperparameters).items()}
 
 
-def _with_numbers(settings: Mapping[str, Any], numbers: Mapping[str, Any]) -> dict[str, Any]:
+def _with_numbers(
+    kind: type[learning.Learner], settings: Mapping[str, Any], numbers: Mapping[str, Any]
+) -> dict[str, Any]:
     """An agent's settings with other numbers by path. A part given by its name alone becomes a table with its kind."""
-    table = expanded(learning.Agent, settings)
+    table = expanded(kind, settings)
     for path, value in numbers.items():
         *outer, last = path.split(".")
         node = table

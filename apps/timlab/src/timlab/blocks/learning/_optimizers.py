@@ -13,7 +13,7 @@ from motorgrad import learning
 from motorgrad._errors import check
 from motorgrad.schema import Declared, Numbers, Range, count, number, static
 from timlab.blocks.learning._parts import PartBlock
-from timlab.blocks.learning._shared import MAX_PARAMETERS, Vector, is_paid, where
+from timlab.blocks.learning._shared import MAX_PARAMETERS, Vector, is_paid, reads, where
 from timlab.diagram import Block, Moment, Port, Ports, Signals
 
 
@@ -127,10 +127,7 @@ def _reads_parameters(structure: _Structure) -> bool:
         return optimizer.update(Vector(gradient), state, policy, jnp.zeros((), jnp.int32), True)  # type: ignore[arg-type]
 
     one = jax.ShapeDtypeStruct((1,), jnp.result_type(float))
-    traced = jax.make_jaxpr(step)(one, one).jaxpr
-    parameters = traced.invars[0]
-    read = [variable for equation in traced.eqns for variable in equation.invars]
-    return any(variable is parameters for variable in [*read, *traced.outvars])
+    return reads(step, one, one)[0]
 
 
 @dataclasses.dataclass(frozen=True)

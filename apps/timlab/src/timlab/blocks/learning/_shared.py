@@ -1,6 +1,7 @@
 """Shared by blocks that learn: limits, a port, a policy as one vector, and what counts at a tick."""
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -37,3 +38,10 @@ def is_paid(inputs: Signals, now: Moment, port: str = "valid") -> Array:
 def where(condition: Array, yes: T, no: T) -> T:
     """The leaves of one tree or of the other."""
     return jax.tree.map(lambda a, b: a if a is b else jnp.where(condition, a, b), yes, no)
+
+
+def reads(function: Callable[..., Any], *shapes: jax.ShapeDtypeStruct) -> list[bool]:
+    """Which of its arguments, of these shapes, a function uses: traced, it shows what it does not say."""
+    traced = jax.make_jaxpr(function)(*shapes).jaxpr
+    used = [variable for equation in traced.eqns for variable in equation.invars] + traced.outvars
+    return [any(variable is argument for variable in used) for argument in traced.invars]
