@@ -275,7 +275,7 @@ def test_a_start_acts_around_its_level_within_the_range_of_the_task(density):
     task = types.SimpleNamespace(observation_size=4, action_size=2, action_range=((0.0, 1.0), (-0.4, 0.4)))
     policy = bounded_hyperplanes(task, density=density, level=0.5, deviation=0.3)
     assert isinstance(policy, GradedUnits)
-    assert (policy.inputs, policy.outputs, policy.actions) == (4, 2, "graded")
+    assert (policy.inputs, policy.outputs, policy.actions) == (4, 2, "continuous")
     np.testing.assert_allclose(Compiled(policy).mode(np.ones(4)), [0.75, 0.2], rtol=1e-3)
     np.testing.assert_allclose(policy.deviation, 0.3, rtol=1e-6)
     np.testing.assert_array_equal(bounded_hyperplanes(3, 2).low, [-1, -1])

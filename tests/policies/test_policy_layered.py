@@ -170,7 +170,7 @@ def test_hidden_units_may_be_graded_and_outputs_mixed():
     hidden = GradedHyperplanes(np.ones((2, 1)), np.zeros(2), np.zeros(2))
     output = Mixed([planes(1, 2), GradedHyperplanes(np.ones((1, 2)), np.zeros(1), np.zeros(1))])
     policy = Layered([hidden], output)
-    assert policy.actions == ("binary", "graded")
+    assert policy.actions == ("binary", "continuous")
     action = policy.sample(jnp.array([0.3]), jnp.full(policy.uniforms, 0.3))
     assert action.shape == (4,)
     assert policy.prob(jnp.array([0.3])).shape == (2,)

@@ -30,7 +30,7 @@ from motorgrad.policies import (
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training.engines import validate
 
-KINDS = ("binary", "graded", "graded", "binary")
+KINDS = ("binary", "continuous", "continuous", "binary")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ def together_and_apart(policy, seen, uniforms):
 
 def test_the_action_is_that_of_all_pools():
     policy, seen = policy_of(0), jnp.array([0.3, -0.2])
-    assert policy.actions == ("binary",) + ("graded",) * 4
+    assert policy.actions == ("binary",) + ("continuous",) * 4
     assert (policy.inputs, policy.outputs, policy.uniforms) == (2, 5, 7)
     rng = np.random.default_rng(1)
     uniforms = rng.random(7)
@@ -99,9 +99,9 @@ def test_a_task_says_which_actions_are_graded():
     assert [pool.outputs for pool in policy.pools] == [1, 2, 1]
     np.testing.assert_array_equal(policy.pools[1].low, [0, 0])  # the range of the task's own actions
     validate(task, policy)
-    with pytest.raises(ValueError, match=r"binary actions, but the task .* takes 1 binary, 2 graded, 1 binary"):
+    with pytest.raises(ValueError, match=r"binary actions, but the task .* takes 1 binary, 2 continuous, 1 binary"):
         validate(task, hyperplanes(task))
-    with pytest.raises(ValueError, match="1 binary, 1 graded actions, but the task 'hopper' takes binary"):
+    with pytest.raises(ValueError, match="1 binary, 1 continuous actions, but the task 'hopper' takes binary"):
         validate(mg.make("hopper"), Mixed([hyperplanes(3, 1), graded_hyperplanes(3, 1)]))
 
 

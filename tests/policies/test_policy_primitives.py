@@ -129,7 +129,7 @@ def test_the_first_policy_begins_half_of_the_times_and_moves_as_it_is_told():
     start = primitives(8, 6, count=2, deviation=0.25)
     np.testing.assert_allclose(Compiled(start).prob(np.ones(8)), [0.5, 0.5, 0, 0, 0, 0])
     np.testing.assert_allclose(start.movement.deviation, 0.25, rtol=1e-6)
-    assert (start.inputs, start.outputs, start.actions) == (8, 6, "graded")
+    assert (start.inputs, start.outputs, start.actions) == (8, 6, "continuous")
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def test_without_a_past_the_score_is_that_of_the_drive_alone_and_memory_starts_f
     seen = ask.perceive(policy.initial_memory(), np.array([1.0, -1.0]))
     gain = np.sqrt(1 - np.asarray(policy.decay) ** 2)
     expected = gain * (np.asarray(policy.weights) @ [1, -1] + np.asarray(policy.bias))
-    np.testing.assert_allclose(policy.judged(seen), [1, -1, *expected], rtol=1e-5)
+    np.testing.assert_allclose(policy.critic_observation(seen), [1, -1, *expected], rtol=1e-5)
     (hidden,) = ask.hidden_activations(seen)
     np.testing.assert_allclose(hidden, expected, rtol=1e-5)
 
@@ -103,7 +103,7 @@ def test_hidden_units_of_the_output_come_after_the_recurrent_ones():
 def test_a_critic_sees_the_observation_and_the_activations_only():
     policy = example()
     assert (policy.observation_size, policy.inputs) == (2, 2 + 4 * 5)
-    assert policy.judged(jnp.arange(22.0)).tolist() == [0, 1, 2, 3, 4, 5]
+    assert policy.critic_observation(jnp.arange(22.0)).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_gradients_survive_the_way_through_blocks():

@@ -258,7 +258,7 @@ def _walk(policy: Any, observations: np.ndarray) -> Any:
 
 def _activations(policy: Recurrent, observations: np.ndarray) -> np.ndarray:
     """The recurrent units' activations."""
-    seen = jax.vmap(policy.judged)(_walk(policy, observations))
+    seen = jax.vmap(policy.critic_observation)(_walk(policy, observations))
     return np.asarray(seen)[:, policy.observation_size :]
 
 

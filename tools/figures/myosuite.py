@@ -82,7 +82,7 @@ def hindsight() -> Figure:
 
 def holding(work: Work) -> Figure:
     """The angle of an elbow that learned with noise that lasts, with a filtered mean action and with one as it is."""
-    task = mg.tasks.myosuite(TASKS["elbow"][0], actions="graded", scaling="none")
+    task = mg.tasks.myosuite(TASKS["elbow"][0], actions="continuous", scaling="none")
     steps = TASKS["elbow"][1]
     angle, error = (task.observation_names.index(name) for name in ("r_elbow_flex", "target error r_elbow_flex"))
     time = task.period * np.arange(100)

@@ -216,7 +216,7 @@ class ActionValueGradient(PathwiseEstimator):
         return True
 
     def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
-        plain = policy.actions == "graded" and not policy.has_memory and not policy.hides
+        plain = policy.actions == "continuous" and not policy.has_memory and not policy.hides
         wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory, for ActionValueGradient"
         check(plain, "policy", type(policy).__name__, wanted)
         key = jax.random.key(0) if key is None else key

@@ -252,7 +252,7 @@ class Agent(Part):
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action, drawn))
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
-        estimator = self.estimator.act(state.estimator, policy.judged(seen), score)
+        estimator = self.estimator.act(state.estimator, policy.critic_observation(seen), score)
         return state._replace(estimator=estimator, memory=policy.remember(seen, action)), policy.emit(action)
 
     def choose(
@@ -289,7 +289,7 @@ class Agent(Part):
         seen = state.policy.perceive(state.memory, next_observation)
         state = state._replace(policy=where(diverged, state.policy, state.policy.adapted(seen)))
         observation, action, uniforms = recalled
-        after = state.policy.judged(seen)
+        after = state.policy.critic_observation(seen)
         transition = Transition(observation, action, reward, after, terminated, diverged, uniforms=uniforms)
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
         gradient: PyTree = sample

@@ -133,7 +133,7 @@ class Critic(Baseline):
 
     def start(self, policy: Policy, dtype: DTypeLike, key: jax.Array) -> CriticState:
         seen = jnp.zeros(policy.inputs, dtype)
-        observation = policy.judged(seen)
+        observation = policy.critic_observation(seen)
         previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
         shape = jax.eval_shape(self.features, observation, previous).shape
         check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")

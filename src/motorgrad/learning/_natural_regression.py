@@ -90,7 +90,7 @@ class LeastSquaresNatural(RegressionMetric):
 
     def init(self, policy: Policy) -> CompatibleState:
         zeros = zeros_of(policy)
-        seen = self.features(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
+        seen = self.features(policy.critic_observation(jnp.zeros(policy.inputs, zeros.dtype)))
         weights = jnp.zeros(seen.size + zeros.size, zeros.dtype)
         return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights, weights.size))
 
@@ -98,7 +98,7 @@ class LeastSquaresNatural(RegressionMetric):
         dtype = state.weights.dtype
         horizon = 1.0 if self.discount is None else self.discount
         score = self.score(policy, transition)
-        present = self.features(policy.judged(transition.observation))
+        present = self.features(policy.critic_observation(transition.observation))
         following = self.features(transition.next_observation)
         following = jnp.where(transition.terminated, 0, following)
         slope = jnp.concatenate([present, score]).astype(dtype)

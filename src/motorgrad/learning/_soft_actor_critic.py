@@ -210,7 +210,7 @@ class SoftActorCritic(PathwiseEstimator):
 
     def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
         lasting = policy.marginal
-        plain = policy.actions == "graded" and not lasting.has_memory and not policy.hides
+        plain = policy.actions == "continuous" and not lasting.has_memory and not policy.hides
         wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory but lasting noise"
         check(plain, "policy", type(policy).__name__, f"{wanted}, for SoftActorCritic")
         key = jax.random.key(0) if key is None else key

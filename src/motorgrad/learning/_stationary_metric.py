@@ -125,14 +125,14 @@ class StationaryMetric(Metric):
         zeros = zeros_of(policy)
         blocks = tuple(identities(block, self.initial) for block in policy.blocks(trainable(policy)))
         started = running_mean(blocks)._replace(mean=blocks)
-        phi = jnp.zeros_like(self.features(policy.judged(jnp.zeros(policy.inputs, zeros.dtype))))
+        phi = jnp.zeros_like(self.features(policy.critic_observation(jnp.zeros(policy.inputs, zeros.dtype))))
         square = jnp.zeros((phi.size, phi.size), zeros.dtype)
         means = running_mean(Backward(square, jnp.zeros((phi.size, zeros.size), zeros.dtype), phi, square))
         return StationaryState(started._replace(count=started.count + 1), means, phi, zeros, jnp.zeros((), bool))
 
     def observe(self, state: StationaryState, policy: Policy, transition: Transition) -> StationaryState:
         observation, action = transition.observation, transition.action
-        phi = self.features(policy.judged(observation)).astype(state.earlier.dtype)
+        phi = self.features(policy.critic_observation(observation)).astype(state.earlier.dtype)
         score = ravel_pytree(policy.score(observation, action))[0]
         blocks = add_sample(state.blocks, policy.fisher(observation, action), self.rate)
         outer = phi[:, None]

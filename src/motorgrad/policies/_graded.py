@@ -31,7 +31,7 @@ class Noisy:
 
     @property
     def actions(self) -> str:
-        return "graded"
+        return "continuous"
 
     @property
     def deviation(self) -> Float[Array, " units"]:

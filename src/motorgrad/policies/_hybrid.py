@@ -201,7 +201,7 @@ class Primitives(Composed):
 
     @property
     def actions(self) -> str:
-        return "graded"
+        return "continuous"
 
     @property
     def uniforms(self) -> int:

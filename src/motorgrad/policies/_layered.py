@@ -276,7 +276,7 @@ class InitialLayered(InitialPolicy):
     output: str = static(
         "",
         help='the output units, a name of an initial policy; by default `"softmax"` for discrete actions, '
-        '`"hyperplanes"` for binary, `"bounded-hyperplanes"` for graded ones and `"mixed"` for both',
+        '`"hyperplanes"` for binary, `"bounded-hyperplanes"` for continuous ones and `"mixed"` for both',
     )
     scale: float = static(2.0, allowed=POSITIVE, help="the size of the initial hidden weights, as a potential")
     skip: bool = static(False, help="whether further layers see the observation too")

@@ -97,8 +97,8 @@ class Policy(Parametric):
     def actions(self) -> str | tuple[str, ...]:
         """The kind of action.
 
-        `"binary"`: a vector of zeros and ones. `"discrete"`: an integer. `"graded"`: a vector of real numbers.
-        `"querying"`: zeros and ones followed by the requested next input. A tuple of `"binary"` and `"graded"`: a
+        `"binary"`: a vector of zeros and ones. `"discrete"`: an integer. `"continuous"`: a vector of real numbers.
+        `"querying"`: zeros and ones followed by the requested next input. A tuple of `"binary"` and `"continuous"`: a
         vector whose numbers are of these kinds.
         """
         observation = jax.ShapeDtypeStruct((self.inputs,), jnp.result_type(float))
@@ -190,7 +190,7 @@ class Policy(Parametric):
         policy itself, for others."""
         return self
 
-    def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " judged"]:
+    def critic_observation(self, seen: Float[Array, " inputs"]) -> Float[Array, " critic_observation"]:
         """The part of what the units see by which baselines and critics judge a situation; by default all of it."""
         return seen
 

@@ -117,7 +117,7 @@ class Recurrent(Delegating, Composed):
     def remember(self, seen: Float[Array, " inputs"], action: Array) -> Float[Array, " memory"]:
         return seen[self.observation_size :].astype(self.weights.dtype)
 
-    def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
+    def critic_observation(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
         return seen[: sum(self.weights.shape)]
 
     @property

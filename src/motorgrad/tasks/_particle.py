@@ -99,7 +99,7 @@ class ParticleTask(Task):
     @property
     def accepted_actions(self) -> tuple[str, ...]:
         """Zeros and ones, or real numbers: an action multiplies its unit's force, and a negative one reverses it."""
-        return ("binary", "graded")
+        return ("binary", "continuous")
 
     @property
     def period(self) -> float:

@@ -95,8 +95,8 @@ def natural(task: Learnable, steps: int, policy: PolicyTable | None = None) -> d
     divided by their running root mean square; of the natural gradient of each unit, which is followed as far as a limit
     on the Kullback-Leibler divergence allows; and of the average of the last parameters. The policy is that of the
     task's own learner; or it goes with the task's actions: softmax for discrete ones, hyperplanes for binary and
-    squashed normal units for graded ones. These see 128 fixed random features beside their inputs. So does the critic,
-    which also sees the last action and, of up to 40 inputs, all products of two.
+    squashed normal units for continuous ones. These see 128 fixed random features beside their inputs. So does the
+    critic, which also sees the last action and, of up to 40 inputs, all products of two.
 
     What depends on the length of a training scales with it: a batch is a hundredth of the `steps`, from 100 to 1,000
     decisions. Over the training, the limit on the divergence of n units falls from 0.05 sqrt(n) to 0.005 nats, and the
@@ -222,7 +222,7 @@ def sac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
 
     There is no entropy bonus. The deviation of a squashed number starts at 0.5 and shrinks to 0.3 at most; noise has
     the autocorrelation $1 - 15/h$, at least 0. Averaging begins with the last eighth of the `steps`. On a task with
-    `hindsight`, such as `compose` and `myosuite` make with `scaling="none"`, a third of the drawn decisions get the
+    `goal`, such as `compose` and `myosuite` make with `scaling="none"`, a third of the drawn decisions get the
     place that was reached some $h$ decisions later as their target (Andrychowicz et al., 2017), and a third the target
     of another episode.
 
@@ -257,7 +257,7 @@ def sac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
                 "capacity": min(MAX_REPLAY_CAPACITY, max(1_000, 5 * steps // 4)),
                 "start": start,
                 "updates": batches,
-                "hindsight": None if task.hindsight is None else hindsight,
+                "hindsight": None if task.goal is None else hindsight,
             },
             "reward_scaling": {"discount": 1 - 1 / ahead},
         },

@@ -177,7 +177,7 @@ class Cycle:
             learner = self.learner(cycle)
             transition = (led.reward, led.observation, led.terminated, led.truncated, diverged)
             agent = learner.reinforce(agent, *transition)
-            agent = agent if resting else learner.improve(agent, ended, diverged, self.task.hindsight)
+            agent = agent if resting else learner.improve(agent, ended, diverged, self.task.goal)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)
         return CycleState(agent, cycle.numbers, led.memory, led.observation, cycle.action, led.elapsed, tally), ended
 

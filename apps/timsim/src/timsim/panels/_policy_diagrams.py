@@ -245,7 +245,7 @@ def weights_of(policy: Policy) -> np.ndarray | None:
     """Weights `(units, observations + 1)` of pools that have them, the last column being the biases; None for others,
     and where units do not see the observation alone: they draw one after the other, or remember. None for units with
     real-valued actions, too, whose mean is not the probability that fills a unit's drawing."""
-    if policy.hides or policy.has_memory or "graded" in policy.actions:
+    if policy.hides or policy.has_memory or "continuous" in policy.actions:
         return None
     rows = []
     for pool in getattr(policy, "pools", (policy,)):
