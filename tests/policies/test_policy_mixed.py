@@ -19,6 +19,7 @@ from motorgrad.policies import (
     LocalGaussians,
     Mixed,
     Softmax,
+    abilities,
     describe,
     graded_hyperplanes,
     hyperplanes,
@@ -74,9 +75,9 @@ def with_blocks(policy, seen, uniforms):
     """Scores, the first of them through its blocks, the Fisher matrices, and those of each pool."""
     scores = scores_of_draws(policy, seen, uniforms)
     action = scores[0][0]
-    again = policy.from_blocks(policy.blocks(policy.score(seen, action)))
-    own = [matrix for pool in policy.pools for matrix in pool.fisher(seen, action[: pool.outputs])]
-    return scores, again, policy.fisher(seen, action), own
+    again = abilities.from_blocks(policy, abilities.blocks(policy, policy.score(seen, action)))
+    own = [matrix for pool in policy.pools for matrix in abilities.fisher(pool, seen, action[: pool.outputs])]
+    return scores, again, abilities.fisher(policy, seen, action), own
 
 
 def test_scores_are_derivatives_and_units_of_all_kinds_have_blocks():
@@ -141,7 +142,7 @@ def test_a_stored_policy_is_rebuilt():
         (lambda: mixed(2, 3, binary=3), "binary = 3: must be from 1 to 2, fewer than the 3 units"),
         (lambda: mixed(Partly(), 3), "units = 3: must be 4, one for each action of the task"),
         (lambda: Factored([policy_of(0)]), "pools = ['Mixed']: must be pools of binary units"),
-        (lambda: policy_of(0).enumerate(), "Mixed: has infinitely many actions"),
+        (lambda: abilities.enumerate(policy_of(0)), "Mixed: has infinitely many actions"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(build, names):

@@ -29,7 +29,7 @@ from motorgrad.learning._critics import ValueNetwork, value_network
 from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._schedules import Steps, at
 from motorgrad.learning._surrogate import gradient_of
-from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, abilities, adapted, split, trainable
 from motorgrad.schema import Part, inner, number
 
 MIN_VARIANCE = 1e-4
@@ -216,7 +216,8 @@ class ActionValueGradient(PathwiseEstimator):
         return True
 
     def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
-        plain = policy.actions == "continuous" and not policy.has_memory and not policy.hides
+        more = abilities.has_memory(policy) or abilities.has_hidden_units(policy)
+        plain = policy.actions == "continuous" and not more
         wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory, for ActionValueGradient"
         check(plain, "policy", type(policy).__name__, wanted)
         key = jax.random.key(0) if key is None else key

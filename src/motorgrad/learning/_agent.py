@@ -27,7 +27,7 @@ from motorgrad.learning._estimator import Estimator, EstimatorState
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
-from motorgrad.policies import InitialPolicy, Policy, split, trainable, with_frozen_functions, with_interface
+from motorgrad.policies import InitialPolicy, Policy, abilities, split, trainable, with_frozen_functions, with_interface
 from motorgrad.schema import Numbers, Part, inner
 
 
@@ -222,7 +222,7 @@ class Agent(Part):
             zeros = jnp.zeros((), leaves[0].dtype)  # no gradient is made before the batch is full
         chain = self.chain
         # Of hidden units and of a memory, the decision tells what was drawn and what was seen.
-        kept = policy.hides or policy.has_memory
+        kept = abilities.has_hidden_units(policy) or abilities.has_memory(policy)
         decision = None
         if chain.needs_decision or self.estimator.needs_decision or kept:
             observation = jnp.zeros(policy.inputs, leaves[0].dtype)
@@ -236,7 +236,7 @@ class Agent(Part):
             decision=decision,
             steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
             growth=growth,
-            memory=policy.initial_memory(),
+            memory=abilities.initial_memory(policy),
         )
 
     def act(
@@ -244,7 +244,7 @@ class Agent(Part):
     ) -> tuple[AgentState, Array]:
         r"""Sample an action from `uniforms` and add its score to the trace: $z \leftarrow f(z, \nabla\log\pi)$."""
         policy = state.policy
-        seen = policy.perceive(state.memory, observation)
+        seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
         score = policy.score(seen, action)
         if state.decision is not None:
@@ -252,8 +252,9 @@ class Agent(Part):
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action, drawn))
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
-        estimator = self.estimator.act(state.estimator, policy.critic_observation(seen), score)
-        return state._replace(estimator=estimator, memory=policy.remember(seen, action)), policy.emit(action)
+        estimator = self.estimator.act(state.estimator, abilities.critic_observation(policy, seen), score)
+        memory = abilities.remember(policy, seen, action)
+        return state._replace(estimator=estimator, memory=memory), abilities.task_action(policy, action)
 
     def choose(
         self,
@@ -264,11 +265,11 @@ class Agent(Part):
     ) -> tuple[AgentState, Array]:
         """Act without learning: sample an action, or take the most probable one."""
         policy = state.policy
-        seen = policy.perceive(state.memory, observation)
+        seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.mode(seen) if greedy else policy.sample(seen, uniforms)
-        if state.decision is not None and (policy.hides or policy.has_memory):
+        if state.decision is not None and (abilities.has_hidden_units(policy) or abilities.has_memory(policy)):
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
-        return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
+        return state._replace(memory=abilities.remember(policy, seen, action)), abilities.task_action(policy, action)
 
     def reinforce(
         self,
@@ -286,10 +287,10 @@ class Agent(Part):
         sample is dropped, nothing is learned from it, and the trace restarts.
         """
         recalled: Any = (None, None, None) if state.decision is None else state.decision
-        seen = state.policy.perceive(state.memory, next_observation)
-        state = state._replace(policy=where(diverged, state.policy, state.policy.adapted(seen)))
+        seen = abilities.observation_with_memory(state.policy, state.memory, next_observation)
+        state = state._replace(policy=where(diverged, state.policy, abilities.adapted(state.policy, seen)))
         observation, action, uniforms = recalled
-        after = state.policy.critic_observation(seen)
+        after = abilities.critic_observation(state.policy, seen)
         transition = Transition(observation, action, reward, after, terminated, diverged, uniforms=uniforms)
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
         gradient: PyTree = sample
@@ -308,7 +309,7 @@ class Agent(Part):
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Begin a new episode if `ended`: trace and memory are empty, and the discount starts again from 1."""
         chain = self.chain.map(lambda stage, inner: stage.restart(inner, ended), state.chain)
-        fresh = self.estimator.restart(state.estimator, state.policy), state.policy.initial_memory()
+        fresh = self.estimator.restart(state.estimator, state.policy), abilities.initial_memory(state.policy)
         estimator, memory = where(ended, fresh, (state.estimator, state.memory))
         return state._replace(estimator=estimator, memory=memory, chain=chain)
 
@@ -420,7 +421,7 @@ class Agent(Part):
         if self.growth is not None and state.growth is not None:
             updates = self.growth.scale_updates(state.growth, updates)
         updates = stages.constrain(updates, chain, state.policy, state.steps, due)
-        moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
+        moved = abilities.limited(eqx.combine(eqx.apply_updates(parameters, updates), settings))
         steps = None if state.steps is None else counted_on(state.steps)
         chain = stages.map(lambda stage, inner: stage.after_step(inner, moved, steps), chain)
         return state._replace(policy=moved, chain=chain, steps=steps)

@@ -25,7 +25,7 @@ from motorgrad.learning._baselines import Transition
 from motorgrad.learning._branching import NEVER, Flag, Scalar
 from motorgrad.learning._estimator import Estimator
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.policies import Policy, abilities, split, trainable
 from motorgrad.schema import Part, count, number, static
 
 Updates = PyTree[Array]
@@ -321,7 +321,7 @@ class Chain(NamedTuple):
         for stage, state in zip(self.stages, states, strict=True):
             updates, state = stage.update(updates, state, policy, steps, due)
             after.append(state)
-        return policy.allowed(updates), tuple(after)
+        return abilities.allowed(policy, updates), tuple(after)
 
     def constrain(
         self, updates: Updates, states: tuple[PyTree, ...], policy: Policy, steps: Steps, due: Flag = True

@@ -16,7 +16,7 @@ from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootM
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning._surrogate import Batch, ClippedSurrogate, gradient_of
 from motorgrad.learning._traces import Episodic, Exponential, Trace, credited
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import Part, count, inner, number, static
 
 
@@ -301,7 +301,7 @@ class Estimator(Part):
     def _empty_batch(self, policy: Policy, key: jax.Array) -> Batch:
         assert self.reuse is not None
         allowed = "one whose memory does not depend on its parameters, for a reuse of batches"
-        check(not policy.remembers_parameters, "policy", type(policy).__name__, allowed)
+        check(not abilities.remembers_parameters(policy), "policy", type(policy).__name__, allowed)
         return self.reuse.init(policy, int(self.improve), jax.random.fold_in(key, 1))
 
     def _advantage(

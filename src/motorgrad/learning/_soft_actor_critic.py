@@ -6,6 +6,7 @@ for several decisions (`Autoregressive`), and targets may be relabelled (`Hindsi
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -25,7 +26,7 @@ from motorgrad.learning._estimator import EstimatorState
 from motorgrad.learning._replay import Drawn, Experience, Replay
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.learning._surrogate import gradient_of
-from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, abilities, adapted, split, trainable
 from motorgrad.schema import Part, count, inner, number
 
 
@@ -99,7 +100,8 @@ class ActionValueEnsemble(Part):
         action = jax.vmap(policy.sample)(following, numbers)
         later = jnp.min(self.values(eqx.combine(state.slow, settings), following, action), axis=0)
         if entropy_coefficient is not None:
-            later = later + entropy_coefficient * jax.vmap(policy.entropy_estimate)(following, numbers)
+            entropy = jax.vmap(partial(abilities.entropy_estimate, policy))(following, numbers)
+            later = later + entropy_coefficient * entropy
         wanted = (drawn.reward + self.discount * (1 - drawn.terminated) * later).astype(later.dtype)
 
         def loss(learned: PyTree) -> Float[Array, ""]:
@@ -146,7 +148,7 @@ class EntropyTarget(Part):
         """The state after a step with a batch of decisions."""
         observation = drawn.observation
         numbers = jax.random.uniform(key, (len(observation), policy.uniforms), observation.dtype)
-        entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(observation, numbers))
+        entropy = drawn.mean(jax.vmap(partial(abilities.entropy_estimate, policy))(observation, numbers))
         above = (entropy / policy.outputs - self.target).astype(state.log_worth.dtype)
         move, rule = optax.scale_by_adam().update(above, state.rule)
         log_worth = state.log_worth - self.learning_rate * cast(Array, move)
@@ -209,8 +211,9 @@ class SoftActorCritic(PathwiseEstimator):
         return None if self.replay.hindsight is None else "replay.hindsight"
 
     def init(self, policy: Policy, key: jax.Array | None = None) -> EstimatorState:
-        lasting = policy.marginal
-        plain = policy.actions == "continuous" and not lasting.has_memory and not policy.hides
+        lasting = abilities.marginal(policy)
+        more = abilities.has_memory(lasting) or abilities.has_hidden_units(policy)
+        plain = policy.actions == "continuous" and not more
         wanted = "one with real-valued actions, such as BoundedHyperplanes, and no memory but lasting noise"
         check(plain, "policy", type(policy).__name__, f"{wanted}, for SoftActorCritic")
         key = jax.random.key(0) if key is None else key
@@ -274,9 +277,9 @@ class SoftActorCritic(PathwiseEstimator):
             learned = state.estimator.entropy
             entropy_coefficient = None if self.entropy is None else at(self.entropy, state.steps)
             if self.entropy_target is not None:
-                learned = self.entropy_target.update(learned, state.policy.marginal, drawn, of_this)
+                learned = self.entropy_target.update(learned, abilities.marginal(state.policy), drawn, of_this)
                 entropy_coefficient = jnp.exp(learned.log_worth)
-            marginal = state.policy.marginal
+            marginal = abilities.marginal(state.policy)
             values = self.values.update(
                 state.estimator.baseline, marginal, drawn, entropy_coefficient, of_next, state.steps
             )
@@ -293,14 +296,15 @@ class SoftActorCritic(PathwiseEstimator):
     ) -> PyTree[Array]:
         """The mean gradient of the least value over a batch, for actions drawn anew."""
         observation = drawn.observation
-        numbers = jax.random.uniform(key, (len(observation), policy.marginal.uniforms), observation.dtype)
+        numbers = jax.random.uniform(key, (len(observation), abilities.marginal(policy).uniforms), observation.dtype)
 
         def gain(whole: Policy) -> Float[Array, ""]:
-            present = whole.marginal
+            present = abilities.marginal(whole)
             action = jax.vmap(present.sample)(observation, numbers)
             gains = jnp.min(self.values.values(values.weights, observation, action), axis=0)
             if entropy_coefficient is not None:
-                gains = gains + entropy_coefficient * jax.vmap(present.entropy_estimate)(observation, numbers)
+                entropy = jax.vmap(partial(abilities.entropy_estimate, present))(observation, numbers)
+                gains = gains + entropy_coefficient * entropy
             return drawn.mean(gains)
 
         return gradient_of(gain, policy)

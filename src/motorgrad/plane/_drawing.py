@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +54,7 @@ def shapes_of(policy: Policy) -> Shapes:
     import jax
     import jax.numpy as jnp
 
-    regions = policy.regions()
+    regions = abilities.regions(policy)
     local = regions is not None and regions.centre.shape[-1] >= 2
     wanted = "made of local units, which have a centre in the plane and a width"
     check(local, "policy", type(policy).__name__, wanted)

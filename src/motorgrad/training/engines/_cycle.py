@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._interface import Statistics
 from motorgrad.learning import NEVER, Agent, AgentState, two_sum
+from motorgrad.policies import abilities
 from motorgrad.schema import Numbers
 from motorgrad.tasks import Task, observe, outcome
 
@@ -95,8 +96,8 @@ class Cycle:
         if statistics is not None:
             memory = self.task.with_statistics(memory, statistics)
             memory = memory if self.mode == "learn" else self.task.freeze(memory)
-        seen = agent.policy.perceive(agent.memory, observation)
-        action = agent.policy.emit(agent.policy.mode(seen))
+        seen = abilities.observation_with_memory(agent.policy, agent.memory, observation)
+        action = abilities.task_action(agent.policy, agent.policy.mode(seen))
         metrics = len(self.task.metric_names)
         zero = jnp.zeros(1 + metrics)
         tally = Tally(zero, zero, jnp.zeros(metrics + 2 + self.first_episode, jnp.int32))
@@ -200,7 +201,7 @@ class Cycle:
     ) -> CycleState:
         """Begin a new episode `where` one has ended and the dynamics were reset to `state`."""
         memory, observation = observe(self.task, self.task.renew(cycle.memory, init), state, uniforms)
-        agent = cycle.agent._replace(memory=cycle.agent.policy.initial_memory())
+        agent = cycle.agent._replace(memory=abilities.initial_memory(cycle.agent.policy))
         elapsed = None if cycle.elapsed is None else jnp.zeros_like(cycle.elapsed)
         fresh = cycle._replace(agent=agent, memory=memory, observation=observation, elapsed=elapsed)
         return jax.tree.map(lambda new, old: jnp.where(where, new, old), fresh, cycle)

@@ -15,7 +15,7 @@ from motorgrad._errors import check, unknown
 from motorgrad._interface import Statistics
 from motorgrad._random import key_of
 from motorgrad.learning import Agent, AgentState
-from motorgrad.policies import Policy, PrintedGaussians, trainable
+from motorgrad.policies import Policy, PrintedGaussians, abilities, trainable
 from motorgrad.schema import declared_at, with_number
 from motorgrad.tasks import Task
 from motorgrad.training.engines._cycle import Cycle, CycleState, Mode
@@ -220,7 +220,7 @@ def validate_score(policy: Policy, agent: Agent) -> None:
     printed = any(_is_printed(part) for part in jax.tree.leaves(policy, is_leaf=_is_printed))
     check(not (printed and agent.estimator.climbs), "pair", "printed", "exact for an estimator that asks for no scores")
     wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
-    check(policy.has_exact_score or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
+    check(abilities.has_exact_score(policy) or agent.estimator.climbs, "policy", type(policy).__name__, wanted)
 
 
 def _is_printed(part: object) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad.learning import Critic, InputBaseline
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from motorgrad.schema import numbers_of
 from motorgrad.training._run import Run, saved_agent
 from motorgrad.training.store import RunDirectoryError, RunWarning, fill_tree
@@ -32,7 +32,7 @@ class Values:
         return made
 
     def _one(self, state: PyTree, policy: Policy, seen: Array, before: Array) -> Array:
-        shown = policy.critic_observation(seen)
+        shown = abilities.critic_observation(policy, seen)
         baseline = self._baseline
         if not isinstance(baseline, Critic):
             return baseline.value_at(state, shown)

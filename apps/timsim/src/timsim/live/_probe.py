@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 
 from motorgrad.bodies import BodyState
 from motorgrad.learning import SGD, AgentState, Optimizer, RunningMean
-from motorgrad.policies import split, trainable
+from motorgrad.policies import abilities, split, trainable
 from motorgrad.training import HostStepper, Stepper
 from motorgrad.training.engines import CycleState
 
@@ -34,8 +34,10 @@ def probe(stepper: Stepper, feet: list[str]) -> Callable[[], Probed]:
         learner = engine.cycle.learner(cycle)
         parameters, settings = split(agent.policy)
         # An engine on the host has acted already, and the memory has moved on: the decision has what the units saw.
-        acted = agent.decision if agent.policy.has_memory and isinstance(engine, HostStepper) else None
-        seen = agent.policy.perceive(agent.memory, cycle.observation) if acted is None else acted.observation
+        if agent.decision is not None and abilities.has_memory(agent.policy) and isinstance(engine, HostStepper):
+            seen = agent.decision.observation
+        else:
+            seen = abilities.observation_with_memory(agent.policy, agent.memory, cycle.observation)
         probability = agent.policy.prob(seen)
         flat = ravel_pytree(parameters)[0]
         position, velocity = _moved(state)

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad.policies import trainable
+from motorgrad.policies import abilities, trainable
 from motorgrad.schema import (
     PART_CLASSES,
     Declared,
@@ -121,7 +121,7 @@ class Learner(Block):
     def outputs(self) -> Ports:
         policy = self._state.policy
         seen = jax.ShapeDtypeStruct((policy.inputs,), jnp.result_type(float))
-        action = jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
+        action = jax.eval_shape(lambda p, y: abilities.task_action(p, p.mode(y)), policy, seen)
         return {"action": Port(action.shape, kind_of(action.dtype)), "parameters": Port((size_of(policy),))}
 
     @property
