@@ -61,7 +61,7 @@ class BinaryUnits(Units):
         As their mean is 0, this is $p(1 - p)(s_1 - s_0)(s_1 - s_0)'$. Units that share parameters use the sample $ss'$.
         """
         if not has_rows(self):
-            return abilities.sampled(self, observation, action)
+            return abilities.sampled_fisher(self, observation, action)
         return (outer(self._fisher_rows(observation)),)
 
     def fisher_sum(
@@ -69,7 +69,7 @@ class BinaryUnits(Units):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         own = type(self).fisher is BinaryUnits.fisher and has_rows(self)
         if not own:
-            return abilities.one_by_one(self, observations, actions, weights)
+            return abilities.fisher_sum_one_by_one(self, observations, actions, weights)
         rows = jax.vmap(self._fisher_rows)(observations)
         return (outer_sum(jnp.sqrt(weights)[:, None, None] * rows),)
 

@@ -13,8 +13,8 @@ from motorgrad.policies._policy import Policy
 
 class Delegating(Policy):
     r"""A policy that acts by another one, on what that sees of the observation: $\pi(a \mid y) = \pi'(a \mid
-    \varphi(y))$. A subclass defines `inner` and `seen`, and, where $\pi'$ depends on the observation, `acting`. It has
-    the abilities of $\pi'$ that `abilities.ActsByAnother` passes on."""
+    \varphi(y))$. A subclass defines `inner` and `seen`, and, where $\pi'$ depends on the observation, `acting`. What
+    follows from $\pi'$ alone needs no method (`abilities.ActsByAnother`)."""
 
     @property
     @abc.abstractmethod

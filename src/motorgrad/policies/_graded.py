@@ -116,7 +116,7 @@ class GradedUnits(Noisy, Units):
         Normal units have no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
         """
         if not has_rows(self):
-            return abilities.sampled(self, observation, action)
+            return abilities.sampled_fisher(self, observation, action)
         location, cross, spread = self._information(observation)
         return (outer(self._mean_row(observation, location, cross)) + outer(self._noise_row(spread)),)
 
@@ -125,7 +125,7 @@ class GradedUnits(Noisy, Units):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         own = type(self).fisher is GradedUnits.fisher and has_rows(self)
         if not own:
-            return abilities.one_by_one(self, observations, actions, weights)
+            return abilities.fisher_sum_one_by_one(self, observations, actions, weights)
         location, cross, spread = jax.vmap(self._information)(observations)
         root = jnp.sqrt(weights)[:, None]
         mean = jax.vmap(self._mean_row)(observations, root * location, root * cross)

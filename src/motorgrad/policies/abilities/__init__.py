@@ -34,9 +34,9 @@ from motorgrad.policies.abilities._fisher import (
     fisher,
     fisher_coordinates,
     fisher_sum,
+    fisher_sum_one_by_one,
     from_blocks,
-    one_by_one,
-    sampled,
+    sampled_fisher,
 )
 from motorgrad.policies.abilities._hidden_units import (
     HiddenLayers,
@@ -99,6 +99,7 @@ __all__ = [
     "fisher",
     "fisher_coordinates",
     "fisher_sum",
+    "fisher_sum_one_by_one",
     "from_blocks",
     "has_exact_score",
     "has_hidden_units",
@@ -109,11 +110,10 @@ __all__ = [
     "limited",
     "marginal",
     "observation_with_memory",
-    "one_by_one",
     "regions",
     "remember",
     "remembers_parameters",
-    "sampled",
+    "sampled_fisher",
     "task_action",
     "with_temperature",
 ]

@@ -10,7 +10,11 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class ActsByAnother(Protocol):
-    r"""A policy that acts by another one on what that sees, $\pi(a \mid y) = \pi'(a \mid \varphi(y))$."""
+    r"""A policy that acts by another one on what that sees, $\pi(a \mid y) = \pi'(a \mid \varphi(y))$.
+
+    What follows from this needs no method: its hidden units (`task_action`), all its actions (`enumerate`) and its
+    Fisher coordinates are those of the other policy.
+    """
 
     @property
     def inner(self) -> "Policy":

@@ -85,13 +85,13 @@ def fisher(
     policy: "Policy", observation: Float[Array, " inputs"], action: Array
 ) -> tuple[Float[Array, "units parameters parameters"], ...]:
     r"""The Fisher matrix $\mathbb E[ss']$ of each row $s$ of `blocks`, at one observation: as far as the policy knows
-    it, else `sampled`."""
+    it, else `sampled_fisher`."""
     if isinstance(policy, FisherMatrices):
         return policy.fisher(observation, action)
-    return sampled(policy, observation, action)
+    return sampled_fisher(policy, observation, action)
 
 
-def sampled(
+def sampled_fisher(
     policy: "Policy", observation: Float[Array, " inputs"], action: Array
 ) -> tuple[Float[Array, "units parameters parameters"], ...]:
     r"""The sample $ss'$ of the Fisher matrices for the drawn `action`, an unbiased estimate for any policy."""
@@ -105,13 +105,13 @@ def fisher_sum(
     weights: Float[Array, " decisions"],
 ) -> tuple[Float[Array, "units parameters parameters"], ...]:
     r"""$\sum_t w_t\,F_t$, the sum of the matrices of `fisher` at many decisions, with weights of at least 0: as the
-    policy adds them, else `one_by_one`."""
+    policy adds them, else `fisher_sum_one_by_one`."""
     if isinstance(policy, FisherSum):
         return policy.fisher_sum(observations, actions, weights)
-    return one_by_one(policy, observations, actions, weights)
+    return fisher_sum_one_by_one(policy, observations, actions, weights)
 
 
-def one_by_one(
+def fisher_sum_one_by_one(
     policy: "Policy",
     observations: Float[Array, "decisions inputs"],
     actions: Array,
