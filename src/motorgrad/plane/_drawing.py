@@ -132,7 +132,7 @@ def draw_reward(axes: Axes, task: ParticleTask) -> None:
         draw_regions(axes, task.places, walls)
     elif isinstance(task, ParticleNavigation):
         draw_regions(axes, task.obstacles, walls)
-        _, x, y, *widths = task.goal
+        _, x, y, *widths = task.goal_region
         axes.add_patch(Ellipse((x, y), *(2 * np.array(widths)), facecolor=GOOD, edgecolor="none", alpha=0.7))
     else:
         _field(axes, _reward_at_rest(task), _box(axes, walls), None)
