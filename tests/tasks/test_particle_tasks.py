@@ -225,8 +225,16 @@ REFUSED = [
     ("particle", {"physics": {"walls": {"open": ["roof"]}}}, "physics.walls.open[0] 'roof'"),
     ("particle-orbit", {"wanted": "big"}, "'big'"),
     ("particle-orbit", {"physics": {"field": {"radial": 0.2}}}, "field.radial = 0.2: must be above mass"),
-    ("particle-navigation", {"goal_region": [1.0, 1.5, 0.5, 0.1, 0.1]}, "goal_region centre = (1.5, 0.5): must be within"),
-    ("particle-navigation", {"goal_region": [0.0, 0.5, 0.5, 0.1, 0.1]}, "goal_region amplitude = 0.0: must be"),
+    (
+        "particle-navigation",
+        {"goal_region": [1.0, 1.5, 0.5, 0.1, 0.1]},
+        "goal_region centre = (1.5, 0.5): must be within the box",
+    ),
+    (
+        "particle-navigation",
+        {"goal_region": [0.0, 0.5, 0.5, 0.1, 0.1]},
+        "goal_region amplitude = 0.0: must be positive",
+    ),
     ("particle-navigation", {"obstacles": [[1.0, 0.5, 0.5, 0.1, 0.1]]}, "obstacles[0] amplitude = 1.0: must be neg"),
     ("particle-navigation", {"obstacles": [[-1.0, 0.5, 0.5, 0.1, 0.0]]}, "obstacles[0] widths = (0.1, 0.0)"),
 ]
