@@ -45,13 +45,13 @@ TASKS = {
 """Tasks by short name, with their budgets of decisions."""
 STORED = {"estimator.reuse": {"clip": 0.2, "epochs": 1, "minibatches": 1}}
 """One pass over every stored batch, with advantages computed backwards in it: a fifth less time than as they come."""
-OURS: dict[str, tuple[str, Literal["binary", "graded"], dict[str, Any]]] = {
+OURS: dict[str, tuple[str, Literal["binary", "continuous"], dict[str, Any]]] = {
     "natural": ("natural", "binary", {}),
-    "natural-network": ("natural-network", "graded", {}),
-    "natural-network-stored": ("natural-network", "graded", STORED),
-    "ppo-short-horizon": ("ppo-short-horizon", "graded", {}),
-    "ppo-short-horizon-independent": ("ppo-short-horizon", "graded", {"policy.autocorrelation": 0.0}),
-    "sac-hindsight": ("sac", "graded", {}),
+    "natural-network": ("natural-network", "continuous", {}),
+    "natural-network-stored": ("natural-network", "continuous", STORED),
+    "ppo-short-horizon": ("ppo-short-horizon", "continuous", {}),
+    "ppo-short-horizon-independent": ("ppo-short-horizon", "continuous", {"policy.autocorrelation": 0.0}),
+    "sac-hindsight": ("sac", "continuous", {}),
 }
 """Our learners: a preset, how muscles are driven, and changes to the preset."""
 UNSCALED = ("sac-hindsight",)

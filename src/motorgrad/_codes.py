@@ -20,7 +20,7 @@ from motorgrad._running import RunningMean, add_observation, running_mean, stand
 
 Form = Literal["same", "clip", "choice", "sum", "each", "antagonists"]
 FORMS = get_args(Form)
-CODE_KINDS = ("binary", "discrete", "graded", "querying")
+CODE_KINDS = ("binary", "discrete", "continuous", "querying")
 MAX_NUMBERS = 2**24
 """Numbers of a stored interface, in each of its arrays."""
 MAX_NAME_CHARACTERS = 1000
@@ -176,7 +176,7 @@ class ActionCode(_Data):
         return len(numbers)
 
     def decode(self, action: Real, xp: ModuleType = np) -> Any:
-        """The raw numbers `(…, outputs)` for actions `(…, size)` of zeros and ones or graded, or for the number of an
+        """The raw numbers `(…, outputs)` for actions `(…, size)` of zeros and ones or real, or for the number of an
         alternative `(…)`; `xp` is NumPy, or `jax.numpy` in programs that are compiled."""
         if self.form == "same":
             return action
@@ -222,7 +222,7 @@ class ActionCode(_Data):
             check(rows.size, where, raw.tolist(), "one of the alternatives")
             return rows[:1].astype(np.int32)
         usual = self.form in ("same", "clip")
-        check(usual, where, f"a raw action, code {self.form!r}", "of a task whose code has an inverse, as 'graded'")
+        check(usual, where, f"a raw action, code {self.form!r}", "of a task whose code has an inverse, as 'continuous'")
         return raw.reshape(-1)
 
     def check_traceable(self) -> None:
@@ -246,8 +246,8 @@ class ActionCode(_Data):
         kind = table["kind"]
         if isinstance(kind, list):
             kind = tuple(kind)
-            right = len(kind) == size and all(each in ("binary", "graded") for each in kind)
-            check(right, f"{where}.kind", kind, f"'binary' or 'graded', {size} times")
+            right = len(kind) == size and all(each in ("binary", "continuous") for each in kind)
+            check(right, f"{where}.kind", kind, f"'binary' or 'continuous', {size} times")
         else:
             check(kind in CODE_KINDS, f"{where}.kind", kind, f"one of {', '.join(CODE_KINDS)}")
         choice(f"{where}.form", table["form"], FORMS)

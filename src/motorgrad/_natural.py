@@ -13,7 +13,7 @@ MAX_PRODUCT_INPUTS = 40
 POLICIES: dict[str | tuple[str, ...], dict[str, Any]] = {
     "binary": {"kind": "hyperplanes", "features": FEATURES},
     "discrete": {"kind": "softmax", "features": FEATURES},
-    "graded": {"kind": "bounded-hyperplanes", "density": "squashed", "deviation": 1.5, "features": FEATURES},
+    "continuous": {"kind": "bounded-hyperplanes", "density": "squashed", "deviation": 1.5, "features": FEATURES},
     "mixed": {"kind": "mixed", "density": "squashed", "deviation": 1.5, "features": FEATURES},
 }
 """The policy for a task's kind of actions."""
@@ -33,7 +33,7 @@ class Learnable(Protocol):
     @property
     def longest_episode(self) -> int | None: ...
     @property
-    def hindsight(self) -> object: ...
+    def goal(self) -> object: ...
 
 
 def natural_actor_critic(

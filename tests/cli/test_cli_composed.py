@@ -56,12 +56,12 @@ def test_a_task_in_a_file_is_trained_resumed_and_evaluated(folder, capsys):
 
 
 def test_options_of_the_task_and_its_learner_go_with_the_file(folder, capsys):
-    options = ("--task.time-limit", 1, "--agent.policy", "bounded-hyperplanes", "--task.actions", "graded")
+    options = ("--task.time-limit", 1, "--agent.policy", "bounded-hyperplanes", "--task.actions", "continuous")
     assert status("train", "--task=tasks/reach.toml", *options, "--check") == 0
     found = tomllib.loads(capsys.readouterr().out)
     assert found["out"] == "runs/reach"
     assert found["task"]["time_limit"] == 1
-    assert found["task"]["actions"] == "graded"
+    assert found["task"]["actions"] == "continuous"
     assert found["task"]["body"]["source"] == str(folder / "tasks" / "arm.xml")
     assert [term["kind"] for term in found["task"]["rewards"]] == ["distance", "effort"]
     (folder / "all.toml").write_text(

@@ -11,7 +11,16 @@ from jax.flatten_util import ravel_pytree
 
 import motorgrad as mg
 from motorgrad.learning import ConjugateGradient, FisherMetric, Transition
-from motorgrad.policies import Hyperplanes, MultilayerPerceptron, Policy, hyperplanes, softmax, split, trainable
+from motorgrad.policies import (
+    Hyperplanes,
+    MultilayerPerceptron,
+    Policy,
+    abilities,
+    hyperplanes,
+    softmax,
+    split,
+    trainable,
+)
 
 UNITS = Hyperplanes([[1.0, -0.5], [0.2, 0.3], [-0.4, 0.1]], [0.1, -0.4, 0.0])
 
@@ -73,7 +82,7 @@ def matrices(policy, seen, actions):
     vector, shaped = ravel_pytree(learned)
 
     def coordinates(vector, y, a):
-        return eqx.combine(shaped(vector), settings).fisher_coordinates(y, a).ravel()
+        return abilities.fisher_coordinates(eqx.combine(shaped(vector), settings), y, a).ravel()
 
     roots = jax.vmap(lambda y, a: jax.jacrev(coordinates)(vector, y, a))(seen, actions)
     return jnp.einsum("nki,nkj->nij", roots, roots)

@@ -125,4 +125,6 @@ def test_what_does_not_fit_together_is_refused_by_name(make, said):
 
 
 def test_other_optimizers_take_any_batch():
-    assert Agent(Softmax(jnp.zeros((2, 2))), Estimator(update_every=9), SGD(0.1), FisherMetric()).metric == FisherMetric()
+    assert (
+        Agent(Softmax(jnp.zeros((2, 2))), Estimator(update_every=9), SGD(0.1), FisherMetric()).metric == FisherMetric()
+    )

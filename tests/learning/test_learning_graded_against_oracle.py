@@ -1,7 +1,7 @@
 """Gradient estimates with graded units, against exact gradients of a world in which an action grades the transitions.
 
-The world draws one of the three actions of a finite MDP, with probabilities that are polynomials of the graded action.
-So the exact probability of each is an integral over the graded action, and the oracle does the rest.
+The world draws one of the three actions of a finite MDP, with probabilities that are polynomials of a real action. So
+the exact probability of each is an integral over the continuous action, and the oracle does the rest.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ def chances(action):
 
 
 class GradedMDP(FiniteMDP):
-    """A finite MDP, one of whose three actions is drawn with probabilities that a graded action decides."""
+    """A finite MDP, one of whose three actions is drawn with probabilities that a continuous action decides."""
 
     uniforms: ClassVar[int] = 2
 
@@ -48,7 +48,7 @@ MDP = GradedMDP(TRANSITIONS, [0.0, 0.3, 1.0], FEATURES)
 @dataclasses.dataclass(frozen=True)
 class GradedTask(FiniteTask):
     name: ClassVar[str] = "graded-mdp"
-    actions: ClassVar[Any] = "graded"
+    actions: ClassVar[Any] = "continuous"
     action_size: ClassVar[int] = 1
     dynamics: ClassVar[FiniteMDP] = MDP
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from motorgrad.learning import Agent, FisherMetric, gpomdp
-from motorgrad.policies import FiniteStateController, Hyperplanes, Layered, Softmax
+from motorgrad.policies import FiniteStateController, Hyperplanes, Layered, Softmax, abilities
 from motorgrad.tasks import LoadUnload, Parity, ThreeState, TMaze
 from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import oracle
@@ -38,7 +38,7 @@ def per_seed(mean):
 
 def exact_on(task, policy):
     """The MDP on which the oracle has the policy's gradient, memory included."""
-    return oracle.joint(task.dynamics, policy) if policy.has_memory else task.dynamics
+    return oracle.joint(task.dynamics, policy) if abilities.has_memory(policy) else task.dynamics
 
 
 def earned(task, policies, count):

@@ -30,6 +30,7 @@ from motorgrad.policies import (
     Mirrored,
     Motoneurons,
     Softmax,
+    abilities,
     fixed,
     split,
     trainable,
@@ -80,7 +81,7 @@ def places(policy):
     """For every unit, where its parameters are in the vector of all."""
     vector, build = ravel_pytree(trainable(policy))
     numbers = build(np.arange(vector.size, dtype=vector.dtype))
-    blocks = eqx.filter_jit(type(policy).blocks)(policy, numbers)
+    blocks = eqx.filter_jit(abilities.blocks)(policy, numbers)
     return [row.astype(int) for block in blocks for row in np.asarray(block)]
 
 
@@ -94,9 +95,9 @@ def _everything(policy, y):
             return eqx.combine(build(v), rest).log_prob(y, action)
 
         log_p, score = jax.value_and_grad(log_prob)(vector)
-        return jnp.exp(log_p), score, policy.fisher(y, action)
+        return jnp.exp(log_p), score, abilities.fisher(policy, y, action)
 
-    return jax.vmap(one)(policy.enumerate())
+    return jax.vmap(one)(abilities.enumerate(policy))
 
 
 def everything(policy, y):
@@ -143,7 +144,9 @@ def test_blocks_and_gradients_are_each_others_inverse(name):
     policy = rng_policies(1)[name]
     vector, build = ravel_pytree(trainable(policy))
     gradient = build(np.arange(vector.size, dtype=vector.dtype) + 1)
-    assert eqx.tree_equal(eqx.filter_jit(lambda p, g: p.from_blocks(p.blocks(g)))(policy, gradient), gradient)
+    assert eqx.tree_equal(
+        eqx.filter_jit(lambda p, g: abilities.from_blocks(p, abilities.blocks(p, g)))(policy, gradient), gradient
+    )
     assert sorted(np.concatenate(places(policy))) == list(range(vector.size))
 
 
@@ -159,7 +162,7 @@ def random_mdp(actions, inputs, seed=0, states=4):
 @pytest.mark.parametrize("name", ["motoneurons", "factored", "mirrored", "coupled", "softmax"])
 def test_the_oracles_matrix_is_the_sum_over_states_and_zero_between_units(name):
     policy = rng_policies(2)[name]
-    mdp = random_mdp(len(policy.enumerate()), 1)
+    mdp = random_mdp(len(abilities.enumerate(policy)), 1)
     exact, pi = oracle.fisher(mdp, policy), oracle.stationary_distribution(mdp, policy)
     with jax.enable_x64(True):
         policy = double(policy)
@@ -281,7 +284,7 @@ def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
     def whole(key):
         state = agent.init(key)
         if metric is not None:  # a first estimate that is not singular, in whatever parameters
-            matrices = [policy.fisher(jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
+            matrices = [abilities.fisher(policy, jnp.array([scale * y]), None) for y in (-1.0, 0.3, 1.2)]
             fisher = tuple(sum(each) / len(each) for each in zip(*matrices, strict=True))
             state = state._replace(chain=(fisher, *state.chain[1:]))
         return jax.lax.scan(decide, state, (inputs, uniforms))[1]
@@ -335,7 +338,7 @@ def test_the_direction_is_numpys_solution(size, x64):
 
         @jax.jit
         def direction(state, g):
-            return policy.blocks(metric.precondition(state, policy, policy.from_blocks((g,))))[0]
+            return abilities.blocks(policy, metric.precondition(state, policy, abilities.from_blocks(policy, (g,))))[0]
 
         found = np.asarray(direction(state, g))
     condition = max(np.linalg.cond(m / np.sqrt(np.outer(np.diag(m), np.diag(m)))) for m in matrices)
@@ -400,7 +403,7 @@ def test_it_starts_as_the_plain_gradient_and_forgets_that():
 
     @eqx.filter_jit
     def observed(state, y, action):
-        return metric.observe(state, policy, seen(y, action)), policy.fisher(y, action)[0]
+        return metric.observe(state, policy, seen(y, action)), abilities.fisher(policy, y, action)[0]
 
     for _ in range(30):
         state, fisher = observed(state, np.array([0.7], np.float32), np.array([1.0, 0.0], np.float32))

@@ -28,7 +28,7 @@ from motorgrad.learning import (
     gpomdp,
     olgarb,
 )
-from motorgrad.policies import Hyperplanes, Network, Softmax, trainable
+from motorgrad.policies import Hyperplanes, Network, Softmax, abilities, trainable
 from motorgrad.tasks import Chain, ThreeState
 from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import oracle
@@ -90,7 +90,7 @@ def test_rank_one_updates_keep_the_inverse_of_the_damped_matrix():
         @eqx.filter_jit
         def observed(state, y, number):
             action = policy.sample(y, number)
-            (rows,) = policy.blocks(policy.score(y, action))
+            (rows,) = abilities.blocks(policy, policy.score(y, action))
             return metric.observe(state, policy, Transition(y, action, 0.0, y)), rows
 
         for turn, (y, number) in enumerate(zip(seen, uniforms, strict=False)):
@@ -101,7 +101,7 @@ def test_rank_one_updates_keep_the_inverse_of_the_damped_matrix():
         gradient = jax.tree.map(jnp.ones_like, policy)
         updates, _ = metric.update(gradient, state, policy, None, True)
         wanted = np.linalg.solve(matrices, np.ones((2, 3, 1)))[..., 0]
-        np.testing.assert_allclose(policy.blocks(updates)[0], wanted, rtol=1e-9)
+        np.testing.assert_allclose(abilities.blocks(policy, updates)[0], wanted, rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -124,7 +124,9 @@ def test_network_policy_and_network_critic_estimate_the_exact_gradient():
     policy = eqx.filter_jit(softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0)))(KEY)
     policy = moved(policy, 0.3)
     critic = NetworkCritic(network=SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, update_every="never")), range(seeds))
+    stepper = stepper_for(
+        task, Agent(policy, Estimator(Exponential(discount), critic, update_every="never")), range(seeds)
+    )
     stepper.advance(4_800)
     leaves = jax.tree.leaves(stepper.state["cycle"].agent.gradient.mean)
     found = np.concatenate([np.asarray(leaf, float).reshape(seeds, -1) for leaf in leaves], axis=1)

@@ -15,7 +15,7 @@ from motorgrad.learning import (
     SparseAgent,
     UnitMean,
 )
-from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax
+from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax, abilities
 from motorgrad.tasks import CallAdmission, ThreeState
 from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
@@ -28,7 +28,9 @@ PLACES = {"three states": (ThreeState(), POINT), "calls": (CALLS, ADMITS)}
 
 def run(task, policy, baseline, decay, decisions, seeds):
     """The baselines' states and the estimates of many seeds at fixed parameters."""
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(decay), baseline, update_every="never")), range(seeds))
+    stepper = stepper_for(
+        task, Agent(policy, Estimator(Exponential(decay), baseline, update_every="never")), range(seeds)
+    )
     stepper.advance(decisions)
     state = stepper.state["cycle"].agent
     estimate = np.concatenate([leaf.reshape(seeds, -1) for leaf in jax.tree.leaves(state.gradient.mean)], axis=1)
@@ -39,7 +41,7 @@ def in_order(policy, found, each):
     """The values of many seeds in the order of the oracle."""
     if each != "parameter":
         return np.concatenate([np.asarray(block).reshape(len(block), -1) for block in found], axis=1)
-    build = jax.jit(jax.vmap(lambda blocks: policy.from_blocks(blocks)))(tuple(map(np.asarray, found)))
+    build = jax.jit(jax.vmap(lambda blocks: abilities.from_blocks(policy, blocks)))(tuple(map(np.asarray, found)))
     return np.concatenate([np.asarray(leaf).reshape(len(leaf), -1) for leaf in jax.tree.leaves(build)], axis=1)
 
 

@@ -200,20 +200,20 @@ def arm(scaling: Any = "none", **changes: Any) -> Any:
 def test_the_goal_of_a_composed_task_gives_the_reward_for_another_target():
     task = arm()
     places = [index for index, name in enumerate(task.observation_names) if "error" in name]
-    assert (list(task.hindsight.errors), task.hindsight.targets) == (places, ())
+    assert (list(task.goal.errors), task.goal.targets) == (places, ())
     shown = Composed(scaling="none")
     both = [[k for k, name in enumerate(shown.observation_names) if word in name] for word in ("error", "target ")]
-    assert list(shown.hindsight.errors) == both[0]
-    assert list(shown.hindsight.targets) == [place for place in both[1] if place not in both[0]]
+    assert list(shown.goal.errors) == both[0]
+    assert list(shown.goal.targets) == [place for place in both[1] if place not in both[0]]
     placed = arm(observe=[terms.Positions("hand", scale=3.0), terms.TargetError(scale=3.0), terms.Positions("hand")])
-    assert (placed.hindsight.errors, placed.hindsight.actual) == ((3, 4, 5), (0, 1, 2))  # of the same scale
-    assert (shown.hindsight.actual, task.hindsight.actual) == ((), ())
+    assert (placed.goal.errors, placed.goal.actual) == ((3, 4, 5), (0, 1, 2))  # of the same scale
+    assert (shown.goal.actual, task.goal.actual) == ((), ())
     posed = arm(targets=[terms.Pose()], observe=["joint-velocities", "joint-positions", "target-error"])
-    assert (posed.hindsight.errors, posed.hindsight.actual) == ((4, 5), (2, 3))
+    assert (posed.goal.errors, posed.goal.actual) == ((4, 5), (2, 3))
     for error in ([0.3, -0.1, 0.2], [0.01, 0.02, -0.01]):
         distance = math.sqrt(sum(each * each for each in error))
         wanted = -distance + 2.0 * (distance < 0.05)
-        assert float(task.hindsight.reward(3.0 * jnp.array(error))) == pytest.approx(wanted, rel=1e-5)
+        assert float(task.goal.reward(3.0 * jnp.array(error))) == pytest.approx(wanted, rel=1e-5)
 
 
 WITHOUT_A_GOAL = pytest.mark.parametrize(
@@ -243,7 +243,7 @@ WITHOUT_A_GOAL = pytest.mark.parametrize(
 
 @WITHOUT_A_GOAL
 def test_some_tasks_have_no_goal(changes):
-    assert arm(**changes).hindsight is None
+    assert arm(**changes).goal is None
 
 
 @pytest.mark.ci
@@ -372,7 +372,9 @@ def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
 
 @pytest.mark.ci
 def test_nothing_moves_before_there_is_enough_experience():
-    estimator = SoftActorCritic(update_every=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2))
+    estimator = SoftActorCritic(
+        update_every=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2)
+    )
     before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision
     np.testing.assert_array_equal(before.policy.weights, unit().weights)
     assert float(after.policy.weights[0, 0]) != 0.2

@@ -29,7 +29,7 @@ from motorgrad.learning import (
     olgarb,
 )
 from motorgrad.learning.sparse._rows import greatest, write_rows
-from motorgrad.policies import LocalGaussians, hyperplanes
+from motorgrad.policies import LocalGaussians, abilities, hyperplanes
 
 RATES = {"centre": 2e-3, "log_width": 8e-3}
 
@@ -38,7 +38,7 @@ def pool_of(units=12, inputs=2, seed=0, width=0.2, p_max=0.6, limits=None):
     rng = np.random.default_rng(seed)
     log_width = np.log(width) + rng.normal(0, 0.4, (units, inputs))
     pool = LocalGaussians(rng.uniform(0, 1, (units, inputs)), log_width, p_max=p_max, log_width_limits=limits)
-    return pool.limited()
+    return abilities.limited(pool)
 
 
 def refreshed(agent, state):
@@ -181,8 +181,8 @@ def test_what_is_not_listed_fires_with_no_more_than_is_neglected_however_it_move
 
 @eqx.filter_jit
 def strains(index, before, theta):
-    moved = eqx.apply_updates(before, before.from_blocks((theta[0],)))
-    step = before.from_blocks((theta[1] * 1e-3,))
+    moved = eqx.apply_updates(before, abilities.from_blocks(before, (theta[0],)))
+    step = abilities.from_blocks(before, (theta[1] * 1e-3,))
     after = eqx.apply_updates(moved, step)
     return index.strain(before, moved), index.strain(before, after), index.pace(moved, step)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, Features, Growth, StationaryMetric, olgarb
-from motorgrad.policies import INITIAL, Hyperplanes, Softmax
+from motorgrad.policies import INITIAL, Hyperplanes, Softmax, abilities
 from motorgrad.tasks import Chain, LinearRecruitment, ThreeState
 from motorgrad.training import stepper_for
 from motorgrad.worlds import oracle
@@ -88,7 +88,7 @@ def test_the_means_are_those_written_out_and_a_diverged_decision_breaks_the_chai
             if diverged:
                 known = None
                 continue
-            blocks.append(np.asarray(policy.fisher(jnp.asarray(y), action)[0]))
+            blocks.append(np.asarray(abilities.fisher(policy, jnp.asarray(y), action)[0]))
             if known is None:
                 known = (phi, score)
                 continue

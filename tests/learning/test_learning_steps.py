@@ -45,6 +45,7 @@ from motorgrad.policies import (
     MultilayerPerceptron,
     SoftBoxes,
     Softmax,
+    abilities,
     split,
     trainable,
 )
@@ -80,7 +81,7 @@ def divergence(before, after, seen):
 
 @eqx.filter_jit
 def _log_probs(policy, seen):
-    return jax.vmap(lambda y: jax.vmap(policy.log_prob, (None, 0))(y, policy.enumerate()))(seen)
+    return jax.vmap(lambda y: jax.vmap(policy.log_prob, (None, 0))(y, abilities.enumerate(policy)))(seen)
 
 
 @eqx.filter_jit
@@ -100,7 +101,7 @@ def measured(policy, seen):
 
 @eqx.filter_jit
 def _fisher(policy, seen):
-    return jax.vmap(lambda y: policy.fisher(y, policy.mode(y)))(seen)
+    return jax.vmap(lambda y: abilities.fisher(policy, y, policy.mode(y)))(seen)
 
 
 @pytest.mark.ci
@@ -136,7 +137,7 @@ def test_steps_of_any_size_are_cut_without_overflow(size):
     step = jax.tree.map(lambda p: np.full_like(p, size), trainable(policy))
     state = measured(policy, seen)
     cut = bounded(state, policy, step, np.float32(0.02))
-    (fisher,), (block,) = state, policy.blocks(cut)
+    (fisher,), (block,) = state, abilities.blocks(policy, cut)
     worth = 0.5 * np.einsum("ui,uij,uj->", block, fisher, block)
     assert worth == pytest.approx(0.02 if size else 0.0, rel=1e-4)
     none = bounded(state, policy, step, np.float32(0.0))
@@ -180,7 +181,7 @@ def test_the_entropys_gradient_is_that_of_finite_differences(name):
 
         @jax.jit
         def log_probs(v):
-            return jax.vmap(lambda a: eqx.combine(build(v), settings).log_prob(y, a))(policy.enumerate())
+            return jax.vmap(lambda a: eqx.combine(build(v), settings).log_prob(y, a))(abilities.enumerate(policy))
 
         def entropy(v):
             log_p = np.asarray(log_probs(v))

@@ -28,6 +28,7 @@ from motorgrad.policies import (
     Mirrored,
     MultilayerPerceptron,
     Softmax,
+    abilities,
     hyperplanes,
     trainable,
 )
@@ -124,9 +125,9 @@ def test_a_frozen_policy_and_one_of_another_kind_keep_what_they_are(standardised
     state = started(standardised)
     after, _ = standardised.choose(state, LOOK, jnp.array([0.3]))
     assert after.policy is state.policy
-    assert POLICY.adapted(LOOK) is POLICY
+    assert abilities.adapted(POLICY, LOOK) is POLICY
     plain = hyperplanes(2, 1, network=MultilayerPerceptron((3,), sparsity=0.0))(jax.random.key(0))
-    assert plain.adapted(LOOK) is plain
+    assert abilities.adapted(plain, LOOK) is plain
 
 
 def test_policies_of_several_parts_adapt_those_that_see_the_same():
@@ -134,12 +135,12 @@ def test_policies_of_several_parts_adapt_those_that_see_the_same():
     unit = hyperplanes(2, 1, network=network)(jax.random.key(0))
     seen = jnp.array([3.0, 1.0])
     squared = hyperplanes(4, 1, network=network)(jax.random.key(0))
-    found = Featured(squared, FeatureMap(squares=True), observed=2).adapted(seen)
+    found = abilities.adapted(Featured(squared, FeatureMap(squares=True), observed=2), seen)
     np.testing.assert_array_equal(found.pool.module.layers[0].mean, [3.0, 1.0, 9.0, 1.0])
-    image = Mirrored(unit, order=[1, 0], signs=[1, 1], left=[0], right=[1]).adapted(seen)
+    image = abilities.adapted(Mirrored(unit, order=[1, 0], signs=[1, 1], left=[0], right=[1]), seen)
     np.testing.assert_allclose(image.pool.module.layers[0].mean, (seen + image.mirrored(seen)) / 2)
     plain = Factored((POLICY_OF_UNITS, POLICY_OF_UNITS))
-    assert plain.adapted(seen) is plain
+    assert abilities.adapted(plain, seen) is plain
 
 
 @pytest.mark.parametrize(("task", "policy"), [("three-state", "softmax"), ("hopper", "hyperplanes")])

@@ -36,6 +36,7 @@ from motorgrad.policies import (
     SoftBoxes,
     Softmax,
     SoftSpheres,
+    abilities,
     initial,
     split,
 )
@@ -160,10 +161,16 @@ times, and the compiler takes half the time if it need not make them fast. What 
 single precision, is compiled as users compile it."""
 
 
+def bound(policy: Policy, method: str) -> Callable[..., Any]:
+    """A method of a policy, or the question of `motorgrad.policies.abilities` of this name about it."""
+    question = getattr(abilities, method, None)
+    return getattr(policy, method) if question is None else functools.partial(question, policy)
+
+
 @compiled
 def call(policy: Policy, method: str, *arguments: Any) -> Any:
-    """`policy.method(*arguments)`, compiled once for all policies of one shape."""
-    return getattr(policy, method)(*arguments)
+    """A method, or the ability of this name, of a policy, compiled once for all policies of one shape."""
+    return bound(policy, method)(*arguments)
 
 
 class Compiled:
@@ -204,7 +211,7 @@ def samples(policy: Policy, observation: Any, uniforms: Any) -> jax.Array:
 
 @compiled
 def _over(policy: Policy, method: str, observation: Any, actions: Any) -> Any:
-    return jax.vmap(getattr(policy, method), (None, 0))(observation, actions)
+    return jax.vmap(bound(policy, method), (None, 0))(observation, actions)
 
 
 def _score(policy: Policy, observation: Any, actions: Any) -> jax.Array:
@@ -220,7 +227,7 @@ def _derivative(policy: Policy, observation: Any, actions: Any) -> jax.Array:
 def _answer(policy: Policy, observation: Any, differentiated: bool) -> dict[str, Any]:
     """What is asked about every action: its log-probability and its score; and what sums of these must be."""
     parameters, rest = split(policy)
-    actions = policy.enumerate()
+    actions = abilities.enumerate(policy)
 
     def log_prob(theta: Policy, action: jax.Array) -> jax.Array:
         return eqx.combine(theta, rest).log_prob(observation, action)
@@ -230,7 +237,7 @@ def _answer(policy: Policy, observation: Any, differentiated: bool) -> dict[str,
 
     answer = {
         "action": actions,
-        "emitted": jax.vmap(policy.emit)(actions),
+        "emitted": jax.vmap(lambda action: abilities.task_action(policy, action))(actions),
         "log_prob": over(lambda action: policy.log_prob(observation, action))[:, 0],
         "score": over(lambda action: policy.score(observation, action)),
         "prob": policy.prob(observation),
@@ -284,7 +291,7 @@ _scores, _derivatives, drawn_scores = compiled(_score), compiled(_derivative), c
 @compiled
 def over_actions(policy: Policy, method: str, observation: Any) -> Any:
     """A method of (observation, action) for every action, along a leading axis."""
-    return jax.vmap(lambda action: getattr(policy, method)(observation, action))(policy.enumerate())
+    return jax.vmap(lambda action: bound(policy, method)(observation, action))(abilities.enumerate(policy))
 
 
 @functools.cache
@@ -345,7 +352,7 @@ _FOUND = unlisted(without_task() - KNOWN)
 EXAMPLES |= _FOUND
 
 HIDING = {"layered", "layered-skip", "controller", "controller-softmax"}
-HIDING |= {name for name in _FOUND if policy_of(name).hides}
+HIDING |= {name for name in _FOUND if abilities.has_hidden_units(policy_of(name))}
 """The examples of which the task gets only a part of what they draw. A test asks whether this is so."""
 
 DEPENDENT = {"gated", "gated-nested", "factored-gated"}

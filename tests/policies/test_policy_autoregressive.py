@@ -16,6 +16,7 @@ from motorgrad.policies import (
     GradedMotoneurons,
     MultilayerPerceptron,
     Network,
+    abilities,
     bounded_hyperplanes,
     graded_hyperplanes,
     initial,
@@ -47,12 +48,12 @@ def test_while_the_location_stays_the_process_has_its_mean_deviation_and_correla
     policy, shown = Autoregressive(_units(), RHO), jnp.array([0.3, 0.1])
 
     def step(memory: jax.Array, uniforms: jax.Array) -> tuple[jax.Array, jax.Array]:
-        seen = policy.perceive(memory, shown)
+        seen = abilities.observation_with_memory(policy, memory, shown)
         action = policy.sample(seen, uniforms)
-        return policy.remember(seen, action), action
+        return abilities.remember(policy, seen, action), action
 
     uniforms = np.random.default_rng(1).random((40_000, 2), np.float32)
-    x = np.asarray(jax.lax.scan(step, policy.initial_memory(), uniforms)[1])[100:]
+    x = np.asarray(jax.lax.scan(step, abilities.initial_memory(policy), uniforms)[1])[100:]
     np.testing.assert_allclose(x.mean(axis=0), policy.policy.mean(shown), atol=0.03)
     np.testing.assert_allclose(x.std(axis=0), policy.policy.deviation, rtol=0.05)
     for lag in (1, 2, 5):
@@ -84,12 +85,14 @@ def test_score_and_fisher_matrix_are_the_derivatives(name):
         jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-9), score, trainable(slope))
         if name != "network":  # whose layers' matrix is a sample
             learned, settings = split(policy)
-            J = jax.jacobian(lambda own: eqx.combine(own, settings).fisher_coordinates(seen, action))(learned)
-            rows = [policy.blocks(jax.tree.map(lambda leaf, i=i: leaf[i], J))[0] for i in range(4)]
+            J = jax.jacobian(lambda own: abilities.fisher_coordinates(eqx.combine(own, settings), seen, action))(
+                learned
+            )
+            rows = [abilities.blocks(policy, jax.tree.map(lambda leaf, i=i: leaf[i], J))[0] for i in range(4)]
             expected = sum(row[:, :, None] * row[:, None, :] for row in rows)
-            np.testing.assert_allclose(policy.fisher(seen, action)[0], expected, rtol=1e-9, atol=1e-12)
-        blocks = policy.blocks(score)
-        jax.tree.map(np.testing.assert_array_equal, policy.from_blocks(blocks), score)
+            np.testing.assert_allclose(abilities.fisher(policy, seen, action)[0], expected, rtol=1e-9, atol=1e-12)
+        blocks = abilities.blocks(policy, score)
+        jax.tree.map(np.testing.assert_array_equal, abilities.from_blocks(policy, blocks), score)
 
 
 @compiled
@@ -97,11 +100,11 @@ def in_the_end(policy, shown):
     """The most probable action after many, and that of the units alone, which a low-pass filter reaches in the end."""
 
     def step(memory, _):
-        seen = policy.perceive(memory, shown)
+        seen = abilities.observation_with_memory(policy, memory, shown)
         action = policy.mode(seen)
-        return policy.remember(seen, action), action
+        return abilities.remember(policy, seen, action), action
 
-    return jax.lax.scan(step, policy.initial_memory(), length=61)[1][-1], policy.policy.mode(shown)
+    return jax.lax.scan(step, abilities.initial_memory(policy), length=61)[1][-1], policy.policy.mode(shown)
 
 
 @pytest.mark.representatives("graded", "squashed", "clipped")
@@ -109,7 +112,7 @@ def in_the_end(policy, shown):
 def test_the_memory_is_the_last_action_before_its_bounds(name):
     policy = Autoregressive(MAKE[name](), RHO)
     size = policy.observation_size
-    seen = policy.perceive(policy.initial_memory(), np.full(size, 0.1, np.float32))
+    seen = abilities.observation_with_memory(policy, abilities.initial_memory(policy), np.full(size, 0.1, np.float32))
     assert seen.shape == (policy.inputs,) == (size + 2,)
     reached, still = in_the_end(policy, np.full(size, 0.1, np.float32))
     np.testing.assert_allclose(reached, still, atol=1e-4)
@@ -120,12 +123,12 @@ def test_without_a_filter_the_mean_is_that_of_the_units_and_the_noise_lasts():
 
     def step(memory: jax.Array, given: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
         shown, uniforms = given
-        seen = policy.perceive(memory, shown)
+        seen = abilities.observation_with_memory(policy, memory, shown)
         action = policy.sample(seen, uniforms)
-        return policy.remember(seen, action), action - policy.policy.mean(shown)
+        return abilities.remember(policy, seen, action), action - policy.policy.mean(shown)
 
     shown, uniforms = np.random.default_rng(1).random((2, 40_000, 2), np.float32)
-    noise = np.asarray(jax.lax.scan(step, policy.initial_memory(), (shown, uniforms))[1])[100:]
+    noise = np.asarray(jax.lax.scan(step, abilities.initial_memory(policy), (shown, uniforms))[1])[100:]
     np.testing.assert_allclose(noise.mean(axis=0), 0, atol=0.03)
     np.testing.assert_allclose(noise.std(axis=0), policy.policy.deviation, rtol=0.05)
     for lag in (1, 5):
@@ -137,11 +140,11 @@ def test_without_a_filter_the_mean_is_that_of_the_units_and_the_noise_lasts():
 @pytest.mark.parametrize("name", MAKE)
 def test_without_a_filter_the_most_probable_action_is_that_of_the_units(name):
     policy = Autoregressive(MAKE[name](), RHO, filtered=False)
-    memory, look = policy.initial_memory(), 0.1 * jnp.ones(policy.observation_size)
+    memory, look = abilities.initial_memory(policy), 0.1 * jnp.ones(policy.observation_size)
     for place in (look, -2 * look, 3 * look):
-        seen = policy.perceive(memory, place)
+        seen = abilities.observation_with_memory(policy, memory, place)
         np.testing.assert_allclose(policy.mode(seen), policy.policy.mode(place), rtol=1e-6)
-        memory = policy.remember(seen, policy.mode(seen))
+        memory = abilities.remember(policy, seen, policy.mode(seen))
         np.testing.assert_array_equal(memory, 0)
 
 

@@ -18,6 +18,7 @@ from motorgrad.policies import (
     Hyperplanes,
     Network,
     Primitives,
+    abilities,
     bounded_hyperplanes,
     describe,
     rebuild,
@@ -154,13 +155,13 @@ def over_the_distribution(policy, observation, actions):
     """Blocks of scores and log-probabilities of actions, and what these must be on average."""
     score = policy.score(observation, actions[0])
     return {
-        "rows": jax.vmap(lambda action: policy.blocks(policy.score(observation, action))[0])(actions),
+        "rows": jax.vmap(lambda action: abilities.blocks(policy, policy.score(observation, action))[0])(actions),
         "log_probs": jax.vmap(lambda action: policy.log_probs(observation, action))(actions),
-        "fisher": policy.fisher(observation, actions[0])[0],
+        "fisher": abilities.fisher(policy, observation, actions[0])[0],
         "entropy": policy.entropy(observation),
         "prob": policy.prob(observation),
         "score": score,
-        "score from its blocks": policy.from_blocks(policy.blocks(score)),
+        "score from its blocks": abilities.from_blocks(policy, abilities.blocks(policy, score)),
     }
 
 
@@ -237,7 +238,7 @@ def entropies(policy, observation, uniforms):
 
     def estimate(learned):
         policy = eqx.combine(learned, settings)
-        return jnp.mean(jax.vmap(lambda u: policy.entropy_estimate(observation, u))(uniforms))
+        return jnp.mean(jax.vmap(lambda u: abilities.entropy_estimate(policy, observation, u))(uniforms))
 
     return jax.value_and_grad(exact)(learned), jax.value_and_grad(estimate)(learned)
 
@@ -267,7 +268,9 @@ def test_the_bounds_themselves_are_reached_and_have_a_probability(density):
 
 def test_a_temperature_multiplies_the_spread_above_the_floor():
     policy = pool_of("squashed", 0)
-    np.testing.assert_allclose(policy.with_temperature(2.0).deviation - 0.05, 2 * (policy.deviation - 0.05), rtol=1e-6)
+    np.testing.assert_allclose(
+        abilities.with_temperature(policy, 2.0).deviation - 0.05, 2 * (policy.deviation - 0.05), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("density", DENSITIES)
@@ -275,7 +278,7 @@ def test_a_start_acts_around_its_level_within_the_range_of_the_task(density):
     task = types.SimpleNamespace(observation_size=4, action_size=2, action_range=((0.0, 1.0), (-0.4, 0.4)))
     policy = bounded_hyperplanes(task, density=density, level=0.5, deviation=0.3)
     assert isinstance(policy, GradedUnits)
-    assert (policy.inputs, policy.outputs, policy.actions) == (4, 2, "graded")
+    assert (policy.inputs, policy.outputs, policy.actions) == (4, 2, "continuous")
     np.testing.assert_allclose(Compiled(policy).mode(np.ones(4)), [0.75, 0.2], rtol=1e-3)
     np.testing.assert_allclose(policy.deviation, 0.3, rtol=1e-6)
     np.testing.assert_array_equal(bounded_hyperplanes(3, 2).low, [-1, -1])
@@ -326,7 +329,7 @@ two = np.zeros(2)
         (lambda: bounded_hyperplanes(2, 2, density="betta"), "did you mean 'beta'"),
         (lambda: bounded_hyperplanes(2, 2, level=1.0), "level = 1.0: must be in (-1, 1)"),
         (lambda: bounded_hyperplanes(2, 2, deviation=0.01), "floor, deviation = (0.02, 0.01)"),
-        (lambda: pool_of("beta", 0).enumerate(), "BoundedHyperplanes: has infinitely many actions"),
+        (lambda: abilities.enumerate(pool_of("beta", 0)), "BoundedHyperplanes: has infinitely many actions"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(build, names):

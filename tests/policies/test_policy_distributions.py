@@ -21,7 +21,7 @@ from policy_examples import (
 )
 from scipy import stats
 
-from motorgrad.policies import Masked
+from motorgrad.policies import Masked, abilities
 
 DRAWS = 4096  # at a time, so that all tests share a program
 MIDDLE = CASES // 2
@@ -36,7 +36,7 @@ def surprise(log_p):
 
 def test_the_examples_that_hide_what_they_draw_or_depend_on_each_other_are_known():
     policies = {name: policy_of(name) for name in EXAMPLES}
-    assert {name for name, policy in policies.items() if policy.hides} == HIDING
+    assert {name for name, policy in policies.items() if abilities.has_hidden_units(policy)} == HIDING
     assert {name for name, policy in policies.items() if not getattr(policy, "independent", True)} == DEPENDENT
 
 

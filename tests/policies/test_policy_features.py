@@ -15,6 +15,7 @@ from motorgrad.policies import (
     Featured,
     FeatureMap,
     Hyperplanes,
+    abilities,
     bounded_hyperplanes,
     describe,
     graded_hyperplanes,
@@ -102,7 +103,7 @@ def told(policy, observation, uniforms):
         "prob": policy.prob(observation),
         "mode": policy.mode(observation),
         "entropy": policy.entropy(observation),
-        "fisher": policy.fisher(observation, actions[0]),
+        "fisher": abilities.fisher(policy, observation, actions[0]),
     }
 
 
@@ -125,7 +126,7 @@ def test_a_policy_of_features_is_the_pool_at_the_features(name):
         for one, other in zip(*map(jax.tree.leaves, (own, pools)), strict=True):
             np.testing.assert_allclose(one, other)
         assert policy.actions == policy.pool.actions
-        assert policy.has_temperature == policy.pool.has_temperature
+        assert abilities.has_temperature(policy) == abilities.has_temperature(policy.pool)
 
 
 def test_the_features_are_no_parameters_and_survive_storing():

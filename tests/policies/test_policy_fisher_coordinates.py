@@ -9,14 +9,16 @@ from jax.flatten_util import ravel_pytree
 from policy_examples import EXAMPLES, EXTREME_REPRESENTATIVES, EXTREMES, compiled, observation_of, policy_of
 from test_policy_fisher_sum import MORE
 
-from motorgrad.policies import split
+from motorgrad.policies import abilities, split
 
 
 def jacobian(policy, observation, action):
     """The derivatives of the coordinates, (coordinates, parameters)."""
     learned, settings = split(policy)
     flat, shaped = ravel_pytree(learned)
-    return jax.jacrev(lambda v: eqx.combine(shaped(v), settings).fisher_coordinates(observation, action))(flat)
+    return jax.jacrev(lambda v: abilities.fisher_coordinates(eqx.combine(shaped(v), settings), observation, action))(
+        flat
+    )
 
 
 @compiled
@@ -27,7 +29,7 @@ def of_all_actions(policy, observation):
         score = ravel_pytree(policy.score(observation, action))[0]
         return policy.log_prob(observation, action), score, jacobian(policy, observation, action)
 
-    return jax.vmap(of)(policy.enumerate())
+    return jax.vmap(of)(abilities.enumerate(policy))
 
 
 @compiled
@@ -35,8 +37,8 @@ def of_one_action(policy, observation, uniforms):
     """The derivatives of the coordinates, the blocks of each parameter alone, and the Fisher matrices."""
     action = policy.sample(observation, uniforms)
     flat, shaped = ravel_pytree(split(policy)[0])
-    basis = jax.vmap(lambda row: policy.blocks(shaped(row)))(jnp.eye(flat.size, dtype=flat.dtype))
-    return jacobian(policy, observation, action), basis, policy.fisher(observation, action)
+    basis = jax.vmap(lambda row: abilities.blocks(policy, shaped(row)))(jnp.eye(flat.size, dtype=flat.dtype))
+    return jacobian(policy, observation, action), basis, abilities.fisher(policy, observation, action)
 
 
 @compiled

@@ -16,6 +16,7 @@ from motorgrad.policies import (
     Mixed,
     Policy,
     Primitives,
+    abilities,
     bounded_hyperplanes,
 )
 from motorgrad.policies._densities import DENSITIES
@@ -46,7 +47,8 @@ CASES = {**{name: lambda name=name: policy_of(name) for name in EXAMPLES}, **MOR
 def sums(policy, observations, uniforms, weights):
     """The sum in the policy's own way, and the matrix of each decision."""
     actions = jax.vmap(policy.sample)(observations, uniforms)
-    return policy.fisher_sum(observations, actions, weights), jax.vmap(policy.fisher)(observations, actions)
+    each = jax.vmap(lambda seen, action: abilities.fisher(policy, seen, action))(observations, actions)
+    return abilities.fisher_sum(policy, observations, actions, weights), each
 
 
 @pytest.mark.representatives("hyperplanes", "gated", "featured")

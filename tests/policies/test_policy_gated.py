@@ -13,6 +13,7 @@ from motorgrad.policies import (
     LocalGaussians,
     Motoneurons,
     Softmax,
+    abilities,
     gated,
     tiles,
     trainable,
@@ -30,7 +31,7 @@ def simple(gate=0.3, below=0.8):
 
 def test_the_three_possible_actions_have_the_products_of_the_parts():
     policy, y = Compiled(simple()), np.zeros(1)
-    found = {tuple(map(int, a)): np.exp(policy.log_prob(y, a)) for a in policy.enumerate()}
+    found = {tuple(map(int, a)): np.exp(policy.log_prob(y, a)) for a in abilities.enumerate(policy)}
     assert found == pytest.approx({(0, 0): 0.7, (1, 0): 0.3 * 0.2, (1, 1): 0.3 * 0.8}, rel=1e-6)
     assert policy.log_prob(y, np.float32([0.0, 1.0])) == -np.inf
     np.testing.assert_allclose(policy.prob(y), [0.3, 0.24], rtol=1e-6)
@@ -66,10 +67,10 @@ def test_nothing_below_a_closed_gate_fires_however_deep():
 @compiled
 def _exactly(policy, y):
     def one(action):
-        blocks = policy.blocks(policy.score(y, action))
-        return jnp.exp(policy.log_prob(y, action)), blocks, policy.fisher(y, action)
+        blocks = abilities.blocks(policy, policy.score(y, action))
+        return jnp.exp(policy.log_prob(y, action)), blocks, abilities.fisher(policy, y, action)
 
-    return jax.vmap(one)(policy.enumerate())
+    return jax.vmap(one)(abilities.enumerate(policy))
 
 
 def exactly(policy, y):

@@ -18,6 +18,7 @@ from motorgrad.policies import (
     GradedHyperplanes,
     GradedMotoneurons,
     GradedUnits,
+    abilities,
     describe,
     fixed,
     graded_hyperplanes,
@@ -135,7 +136,7 @@ def test_the_expected_score_is_zero_and_its_square_the_fisher_matrix(kind, seed)
 
 @compiled
 def blocks_of_scores(policy, observation, actions):
-    return jax.vmap(lambda action: policy.blocks(policy.score(observation, action)))(actions)
+    return jax.vmap(lambda action: abilities.blocks(policy, policy.score(observation, action)))(actions)
 
 
 class Coupled(GradedUnits):
@@ -159,9 +160,9 @@ class Coupled(GradedUnits):
 
 def test_units_that_share_a_parameter_have_the_sampled_matrix():
     policy, seen, action = Coupled(0.3, [-1.0, 0.0]), jnp.zeros(1), jnp.array([0.5, 1.5])
-    (row,) = policy.blocks(policy.score(seen, action))
+    (row,) = abilities.blocks(policy, policy.score(seen, action))
     assert row.shape == (1, 3)
-    (fisher,) = policy.fisher(seen, action)
+    (fisher,) = abilities.fisher(policy, seen, action)
     np.testing.assert_allclose(fisher[0], np.outer(row[0], row[0]), rtol=1e-6)
 
 
@@ -221,7 +222,7 @@ def everything(policy, observation, action, uniforms):
         "mode": policy.mode(observation),
         "log_prob": policy.log_prob(observation, action),
         "score": policy.score(observation, action),
-        "fisher": policy.fisher(observation, action),
+        "fisher": abilities.fisher(policy, observation, action),
         "entropy": policy.entropy(observation),
     }
 
@@ -297,7 +298,7 @@ two = np.zeros(2)
         (lambda: graded_hyperplanes(2, 2, level=float("nan")), "level = nan: must be a finite number"),
         (lambda: graded_hyperplanes(2, 2, deviation=0.01), "floor, deviation = (0.02, 0.01)"),
         (lambda: Factored([pool_of(0)]), "pools = ['GradedMotoneurons']: must be pools of binary units"),
-        (lambda: pool_of(0).enumerate(), "GradedMotoneurons: has infinitely many actions"),
+        (lambda: abilities.enumerate(pool_of(0)), "GradedMotoneurons: has infinitely many actions"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(build, names):

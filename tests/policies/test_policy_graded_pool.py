@@ -11,6 +11,7 @@ from motorgrad.policies import (
     GradedPool,
     Hyperplanes,
     LocalGaussians,
+    abilities,
     describe,
     graded_tiles,
     mixture,
@@ -66,8 +67,8 @@ def test_the_score_is_the_gradient_of_the_log_probability(seed):
 @pytest.mark.slow
 def test_the_fisher_matrix_is_the_mean_of_the_scores_squared():
     policy, y = pool_of(1), jnp.array([-0.2, 0.1])
-    (exact,) = policy.fisher(y, jnp.zeros(3))
-    rows = jax.vmap(lambda action: policy.blocks(policy.score(y, action))[0])(drawn(policy, y, 200_000, 3))
+    (exact,) = abilities.fisher(policy, y, jnp.zeros(3))
+    rows = jax.vmap(lambda action: abilities.blocks(policy, policy.score(y, action))[0])(drawn(policy, y, 200_000, 3))
     sampled = jnp.einsum("nui,nuj->uij", rows, rows) / len(rows)
     scale = jnp.sqrt(jnp.einsum("uii,ujj->uij", exact, exact)) + 1e-6
     np.testing.assert_allclose(sampled / scale, exact / scale, atol=0.06)
@@ -102,7 +103,7 @@ def test_what_cannot_be_is_refused_by_name():
     with pytest.raises(ValueError, match="pool = 'Factored': must be independent units of one kind"):
         GradedPool(Factored([local, Hyperplanes(jnp.zeros((1, 2)), jnp.zeros(1))]), jnp.zeros(3), jnp.zeros(3))
     with pytest.raises(ValueError, match="infinitely many actions"):
-        pool_of(0).enumerate()
+        abilities.enumerate(pool_of(0))
 
 
 def test_initial_mixtures_and_graded_tiles():

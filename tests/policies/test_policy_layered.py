@@ -22,6 +22,7 @@ from motorgrad.policies import (
     MultilayerPerceptron,
     Network,
     Softmax,
+    abilities,
     initial,
     split,
 )
@@ -38,19 +39,19 @@ def _told(policy, look, uniforms):
     actions = jax.vmap(policy.sample, (None, 0))(look, uniforms)
     drawn, likely = policy.drawn(actions[0]), policy.drawn(policy.mode(look))
     own = [pool.score(policy.view(look, drawn[:k]), drawn[k]) for k, pool in enumerate(policy.pools)]
-    every = policy.enumerate()
+    every = abilities.enumerate(policy)
     return {
         "action": actions,
         "drawn": jax.vmap(policy.drawn)(actions),
         "joined": jax.vmap(lambda action: policy.joined(policy.drawn(action)))(actions),
-        "emitted": jax.vmap(policy.emit)(actions),
+        "emitted": jax.vmap(lambda action: abilities.task_action(policy, action))(actions),
         "score": ravel_pytree(policy.score(look, actions[0]))[0],
         "scores of the pools": jnp.concatenate([ravel_pytree(each)[0] for each in own]),
-        "activations": policy.hidden_activations(look),
+        "activations": abilities.hidden_activations(policy, look),
         "prob": [pool.prob(policy.view(look, likely[:k])) for k, pool in enumerate(policy.pools[:-1])],
         "log_prob of every action": jax.vmap(lambda action: policy.log_prob(look, action))(every),
-        "fisher of every action": jax.vmap(lambda action: policy.fisher(look, action))(every),
-        "blocks of every action": jax.vmap(lambda action: policy.blocks(policy.score(look, action)))(every),
+        "fisher of every action": jax.vmap(lambda action: abilities.fisher(policy, look, action))(every),
+        "blocks of every action": jax.vmap(lambda action: abilities.blocks(policy, policy.score(look, action)))(every),
     }
 
 
@@ -103,14 +104,14 @@ def test_hidden_activations_come_through_policies_around_and_within():
     within = Layered([planes(2, 3)], Network(planes(1, 4), layers, 2))
 
     def sizes(policy, look):
-        hidden = eqx.filter_eval_shape(lambda policy: policy.hidden_activations(look), policy)
+        hidden = eqx.filter_eval_shape(lambda policy: abilities.hidden_activations(policy, look), policy)
         return [each.size for each in hidden]
 
     assert sizes(behind, [0.3, -0.1]) == [5, 4, 3]
     assert sizes(Featured(behind, FeatureMap(), 2), [0.3, -0.1]) == [5, 4, 3]
     assert sizes(within, [0.3, -0.1, 0.2]) == [2, 5, 4]
     with pytest.raises(ValueError, match="must be 3 numbers, what the task shows"):
-        within.hidden_activations([0.3])
+        abilities.hidden_activations(within, [0.3])
 
 
 @few
@@ -170,7 +171,7 @@ def test_hidden_units_may_be_graded_and_outputs_mixed():
     hidden = GradedHyperplanes(np.ones((2, 1)), np.zeros(2), np.zeros(2))
     output = Mixed([planes(1, 2), GradedHyperplanes(np.ones((1, 2)), np.zeros(1), np.zeros(1))])
     policy = Layered([hidden], output)
-    assert policy.actions == ("binary", "graded")
+    assert policy.actions == ("binary", "continuous")
     action = policy.sample(jnp.array([0.3]), jnp.full(policy.uniforms, 0.3))
     assert action.shape == (4,)
     assert policy.prob(jnp.array([0.3])).shape == (2,)
@@ -194,9 +195,9 @@ def test_initial_layers_are_those_that_were_asked_for():
 def test_the_first_layer_may_see_features():
     policy = started(initial("layered", 2, units=1, features=FeatureMap(products=True)))
     assert isinstance(policy, Featured)
-    assert policy.hides
+    assert abilities.has_hidden_units(policy)
     action = Compiled(policy).sample(np.ones(2), np.full(policy.uniforms, 0.5))
-    np.testing.assert_array_equal(policy.emit(action), policy.pool.emit(action))
+    np.testing.assert_array_equal(abilities.task_action(policy, action), abilities.task_action(policy.pool, action))
 
 
 @pytest.mark.parametrize(

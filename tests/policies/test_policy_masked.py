@@ -9,7 +9,17 @@ import pytest
 from policy_examples import EXAMPLES, Compiled, compiled, observation_of, policy_of
 
 from motorgrad.learning import SGD, Adam, Agent, FisherMetric, olpomdp
-from motorgrad.policies import Factored, Gated, Hyperplanes, LocalGaussians, Masked, Softmax, prune, trainable
+from motorgrad.policies import (
+    Factored,
+    Gated,
+    Hyperplanes,
+    LocalGaussians,
+    Masked,
+    Softmax,
+    abilities,
+    prune,
+    trainable,
+)
 
 POOLS = (
     "motoneurons",
@@ -34,7 +44,7 @@ def told(policy, y, actions):
     def over(method):
         return jax.vmap(lambda action: method(y, action))(actions)
 
-    mode, fisher = policy.mode(y), policy.fisher(y, actions[0])
+    mode, fisher = policy.mode(y), abilities.fisher(policy, y, actions[0])
     return policy.prob(y), policy.entropy(y), mode, fisher, over(policy.log_prob), over(policy.score)
 
 
@@ -160,4 +170,4 @@ def test_limits_hold_within_every_policy_that_wraps_a_pool():
         (Factored([gate, wide]), lambda p: p.pools[1]),
         (Gated(gate, [wide]), lambda p: p.branches[0]),
     ):
-        np.testing.assert_array_equal(inner(policy.limited()).log_width, 2.0)
+        np.testing.assert_array_equal(inner(abilities.limited(policy)).log_width, 2.0)

@@ -29,6 +29,7 @@ from motorgrad.policies import (
     Masked,
     Mirrored,
     MultilayerPerceptron,
+    abilities,
     initial,
     split,
     trainable,
@@ -47,7 +48,7 @@ def swapped(policy, action):
 @compiled
 def on_both_sides(policy, observation):
     """The image of an observation, its image, and what the policy answers at both about every action and its image."""
-    there, actions = policy.mirrored(observation), policy.enumerate()
+    there, actions = policy.mirrored(observation), abilities.enumerate(policy)
 
     def told(seen, actions):
         log_prob = jax.vmap(lambda action: policy.log_prob(seen, action))(actions)
@@ -104,9 +105,14 @@ def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exac
             def blocks(action):
                 slope_of = jax.value_and_grad(lambda theta: eqx.combine(theta, rest).log_prob(y, action))
                 value, theta = slope_of(parameters)
-                return policy.blocks(theta), policy.fisher(y, action), value, policy.blocks(policy.score(y, action))
+                return (
+                    abilities.blocks(policy, theta),
+                    abilities.fisher(policy, y, action),
+                    value,
+                    abilities.blocks(policy, policy.score(y, action)),
+                )
 
-            return jax.vmap(blocks)(policy.enumerate())
+            return jax.vmap(blocks)(abilities.enumerate(policy))
 
         rows, fisher, log_prob, scores = jax.tree.map(np.asarray, of_every_action(y))
     for derivative, analytic in zip(rows, scores, strict=True):
@@ -124,8 +130,8 @@ def test_the_fisher_matrix_is_the_mean_square_of_the_score_of_each_unit_and_exac
 
 @compiled
 def through_blocks(policy, gradient):
-    blocks = policy.blocks(gradient)
-    return blocks, policy.from_blocks(blocks)
+    blocks = abilities.blocks(policy, gradient)
+    return blocks, abilities.from_blocks(policy, blocks)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -153,7 +159,7 @@ def test_both_views_pass_through_the_same_features_or_hidden_layers():
 def test_limits_and_masks_of_the_pool_hold():
     wide = LocalGaussians([[0.0], [1.0]], [[5.0], [0.0]], 0.9, log_width_limits=(-4.0, 2.0))
     policy = Mirrored(Masked(wide, [True, False]), (0,), (-1,), (0, 1), (2, 3))
-    np.testing.assert_array_equal(policy.limited().pool.pool.log_width, [[2.0], [0.0]])
+    np.testing.assert_array_equal(abilities.limited(policy).pool.pool.log_width, [[2.0], [0.0]])
     y = jnp.array([0.3])
     np.testing.assert_array_equal(Compiled(policy).prob(y)[[1, 3]], 0)
     ones = jax.tree.map(np.ones_like, trainable(policy))
@@ -246,9 +252,9 @@ def test_hidden_layers_are_told_on_the_observation_and_then_on_its_mirror_image(
     y = observation_of(policy)
     ask = Compiled(policy)
     layers, there = ask.hidden_activations(y), ask.hidden_activations(ask.mirrored(y))
-    assert len(layers) == len(jax.eval_shape(policy.pool.hidden_activations, y)) > 0
+    assert len(layers) == len(jax.eval_shape(abilities.hidden_activations, policy.pool, y)) > 0
     for here, image in zip(layers, there, strict=True):
         one, other = np.split(np.asarray(here), 2)
         np.testing.assert_allclose(np.concatenate([other, one]), image, rtol=1e-6)
         assert not np.allclose(one, other)
-    assert policy_of("mirrored").hidden_activations(observation_of(policy_of("mirrored"))) == ()
+    assert abilities.hidden_activations(policy_of("mirrored"), observation_of(policy_of("mirrored"))) == ()

@@ -19,6 +19,7 @@ from motorgrad.policies import (
     LocalGaussians,
     Mixed,
     Softmax,
+    abilities,
     describe,
     graded_hyperplanes,
     hyperplanes,
@@ -30,7 +31,7 @@ from motorgrad.policies import (
 from motorgrad.tasks import LinearRecruitment
 from motorgrad.training.engines import validate
 
-KINDS = ("binary", "graded", "graded", "binary")
+KINDS = ("binary", "continuous", "continuous", "binary")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +60,7 @@ def together_and_apart(policy, seen, uniforms):
 
 def test_the_action_is_that_of_all_pools():
     policy, seen = policy_of(0), jnp.array([0.3, -0.2])
-    assert policy.actions == ("binary",) + ("graded",) * 4
+    assert policy.actions == ("binary",) + ("continuous",) * 4
     assert (policy.inputs, policy.outputs, policy.uniforms) == (2, 5, 7)
     rng = np.random.default_rng(1)
     uniforms = rng.random(7)
@@ -74,9 +75,9 @@ def with_blocks(policy, seen, uniforms):
     """Scores, the first of them through its blocks, the Fisher matrices, and those of each pool."""
     scores = scores_of_draws(policy, seen, uniforms)
     action = scores[0][0]
-    again = policy.from_blocks(policy.blocks(policy.score(seen, action)))
-    own = [matrix for pool in policy.pools for matrix in pool.fisher(seen, action[: pool.outputs])]
-    return scores, again, policy.fisher(seen, action), own
+    again = abilities.from_blocks(policy, abilities.blocks(policy, policy.score(seen, action)))
+    own = [matrix for pool in policy.pools for matrix in abilities.fisher(pool, seen, action[: pool.outputs])]
+    return scores, again, abilities.fisher(policy, seen, action), own
 
 
 def test_scores_are_derivatives_and_units_of_all_kinds_have_blocks():
@@ -99,9 +100,9 @@ def test_a_task_says_which_actions_are_graded():
     assert [pool.outputs for pool in policy.pools] == [1, 2, 1]
     np.testing.assert_array_equal(policy.pools[1].low, [0, 0])  # the range of the task's own actions
     validate(task, policy)
-    with pytest.raises(ValueError, match=r"binary actions, but the task .* takes 1 binary, 2 graded, 1 binary"):
+    with pytest.raises(ValueError, match=r"binary actions, but the task .* takes 1 binary, 2 continuous, 1 binary"):
         validate(task, hyperplanes(task))
-    with pytest.raises(ValueError, match="1 binary, 1 graded actions, but the task 'hopper' takes binary"):
+    with pytest.raises(ValueError, match="1 binary, 1 continuous actions, but the task 'hopper' takes binary"):
         validate(mg.make("hopper"), Mixed([hyperplanes(3, 1), graded_hyperplanes(3, 1)]))
 
 
@@ -141,7 +142,7 @@ def test_a_stored_policy_is_rebuilt():
         (lambda: mixed(2, 3, binary=3), "binary = 3: must be from 1 to 2, fewer than the 3 units"),
         (lambda: mixed(Partly(), 3), "units = 3: must be 4, one for each action of the task"),
         (lambda: Factored([policy_of(0)]), "pools = ['Mixed']: must be pools of binary units"),
-        (lambda: policy_of(0).enumerate(), "Mixed: has infinitely many actions"),
+        (lambda: abilities.enumerate(policy_of(0)), "Mixed: has infinitely many actions"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(build, names):

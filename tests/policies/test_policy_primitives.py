@@ -11,6 +11,7 @@ from motorgrad.policies import (
     GradedHyperplanes,
     Hyperplanes,
     Primitives,
+    abilities,
     describe,
     graded_hyperplanes,
     primitives,
@@ -102,8 +103,8 @@ def test_the_score_is_the_gradient_of_the_log_probability(seed, observation):
 def test_fisher_and_entropy_are_means_over_actions(observation):
     policy = policy_of(5)
     actions = drawn(policy, observation, 200_000, 3)
-    exact = policy.fisher(observation, np.zeros(6))
-    scores = jax.vmap(lambda action: policy.blocks(policy.score(observation, action)))(actions)
+    exact = abilities.fisher(policy, observation, np.zeros(6))
+    scores = jax.vmap(lambda action: abilities.blocks(policy, policy.score(observation, action)))(actions)
     for rows, matrix in zip(scores, exact, strict=True):
         sampled = jnp.einsum("nui,nuj->uij", rows, rows) / len(rows)
         scale = jnp.sqrt(jnp.einsum("uii,ujj->uij", matrix, matrix)) + 1e-6
@@ -129,7 +130,7 @@ def test_the_first_policy_begins_half_of_the_times_and_moves_as_it_is_told():
     start = primitives(8, 6, count=2, deviation=0.25)
     np.testing.assert_allclose(Compiled(start).prob(np.ones(8)), [0.5, 0.5, 0, 0, 0, 0])
     np.testing.assert_allclose(start.movement.deviation, 0.25, rtol=1e-6)
-    assert (start.inputs, start.outputs, start.actions) == (8, 6, "graded")
+    assert (start.inputs, start.outputs, start.actions) == (8, 6, "continuous")
 
 
 @pytest.mark.parametrize(
@@ -152,7 +153,7 @@ def test_the_first_policy_begins_half_of_the_times_and_moves_as_it_is_told():
             lambda: Primitives(policy_of(0).precondition, graded_hyperplanes(2, 4)),
             "movement.inputs = 2: must be 3",
         ),
-        (lambda: policy_of(0).enumerate(), "Primitives: has infinitely many actions"),
+        (lambda: abilities.enumerate(policy_of(0)), "Primitives: has infinitely many actions"),
     ],
 )
 def test_what_is_impossible_is_refused_by_name(build, names):

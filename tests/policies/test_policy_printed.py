@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from motorgrad.learning import ClippedSurrogate, olgarb
-from motorgrad.policies import LocalGaussians, Masked, PrintedGaussians, tiles
+from motorgrad.policies import LocalGaussians, Masked, PrintedGaussians, abilities, tiles
 from motorgrad.policies._grow_and_prune import growing
 from motorgrad.training.engines._stepper import validate_score
 
@@ -21,7 +21,7 @@ PAYS = np.array([0.3, -1.0, 2.0, 0.7])  # for each action of two units
 
 def objective(unit, log_height):
     raised = eqx.tree_at(lambda each: each.p_max, unit, unit.p_max * jnp.exp(log_height))
-    actions = unit.enumerate()
+    actions = abilities.enumerate(unit)
     chances = jnp.exp(jax.vmap(lambda action: raised.log_prob(jnp.array(SEEN), action))(actions))
     return chances @ PAYS
 
@@ -30,12 +30,12 @@ def objective(unit, log_height):
 def measured(printed, exact):
     """Mean gradient samples by the printed pair; exact derivatives by the parameters, and by the logarithms of heights;
     the mean score; and both Fisher matrices."""
-    seen, actions = jnp.array(SEEN), printed.enumerate()
+    seen, actions = jnp.array(SEEN), abilities.enumerate(printed)
     chances = jnp.exp(jax.vmap(lambda action: printed.log_prob(seen, action))(actions))
     scores = jax.vmap(lambda action: printed.score(seen, action))(actions)
     sample, mean = (jax.tree.map(lambda s, w=w: jnp.tensordot(w, s, 1), scores) for w in (chances * PAYS, chances))
     slope, by_height = jax.grad(objective, (0, 1))(exact, jnp.zeros(2))
-    return sample, slope, by_height, mean, [each.fisher(seen, actions[0])[0] for each in (printed, exact)]
+    return sample, slope, by_height, mean, [abilities.fisher(each, seen, actions[0])[0] for each in (printed, exact)]
 
 
 @pytest.fixture(scope="module")

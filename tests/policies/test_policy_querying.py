@@ -12,6 +12,7 @@ from motorgrad.policies import (
     Motoneurons,
     Querying,
     Softmax,
+    abilities,
     describe,
     querying_motoneurons,
     rebuild,
@@ -80,10 +81,10 @@ def test_all_but_the_query_is_the_policys_within():
     assert whole.log_prob(seen, action) == pool.log_prob(seen, action[:2])
     assert whole.entropy(seen) == pool.entropy(seen)
     np.testing.assert_array_equal(whole.prob(seen), pool.prob(seen))
-    for a, b in zip(whole.fisher(seen, action), pool.fisher(seen, action[:2]), strict=True):
+    for a, b in zip(abilities.fisher(whole, seen, action), abilities.fisher(pool, seen, action[:2]), strict=True):
         np.testing.assert_array_equal(a, b)
     with pytest.raises(ValueError, match="Querying: has infinitely many actions"):
-        policy.enumerate()
+        abilities.enumerate(policy)
 
 
 def test_the_mode_asks_for_the_least_certain_cell():

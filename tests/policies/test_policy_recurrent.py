@@ -14,6 +14,7 @@ from motorgrad.policies import (
     Layered,
     Recurrent,
     Softmax,
+    abilities,
     initial,
     split,
 )
@@ -53,10 +54,10 @@ def both_scores(policy, observations, uniforms):
     """The score at the last of some observations as it is carried online, and by differentiating all of them."""
 
     def step(memory, observation):
-        seen = policy.perceive(memory, observation)
-        return policy.remember(seen, None), seen
+        seen = abilities.observation_with_memory(policy, memory, observation)
+        return abilities.remember(policy, seen, None), seen
 
-    _, seen = jax.lax.scan(step, policy.initial_memory(), observations)
+    _, seen = jax.lax.scan(step, abilities.initial_memory(policy), observations)
     action = policy.sample(seen[-1], uniforms)
     theta, rest = split(policy)
     exact = jax.grad(lambda part: unrolled(eqx.combine(part, rest), observations, action))(theta)
@@ -81,11 +82,11 @@ def test_the_online_score_is_the_derivative_through_the_whole_past(kind, double,
 def test_without_a_past_the_score_is_that_of_the_drive_alone_and_memory_starts_from_nothing():
     policy = example()
     ask = Compiled(policy)
-    np.testing.assert_array_equal(policy.initial_memory(), 0)
-    seen = ask.perceive(policy.initial_memory(), np.array([1.0, -1.0]))
+    np.testing.assert_array_equal(abilities.initial_memory(policy), 0)
+    seen = ask.observation_with_memory(abilities.initial_memory(policy), np.array([1.0, -1.0]))
     gain = np.sqrt(1 - np.asarray(policy.decay) ** 2)
     expected = gain * (np.asarray(policy.weights) @ [1, -1] + np.asarray(policy.bias))
-    np.testing.assert_allclose(policy.judged(seen), [1, -1, *expected], rtol=1e-5)
+    np.testing.assert_allclose(abilities.critic_observation(policy, seen), [1, -1, *expected], rtol=1e-5)
     (hidden,) = ask.hidden_activations(seen)
     np.testing.assert_allclose(hidden, expected, rtol=1e-5)
 
@@ -94,7 +95,8 @@ def test_hidden_units_of_the_output_come_after_the_recurrent_ones():
     policy = example("layered")
 
     def hidden():
-        return policy.hidden_activations(policy.perceive(policy.initial_memory(), [0.5, 0.2]))
+        seen = policy.observation_with_memory(policy.initial_memory(), [0.5, 0.2])
+        return abilities.hidden_activations(policy, seen)
 
     recurrent, drawing = jax.eval_shape(hidden)
     assert (recurrent.shape, drawing.shape) == ((4,), (2,))
@@ -103,7 +105,7 @@ def test_hidden_units_of_the_output_come_after_the_recurrent_ones():
 def test_a_critic_sees_the_observation_and_the_activations_only():
     policy = example()
     assert (policy.observation_size, policy.inputs) == (2, 2 + 4 * 5)
-    assert policy.judged(jnp.arange(22.0)).tolist() == [0, 1, 2, 3, 4, 5]
+    assert abilities.critic_observation(policy, jnp.arange(22.0)).tolist() == [0, 1, 2, 3, 4, 5]
 
 
 def test_gradients_survive_the_way_through_blocks():
@@ -114,13 +116,13 @@ def test_gradients_survive_the_way_through_blocks():
     assert [block.shape for block in blocks] == [(4, 4), (2, 8)]
     for one, other in zip(jax.tree.leaves(ask.from_blocks(blocks)), jax.tree.leaves(score), strict=True):
         np.testing.assert_array_equal(one, other)
-    matrices = jax.eval_shape(policy.fisher, jnp.ones(policy.inputs), jnp.ones(2))
+    matrices = jax.eval_shape(abilities.fisher, policy, jnp.ones(policy.inputs), jnp.ones(2))
     assert [matrix.shape for matrix in matrices] == [(4, 4, 4), (2, 8, 8)]
 
 
 def test_time_constants_stay_within_their_limits():
     wild = eqx.tree_at(lambda policy: policy.log_rate, example(), jnp.array([-100.0, 100.0, 0.0, -1.0]))
-    np.testing.assert_allclose(1 / np.exp(wild.limited().log_rate), [1e6, 0.1, 1, np.e], rtol=1e-5)
+    np.testing.assert_allclose(1 / np.exp(abilities.limited(wild).log_rate), [1e6, 0.1, 1, np.e], rtol=1e-5)
 
 
 def test_initial_time_constants_are_spread_between_the_ends():

@@ -16,7 +16,7 @@ from policy_examples import (
     policy_of,
 )
 
-from motorgrad.policies import Factored, LocalGaussians, trainable
+from motorgrad.policies import Factored, LocalGaussians, abilities, trainable
 
 
 @pytest.mark.representatives(*REPRESENTATIVES)
@@ -53,7 +53,7 @@ def test_single_precision_is_finite_and_agrees_with_double_at_extremes(place):
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_score_has_the_structure_and_shapes_of_the_trainable_part(name):
     policy = policy_of(name)
-    score = jax.eval_shape(lambda seen: policy.score(seen, policy.enumerate()[-1]), jnp.ones(policy.inputs))
+    score = jax.eval_shape(lambda seen: policy.score(seen, abilities.enumerate(policy)[-1]), jnp.ones(policy.inputs))
     part = trainable(policy)
     assert jax.tree.structure(score) == jax.tree.structure(part)
     assert [x.shape for x in jax.tree.leaves(score)] == [x.shape for x in jax.tree.leaves(part)]

@@ -32,6 +32,7 @@ from motorgrad.policies import (
     Mirrored,
     Motoneurons,
     Softmax,
+    abilities,
     describe,
     initial,
     rebuild,
@@ -70,7 +71,7 @@ def test_trainable_and_fixed_parts_join_to_the_policy(name):
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_fixed_arrays_are_none_in_the_trainable_part_and_in_scores(name):
     policy = policy_of(name)
-    score = jax.eval_shape(lambda: policy.score(observation_of(policy), policy.enumerate()[0]))
+    score = jax.eval_shape(lambda: policy.score(observation_of(policy), abilities.enumerate(policy)[0]))
     for tree in (trainable(policy), score):
         names = {path[-1].name for path, _ in jax.tree_util.tree_leaves_with_path(tree)}
         assert names
@@ -153,11 +154,12 @@ def test_an_observation_of_another_size_is_refused(call, words):
 def test_a_policy_with_a_memory_says_what_its_units_see():
     policy = started(policies.recurrent(3, 2))
     ask = Compiled(policy)
-    with pytest.raises(ValueError, match=r"must be 51 numbers, 3 observed and 48 remembered, from policy\.perceive"):
+    remembered = r"must be 51 numbers, 3 observed and 48 remembered, from policy\.observation_with_memory\("
+    with pytest.raises(ValueError, match=remembered):
         ask.mode([0.0, 1.0, 0.0])
     with pytest.raises(ValueError, match=r"observation = .*must be 3 numbers, what the task shows"):
-        ask.perceive(policy.initial_memory(), [0.0, 1.0])
-    seen = ask.perceive(policy.initial_memory(), np.array([0, 1, 0]))
+        ask.observation_with_memory(abilities.initial_memory(policy), [0.0, 1.0])
+    seen = ask.observation_with_memory(abilities.initial_memory(policy), np.array([0, 1, 0]))
     assert seen.dtype == policy.bias.dtype  # whole numbers do not round the memory
     assert ask.mode(seen).shape == (2,)
 
@@ -341,10 +343,12 @@ def test_widths_are_put_back_within_their_limits(kind):
     third = 1.0 if kind is LocalGaussians else [0.0, 0.0]
     units = kind(np.zeros((2, 2)), np.array([[-5.0, 0.0], [1.0, 3.0]]), third, log_width_limits=(-4.0, 2.0))
     within = np.array([[-4.0, 0.0], [1.0, 2.0]])
-    np.testing.assert_array_equal(units.limited().log_width, within)
-    np.testing.assert_array_equal(Factored([units, Hyperplanes(square, two)]).limited().pools[0].log_width, within)
+    np.testing.assert_array_equal(abilities.limited(units).log_width, within)
+    np.testing.assert_array_equal(
+        abilities.limited(Factored([units, Hyperplanes(square, two)])).pools[0].log_width, within
+    )
     free = kind(np.zeros((2, 2)), units.log_width, third)
-    assert free.limited() is free
+    assert abilities.limited(free) is free
     shapes = rebuild(json.loads(json.dumps(describe(units))))
     assert shapes.log_width_limits == (-4.0, 2.0)
 

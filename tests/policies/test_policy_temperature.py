@@ -17,6 +17,7 @@ from motorgrad.policies import (
     Motoneurons,
     Primitives,
     Querying,
+    abilities,
 )
 
 
@@ -24,18 +25,20 @@ from motorgrad.policies import (
 def test_a_temperature_divides_the_potential(name):
     policy = policy_of(name)
     seen = jnp.full(policy.inputs, 0.3)
-    np.testing.assert_allclose(policy.with_temperature(4.0).potential(seen), policy.potential(seen) / 4, rtol=1e-5)
+    np.testing.assert_allclose(
+        abilities.with_temperature(policy, 4.0).potential(seen), policy.potential(seen) / 4, rtol=1e-5
+    )
 
 
 def test_a_temperature_divides_the_log_odds_of_a_choice():
     policy, seen = policy_of("softmax-5"), jnp.array([0.3, -1.0, 0.5])
-    log_odds = [np.diff(np.log(each.prob(seen))) for each in (policy, policy.with_temperature(2.0))]
+    log_odds = [np.diff(np.log(each.prob(seen))) for each in (policy, abilities.with_temperature(policy, 2.0))]
     np.testing.assert_allclose(log_odds[1], log_odds[0] / 2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("policy", [GradedMotoneurons([0.2], [3.0], [-1.0]), GradedHyperplanes([[1.0]], [0.5], [-1.0])])
 def test_a_temperature_multiplies_the_noise_of_graded_units_above_the_floor(policy):
-    seen, hotter = jnp.array([0.4]), policy.with_temperature(3.0)
+    seen, hotter = jnp.array([0.4]), abilities.with_temperature(policy, 3.0)
     np.testing.assert_allclose(hotter.deviation - policy.floor, 3 * (policy.deviation - policy.floor), rtol=1e-5)
     np.testing.assert_array_equal(hotter.mean(seen), policy.mean(seen))
 
@@ -43,8 +46,8 @@ def test_a_temperature_multiplies_the_noise_of_graded_units_above_the_floor(poli
 @pytest.mark.parametrize("name", ["local-gaussians", "free-gaussians", "soft-boxes", "admission-thresholds"])
 def test_other_units_have_no_temperature_and_stay(name):
     policy = policy_of(name)
-    assert not policy.has_temperature
-    assert eqx.tree_equal(policy.with_temperature(2.0), policy)
+    assert not abilities.has_temperature(policy)
+    assert eqx.tree_equal(abilities.with_temperature(policy, 2.0), policy)
 
 
 def composed():
@@ -70,19 +73,19 @@ def test_composed_policies_pass_a_temperature_on_to_their_parts(name):
     examples = composed()
     assert set(examples) == set(COMPOSED)
     policy, parts = examples[name]
-    hotter = policy.with_temperature(2.0)
-    assert policy.has_temperature == any(part.has_temperature for part in parts(policy))
+    hotter = abilities.with_temperature(policy, 2.0)
+    assert abilities.has_temperature(policy) == any(abilities.has_temperature(part) for part in parts(policy))
     for part, own in zip(parts(policy), parts(hotter), strict=True):
-        assert eqx.tree_equal(own, part.with_temperature(2.0))
+        assert eqx.tree_equal(own, abilities.with_temperature(part, 2.0))
     rest = [eqx.tree_at(lambda p: parts(p), each, [0.0] * len(parts(each))) for each in (policy, hotter)]
     assert eqx.tree_equal(*rest)  # nothing else has changed
 
 
 def test_parameters_of_many_seeds_are_scaled_together():
     pools = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(policy_of("factored", seed) for seed in range(3)))
-    hotter = pools.with_temperature(2.0)
+    hotter = abilities.with_temperature(pools, 2.0)
     for seed in range(3):
-        alone = policy_of("factored", seed).with_temperature(2.0)
+        alone = abilities.with_temperature(policy_of("factored", seed), 2.0)
         assert eqx.tree_equal(jax.tree.map(lambda x, seed=seed: x[seed], hotter), alone)
 
 
@@ -91,5 +94,5 @@ def test_a_new_unit_has_a_temperature_by_overriding_one_method():
         def with_temperature(self, factor):
             return Scaled(self.threshold, self.gain / factor**2)
 
-    assert Masked(Scaled([0.0], [4.0])).has_temperature
-    assert float(Masked(Scaled([0.0], [4.0])).with_temperature(2.0).pool.gain[0]) == 1.0
+    assert abilities.has_temperature(Masked(Scaled([0.0], [4.0])))
+    assert float(abilities.with_temperature(Masked(Scaled([0.0], [4.0])), 2.0).pool.gain[0]) == 1.0

@@ -43,12 +43,12 @@ def native(task, numbers):
         (
             spaces.Box(np.float32([0, -1]), np.float32([1, 3])),
             "auto",
-            "graded",
+            "continuous",
             [[0.5, 1], [2, -9]],
             [[0.5, 1], [1, -1]],
         ),
-        (spaces.Box(-2, 2, (1, 2)), "auto", "graded", [[0.25, -2]], [[[0.25, -2]]]),
-        (spaces.Box(-4, 255, (2,), np.int16), "auto", "graded", [[0.7, -8.0]], [[1, -4]]),
+        (spaces.Box(-2, 2, (1, 2)), "auto", "continuous", [[0.25, -2]], [[[0.25, -2]]]),
+        (spaces.Box(-4, 255, (2,), np.int16), "auto", "continuous", [[0.7, -8.0]], [[1, -4]]),
         (spaces.Box(np.float32([0, -1]), np.float32([1, 3])), "each", "binary", [[0, 1], [1, 0]], [[0, 3], [1, -1]]),
         (spaces.Box(-2, 2, (1, 2)), "each", "binary", [[0, 1]], [[[-2, 2]]]),
         (spaces.Box(-2, 2, (1,)), "antagonists", "binary", [[0, 0], [1, 0], [0, 1], [1, 1]], [[0], [2], [-2], [0]]),
@@ -70,7 +70,7 @@ def test_units_and_choices_become_actions(told, action, code, kind, numbers, wan
 
 def test_the_ends_of_a_box_are_reached_exactly(told):
     low, high = np.float32([-0.1, 1e-3]), np.float32([0.7, 0.3])
-    for code, rows in (("each", (np.zeros(2), np.ones(2))), ("graded", (np.full(2, -9.0), np.full(2, 9.0)))):
+    for code, rows in (("each", (np.zeros(2), np.ones(2))), ("continuous", (np.full(2, -9.0), np.full(2, 9.0)))):
         task = from_gymnasium(told(action=spaces.Box(low, high)), code=code)
         for row, wanted in zip(rows, (low, high), strict=True):
             found = native(task, row[None])[0]
@@ -97,7 +97,7 @@ def test_graded_units_act_within_the_bounds_of_the_space(told, density):
 
 def test_a_signed_box_can_rest_unless_it_is_told_not_to():
     task = from_gymnasium("Reacher-v5")
-    assert (task.actions, task.action_size, task.action_range) == ("graded", 2, ((-1.0, 1.0),) * 2)
+    assert (task.actions, task.action_size, task.action_range) == ("continuous", 2, ((-1.0, 1.0),) * 2)
     batch = task.batch([0])
     batch.step(np.zeros((1, 2), np.float32))
     assert batch._environments[0].unwrapped.data.ctrl.tolist() == [0, 0]
@@ -154,7 +154,7 @@ def test_the_wrapper_that_is_named_helps(register):
     [
         (spaces.Discrete(3), "each", "did you mean|known are auto, bits, choice, count"),
         (spaces.Discrete(3), "bits", "has \\[3\\] actions: must be powers of two; use 'count'"),
-        (spaces.Box(0, 1, (2,)), "count", "known are antagonists, auto, each, graded"),
+        (spaces.Box(0, 1, (2,)), "count", "known are antagonists, auto, continuous, each"),
         (spaces.MultiDiscrete([100, 100]), "choice", "has 10000 combined actions, at most 4096; use 'count'"),
         (spaces.Discrete(1), "count", "single action, which no unit can choose; use 'choice'"),
     ],
@@ -279,7 +279,9 @@ def test_infinite_bounds_of_whole_numbers_are_refused(told, code, low):
 )
 def test_bounds_between_which_single_precision_has_not_every_number_are_reached_only(told, space):
     name = told(action=space)
-    with pytest.raises(ValueError, match=rf"code = 'graded': .* for number 0 of the actions of {name}: must be a low"):
+    with pytest.raises(
+        ValueError, match=rf"code = 'continuous': .* for number 0 of the actions of {name}: must be a low"
+    ):
         from_gymnasium(name)
     for code, units, wanted in (("each", [0.0], space.low), ("each", [1.0], space.high)):
         found = native(from_gymnasium(name, code=code), np.array([units], np.float32))[0]

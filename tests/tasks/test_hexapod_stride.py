@@ -119,7 +119,7 @@ def test_it_learns_on_real_numbers_and_refuses_other_policies():
     task = make("hexapod-stride", stretch=0.1)
     run = train(task, steps=60, seeds=2, progress=False)
     assert not np.array_equal(run.policies.bias, run.initial.bias)
-    with pytest.raises(ValueError, match="binary actions, but the task 'hexapod-stride' takes graded"):
+    with pytest.raises(ValueError, match="binary actions, but the task 'hexapod-stride' takes continuous"):
         train(task, agent_for(task, policy="hyperplanes", learning_rate=1e-3), steps=10, progress=False)
     assert (graded_hyperplanes(task).inputs, hyperplanes(task).outputs) == (1, 1)
 

@@ -185,7 +185,7 @@ def test_an_environment_of_myosuite_is_a_gymnasium_task():
 @needs_myosuite
 def test_with_replay_and_hindsight_an_elbow_holds_its_poses():
     """With the filter of noise that lasts for 100 ms, it would swing about them, and half of the steps be off."""
-    task = mg.tasks.myosuite(ELBOW, actions="graded", scaling="none")
+    task = mg.tasks.myosuite(ELBOW, actions="continuous", scaling="none")
     run = mg.train(task, mg.presets.sac(task, steps=12_000), steps=12_000, seeds=1, progress=False)
     metrics = mg.evaluate(run, 2_000, mode="mode").metrics
     assert metrics["success"][0] == 1

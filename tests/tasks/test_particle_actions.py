@@ -1,4 +1,4 @@
-"""Graded actions on a particle: they multiply the forces, and units of learned strength learn."""
+"""Continuous actions on a particle: they multiply the forces, and units of learned strength learn."""
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +34,7 @@ NAMES = ("particle", "particle-orbit", "particle-navigation")
 @pytest.mark.parametrize("name", NAMES)
 def test_policies_of_zeros_and_ones_and_of_real_numbers_are_let_act(name):
     task = make(name)
-    assert task.accepted_actions == ("binary", "graded")
+    assert task.accepted_actions == ("binary", "continuous")
     for kind in ("tiles", "graded-tiles"):
         validate(task, initial(kind, task, copies=2))
 
@@ -60,5 +60,5 @@ def test_a_mixture_learns_all_its_parts():
     first = run.initial.pools
     assert (local.centre != first[0].centre).any()
     assert (everywhere.weights != first[1].weights).any()
-    with pytest.raises(ValueError, match="discrete actions, but the task 'particle' takes binary or graded"):
+    with pytest.raises(ValueError, match="discrete actions, but the task 'particle' takes binary or continuous"):
         mg.train(task, agent_for(task, policy="softmax", learning_rate=1e-3), 10, progress=False)

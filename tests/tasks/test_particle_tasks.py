@@ -119,7 +119,7 @@ def test_an_orbit_without_pushes_has_the_radius_of_the_closed_form():
 
 
 def test_the_goal_pays_once_and_ends_the_episode_and_obstacles_cost():
-    task = make("particle-navigation", goal=[5.0, 0.8, 0.5, 0.1, 0.05], obstacles=[[-2.0, 0.4, 0.5, 0.1, 0.1]])
+    task = make("particle-navigation", goal_region=[5.0, 0.8, 0.5, 0.1, 0.05], obstacles=[[-2.0, 0.4, 0.5, 0.1, 0.1]])
     assert pays(task, at(0.8, 0.54)) == (pytest.approx(5.0 - 2 * math.exp(-8.08), abs=1e-5), True)
     assert pays(task, at(0.8, 0.56))[1] is False
     assert pays(task, at(0.4, 0.5)) == (pytest.approx(-2.0), False)
@@ -225,8 +225,16 @@ REFUSED = [
     ("particle", {"physics": {"walls": {"open": ["roof"]}}}, "physics.walls.open[0] 'roof'"),
     ("particle-orbit", {"wanted": "big"}, "'big'"),
     ("particle-orbit", {"physics": {"field": {"radial": 0.2}}}, "field.radial = 0.2: must be above mass"),
-    ("particle-navigation", {"goal": [1.0, 1.5, 0.5, 0.1, 0.1]}, "goal centre = (1.5, 0.5): must be within the box"),
-    ("particle-navigation", {"goal": [0.0, 0.5, 0.5, 0.1, 0.1]}, "goal amplitude = 0.0: must be positive"),
+    (
+        "particle-navigation",
+        {"goal_region": [1.0, 1.5, 0.5, 0.1, 0.1]},
+        "goal_region centre = (1.5, 0.5): must be within the box",
+    ),
+    (
+        "particle-navigation",
+        {"goal_region": [0.0, 0.5, 0.5, 0.1, 0.1]},
+        "goal_region amplitude = 0.0: must be positive",
+    ),
     ("particle-navigation", {"obstacles": [[1.0, 0.5, 0.5, 0.1, 0.1]]}, "obstacles[0] amplitude = 1.0: must be neg"),
     ("particle-navigation", {"obstacles": [[-1.0, 0.5, 0.5, 0.1, 0.0]]}, "obstacles[0] widths = (0.1, 0.0)"),
 ]

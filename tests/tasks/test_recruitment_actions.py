@@ -165,12 +165,12 @@ def test_bodies_refuse_graded_actions():
     class Seeing(GradedMotoneurons):
         inputs = task.observation_size
 
-    with pytest.raises(ValueError, match="graded actions, but the task 'hopper' takes binary"):
+    with pytest.raises(ValueError, match="continuous actions, but the task 'hopper' takes binary"):
         train(task, Agent(Seeing(np.zeros(2), np.zeros(2), np.zeros(2))), 10, progress=False)
 
 
 def test_a_task_with_queries_is_no_gymnasium_environment():
-    with pytest.raises(ValueError, match="must be one that takes binary, discrete or graded actions"):
+    with pytest.raises(ValueError, match="must be one that takes binary, discrete or continuous actions"):
         TaskEnv(QUERIED)
 
 

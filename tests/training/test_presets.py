@@ -158,7 +158,7 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
     said = capsys.readouterr().out
     for words in ('preset = "natural"', "update_every = 50", "discount = 0.9", "steps = 100", 'kind = "fisher"'):
         assert words in said
-    # the options of the policy of graded actions, which the task's default environment does not have
+    # the options of the policy of continuous actions, which the task's default environment does not have
     words = "train Pendulum-v1 --agent.policy.deviation 0.7 --agent.policy.features.nonlinear 32 --check"
     with pytest.raises(SystemExit) as done:
         main(words.split())
@@ -174,7 +174,8 @@ def test_any_task_takes_a_preset_from_the_command_line(capsys, tmp_path):
 
 EPISODES = {"time_limit": 50}
 FITTED = (  # each preset once
-    *("graded-avg", "binary-avg", "graded-sac", "discrete-sac", "graded-natural-network", "graded-stream-ac"),
+    *("continuous-avg", "continuous-sac", "continuous-natural-network", "continuous-stream-ac"),
+    *("binary-avg", "discrete-sac"),
     *("binary-intentional-ac", "binary-ppo-short-horizon", "binary-trpo"),
     *("discrete-a2c", "discrete-natural", "discrete-ppo", "discrete-reinforce"),
 )
@@ -190,7 +191,7 @@ FITTED = (  # each preset once
         (lambda: mg.make("call-admission", **EPISODES), "hyperplanes"),
         (lambda: from_gymnasium("Pendulum-v1"), "bounded-hyperplanes"),
     ],
-    ids=["discrete", "binary", "graded"],
+    ids=["discrete", "binary", "continuous"],
 )
 def test_every_preset_fits_its_kinds_of_action_and_is_saved(preset, make, policy):
     task = make()

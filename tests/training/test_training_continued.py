@@ -71,7 +71,7 @@ CHANGED = {
     ),
     "scale": ({"scaling": "none"}, r"another scale of '.*' and 1 more: \(0, 1\) in place of running statistics"),
     "groups": ({"groups": ["*flexor", "*extensor"]}, "2 actions in place of 6, without "),
-    "kind": ({"actions": "binary"}, "binary actions in place of graded ones"),
+    "kind": ({"actions": "binary"}, "binary actions in place of continuous ones"),
 }
 
 
@@ -163,7 +163,7 @@ def test_a_strangers_interface_is_refused_by_name(place, value, message):
         Interface.of_table(table)
 
 
-@pytest.mark.parametrize("code", ["choice", "count", "each", "antagonists", "graded"])
+@pytest.mark.parametrize("code", ["choice", "count", "each", "antagonists", "continuous"])
 def test_every_code_is_stored_whole_and_traced_as_it_is_computed(code):
     space = {"choice": "MountainCar-v0", "count": "MountainCar-v0"}.get(code, "Pendulum-v1")
     own = mg.tasks.from_gymnasium(space, code=code).interface()
@@ -174,7 +174,7 @@ def test_every_code_is_stored_whole_and_traced_as_it_is_computed(code):
     given = {
         "discrete": np.arange(size, dtype=np.int32),
         "binary": rng.integers(0, 2, (8, size)).astype(np.float32),
-        "graded": rng.normal(scale=3, size=(8, size)).astype(np.float32),
+        "continuous": rng.normal(scale=3, size=(8, size)).astype(np.float32),
     }[own.actions.kind]
     traced = np.asarray(jax.jit(jax.vmap(again.decode))(given))
     np.testing.assert_array_equal(traced.reshape(len(given), -1), own.actions.native(given).reshape(len(given), -1))

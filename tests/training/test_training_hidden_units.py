@@ -9,6 +9,7 @@ from training_examples import PLAIN
 import motorgrad as mg
 from motorgrad.cli import main
 from motorgrad.learning import FisherMetric, LeastSquares, LinearCritic, gae
+from motorgrad.policies import abilities
 from motorgrad.tasks import from_gymnasium
 from motorgrad.training import agent_for, evaluate, stepper_for
 from motorgrad.training._agents import agent_from_table, agent_table
@@ -93,7 +94,9 @@ def test_memory_starts_anew_with_every_episode_on_the_host(mode, signal):
     """After an episode's end, the units' view is that of a first decision."""
     agent = agent_for(signal, {**PLAIN, "policy": KINDS["recurrent"], "learning_rate": 0.0})
     stepper = stepper_for(signal, agent, [3, 8], mode)
-    first_view = jax.jit(lambda policy, seen: policy.perceive(policy.initial_memory(), seen))
+    first_view = jax.jit(
+        lambda policy, seen: abilities.observation_with_memory(policy, abilities.initial_memory(policy), seen)
+    )
     for decision in range(1, 8):
         stepper.advance(1)
         cycle = stepper.state["cycle"]

@@ -341,7 +341,13 @@ def test_programs_are_shared_by_the_same_task_structure_and_mode_alone():
     assert program(mg.make("chain", time_limit=9), decay=0.1, learning_rate=0.5) is own
     assert program(mode="sample") is not own
     assert program(mg.make("chain", time_limit=8)) is not own
-    for changes in ({"baseline": None}, {"discount": 0.9}, {"update_every": 2}, {"optimizer": "adam"}, {"trace": "window"}):
+    for changes in (
+        {"baseline": None},
+        {"discount": 0.9},
+        {"update_every": 2},
+        {"optimizer": "adam"},
+        {"trace": "window"},
+    ):
         assert program(**changes) is not own
     assert program(learning_rate={"weights": 0.1}) is not own
     with jax.enable_x64(True):

@@ -21,7 +21,7 @@ from compiled_c import CompiledC, needs_compiler
 from motorgrad._random import draw_block, key_of
 from motorgrad.environments import TaskEnv
 from motorgrad.export import read
-from motorgrad.policies import Actor, Interface, with_interface
+from motorgrad.policies import Actor, Interface, abilities, with_interface
 from motorgrad.policies._export import functions, programs
 
 STEPS = {"CartPole": 60}
@@ -231,13 +231,13 @@ def test_a_policy_with_a_memory_acts_by_an_actor_that_keeps_it():
     with pytest.raises(ValueError, match=r"without a memory; run\.actor\(seed\) keeps it"):
         run.act(np.zeros(run.task.observation_size))
     policy, actor = run.policy(), run.actor()
-    memory, rng = policy.initial_memory(), np.random.default_rng(0)
+    memory, rng = abilities.initial_memory(policy), np.random.default_rng(0)
     for _ in range(6):
         observation, uniforms = rng.random(policy.observation_size), jnp.asarray(rng.random(policy.uniforms))
-        seen = policy.perceive(memory, jnp.asarray(observation, jnp.float32))
+        seen = abilities.observation_with_memory(policy, memory, jnp.asarray(observation, jnp.float32))
         action = policy.sample(seen, uniforms)
-        memory = policy.remember(seen, action)
-        np.testing.assert_array_equal(actor.act(observation, uniforms), policy.emit(action))
+        memory = abilities.remember(policy, seen, action)
+        np.testing.assert_array_equal(actor.act(observation, uniforms), abilities.task_action(policy, action))
     before = np.asarray(actor.memory)
     actor.reset()
     assert not np.array_equal(actor.memory, before)

@@ -29,7 +29,7 @@ CASES = [*sorted(set(TASKS) - {"elbow"}), pytest.param("elbow", marks=pytest.mar
 POLICIES = {
     "discrete": mg.policies.softmax,
     "binary": mg.policies.hyperplanes,
-    "graded": mg.policies.graded_hyperplanes,
+    "continuous": mg.policies.graded_hyperplanes,
 }
 
 

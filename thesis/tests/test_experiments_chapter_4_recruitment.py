@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from motorgrad.bodies import POSTURES, Arm, lift_table
-from motorgrad.policies import Motoneurons
+from motorgrad.policies import Motoneurons, abilities
 from motorgrad.tasks import ArmRecruitment, LinearRecruitment
 from motorgrad.training import agent_for, train
 from motorgrad.worlds import immediate_reward
@@ -118,7 +118,7 @@ def test_impossible_settings_are_refused_by_name(name, setting, named):
 def test_the_chances_of_counts_are_those_of_all_actions():
     threshold, gain, inputs = [0.1, 0.5, 0.7], [4.0, -2.0, 9.0], np.array([0.0, 0.4, 1.1])
     pool = Motoneurons(jnp.array(threshold), jnp.array(gain))
-    actions = pool.enumerate()
+    actions = abilities.enumerate(pool)
     log_prob = jax.vmap(lambda x: jax.vmap(lambda a: pool.log_prob(x[None], a))(actions))(jnp.asarray(inputs))
     counts = np.asarray(actions.sum(1))
     every = np.stack([np.exp(log_prob)[:, counts == number].sum(1) for number in range(4)], axis=1)

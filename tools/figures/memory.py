@@ -11,7 +11,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 import motorgrad as mg
-from motorgrad.policies import Autoregressive, FiniteStateController, Layered, Policy, Recurrent, graded_hyperplanes
+from motorgrad.policies import (
+    Autoregressive,
+    FiniteStateController,
+    Layered,
+    Policy,
+    Recurrent,
+    abilities,
+    graded_hyperplanes,
+)
 from motorgrad.tasks import FiniteTask, LoadUnload, Parity, TMaze
 from motorgrad.worlds import oracle
 from tools.figures._diagram import frame, states
@@ -227,12 +235,12 @@ def _noise(rho: float, decisions: int) -> np.ndarray:
     policy = Autoregressive(graded_hyperplanes(1, 1, deviation=1.0), jnp.asarray(rho))
 
     def step(memory: Any, uniforms: Any) -> Any:
-        seen = policy.perceive(memory, jnp.zeros(1))
+        seen = abilities.observation_with_memory(policy, memory, jnp.zeros(1))
         action = policy.sample(seen, uniforms)
-        return policy.remember(seen, action), action[0]
+        return abilities.remember(policy, seen, action), action[0]
 
     uniforms = jax.random.uniform(jax.random.key(0), (decisions, 1))
-    return np.asarray(jax.lax.scan(step, policy.initial_memory(), uniforms)[1])
+    return np.asarray(jax.lax.scan(step, abilities.initial_memory(policy), uniforms)[1])
 
 
 def _filtered(signal: np.ndarray, constant: float) -> np.ndarray:
@@ -250,15 +258,15 @@ def _walk(policy: Any, observations: np.ndarray) -> Any:
     """What a policy's units see of a sequence of observations, when its actions do not matter."""
 
     def step(memory: Any, observation: Any) -> Any:
-        seen = policy.perceive(memory, observation)
-        return policy.remember(seen, jnp.zeros(1)), seen
+        seen = abilities.observation_with_memory(policy, memory, observation)
+        return abilities.remember(policy, seen, jnp.zeros(1)), seen
 
-    return jax.lax.scan(step, policy.initial_memory(), jnp.asarray(observations, jnp.float32))[1]
+    return jax.lax.scan(step, abilities.initial_memory(policy), jnp.asarray(observations, jnp.float32))[1]
 
 
 def _activations(policy: Recurrent, observations: np.ndarray) -> np.ndarray:
     """The recurrent units' activations."""
-    seen = jax.vmap(policy.judged)(_walk(policy, observations))
+    seen = jax.vmap(lambda each: abilities.critic_observation(policy, each))(_walk(policy, observations))
     return np.asarray(seen)[:, policy.observation_size :]
 
 

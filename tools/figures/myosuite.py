@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import motorgrad as mg
+from motorgrad.policies import abilities
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, level, panels
 from tools.figures._work import Work
 from tools.myosuite import TASKS, stored
@@ -82,7 +83,7 @@ def hindsight() -> Figure:
 
 def holding(work: Work) -> Figure:
     """The angle of an elbow that learned with noise that lasts, with a filtered mean action and with one as it is."""
-    task = mg.tasks.myosuite(TASKS["elbow"][0], actions="graded", scaling="none")
+    task = mg.tasks.myosuite(TASKS["elbow"][0], actions="continuous", scaling="none")
     steps = TASKS["elbow"][1]
     angle, error = (task.observation_names.index(name) for name in ("r_elbow_flex", "target error r_elbow_flex"))
     time = task.period * np.arange(100)
@@ -96,13 +97,13 @@ def holding(work: Work) -> Figure:
         several = sorted((observation[angle] + observation[error], seed) for observation, seed in starts)[1::3]
         for (wanted, seed), colour in zip(several, (BLUE, RED, GREEN, ORANGE), strict=True):
             observation = world.reset(seed=seed)[0]
-            memory = policy.initial_memory()
+            memory = abilities.initial_memory(policy)
             path = []
             for _ in time:
                 path.append(observation[angle])
-                seen = policy.perceive(memory, jnp.asarray(observation))
+                seen = abilities.observation_with_memory(policy, memory, jnp.asarray(observation))
                 action = policy.mode(seen)
-                memory = policy.remember(seen, action)
+                memory = abilities.remember(policy, seen, action)
                 observation = world.step(np.asarray(action))[0]
             panel.axhspan(wanted - 0.175, wanted + 0.175, color=colour, alpha=0.12, linewidth=0)
             panel.plot(time, path, color=colour, linewidth=1.3)

@@ -9,7 +9,7 @@ import numpy as np
 import optax
 from matplotlib.figure import Figure
 
-from motorgrad.policies import MultilayerPerceptron, Network, Policy, hyperplanes, split
+from motorgrad.policies import MultilayerPerceptron, Network, Policy, abilities, hyperplanes, split
 from tools.figures._style import inputs, over, panels, plane
 
 REACH = 1.5
@@ -28,7 +28,7 @@ def network() -> Figure:
         panel.pcolormesh(x, y, fires, cmap="Blues", vmin=0, vmax=1.4, rasterized=True)
         panel.contour(x, y, fires, levels=[0.5], colors="black", linewidths=0.8)
         inputs(panel, title)
-    last = over(lambda seen: policy.hidden_activations(seen)[-1], x, y)
+    last = over(lambda seen: abilities.hidden_activations(policy, seen)[-1], x, y)
     weights = np.asarray(policy.pool.weights)[0]  # type: ignore[attr-defined]
     for panel, unit in zip(axes[2:], np.argsort(-np.abs(weights))[:4], strict=True):
         shown = last[..., unit]

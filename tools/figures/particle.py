@@ -112,7 +112,7 @@ def navigation() -> Figure:
     start = task.start
     axes[0].axvspan(*start.x, ymin=start.y[0], ymax=start.y[1], color=BLUE, alpha=0.12)
     axes[0].text(np.mean(start.x), 0.5, "start", ha="center", color=BLUE)
-    axes[0].text(task.goal[1], task.goal[2] + 0.12, "goal", ha="center", color=GREEN)
+    axes[0].text(task.goal_region[1], task.goal_region[2] + 0.12, "goal", ha="center", color=GREEN)
     axes[0].set_title("goal and obstacle")
     _paths(axes[1], task, _first(task), 4, 60)
     axes[1].set_title("paths of the untrained policy")

@@ -24,6 +24,7 @@ from motorgrad.policies import (
     SoftBoxes,
     Softmax,
     SoftSpheres,
+    abilities,
 )
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, RED, arrow, inputs, over, panels, plane
 
@@ -256,7 +257,7 @@ def gated() -> Figure:
     figure, axes = panels(3, height=2.8, sharey=True)
     shown: Any = None
     titles = ("gate silent, so the unit too", "gate open, unit silent", "gate open, unit fires")
-    for panel, action, title in zip(axes, policy.enumerate(), titles, strict=True):
+    for panel, action, title in zip(axes, abilities.enumerate(policy), titles, strict=True):
         chance = np.exp(over(lambda point, a=action: policy.log_prob(point, a)[None], x, y)[..., 0])
         shown = panel.pcolormesh(x, y, chance, vmin=0, vmax=1, rasterized=True)
         panel.contour(x, y, over(gate.prob, x, y)[..., 0], [0.475], colors="white", linewidths=0.8)
@@ -325,7 +326,7 @@ def factored() -> Figure:
     x, y = plane(1.5, 91)
     figure, axes = panels(4, height=2.5, sharey=True)
     shown: Any = None
-    for panel, action in zip(axes, policy.enumerate(), strict=True):
+    for panel, action in zip(axes, abilities.enumerate(policy), strict=True):
         chance = np.exp(over(lambda point, a=action: policy.log_prob(point, a)[None], x, y)[..., 0])
         shown = panel.pcolormesh(x, y, chance, vmin=0, vmax=1, rasterized=True)
         panel.set(title=f"action ({int(action[0])}, {int(action[1])})", aspect="equal", xlabel="$y_1$")

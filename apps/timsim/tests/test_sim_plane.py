@@ -230,9 +230,9 @@ def test_where_episodes_end():
     task = ParticleNavigation()
     ended = [path for path in trajectories(task, tiles(task, copies=4), 20, decisions=300) if len(path) < 201]
     assert ended
-    goal = np.array(task.goal[1:3])
+    goal = np.array(task.goal_region[1:3])
     for path in ended:
-        away = np.linalg.norm(path - goal, axis=1) / task.goal[3]
+        away = np.linalg.norm(path - goal, axis=1) / task.goal_region[3]
         assert away[-1] <= 1 < away[:-1].min()
 
 

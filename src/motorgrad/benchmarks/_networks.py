@@ -45,7 +45,7 @@ class Stream(Task):
     """Numbers from −1 to 1 are observed, and the reward is minus the mean square of the actions."""
 
     name: ClassVar[str] = "stream"
-    actions: ClassVar[Any] = "graded"
+    actions: ClassVar[Any] = "continuous"
 
     @property
     def dynamics(self) -> World:

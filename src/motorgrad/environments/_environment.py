@@ -24,8 +24,8 @@ class TaskEnv(gymnasium.Env[np.ndarray, Any]):
 
     **Observation:** `Box` of float32, raw: in the task's own units, without running statistics. Of a policy that
     motorgrad has learned, `Run.act` takes them as they are. **Action:** `MultiBinary(action_size)`, a zero or a one per
-    group of muscles or unit; `Discrete(action_size)` for a task with discrete actions; for graded actions a `Box` of
-    the task's `action_range`. For a learner that wants numbers from −1 to 1, `gymnasium.wrappers.RescaleAction` and
+    group of muscles or unit; `Discrete(action_size)` for a task with discrete actions; for continuous actions a `Box`
+    of the task's `action_range`. For a learner that wants numbers from −1 to 1, `gymnasium.wrappers.RescaleAction` and
     `NormalizeObservation` make them. **Reward** and `terminated` are the task's. `truncated` is true when the task's
     own `time_limit` is reached, or the simulation diverged; the body is then back at its start, and the reward is 0.
 

@@ -25,7 +25,7 @@ def task_of(task: Task | str, settings: dict[str, Any]) -> Task:
 
 def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     """The observation and the action space of a task. **Raises** `ValueError` for actions of another kind."""
-    wanted = "one that takes binary, discrete or graded actions"
+    wanted = "one that takes binary, discrete or continuous actions"
     check(task.actions in task.accepted_actions, f"task {task.name!r}", task.accepted_actions, wanted)
     most = np.full(task.observation_code.size, np.finfo(np.float32).max)
     low = -most
@@ -38,9 +38,9 @@ def spaces_of(task: Task) -> tuple[spaces.Box, ActionSpace]:
     observation = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
     if task.actions == "discrete":
         return observation, spaces.Discrete(task.action_size)
-    if task.actions == "graded" or isinstance(task.actions, tuple):
+    if task.actions == "continuous" or isinstance(task.actions, tuple):
         low, high = np.asarray(task.action_range, np.float32).T
-        binary = np.equal(task.actions, "binary")  # among graded ones
+        binary = np.equal(task.actions, "binary")  # among continuous ones
         return observation, spaces.Box(np.where(binary, 0.0, low), np.where(binary, 1.0, high), dtype=np.float32)
     return observation, spaces.MultiBinary(task.action_size)
 
@@ -57,7 +57,7 @@ def check_action(
     space: ActionSpace, action: object, rows: tuple[int, ...] = (), binary: npt.ArrayLike = False
 ) -> np.ndarray:
     """Check an action of `space`, or one for each of `rows`, and return a copy in the task's type. Where `binary` is
-    true among graded numbers, those above 0.5 are 1. **Raises** `ValueError` naming what is wrong: shape, dtype or
+    true among continuous numbers, those above 0.5 are 1. **Raises** `ValueError` naming what is wrong: shape, dtype or
     range."""
     array = as_array("action", action)
     shape = (*rows, *(space.shape or ()))

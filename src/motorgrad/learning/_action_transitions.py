@@ -25,7 +25,7 @@ from motorgrad.learning._branching import where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, check_blind, endless
 from motorgrad.learning._learner import Transition
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from motorgrad.schema import inner, number, static
 
 MAX_ACTIONS = 64
@@ -97,12 +97,13 @@ class ActionTransitions(Baseline):
     def init(self, policy: Policy, dtype: DTypeLike) -> TransitionState:
         kind = policy.actions
         name = type(policy).__name__
-        plain = kind in ("binary", "discrete") and not policy.hides and not policy.has_memory
+        more = abilities.has_hidden_units(policy) or abilities.has_memory(policy)
+        plain = kind in ("binary", "discrete") and not more
         wanted = "one with binary or discrete actions, no hidden units and no memory, for ActionTransitions"
         check(plain, "policy", name, wanted)
         few = policy.outputs <= MAX_ACTIONS if kind == "discrete" else 2**policy.outputs <= MAX_ACTIONS
         check(few, "policy", f"{name} of {policy.outputs} {kind} outputs", f"one of at most {MAX_ACTIONS} actions")
-        size = self.features(jnp.zeros(policy.inputs, dtype)).size * len(policy.enumerate())
+        size = self.features(jnp.zeros(policy.inputs, dtype)).size * len(abilities.enumerate(policy))
         weights = jnp.zeros(size, dtype)
         fit = self.fit.init(weights, size)
         return TransitionState(weights, running_mean(jnp.zeros((), dtype)), fit, jnp.full((), -1, jnp.int32))
@@ -111,7 +112,7 @@ class ActionTransitions(Baseline):
         return state.reward.mean
 
     def values(self, state: TransitionState, observation: Float[Array, " inputs"]) -> Float[Array, " actions"]:
-        """$Q(y, a)$ of every action, in the order of `Policy.enumerate`."""
+        """$Q(y, a)$ of every action, in the order of `abilities.enumerate`."""
         phi = self.features(observation.astype(state.weights.dtype))
         return jnp.sum(state.weights.reshape(-1, phi.size) * phi, axis=1)
 
@@ -119,7 +120,7 @@ class ActionTransitions(Baseline):
         self, state: TransitionState, policy: Policy, transition: Transition
     ) -> tuple[Advantage, TransitionState]:
         dtype = state.weights.dtype
-        actions = policy.enumerate()
+        actions = abilities.enumerate(policy)
         observation = transition.observation.astype(dtype)
         later = transition.next_observation.astype(dtype)
         rows = actions.reshape(len(actions), -1)

@@ -30,7 +30,7 @@ from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean, two_sum
 from motorgrad.learning._branching import NEVER, where
 from motorgrad.learning._learner import Transition
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from motorgrad.schema import Part, count, is_tracer, number
 
 
@@ -166,7 +166,7 @@ class InputBaseline(Baseline):
         """The state after the reward of an action that was taken on `observation`."""
 
     def update(self, state: PyTree, policy: Policy, transition: Transition) -> tuple[Advantage, PyTree]:
-        observation = policy.judged(transition.observation)
+        observation = abilities.critic_observation(policy, transition.observation)
         reward = transition.reward
         level = self.level(state)
         expected = self.value_at(state, observation)
@@ -191,7 +191,7 @@ class LinearBaseline(InputBaseline):
     rate: float = number(0.01, 0, 1, open_low=True, help=r"$\gamma$; 1 fits every reward at once and remembers little")
 
     def init(self, policy: Policy, dtype: DTypeLike) -> LinearState:
-        inputs = policy.judged(jnp.zeros(policy.inputs)).size
+        inputs = abilities.critic_observation(policy, jnp.zeros(policy.inputs)).size
         return LinearState(jnp.zeros(inputs + 1, dtype), running_mean(jnp.zeros((), dtype)))
 
     def level(self, state: LinearState) -> Float[Array, ""]:
@@ -237,7 +237,7 @@ class BinnedBaseline(InputBaseline):
         check(not known or self.low < self.high, "low, high", (self.low, self.high), "finite, low < high")
 
     def init(self, policy: Policy, dtype: DTypeLike) -> RunningMean:
-        inputs = policy.judged(jnp.zeros(policy.inputs)).size
+        inputs = abilities.critic_observation(policy, jnp.zeros(policy.inputs)).size
         check(self.input < inputs, "input", self.input, f"one of {inputs} observed numbers, 0 … {inputs - 1}")
         return running_mean(jnp.zeros(self.bins + 1, dtype))._replace(count=jnp.zeros(self.bins + 1, jnp.uint32))
 

@@ -25,7 +25,7 @@ from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
 from motorgrad.learning._branching import NEVER, Flag, Scalar
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.policies import Policy, abilities, split, trainable
 from motorgrad.schema import Part, count, number, static
 
 Updates = PyTree[Array]
@@ -317,10 +317,10 @@ class Chain(NamedTuple):
         for stage, own in zip(self.stages, state.chain, strict=True):
             updates, own = stage.update(updates, own, policy, state.steps, due)
             states.append(own)
-        updates = scale(policy.allowed(updates))
+        updates = scale(abilities.allowed(policy, updates))
         for stage, own in reversed(list(zip(self.stages, states, strict=True))):  # the innermost limit first
             updates = stage.constrain(updates, own, policy, state.steps, due)
-        moved = eqx.combine(eqx.apply_updates(parameters, updates), settings).limited()
+        moved = abilities.limited(eqx.combine(eqx.apply_updates(parameters, updates), settings))
         steps = None if state.steps is None else counted_on(state.steps)
         chain = self.map(lambda stage, own: stage.after_step(own, moved, steps), tuple(states))
         return state._replace(policy=moved, chain=chain, steps=steps)

@@ -24,7 +24,17 @@ from motorgrad.learning._centring import Centring, SimpleCentring
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, Weights
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._overshooting import BoundedTemporalDifference
-from motorgrad.policies import Architecture, FeatureMap, MultilayerPerceptron, Policy, adapted, frozen, split, thawed
+from motorgrad.policies import (
+    Architecture,
+    FeatureMap,
+    MultilayerPerceptron,
+    Policy,
+    abilities,
+    adapted,
+    frozen,
+    split,
+    thawed,
+)
 from motorgrad.schema import Part, inner, number, static
 
 
@@ -132,7 +142,7 @@ class Critic(Baseline):
 
     def start(self, policy: Policy, dtype: DTypeLike, key: jax.Array) -> CriticState:
         seen = jnp.zeros(policy.inputs, dtype)
-        observation = policy.judged(seen)
+        observation = abilities.critic_observation(policy, seen)
         previous = jnp.zeros_like(_as_vector(policy, policy.mode(seen), dtype))
         shape = jax.eval_shape(self.features, observation, previous).shape
         check(len(shape) == 1 and shape[0] > 0, "features", f"of shape {shape}", "a vector")

@@ -15,7 +15,7 @@ from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, first_blocks, identities
 from motorgrad.learning._schedules import Steps
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import number
 
 
@@ -94,12 +94,12 @@ class ShermanMorrison(Metric):
     initial: float = number(1.0, 0, open_low=True, at_start=True, help="first diagonal of $F$, in the same units")
 
     def init(self, policy: Policy) -> InverseState:
-        rows = policy.blocks(jax.tree.map(jnp.zeros_like, trainable(policy)))
+        rows = abilities.blocks(policy, jax.tree.map(jnp.zeros_like, trainable(policy)))
         blocks = first_blocks(policy, rows, 1 / self.initial, "CompatibleWeights")
         return InverseState(blocks, jnp.zeros((), jnp.int32))
 
     def observe(self, state: InverseState, policy: Policy, transition: Transition) -> InverseState:
-        rows = policy.blocks(policy.score(transition.observation, transition.action))
+        rows = abilities.blocks(policy, policy.score(transition.observation, transition.action))
 
         def after(inverse: Array, score: Array) -> Array:
             size = score.shape[1]
@@ -115,8 +115,10 @@ class ShermanMorrison(Metric):
     def update(
         self, updates: Updates, state: InverseState, policy: Policy, steps: Steps, due: Flag
     ) -> tuple[Updates, InverseState]:
-        pairs = zip(state.blocks, policy.blocks(updates), strict=True)
-        return policy.from_blocks(tuple((inverse * row[:, None, :]).sum(-1) for inverse, row in pairs)), state
+        pairs = zip(state.blocks, abilities.blocks(policy, updates), strict=True)
+        return abilities.from_blocks(
+            policy, tuple((inverse * row[:, None, :]).sum(-1) for inverse, row in pairs)
+        ), state
 
     def after_growth(self, state: InverseState, new: Bool[Array, " units"]) -> InverseState:
         fresh = (identities(block[:, 0], 1 / self.initial) for block in state.blocks)

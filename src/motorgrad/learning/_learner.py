@@ -19,7 +19,15 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._errors import check
 from motorgrad.learning._branching import Flag
-from motorgrad.policies import InitialPolicy, Policy, PrintedGaussians, trainable, with_frozen_functions, with_interface
+from motorgrad.policies import (
+    InitialPolicy,
+    Policy,
+    PrintedGaussians,
+    abilities,
+    trainable,
+    with_frozen_functions,
+    with_interface,
+)
 from motorgrad.schema import PART_CLASSES, Numbers, Part, inner
 
 
@@ -204,22 +212,22 @@ def _check_policy(learner: Learner, policy: Policy) -> None:
     needs = learner.needs
     kind = type(policy).__name__
     name = type(learner).__name__
-    plain = needs.memory not in ("noise", "none") or not policy.hides
+    plain = needs.memory not in ("noise", "none") or not abilities.has_hidden_units(policy)
     if needs.memory == "noise":
-        plain = plain and not policy.marginal.has_memory
+        plain = plain and not abilities.has_memory(abilities.marginal(policy))
     elif needs.memory == "none":
-        plain = plain and not policy.has_memory
+        plain = plain and not abilities.has_memory(policy)
     if needs.continuous:
         memory = "no memory but lasting noise" if needs.memory == "noise" else "no memory"
         wanted = f"one with real-valued actions, such as BoundedHyperplanes, and {memory}, for {name}"
-        check(plain and policy.actions == "graded", "policy", kind, wanted)
-        _check_differentiable(policy.marginal, kind)
+        check(plain and policy.actions == "continuous", "policy", kind, wanted)
+        _check_differentiable(abilities.marginal(policy), kind)
     else:
         check(plain, "policy", kind, f"one without hidden units or a memory for {name}")
     wanted = f"one whose memory does not depend on its parameters, for {name}"
-    check(needs.memory != "independent" or not policy.remembers_parameters, "policy", kind, wanted)
+    check(needs.memory != "independent" or not abilities.remembers_parameters(policy), "policy", kind, wanted)
     wanted = "one with an exact score; with filtered = False, learn by SoftActorCritic"
-    check(policy.has_exact_score or not needs.score, "policy", kind, wanted)
+    check(abilities.has_exact_score(policy) or not needs.score, "policy", kind, wanted)
     printed = not needs.score and any(map(_is_printed, jax.tree.leaves(policy, is_leaf=_is_printed)))
     check(not printed, "pair", "printed", f"exact for {name}, which asks for no scores")
 

@@ -21,7 +21,7 @@ from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._gradients import empty_rows
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._schedules import Annealed, Steps, at
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import count, number
 
 MAX_BLOCK_PARAMETERS = 4096
@@ -86,7 +86,7 @@ class FisherMetric(LimitedMetric):
     r"""A running Fisher matrix of each unit's own parameters, whose inverse multiplies the gradient.
 
     After every decision $F \leftarrow F + \rho\,(\mathbb E[ss' \mid y_t] - F)$, where the expectation is over the
-    unit's own action where that is cheap (see `Policy.fisher`). Every step of the parameters takes the direction
+    unit's own action where that is cheap (see `abilities.fisher`). Every step of the parameters takes the direction
     $(F + \operatorname{diag}\,d)^{-1} g$ in place of $g$. Units, and pools of units, do not share matrices.
 
     $F$ starts as `initial` times the identity and forgets that as $(1 - \rho)^t$, so that the first steps are those of
@@ -145,7 +145,7 @@ class FisherMetric(LimitedMetric):
             return state._replace(
                 observations=kept[0], actions=kept[1], waiting=where(dropped, state.waiting, state.waiting + 1)
             )
-        now = policy.fisher(transition.observation, transition.action)
+        now = abilities.fisher(policy, transition.observation, transition.action)
         distances = [x - f for f, x in zip(state, now, strict=True)]
         zeros = [jnp.zeros_like(x) for x in distances]
         steps = where(transition.diverged, zeros, [self.rate * x for x in distances])
@@ -165,7 +165,7 @@ class FisherMetric(LimitedMetric):
             rate = jnp.asarray(self.rate, observations.dtype)
             since = waiting - 1 - jnp.arange(self.interval)
             weights = jnp.where(since >= 0, rate * (1 - rate) ** jnp.maximum(since, 0), 0)
-            added = policy.fisher_sum(observations, actions, weights)
+            added = abilities.fisher_sum(policy, observations, actions, weights)
             kept = (1 - rate) ** waiting
             return tuple(kept * f + more for f, more in zip(blocks, added, strict=True)), waiting * 0
 
@@ -201,17 +201,17 @@ class FisherMetric(LimitedMetric):
 
     def precondition(self, state: Blocks, policy: Policy, gradient: PyTree) -> PyTree:
         r"""$(F + \operatorname{diag}\,d)^{-1} g$, in the structure of the gradient."""
-        parts = zip(state, self._dampings(policy), policy.blocks(gradient), strict=True)
-        return policy.from_blocks(tuple(_solve(f, d, g, 16 + 1 / self.rate) for f, d, g in parts))
+        parts = zip(state, self._dampings(policy), abilities.blocks(policy, gradient), strict=True)
+        return abilities.from_blocks(policy, tuple(_solve(f, d, g, 16 + 1 / self.rate) for f, d, g in parts))
 
     def divergence(self, state: Blocks, policy: Policy, step: PyTree) -> Float[Array, ""]:
-        parts = zip(state, policy.blocks(step), strict=True)
+        parts = zip(state, abilities.blocks(policy, step), strict=True)
         return 0.5 * sum((jnp.sum((f * s[:, None, :]).sum(-1) * s) for f, s in parts), start=jnp.zeros(()))
 
     def _dampings(self, policy: Policy) -> tuple[Float[Array, "units parameters"], ...]:
         parameters = trainable(policy)
         given = by_group("damping", "of all", self.damping, parameters, default=0.0)
-        return policy.blocks(jax.tree.map(lambda d, p: jnp.broadcast_to(d, p.shape), given, parameters))
+        return abilities.blocks(policy, jax.tree.map(lambda d, p: jnp.broadcast_to(d, p.shape), given, parameters))
 
 
 def zeros_of(policy: Policy) -> Float[Array, " parameters"]:

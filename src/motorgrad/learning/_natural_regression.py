@@ -22,7 +22,7 @@ from motorgrad.learning._critics import Features, check_blind, endless
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import Metric, zeros_of
 from motorgrad.learning._schedules import Steps
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import inner, number
 
 
@@ -83,7 +83,7 @@ class LeastSquaresNatural(RegressionMetric):
 
     def init(self, policy: Policy) -> CompatibleState:
         zeros = zeros_of(policy)
-        seen = self.features(policy.judged(jnp.zeros(policy.inputs, zeros.dtype)))
+        seen = self.features(abilities.critic_observation(policy, jnp.zeros(policy.inputs, zeros.dtype)))
         weights = jnp.zeros(seen.size + zeros.size, zeros.dtype)
         return CompatibleState(weights, running_mean(jnp.zeros((), zeros.dtype)), self.fit.init(weights, weights.size))
 
@@ -91,7 +91,7 @@ class LeastSquaresNatural(RegressionMetric):
         dtype = state.weights.dtype
         horizon = 1.0 if self.discount is None else self.discount
         score = self.score(policy, transition)
-        present = self.features(policy.judged(transition.observation))
+        present = self.features(abilities.critic_observation(policy, transition.observation))
         following = self.features(transition.next_observation)
         following = jnp.where(transition.terminated, 0, following)
         slope = jnp.concatenate([present, score]).astype(dtype)

@@ -21,7 +21,7 @@ from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._baselines import Advantage, Baseline
 from motorgrad.learning._branching import ratio, where
 from motorgrad.learning._learner import Transition
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import number, static
 
 Each = Literal["policy", "unit", "parameter"]
@@ -54,8 +54,8 @@ class EligibilityBaseline(Baseline):
         return running_mean(tuple((part.astype(dtype),) * 2 for part in like))
 
     def values(self, state: RunningMean) -> tuple[Float[Array, "units parameters"], ...]:
-        """The baselines, in the form of `Policy.blocks` with axes of length 1 for what shares one; 0 for what has not
-        been eligible yet."""
+        """The baselines, in the form of `abilities.blocks`, with axes of length 1 for what shares one; 0 for what has
+        not been eligible yet."""
         return tuple(ratio(products, weights) for products, weights in state.mean)
 
     def level(self, state: RunningMean) -> Float[Array, ""]:
@@ -70,14 +70,14 @@ class EligibilityBaseline(Baseline):
         level = reward - self.level(state)
         errors: Any = level
         if self.apart != "policy":
-            rows = policy.blocks(eligibility)
+            rows = abilities.blocks(policy, eligibility)
             apart = zip(self.values(state), rows, strict=True)
-            errors = policy.from_blocks(tuple(jnp.broadcast_to(reward - b, row.shape) for b, row in apart))
+            errors = abilities.from_blocks(policy, tuple(jnp.broadcast_to(reward - b, row.shape) for b, row in apart))
         return Advantage(level, errors), where(transition.diverged, state, after)
 
     def _lengths(self, policy: Policy, eligibility: PyTree[Array]) -> Rows:
         """The squared lengths of the parts of a trace that have a baseline of their own."""
-        squares = [jnp.square(row) for row in policy.blocks(eligibility)]
+        squares = [jnp.square(row) for row in abilities.blocks(policy, eligibility)]
         if self.apart == "policy":
             return (jnp.reshape(jnp.stack([jnp.sum(part) for part in squares]).sum(), (1, 1)),)
         return tuple(squares if self.apart == "parameter" else [part.sum(1, keepdims=True) for part in squares])
@@ -99,7 +99,7 @@ class OptimalBaseline(EligibilityBaseline):
     each: Each = static(
         "policy",
         kw_only=True,
-        help="what has a baseline of its own: the policy as a whole, every unit (row of `Policy.blocks`) or parameter",
+        help="what has a baseline of its own: the policy as a whole, every unit (row of its blocks) or parameter",
     )
 
     @property

@@ -28,7 +28,7 @@ from motorgrad.learning._critics import Features, check_blind
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import Blocks, Metric, identities, zeros_of
 from motorgrad.learning._schedules import Steps
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import inner, number
 
 
@@ -57,7 +57,7 @@ class StationaryMetric(Metric):
     r"""The Fisher matrix of states and actions together, whose inverse multiplies the gradient (Morimura et al., 2009).
 
     The direction of a step is $(F_a + \iota\,\mathbb E[\xi\xi'] + dI)^{-1} g$. $F_a$ is the running mean of
-    `Policy.fisher`. $\xi(y) = \Omega'\phi(y)$ is linear in features, and $\Omega$ solves
+    `abilities.fisher`. $\xi(y) = \Omega'\phi(y)$ is linear in features, and $\Omega$ solves
 
     $$\big(\overline{\phi_t\,(\phi_t - u_t)'} + \overline\phi\,\overline\phi' + \epsilon I\big)\,\Omega =
     \overline{\phi_t z_t'}, \quad u_{t+1} = (1 - \lambda)\,\phi_t + \lambda u_t, \quad z_{t+1} = \psi_t + \lambda z_t.$$
@@ -118,18 +118,18 @@ class StationaryMetric(Metric):
 
     def init(self, policy: Policy) -> StationaryState:
         zeros = zeros_of(policy)
-        blocks = tuple(identities(block, self.initial) for block in policy.blocks(trainable(policy)))
+        blocks = tuple(identities(block, self.initial) for block in abilities.blocks(policy, trainable(policy)))
         started = running_mean(blocks)._replace(mean=blocks)
-        phi = jnp.zeros_like(self.features(policy.judged(jnp.zeros(policy.inputs, zeros.dtype))))
+        phi = jnp.zeros_like(self.features(abilities.critic_observation(policy, jnp.zeros(policy.inputs, zeros.dtype))))
         square = jnp.zeros((phi.size, phi.size), zeros.dtype)
         means = running_mean(Backward(square, jnp.zeros((phi.size, zeros.size), zeros.dtype), phi, square))
         return StationaryState(started._replace(count=started.count + 1), means, phi, zeros, jnp.zeros((), bool))
 
     def observe(self, state: StationaryState, policy: Policy, transition: Transition) -> StationaryState:
         observation, action = transition.observation, transition.action
-        phi = self.features(policy.judged(observation)).astype(state.earlier.dtype)
+        phi = self.features(abilities.critic_observation(policy, observation)).astype(state.earlier.dtype)
         score = ravel_pytree(policy.score(observation, action))[0]
-        blocks = add_sample(state.blocks, policy.fisher(observation, action), self.rate)
+        blocks = add_sample(state.blocks, abilities.fisher(policy, observation, action), self.rate)
         outer = phi[:, None]
         sample = Backward(outer * (phi - state.earlier), outer * state.scores, phi, outer * phi)
         backward = where(state.any, add_sample(state.backward, sample, self.rate), state.backward)
@@ -157,9 +157,9 @@ class StationaryMetric(Metric):
         unravel = ravel_pytree(trainable(policy))[1]
 
         def product(vector: Array) -> Array:
-            parts = zip(state.blocks.mean, policy.blocks(unravel(vector)), strict=True)
+            parts = zip(state.blocks.mean, abilities.blocks(policy, unravel(vector)), strict=True)
             rows: Blocks = tuple((block * row[:, None, :]).sum(-1) for block, row in parts)
-            return ravel_pytree(policy.from_blocks(rows))[0]
+            return ravel_pytree(abilities.from_blocks(policy, rows))[0]
 
         weights = self.solution(state)
         means = state.backward.mean

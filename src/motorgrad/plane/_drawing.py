@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +54,7 @@ def shapes_of(policy: Policy) -> Shapes:
     import jax
     import jax.numpy as jnp
 
-    regions = policy.regions()
+    regions = abilities.regions(policy)
     local = regions is not None and regions.centre.shape[-1] >= 2
     wanted = "made of local units, which have a centre in the plane and a width"
     check(local, "policy", type(policy).__name__, wanted)
@@ -131,7 +132,7 @@ def draw_reward(axes: Axes, task: ParticleTask) -> None:
         draw_regions(axes, task.places, walls)
     elif isinstance(task, ParticleNavigation):
         draw_regions(axes, task.obstacles, walls)
-        _, x, y, *widths = task.goal
+        _, x, y, *widths = task.goal_region
         axes.add_patch(Ellipse((x, y), *(2 * np.array(widths)), facecolor=GOOD, edgecolor="none", alpha=0.7))
     else:
         _field(axes, _reward_at_rest(task), _box(axes, walls), None)

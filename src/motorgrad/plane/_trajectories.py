@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from motorgrad._arguments import check_arguments
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 
 if TYPE_CHECKING:
     from motorgrad.policies import Policy
@@ -96,10 +97,10 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
         def decide(
             memory: PyTree, state: ParticleState, seen: Array, kept: PyTree, choose: Array, move: Array, uniforms: Array
         ) -> Any:
-            units = policy.perceive(kept, seen)
+            units = abilities.observation_with_memory(policy, kept, seen)
             drawn = policy.sample(units, choose)
-            kept = policy.remember(units, drawn)
-            action = policy.emit(drawn)
+            kept = abilities.remember(policy, units, drawn)
+            action = abilities.task_action(policy, drawn)
             state = world.step(state, action, move)
             memory, _, terminated = task.reward(memory, state, action)
             ended = jnp.logical_or(terminated, task.truncated(memory, state))
@@ -114,7 +115,9 @@ def _compiled_episodes(task: ParticleTask, episodes: int, longest: int) -> Any:
 
         alive = jnp.ones(episodes, bool)
         lengths = jnp.zeros(episodes, jnp.int32)
-        kept = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (episodes, *leaf.shape)), policy.initial_memory())
+        kept = jax.tree.map(
+            lambda leaf: jnp.broadcast_to(leaf, (episodes, *leaf.shape)), abilities.initial_memory(policy)
+        )
         carry = (0, memory, state, seen, kept, alive, lengths, track)
         carry = jax.lax.while_loop(lambda c: (c[0] < longest) & c[5].any(), step, carry)
         return carry[-1], carry[-2]

@@ -1,6 +1,7 @@
 """Stochastic units, and the policies composed of them."""
 
 from motorgrad._interface import ActionCode, Interface, ObservationCode, Statistics
+from motorgrad.policies import abilities
 from motorgrad.policies._actor import Actor, decide
 from motorgrad.policies._architectures import ACTIVATIONS, Architecture, MultilayerPerceptron
 from motorgrad.policies._arguments import sizes
@@ -55,7 +56,7 @@ from motorgrad.policies._local import (
 from motorgrad.policies._mirrored import InitialMirrored, Mirrored, mirrored
 from motorgrad.policies._mixed import InitialMixed, Mixed, mixed
 from motorgrad.policies._parameters import fixed, split, trainable
-from motorgrad.policies._policy import Policy, Regions, with_interface
+from motorgrad.policies._policy import Policy, with_interface
 from motorgrad.policies._querying import InitialQueryingMotoneurons, Querying, querying_motoneurons
 from motorgrad.policies._recurrent import InitialRecurrent, Recurrence, Recurrent, recurrent
 from motorgrad.policies._soft_shapes import (
@@ -70,6 +71,7 @@ from motorgrad.policies._softmax import InitialSoftmax, Softmax, softmax
 from motorgrad.policies._standardisation import Standardisation, adapted
 from motorgrad.policies._starting import INITIAL, Initial, InitialPolicy, initial
 from motorgrad.policies._structure import describe, rebuild
+from motorgrad.policies.abilities import Regions
 
 __all__ = [
     "ACTIVATIONS",
@@ -142,6 +144,7 @@ __all__ = [
     "Softmax",
     "Standardisation",
     "Statistics",
+    "abilities",
     "activity",
     "adapted",
     "bounded_hyperplanes",

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
 from motorgrad._interface import Interface
+from motorgrad.policies import abilities
 
 
 class Decider(Protocol):
@@ -20,15 +21,9 @@ class Decider(Protocol):
     @property
     def interface(self) -> Interface | None: ...
     @property
-    def has_memory(self) -> bool: ...
-    @property
     def uniforms(self) -> int: ...
-    def initial_memory(self) -> Array | None: ...
-    def perceive(self, memory: Array | None, observation: Array) -> Array: ...
     def mode(self, observation: Array) -> Array: ...
     def sample(self, observation: Array, uniforms: Array) -> Array: ...
-    def emit(self, action: Array) -> Array: ...
-    def remember(self, seen: Array, action: Array) -> Array | None: ...
 
 
 P = TypeVar("P", bound=Decider)
@@ -50,9 +45,10 @@ def decide(policy: Decider, memory: Array | None, raw: Array, uniforms: Array | 
 
     **Returns** the policy's own action, before `interface.decode`, and its memory after it.
     """
-    seen = policy.perceive(memory, raw if policy.interface is None else policy.interface.encode(raw))
+    observation = raw if policy.interface is None else policy.interface.encode(raw)
+    seen = abilities.observation_with_memory(policy, memory, observation)
     action = policy.mode(seen) if uniforms is None else policy.sample(seen, uniforms)
-    return Decision(policy.emit(action), policy.remember(seen, action))
+    return Decision(abilities.task_action(policy, action), abilities.remember(policy, seen, action))
 
 
 _decided: Callable[..., Decision] = eqx.filter_jit(decide)
@@ -87,7 +83,7 @@ class Actor(Generic[P]):
 
     def reset(self) -> None:
         """Begin an episode: the memory is as at the start of one. A policy without a memory needs no call."""
-        self.memory = self.policy.initial_memory()
+        self.memory = abilities.initial_memory(self.policy)
 
     def act(self, observation: ArrayLike, uniforms: ArrayLike | None = None) -> np.ndarray:
         """The raw action for a raw observation; see `Policy.act`. Without a memory there may be leading axes."""
@@ -95,8 +91,9 @@ class Actor(Generic[P]):
         shape = np.shape(observation)
         ends = len(shape) - len(code.shape)
         several = shape[:ends] if ends > 0 else ()
-        right = shape[len(several) :] == code.shape and not (several and self.policy.has_memory)
-        check(right, "observation.shape", shape, f"{code.shape}{'' if self.policy.has_memory else ', after any axes'}")
+        single = abilities.has_memory(self.policy)
+        right = shape[len(several) :] == code.shape and not (several and single)
+        check(right, "observation.shape", shape, f"{code.shape}{'' if single else ', after any axes'}")
         raw = np.asarray(observation, np.float32).reshape(*several, code.size)
         check(np.isfinite(raw).all(), "observation", np.asarray(observation).tolist(), "finite numbers")
         drawn = None if uniforms is None else jnp.asarray(uniforms, jnp.result_type(float))

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check, counted, shown
+from motorgrad.policies import abilities
 
 
 class SizedTask(Protocol):
@@ -33,8 +34,8 @@ def check_arguments(kind: type) -> None:
     for name in SEE:
         if name in kind.__dict__:
             setattr(kind, name, _seeing(kind.__dict__[name]))
-    if "perceive" in kind.__dict__:
-        kind.perceive = _perceiving(kind.__dict__["perceive"])  # pyright: ignore[reportAttributeAccessIssue]
+    if "observation_with_memory" in kind.__dict__:
+        setattr(kind, "observation_with_memory", _remembering(kind.__dict__["observation_with_memory"]))  # noqa: B010
 
 
 def _seeing(method: Callable[..., Any]) -> Callable[..., Any]:
@@ -50,7 +51,7 @@ def _seeing(method: Callable[..., Any]) -> Callable[..., Any]:
     return checked
 
 
-def _perceiving(method: Callable[..., Any]) -> Callable[..., Any]:
+def _remembering(method: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(method)
     def checked(self: Any, memory: Array | None, observation: ArrayLike) -> Any:
         return method(self, memory, _vector("observation", observation, self.observation_size, lambda: _OBSERVED))
@@ -63,10 +64,11 @@ _OBSERVED = "what the task shows"
 
 def _seen(policy: Any) -> str:
     """What the units of a policy see, in words."""
-    if not policy.has_memory:
+    if not abilities.has_memory(policy):
         return f"{_OBSERVED}; batches need jax.vmap"
     remembered = policy.inputs - policy.observation_size
-    return f"{policy.observation_size} observed and {remembered} remembered, from policy.perceive(memory, observation)"
+    source = "policy.observation_with_memory(memory, observation)"
+    return f"{policy.observation_size} observed and {remembered} remembered, from {source}"
 
 
 def _array(value: ArrayLike) -> Array:

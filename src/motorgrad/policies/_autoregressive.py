@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._delegating import Delegating, units_of
 from motorgrad.policies._parameters import fixed, in_structure, split, trainable, with_fields
 from motorgrad.policies._policy import Composed, Policy
@@ -53,7 +54,7 @@ class Autoregressive(Delegating, Composed):
     ```python
     units = BoundedHyperplanes(weights=[[0.5, -1.0]], bias=[0.2], log_deviation=[-1.0])
     policy = Autoregressive(units, 0.8)
-    seen = policy.perceive(policy.initial_memory(), jnp.array([0.3, 0.1]))
+    seen = policy.observation_with_memory(policy.initial_memory(), jnp.array([0.3, 0.1]))
     action = policy.sample(seen, jax.random.uniform(key, (policy.uniforms,)))
     memory = policy.remember(seen, action)
     ```
@@ -106,7 +107,7 @@ class Autoregressive(Delegating, Composed):
     def initial_memory(self) -> Float[Array, " units"]:
         return jnp.zeros_like(units_of(self.policy).bias)
 
-    def perceive(
+    def observation_with_memory(
         self, memory: Float[Array, " units"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:
         assert memory is not None
@@ -120,7 +121,7 @@ class Autoregressive(Delegating, Composed):
         return number.astype(pool.bias.dtype)
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
-        policy = self.policy.adapted(self.seen(seen))
+        policy = abilities.adapted(self.policy, self.seen(seen))
         return self if policy is self.policy else with_fields(self, policy=policy)
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
@@ -130,9 +131,9 @@ class Autoregressive(Delegating, Composed):
     def fisher(
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        matrices = self.acting(observation).fisher(self.seen(observation), action)
+        matrices = abilities.fisher(self.acting(observation), self.seen(observation), action)
         ones = jax.tree.map(jnp.ones_like, trainable(self.policy))
-        factors = self.policy.blocks(self._by_own_parameters(observation, ones))
+        factors = abilities.blocks(self.policy, self._by_own_parameters(observation, ones))
         return tuple(row[:, :, None] * row[:, None, :] * F for row, F in zip(factors, matrices, strict=True))
 
     def _given(self, seen: Float[Array, " inputs"], own: Policy) -> Any:

@@ -12,6 +12,7 @@ from jax.scipy.special import xlog1py, xlogy
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._featured import InitialFeatured
 from motorgrad.policies._parameters import in_structure, outer, outer_sum, per_unit, with_fields
@@ -60,7 +61,7 @@ class BinaryUnits(Units):
         As their mean is 0, this is $p(1 - p)(s_1 - s_0)(s_1 - s_0)'$. Units that share parameters use the sample $ss'$.
         """
         if not has_rows(self):
-            return super().fisher(observation, action)
+            return abilities.sampled_fisher(self, observation, action)
         return (outer(self._fisher_rows(observation)),)
 
     def fisher_sum(
@@ -68,7 +69,7 @@ class BinaryUnits(Units):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         own = type(self).fisher is BinaryUnits.fisher and has_rows(self)
         if not own:
-            return super().fisher_sum(observations, actions, weights)
+            return abilities.fisher_sum_one_by_one(self, observations, actions, weights)
         rows = jax.vmap(self._fisher_rows)(observations)
         return (outer_sum(jnp.sqrt(weights)[:, None, None] * rows),)
 
@@ -77,7 +78,7 @@ class BinaryUnits(Units):
     ) -> Float[Array, " coordinates"]:
         r"""Probabilities of independent units, $p/\sqrt{p(1 - p)}$, whose denominators are held constant."""
         if not self.independent:
-            return super().fisher_coordinates(observation, action)
+            return self.log_prob(observation, action)[None]
         p = self.prob(observation)
         variance = p * (1 - p)
         return p * jax.lax.stop_gradient(

@@ -11,13 +11,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, Hyperplanes, product, zero_hyperplanes
 from motorgrad.policies._features import lattice
 from motorgrad.policies._local import LocalGaussians, input_ranges, tiles
 from motorgrad.policies._parameters import in_structure
-from motorgrad.policies._policy import Composed, Policy, Regions, check_plain
+from motorgrad.policies._policy import Composed, Policy, check_plain
 from motorgrad.policies._starting import POSITIVE, SHARE_ABOVE_0, Initial, InitialPolicy, function_of
+from motorgrad.policies.abilities import Regions
 from motorgrad.schema import count, static
 
 
@@ -70,19 +72,21 @@ class Pools(Composed):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         """The pools' Fisher matrices. Cross terms of independent units are zero."""
         parts = zip(self.pools, _shares(self.pools, action), strict=True)
-        return tuple(matrix for pool, part in parts for matrix in pool.fisher(observation, part))
+        return tuple(matrix for pool, part in parts for matrix in abilities.fisher(pool, observation, part))
 
     def fisher_coordinates(
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> Float[Array, " coordinates"]:
         parts = zip(self.pools, _shares(self.pools, action), strict=True)
-        return jnp.concatenate([pool.fisher_coordinates(observation, part) for pool, part in parts])
+        return jnp.concatenate([abilities.fisher_coordinates(pool, observation, part) for pool, part in parts])
 
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         parts = zip(self.pools, _shares(self.pools, actions.T), strict=True)
-        return tuple(matrix for pool, part in parts for matrix in pool.fisher_sum(observations, part.T, weights))
+        return tuple(
+            matrix for pool, part in parts for matrix in abilities.fisher_sum(pool, observations, part.T, weights)
+        )
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return sum((pool.entropy(observation) for pool in self.pools), start=jnp.zeros(()))
@@ -129,7 +133,7 @@ class Factored(Pools, BinaryUnits):
 
     def enumerate(self) -> Float[Array, "actions units"]:
         """All joint actions; those of the last pool change fastest."""
-        return product([pool.enumerate() for pool in self.pools])
+        return product([abilities.enumerate(pool) for pool in self.pools])
 
 
 class Gated(Composed, BinaryUnits):
@@ -241,10 +245,10 @@ class Gated(Composed, BinaryUnits):
         """
         opened, *below = _shares(self._pools, action)
         opens = self.gate.prob(observation)
-        matrices = [*self.gate.fisher(observation, opened)]
+        matrices = [*abilities.fisher(self.gate, observation, opened)]
         for i, (branch, part) in enumerate(zip(self.branches, below, strict=True)):
             share = opens[i] if branch.separate else (opened[i] > 0).astype(opens.dtype)
-            matrices += [share * matrix for matrix in branch.fisher(observation, part)]
+            matrices += [share * matrix for matrix in abilities.fisher(branch, observation, part)]
         return tuple(matrices)
 
     def regions(self) -> Regions | None:
@@ -258,8 +262,8 @@ class Gated(Composed, BinaryUnits):
     def enumerate(self) -> Float[Array, "actions units"]:
         """All possible actions: units below a silent gate are silent."""
         with jax.ensure_compile_time_eval():  # the number of actions depends on the values of the gates' bits
-            gates = np.asarray(self.gate.enumerate())
-            active = [np.asarray(branch.enumerate()) for branch in self.branches]
+            gates = np.asarray(abilities.enumerate(self.gate))
+            active = [np.asarray(abilities.enumerate(branch)) for branch in self.branches]
             silent = [np.zeros((1, branch.outputs), gates.dtype) for branch in self.branches]
             lists = []
             for opened in gates:
@@ -275,7 +279,7 @@ def _shares(pools: Sequence[Policy], values: Float[Array, " units"], of: str = "
 
 
 def _joined_regions(pools: Sequence[BinaryUnits]) -> Regions | None:
-    regions = [each for pool in pools if (each := pool.regions()) is not None]
+    regions = [each for pool in pools if (each := abilities.regions(pool)) is not None]
     if len(regions) < len(pools):
         return None
     return Regions(*(np.concatenate(arrays) for arrays in zip(*regions, strict=True)))

@@ -6,6 +6,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._layered import Draws, Sequential
 from motorgrad.policies._output_units import output_units
@@ -41,9 +42,9 @@ class FiniteStateController(Sequential):
     ```python
     controller = FiniteStateController(Softmax(jnp.zeros((2, 6))), Hyperplanes(jnp.zeros((1, 6)), [0.0]))
     memory = controller.initial_memory()  # [1.0, 0.0], the internal state as a one-hot vector
-    seen = controller.perceive(memory, jnp.array([0.0, 1.0, 0.0]))
+    seen = controller.observation_with_memory(memory, jnp.array([0.0, 1.0, 0.0]))
     action = controller.sample(seen, jax.random.uniform(key, (controller.uniforms,)))
-    controller.emit(action)  # what the task gets
+    controller.task_action(action)  # what the task gets
     memory = controller.remember(seen, action)
     ```
     """
@@ -53,7 +54,7 @@ class FiniteStateController(Sequential):
 
     def __check_init__(self) -> None:
         check_plain("transition", self.transition)
-        check(not self.act.has_memory, "act", type(self.act).__name__, "a policy without a memory")
+        check(not abilities.has_memory(self.act), "act", type(self.act).__name__, "a policy without a memory")
         kind = self.transition.actions
         check(kind == "discrete", "transition", kind, "a policy of discrete actions, such as Softmax")
         size, states = self.transition.inputs, self.states
@@ -86,7 +87,7 @@ class FiniteStateController(Sequential):
     def initial_memory(self) -> Float[Array, " states"]:
         return self._one_hot(jnp.zeros((), jnp.int32), jax.tree.leaves(self.transition)[0].dtype)
 
-    def perceive(
+    def observation_with_memory(
         self, memory: Float[Array, " states"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:
         assert memory is not None

@@ -7,12 +7,14 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._policy import Policy
 
 
 class Delegating(Policy):
     r"""A policy that acts by another one, on what that sees of the observation: $\pi(a \mid y) = \pi'(a \mid
-    \varphi(y))$. A subclass defines `inner` and `seen`, and, where $\pi'$ depends on the observation, `acting`."""
+    \varphi(y))$. A subclass defines `inner` and `seen`, and, where $\pi'$ depends on the observation, `acting`. What
+    follows from $\pi'$ alone needs no method (`abilities.ActsByAnother`)."""
 
     @property
     @abc.abstractmethod
@@ -40,13 +42,6 @@ class Delegating(Policy):
     def uniforms(self) -> int:
         return self.inner.uniforms
 
-    @property
-    def hides(self) -> bool:
-        return self.inner.hides
-
-    def emit(self, action: Array) -> Array:
-        return self.inner.emit(action)
-
     def prob(self, observation: Float[Array, " inputs"]) -> Float[Array, " outputs"]:
         return self.acting(observation).prob(self.seen(observation))
 
@@ -59,17 +54,11 @@ class Delegating(Policy):
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
         return self.acting(observation).log_prob(self.seen(observation), action)
 
-    def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
-        return self.acting(observation).fisher_coordinates(self.seen(observation), action)
-
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
-        return self.inner.hidden_activations(self.seen(observation))
+        return abilities.hidden_activations(self.inner, self.seen(observation))
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         return self.acting(observation).entropy(self.seen(observation))
-
-    def enumerate(self) -> Array:
-        return self.inner.enumerate()
 
 
 class Seeing(Delegating):
@@ -83,12 +72,12 @@ class Seeing(Delegating):
 
     def _check_pool(self) -> None:
         check(isinstance(self.pool, Policy), "pool", type(self.pool).__name__, "a policy")
-        check(not self.pool.has_memory, "pool", type(self.pool).__name__, "a policy without a memory")
+        check(not abilities.has_memory(self.pool), "pool", type(self.pool).__name__, "a policy without a memory")
 
     def entropy_estimate(
         self, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> Float[Array, ""]:
-        return self.pool.entropy_estimate(self.seen(observation), uniforms)
+        return abilities.entropy_estimate(self.pool, self.seen(observation), uniforms)
 
 
 def units_of(policy: Policy) -> Any:

@@ -13,6 +13,7 @@ from motorgrad._errors import check, choice, plain
 from motorgrad._files import check_writable, write_atomically
 from motorgrad._interface import Interface
 from motorgrad.export import NUMPY_LACKS, ONNX_LACKS, Program, Untranslatable, c_source, numpy_file, onnx_model, traced
+from motorgrad.policies import abilities
 from motorgrad.policies._actor import Decider, decide, known_interface
 from motorgrad.policies._parameters import Parametric, parts_of
 
@@ -118,13 +119,13 @@ def functions(policy: Exported) -> Functions:
     interface = policy.interface
     size = policy.observation_size if interface is None else known_interface(policy).observations.size
     given: dict[str, Example] = {"observation": jax.ShapeDtypeStruct((size,), real)}
-    start = policy.initial_memory()
+    start = abilities.initial_memory(policy)
     if start is not None:
         given["memory"] = start
 
     def prob(observation: Array, memory: Array | None = None) -> dict[str, Array]:
         seen = observation if interface is None else interface.encode(observation)
-        return {"prob": policy.prob(policy.perceive(memory, seen))}
+        return {"prob": policy.prob(abilities.observation_with_memory(policy, memory, seen))}
 
     def sample(observation: Array, uniforms: Array | None = None, memory: Array | None = None) -> dict[str, Array]:
         action, after = decide(policy, memory, observation, uniforms)

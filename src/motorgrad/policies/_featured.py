@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._architectures import Architecture
 from motorgrad.policies._delegating import Seeing
 from motorgrad.policies._features import INPUTS, FeatureMap
@@ -54,7 +55,7 @@ class Featured(Seeing, Composed):
         return self.features.expanded(observation)
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
-        pool = self.pool.adapted(self.seen(seen))
+        pool = abilities.adapted(self.pool, self.seen(seen))
         return self if pool is self.pool else with_fields(self, pool=pool)
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
@@ -63,12 +64,12 @@ class Featured(Seeing, Composed):
     def fisher(
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        return self.pool.fisher(self.seen(observation), action)
+        return abilities.fisher(self.pool, self.seen(observation), action)
 
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        return self.pool.fisher_sum(jax.vmap(self.seen)(observations), actions, weights)
+        return abilities.fisher_sum(self.pool, jax.vmap(self.seen)(observations), actions, weights)
 
 
 class Network(Seeing):
@@ -136,7 +137,7 @@ class Network(Seeing):
                 found.append(observation)
         if not isinstance(layers[-1], eqx.nn.Lambda):
             found.append(observation)
-        return (*found, *self.pool.hidden_activations(observation))
+        return (*found, *abilities.hidden_activations(self.pool, observation))
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         learned, settings = split(self)
@@ -150,19 +151,19 @@ class Network(Seeing):
 
     def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """The blocks of the pool, then a row of all parameters of the layers."""
-        return (*self.pool.blocks(gradient.pool), rows(gradient.module, 1))
+        return (*abilities.blocks(self.pool, gradient.pool), rows(gradient.module, 1))
 
     def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
         *pool, row = blocks
         module = from_rows(trainable(self).module, row)
-        return in_structure(self, pool=self.pool.from_blocks(tuple(pool)), module=module)
+        return in_structure(self, pool=abilities.from_blocks(self.pool, tuple(pool)), module=module)
 
     def fisher(
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         """The pool's matrices, and the sample $ss'$ of the layers, without cross terms between them."""
         score = self.score(observation, action)
-        return (*self.pool.fisher(self.seen(observation), action), outer(rows(score.module, 1)))
+        return (*abilities.fisher(self.pool, self.seen(observation), action), outer(rows(score.module, 1)))
 
 
 def featured(

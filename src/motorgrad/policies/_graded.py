@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check
 from motorgrad._random import MIN_UNIFORM
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._autoregressive import InitialLasting
 from motorgrad.policies._binary import InitialMotoneurons
@@ -31,7 +32,7 @@ class Noisy:
 
     @property
     def actions(self) -> str:
-        return "graded"
+        return "continuous"
 
     @property
     def deviation(self) -> Float[Array, " units"]:
@@ -115,7 +116,7 @@ class GradedUnits(Noisy, Units):
         Normal units have no cross term, as $\mathbb E z^3 = 0$. Units that share parameters use the sample $ss'$.
         """
         if not has_rows(self):
-            return super().fisher(observation, action)
+            return abilities.sampled_fisher(self, observation, action)
         location, cross, spread = self._information(observation)
         return (outer(self._mean_row(observation, location, cross)) + outer(self._noise_row(spread)),)
 
@@ -124,7 +125,7 @@ class GradedUnits(Noisy, Units):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         own = type(self).fisher is GradedUnits.fisher and has_rows(self)
         if not own:
-            return super().fisher_sum(observations, actions, weights)
+            return abilities.fisher_sum_one_by_one(self, observations, actions, weights)
         location, cross, spread = jax.vmap(self._information)(observations)
         root = jnp.sqrt(weights)[:, None]
         mean = jax.vmap(self._mean_row)(observations, root * location, root * cross)

@@ -12,14 +12,16 @@ from jaxtyping import Array, Bool, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._graded import GradedUnits
 from motorgrad.policies._local import GAUSSIANS, LocalUnits, Pair
 from motorgrad.policies._parameters import fixed, in_structure, is_plain, per_unit, with_fields
-from motorgrad.policies._policy import Composed, Policy, Regions, has_rows, with_interface
+from motorgrad.policies._policy import Composed, Policy, has_rows, with_interface
 from motorgrad.policies._soft_shapes import SoftBoxes, SoftSpheres
 from motorgrad.policies._starting import POSITIVE, SHARE_ABOVE_0, Initial, InitialPolicy, function_of
+from motorgrad.policies.abilities import Regions
 from motorgrad.schema import count, static
 
 T = TypeVar("T")
@@ -86,13 +88,13 @@ class Masked(Composed, BinaryUnits):
         self, observation: Float[Array, " inputs"], action: Float[Array, " units"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         """The pool's matrices, zero for switched-off units."""
-        return self._masked(self.pool.fisher(observation, action))
+        return self._masked(abilities.fisher(self.pool, observation, action))
 
     def allowed(self, step: PyTree) -> PyTree:
-        return with_fields(step, pool=self._masked(self.pool.allowed(step.pool)))
+        return with_fields(step, pool=self._masked(abilities.allowed(self.pool, step.pool)))
 
     def regions(self) -> Regions | None:
-        regions = self.pool.regions()
+        regions = abilities.regions(self.pool)
         return None if regions is None else regions._replace(active=regions.active & np.asarray(self.active))
 
 

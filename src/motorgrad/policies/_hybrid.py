@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, entropy_of, zero_hyperplanes
 from motorgrad.policies._graded import GradedUnits, Noisy, StartsNoisy, check_floor, level_units, normal_of
@@ -108,12 +109,12 @@ class GradedPool(Noisy, Policy):
 
     def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row per unit: the pool's parameters, the strength, the log-deviation."""
-        (rows,) = self.pool.blocks(gradient.pool)
+        (rows,) = abilities.blocks(self.pool, gradient.pool)
         return (jnp.concatenate([rows, gradient.strength[:, None], gradient.log_deviation[:, None]], axis=1),)
 
     def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
         (rows,) = blocks
-        pool = self.pool.from_blocks((rows[:, :-2],))
+        pool = abilities.from_blocks(self.pool, (rows[:, :-2],))
         return in_structure(self, pool=pool, strength=rows[:, -2], log_deviation=rows[:, -1])
 
     def fisher(
@@ -121,7 +122,7 @@ class GradedPool(Noisy, Policy):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         r"""Exact: the pool's matrix, $p/s^2$ for $m$ and $2 p\,(e^\lambda/s)^2$ for $\lambda$, without cross terms."""
         fires, _ = self._fires_and_z(action)
-        (pool,) = self.pool.fisher(observation, fires)
+        (pool,) = abilities.fisher(self.pool, observation, fires)
         p = self.prob(observation)
         own = jnp.stack([1 / self.deviation, math.sqrt(2) * self._log_deviation_slope()], axis=1)
         own = own * jnp.sqrt(p)[:, None]
@@ -201,7 +202,7 @@ class Primitives(Composed):
 
     @property
     def actions(self) -> str:
-        return "graded"
+        return "continuous"
 
     @property
     def uniforms(self) -> int:
@@ -257,8 +258,8 @@ class Primitives(Composed):
         """Exact: the units' own matrices, times the probability that their choice has an effect."""
         can_start, rest = self._flags_and_rest(observation)
         starts = can_start * self.precondition.prob(rest)
-        (precondition,) = self.precondition.fisher(rest, action[: self.primitives])
-        (movement,) = self.movement.fisher(rest, action[self.primitives :])
+        (precondition,) = abilities.fisher(self.precondition, rest, action[: self.primitives])
+        (movement,) = abilities.fisher(self.movement, rest, action[self.primitives :])
         return can_start[:, None, None] * precondition, self._per_parameter(starts)[:, None, None] * movement
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import Hyperplanes, product
 from motorgrad.policies._featured import featured
@@ -63,9 +64,9 @@ class Sequential(Composed):
     def uniforms(self) -> int:
         return sum(pool.uniforms for pool in self.pools)
 
-    def emit(self, action: Float[Array, " draws"]) -> Array:
+    def task_action(self, action: Float[Array, " draws"]) -> Array:
         """The action of the last pool."""
-        return self.pools[-1].emit(self.drawn(action)[-1])
+        return abilities.task_action(self.pools[-1], self.drawn(action)[-1])
 
     def drawn(self, action: Float[Array, " draws"]) -> list[Array]:
         """What each pool has drawn: an integer where it chooses among alternatives, else a vector."""
@@ -103,7 +104,7 @@ class Sequential(Composed):
         before it."""
         found: list[Array] = []
         for pool, (view, _) in zip(self.pools, self._seen(observation, self.mode(observation)), strict=True):
-            found += [*pool.hidden_activations(view), pool.prob(view)]
+            found += [*abilities.hidden_activations(pool, view), pool.prob(view)]
         return tuple(found[:-1])
 
     def log_prob(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, ""]:
@@ -120,17 +121,19 @@ class Sequential(Composed):
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         seen = zip(self.pools, self._seen(observation, action), strict=True)
-        return tuple(matrix for pool, (view, own) in seen for matrix in pool.fisher(view, own))
+        return tuple(matrix for pool, (view, own) in seen for matrix in abilities.fisher(pool, view, own))
 
     def fisher_coordinates(self, observation: Float[Array, " inputs"], action: Array) -> Float[Array, " coordinates"]:
         seen = zip(self.pools, self._seen(observation, action), strict=True)
-        return jnp.concatenate([pool.fisher_coordinates(view, own) for pool, (view, own) in seen])
+        return jnp.concatenate([abilities.fisher_coordinates(pool, view, own) for pool, (view, own) in seen])
 
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         seen = zip(self.pools, jax.vmap(self._seen)(observations, actions), strict=True)
-        return tuple(matrix for pool, (views, own) in seen for matrix in pool.fisher_sum(views, own, weights))
+        return tuple(
+            matrix for pool, (views, own) in seen for matrix in abilities.fisher_sum(pool, views, own, weights)
+        )
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:
         """The entropy of all pools together, in nats, which is at least that of the outputs alone.
@@ -203,7 +206,7 @@ def _count(pool: Policy) -> float:
 
 def _patterns(pools: Sequence[Policy]) -> Float[Array, "patterns draws"]:
     """All that pools may draw together; what the last draws changes fastest."""
-    lists = [jnp.asarray(pool.enumerate(), jnp.result_type(float)) for pool in pools]
+    lists = [jnp.asarray(abilities.enumerate(pool), jnp.result_type(float)) for pool in pools]
     return product([each.reshape(len(each), -1) for each in lists])
 
 
@@ -236,7 +239,7 @@ class Layered(Sequential):
     def __check_init__(self) -> None:
         check(len(self.hidden) > 0, "hidden", self.hidden, "at least one pool of units")
         check_plain("hidden", *self.hidden)
-        check(not self.output.has_memory, "output", type(self.output).__name__, "a policy without a memory")
+        check(not abilities.has_memory(self.output), "output", type(self.output).__name__, "a policy without a memory")
         for name, above, below in zip(
             [*(f"hidden[{k}]" for k in range(1, len(self.hidden))), "output"], self.pools[1:], self.hidden, strict=True
         ):
@@ -276,7 +279,7 @@ class InitialLayered(InitialPolicy):
     output: str = static(
         "",
         help='the output units, a name of an initial policy; by default `"softmax"` for discrete actions, '
-        '`"hyperplanes"` for binary, `"bounded-hyperplanes"` for graded ones and `"mixed"` for both',
+        '`"hyperplanes"` for binary, `"bounded-hyperplanes"` for continuous ones and `"mixed"` for both',
     )
     scale: float = static(2.0, allowed=POSITIVE, help="the size of the initial hidden weights, as a potential")
     skip: bool = static(False, help="whether further layers see the observation too")

@@ -15,8 +15,8 @@ from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits
 from motorgrad.policies._features import lattice
 from motorgrad.policies._parameters import fixed, in_structure
-from motorgrad.policies._policy import Regions
 from motorgrad.policies._starting import POSITIVE, SHARE_ABOVE_0, Initial, InitialPolicy, check_interval, function_of
+from motorgrad.policies.abilities import Regions
 from motorgrad.schema import count, static
 
 CAP = 1e-6  # the closest that a probability comes to 1, for sampling and for the score alike

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, PyTree
 from numpy.typing import ArrayLike
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._binary import BinaryUnits, zero_hyperplanes
 from motorgrad.policies._delegating import Seeing, units_of
@@ -127,24 +128,26 @@ class Mirrored(Composed, BinaryUnits):
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         """The sum of the pool's matrices on both views: exact if the pool's are, else an unbiased sample."""
         parts = zip(self._both_views(observation), self._both_sides(action), strict=True)
-        return _sum(*(self.pool.fisher(view, side) for view, side in parts))
+        return _sum(*(abilities.fisher(self.pool, view, side) for view, side in parts))
 
     def fisher_sum(
         self, observations: Float[Array, "decisions inputs"], actions: Array, weights: Float[Array, " decisions"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         views = jax.vmap(self._both_views)(observations)
         sides = jax.vmap(self._both_sides)(actions)
-        return self.pool.fisher_sum(jnp.concatenate(views), jnp.concatenate(sides), jnp.tile(weights, 2))
+        return abilities.fisher_sum(self.pool, jnp.concatenate(views), jnp.concatenate(sides), jnp.tile(weights, 2))
 
     def adapted(self, seen: Float[Array, " inputs"]) -> Self:
         """The policy after both views of one more observation, so that its statistics are symmetric, too."""
         one, other = self._both_views(seen)
-        pool = self.pool.adapted(one).adapted(other)
+        pool = abilities.adapted(abilities.adapted(self.pool, one), other)
         return self if pool is self.pool else with_fields(self, pool=pool)
 
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
         """The output of each of the pool's hidden layers on the observation, then on its mirror image."""
-        layers = zip(*(self.pool.hidden_activations(view) for view in self._both_views(observation)), strict=True)
+        layers = zip(
+            *(abilities.hidden_activations(self.pool, view) for view in self._both_views(observation)), strict=True
+        )
         return tuple(jnp.concatenate(both) for both in layers)
 
     def entropy(self, observation: Float[Array, " inputs"]) -> Float[Array, ""]:

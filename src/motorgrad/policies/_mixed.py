@@ -28,7 +28,7 @@ class Mixed(Pools):
     ```python
     grasp = Hyperplanes(weights=[[1.0, 0.0]], bias=[0.0])
     muscles = BoundedHyperplanes(weights=[[0.5, 1.0]], bias=[0.2], log_deviation=[-1.0], low=0.0)
-    Mixed([grasp, muscles]).actions  # ("binary", "graded")
+    Mixed([grasp, muscles]).actions  # ("binary", "continuous")
     ```
     """
 
@@ -37,7 +37,7 @@ class Mixed(Pools):
     def __check_init__(self) -> None:
         super().__check_init__()
         kinds = [pool.actions for pool in self.pools]
-        vectors = all(isinstance(kind, tuple) or kind in ("binary", "graded") for kind in kinds)
+        vectors = all(isinstance(kind, tuple) or kind in ("binary", "continuous") for kind in kinds)
         check(vectors, "pools", kinds, "pools of binary or graded units")
 
     @property
@@ -58,7 +58,7 @@ class InitialPartlyBinary(InitialPolicy):
 
 
 class InitialMixed(InitialFeatured, InitialBounded, InitialPartlyBinary):
-    """Hyperplanes for the binary actions of a task, and bounded ones for its graded actions, all with zero weights."""
+    """Hyperplanes for the binary actions of a task, and bounded ones for its continuous ones, all with zero weights."""
 
     def start(self, task: SizedTask | int) -> Initial:
         inputs, outputs = sizes(task, self.units)
@@ -66,15 +66,17 @@ class InitialMixed(InitialFeatured, InitialBounded, InitialPartlyBinary):
         if not isinstance(kinds, tuple):
             wanted = f"from 1 to {outputs - 1}, fewer than the {outputs} units"
             check(self.binary < outputs, "binary", self.binary, wanted)
-            kinds = ("binary",) * self.binary + ("graded",) * (outputs - self.binary)
+            kinds = ("binary",) * self.binary + ("continuous",) * (outputs - self.binary)
         check(len(kinds) == outputs, "units", outputs, f"{len(kinds)}, one for each action of the task")
         ranges = bounds_of(task, outputs)
 
         def pools(seen: int) -> Mixed:
             found: list[Policy] = []
-            for graded, run in itertools.groupby(zip(kinds, ranges, strict=True), lambda pair: pair[0] == "graded"):
+            for continuous, run in itertools.groupby(
+                zip(kinds, ranges, strict=True), lambda pair: pair[0] == "continuous"
+            ):
                 own = [bounds for _, bounds in run]
-                found.append(self.within(own, seen) if graded else zero_hyperplanes(seen, len(own)))
+                found.append(self.within(own, seen) if continuous else zero_hyperplanes(seen, len(own)))
             return Mixed(found)
 
         return self.behind(inputs, pools)

@@ -9,7 +9,7 @@ from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._policy import Policy
 from motorgrad.policies._starting import initial
 
-OUTPUTS = {"discrete": "softmax", "binary": "hyperplanes", "graded": "bounded-hyperplanes"}
+OUTPUTS = {"discrete": "softmax", "binary": "hyperplanes", "continuous": "bounded-hyperplanes"}
 """Output units by the kind of a task's actions."""
 
 

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 T = TypeVar("T")
@@ -105,7 +106,7 @@ def rows(gradient: PyTree, units: int) -> Float[Array, "units parameters"]:
     return jnp.concatenate(parts, axis=1) if parts else jnp.zeros((units, 0))
 
 
-def from_rows(like: T, matrix: Float[Array, "units parameters"]) -> T:
+def from_rows(like: T, matrix: Float[Array | np.ndarray, "units parameters"]) -> T:
     """The inverse of `rows`, with the structure, shapes and types of `like`."""
     leaves, structure = jax.tree.flatten(like)
     widths = [leaf.size // matrix.shape[0] for leaf in leaves]

@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask
 from motorgrad.policies._binary import BinaryUnits, InitialMotoneurons, Motoneurons
 from motorgrad.policies._parameters import fixed, in_structure
@@ -115,7 +116,7 @@ class Querying(Composed):
     def fisher(
         self, observation: Float[Array, " 1"], action: Float[Array, " units+1"]
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
-        return self.policy.fisher(observation, action[:-1])
+        return abilities.fisher(self.policy, observation, action[:-1])
 
     def entropy(self, observation: Float[Array, " 1"]) -> Float[Array, ""]:
         return self.policy.entropy(observation)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad._errors import check
+from motorgrad.policies import abilities
 from motorgrad.policies._arguments import SizedTask, sizes
 from motorgrad.policies._delegating import Delegating
 from motorgrad.policies._output_units import output_units
@@ -71,7 +72,7 @@ class Recurrent(Delegating, Composed):
         shape = self.weights.shape
         check(len(shape) == 2, "weights", shape, "of shape (units, observation)")
         check_shapes(self, shape[:1], "log_rate", "bias")
-        check(not self.output.has_memory, "output", type(self.output).__name__, "a policy without a memory")
+        check(not abilities.has_memory(self.output), "output", type(self.output).__name__, "a policy without a memory")
         words = f"{sum(shape)}: {shape[1]} observed numbers and {shape[0]} recurrent units"
         check(self.output.inputs == sum(shape), "output.inputs", self.output.inputs, words)
 
@@ -96,7 +97,11 @@ class Recurrent(Delegating, Composed):
     def remembers_parameters(self) -> bool:
         return True
 
-    def perceive(
+    @property
+    def has_exact_score(self) -> bool:
+        return True
+
+    def observation_with_memory(
         self, memory: Float[Array, " memory"] | None, observation: Float[Array, " observation"]
     ) -> Float[Array, " inputs"]:
         assert memory is not None
@@ -117,7 +122,7 @@ class Recurrent(Delegating, Composed):
     def remember(self, seen: Float[Array, " inputs"], action: Array) -> Float[Array, " memory"]:
         return seen[self.observation_size :].astype(self.weights.dtype)
 
-    def judged(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
+    def critic_observation(self, seen: Float[Array, " inputs"]) -> Float[Array, " observation+units"]:
         return seen[: sum(self.weights.shape)]
 
     @property
@@ -137,7 +142,7 @@ class Recurrent(Delegating, Composed):
     def hidden_activations(self, observation: Float[Array, " inputs"]) -> tuple[Float[Array, " units"], ...]:
         """The activations $h$ of the recurrent units, then the output units' own hidden layers."""
         view = self.seen(observation)
-        return (view[self.observation_size :], *self.output.hidden_activations(view))
+        return (view[self.observation_size :], *abilities.hidden_activations(self.output, view))
 
     def score(self, observation: Float[Array, " inputs"], action: Array) -> Self:
         view = self.seen(observation)
@@ -150,11 +155,11 @@ class Recurrent(Delegating, Composed):
     def blocks(self, gradient: PyTree) -> tuple[Float[Array, "units parameters"], ...]:
         """One row for each recurrent unit, then the blocks of the output units."""
         own = jnp.concatenate([gradient.log_rate[:, None], gradient.weights, gradient.bias[:, None]], axis=1)
-        return (own, *self.output.blocks(gradient.output))
+        return (own, *abilities.blocks(self.output, gradient.output))
 
     def from_blocks(self, blocks: tuple[Float[Array, "units parameters"], ...]) -> Self:
         own, *rest = blocks
-        output = self.output.from_blocks(tuple(rest))
+        output = abilities.from_blocks(self.output, tuple(rest))
         fields = {"log_rate": own[:, 0], "weights": own[:, 1:-1], "bias": own[:, -1]}
         return with_fields(trainable(self), **fields, output=output)
 
@@ -162,12 +167,12 @@ class Recurrent(Delegating, Composed):
         self, observation: Float[Array, " inputs"], action: Array
     ) -> tuple[Float[Array, "units parameters parameters"], ...]:
         own, *_ = self.blocks(self.score(observation, action))
-        return (outer(own), *self.output.fisher(self.seen(observation), action))
+        return (outer(own), *abilities.fisher(self.output, self.seen(observation), action))
 
     def limited(self) -> Self:
         """The policy with time constants from 0.1 to a million decisions, so that no derivative overflows."""
         inside = jnp.clip(self.log_rate, -math.log(1e6), math.log(10))
-        return with_fields(super().limited(), log_rate=inside)
+        return with_fields(self, log_rate=inside, output=abilities.limited(self.output))
 
     def _unpacked(self, memory: Float[Array, " memory"]) -> Recurrence:
         units, observed = self.weights.shape

@@ -135,9 +135,9 @@ class Composed(BodyTask):
     metric_terms: tuple[Quantity, ...] = static(
         (), option=False, help="what is recorded (`Quantity`). Short name: `metrics`"
     )
-    actions: Literal["graded", "binary"] = static(  # pyright: ignore[reportIncompatibleVariableOverride]
-        "graded",
-        help='`"graded"` for controls in the actuators\' ranges; `"binary"` for units that are on or off, '
+    actions: Literal["continuous", "binary"] = static(  # pyright: ignore[reportIncompatibleVariableOverride]
+        "continuous",
+        help='`"continuous"` for controls in the actuators\' ranges; `"binary"` for units that are on or off, '
         "one for each muscle, and two that oppose each other for an actuator that works in both "
         "directions",
     )
@@ -245,7 +245,7 @@ class Composed(BodyTask):
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
         if self.commands == "sigmoid":
-            return ((-1.0 if self.actions == "graded" else 0.0, 1.0),) * self.action_size
+            return ((-1.0 if self.actions == "continuous" else 0.0, 1.0),) * self.action_size
         return tuple((float(low), float(high)) for low, high in self._drive.range)
 
     def control(self, action: Float[AnyArray, "... units"], memory: PyTree = None) -> Float[AnyArray, "... groups"]:
@@ -253,12 +253,12 @@ class Composed(BodyTask):
         del memory
         drive = self._drive
         if self.commands == "sigmoid":
-            command = jnp.clip(action, -1, 1) if self.actions == "graded" else 2 * action - 1
+            command = jnp.clip(action, -1, 1) if self.actions == "continuous" else 2 * action - 1
             if not self._muscles.any():
                 low, high = drive.limits.T
                 return (low + high) / 2 + command * (high - low) / 2
             return jnp.where(self._muscles, 1 / (1 + jnp.exp(-5 * (command - 0.5))), command)
-        if self.actions == "graded":
+        if self.actions == "continuous":
             action = jnp.clip(action, *jnp.asarray(drive.range, jnp.float32).T)
         if drive.plain:
             return action
@@ -301,7 +301,7 @@ class Composed(BodyTask):
         return ObservationCode.plain(self.observation_names, self.scaling == "running")
 
     @functools.cached_property
-    def hindsight(self) -> Goal | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def goal(self) -> Goal | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """What the task aims at, where observations are not scaled: see `goal_of`."""
         parts = self._bound
         return goal_of(self.observations, parts.observe, self.rewards, parts.scene) if self.scaling == "none" else None
@@ -445,7 +445,7 @@ def compose(
     reset: Sequence[Any] = (),
     terminate: Sequence[Any] = (),
     metrics: Sequence[Any] = (),
-    actions: Literal["graded", "binary"] = "graded",
+    actions: Literal["continuous", "binary"] = "continuous",
     groups: Sequence[Any] | None = None,
     scaling: Literal["running", "none"] = "running",
     action_period: float = 0.02,

@@ -35,7 +35,10 @@ GRACE = 2  # decisions before a reach can be lost
 
 
 def myosuite(
-    env_id: str, *, actions: Literal["graded", "binary"] = "graded", scaling: Literal["running", "none"] = "running"
+    env_id: str,
+    *,
+    actions: Literal["continuous", "binary"] = "continuous",
+    scaling: Literal["running", "none"] = "running",
 ) -> Composed:
     """A posing or reaching task of MyoSuite, as a composed task on its own model: the same observations, rewards and
     ends of episodes, stepped by `BodyBatch` for all seeds together.
@@ -48,7 +51,8 @@ def myosuite(
 
     - `env_id`: such as `"myoFingerPoseRandom-v0"`. `myosuite_ids()` has all that can be rebuilt; others are Gymnasium
       environments, `from_gymnasium`.
-    - `actions`: `"graded"` for numbers in [−1, 1], as in MyoSuite; `"binary"` for muscles that are on or off, 1 or −1.
+    - `actions`: `"continuous"` for numbers in [−1, 1], as in MyoSuite; `"binary"` for muscles that are on or off, 1 or
+      −1.
     - `scaling`: scaling of observations, as in `Composed`: `"none"` for MyoSuite's own.
 
     **Raises:** `ValueError` for an environment that does not exist or cannot be rebuilt, and where MyoSuite is missing.

@@ -99,7 +99,7 @@ class ParticleTask(Task):
     @property
     def accepted_actions(self) -> tuple[str, ...]:
         """Zeros and ones, or real numbers: an action multiplies its unit's force, and a negative one reverses it."""
-        return ("binary", "graded")
+        return ("binary", "continuous")
 
     @property
     def period(self) -> float:
@@ -199,7 +199,7 @@ class ParticleNavigation(ParticleTask):
     time_limit: int = 200  # TOML has no null, so 0 means never
     physics: ParticlePhysics = dataclasses.field(default_factory=lambda: ParticlePhysics(gravity=(0.0, 0.0)))
     start: ParticleStart = dataclasses.field(default_factory=lambda: ParticleStart(x=(0.0, 0.2), y=(0.0, 1.0)))
-    goal: Region = static(
+    goal_region: Region = static(
         (10.0, 0.9, 0.5, 0.08, 0.08),
         help="a region of five numbers: amplitude, x and y of the centre, widths along x and y",
     )
@@ -210,15 +210,15 @@ class ParticleNavigation(ParticleTask):
     def validate(self) -> None:
         super().validate()
         walls = self.physics.walls
-        check_region("goal", self.goal, walls)
-        check(self.goal[0] > 0, "goal amplitude", self.goal[0], "positive")
+        check_region("goal_region", self.goal_region, walls)
+        check(self.goal_region[0] > 0, "goal_region amplitude", self.goal_region[0], "positive")
         for place, region in enumerate(self.obstacles):
             check_region(f"obstacles[{place}]", region, walls)
             check(region[0] < 0, f"obstacles[{place}] amplitude", region[0], "negative")
 
     def arrived(self, position: Float[Array, " 2"]) -> Flag:
         """Whether the particle is within one width of the goal."""
-        return squared_distance(jnp.asarray(self.goal, position.dtype)[None], position)[0] <= 1.0
+        return squared_distance(jnp.asarray(self.goal_region, position.dtype)[None], position)[0] <= 1.0
 
     def init(self, uniforms: Float[Array, " 0"]) -> Int[Array, ""]:
         """Decisions since the start of the episode."""
@@ -228,7 +228,7 @@ class ParticleNavigation(ParticleTask):
         self, memory: Int[Array, ""], state: ParticleState, action: Float[Array, " units"]
     ) -> tuple[Int[Array, ""], Scalar, Flag]:
         arrived = self.arrived(state.position)
-        reward = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal[0], 0.0)
+        reward = region_reward(self.obstacles, state.position) + jnp.where(arrived, self.goal_region[0], 0.0)
         return counted_on(memory), reward, arrived
 
     def metrics(self, memory: Int[Array, ""], state: ParticleState) -> dict[str, Metric]:

@@ -116,7 +116,7 @@ class Recruitment(Task):
 
     @property
     def accepted_actions(self) -> tuple[str, ...]:
-        return ("binary", "graded")
+        return ("binary", "continuous")
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:

@@ -50,7 +50,10 @@ def suggestions(body: Body) -> dict[str, dict[str, Any]]:
     model: Any = Anatomy(body).model
     about = _examine(body, model)
     step = float(model.opt.timestep)
-    common = {"actions": "binary" if about.muscles else "graded", "action_period": max(1, round(PERIOD / step)) * step}
+    common = {
+        "actions": "binary" if about.muscles else "continuous",
+        "action_period": max(1, round(PERIOD / step)) * step,
+    }
     standing = _standing(about)
     moving = _reaching(about)
     chosen = {**standing, **moving} if about.moves else moving

@@ -17,7 +17,7 @@ from motorgrad.bodies import Body, BodyState
 from motorgrad.schema import Settings
 from motorgrad.worlds import World
 
-Actions = Literal["binary", "discrete", "graded"] | tuple[Literal["binary", "graded"], ...]
+Actions = Literal["binary", "discrete", "continuous"] | tuple[Literal["binary", "continuous"], ...]
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""] | bool
 Metric = tuple[Scalar, Flag]
@@ -57,10 +57,11 @@ class Task(Settings, abc.ABC):
     init_uniforms: ClassVar[int] = 0
     """Numbers from U[0, 1) that `init` consumes."""
     actions: ClassVar[Actions] = "binary"
-    """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers; `"graded"`: a
-    vector of `action_size` real numbers. A tuple with `"binary"` or `"graded"` for each action: a vector of both."""
+    """`"binary"`: a vector of `action_size` zeros and ones; `"discrete"`: one of `action_size` integers;
+    `"continuous"`: a vector of `action_size` real numbers. A tuple with `"binary"` or `"continuous"` for each action: a
+    vector of both."""
     clips_actions: ClassVar[bool] = False
-    """Whether graded actions beyond `action_range` act like its ends."""
+    """Whether continuous actions beyond `action_range` act like its ends."""
     metric_names: ClassVar[tuple[str, ...]] = ()
     """The names of the quantities in `metrics`."""
     metric_units: ClassVar[Mapping[str, str]] = {}
@@ -85,7 +86,7 @@ class Task(Settings, abc.ABC):
     @property
     @abc.abstractmethod
     def action_size(self) -> int:
-        """Number of binary or graded actions, or of alternatives."""
+        """Number of binary or continuous actions, or of alternatives."""
 
     def learner_for(self, steps: int) -> Mapping[str, Any]:
         """Learner settings suited to the task and to a training of this number of decisions; by default `learner`."""
@@ -155,7 +156,7 @@ class Task(Settings, abc.ABC):
 
     @property
     def action_range(self) -> tuple[tuple[float, float], ...]:
-        """For graded actions: the least and the greatest value of each, within which bounded units act: the action
+        """For continuous actions: the least and the greatest value of each, within which bounded units act: the action
         space of an environment. An unbounded policy may exceed them."""
         return ((-1.0, 1.0),) * self.action_size
 
@@ -185,7 +186,7 @@ class Task(Settings, abc.ABC):
         shape = () if kind == "discrete" else (size,)
         dtype = "int32" if kind == "discrete" else "float32"
         names = self.action_names
-        if not self.clips_actions or (kind != "graded" and not isinstance(kind, tuple)):
+        if not self.clips_actions or (kind != "continuous" and not isinstance(kind, tuple)):
             return Interface(self.observation_code, ActionCode(kind, size, "same", names, shape, dtype), self.period)
         low, high = np.asarray(self.action_range, np.float32).T
         code = ActionCode(kind, size, "clip", names, shape, dtype, low, high)
@@ -197,7 +198,7 @@ class Task(Settings, abc.ABC):
         return None
 
     @property
-    def hindsight(self) -> Goal | None:
+    def goal(self) -> Goal | None:
         """What the task aims at, for learners that use experience for other targets; `None` for a task without a
         target, and by default."""
         return None

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from motorgrad._errors import check, choice
 from motorgrad.learning import Agent, Estimator
-from motorgrad.policies import Policy, split
+from motorgrad.policies import Policy, abilities, split
 from motorgrad.schema import Settings, count, path_of, static
 from motorgrad.search import Range, Space, WithGradients
 from motorgrad.tasks import Task
@@ -131,4 +131,4 @@ class PolicyScore(Settings):
     def _policy(self, parameters: Float[Array, " size"]) -> Policy:
         learned, settings = split(self.policy)
         flat, restore = ravel_pytree(learned)
-        return eqx.combine(restore(parameters.astype(flat.dtype)), settings).limited()
+        return abilities.limited(eqx.combine(restore(parameters.astype(flat.dtype)), settings))

@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int, PyTree
 
 from motorgrad._errors import check, choice, counted, unknown
 from motorgrad.learning import Learner
-from motorgrad.policies import Actor, Masked, Policy, split, with_interface
+from motorgrad.policies import Actor, Masked, Policy, abilities, split, with_interface
 from motorgrad.schema import numbers_of
 from motorgrad.statistics import first_time
 from motorgrad.tasks import TASKS, Task, make
@@ -283,7 +283,7 @@ class Run:
         """
         actor = self.actor(seed)
         wanted = "without a memory; run.actor(seed) keeps it: actor = run.actor(), actor.act(observation)"
-        check(not actor.policy.has_memory, "policy", type(actor.policy).__name__, wanted)
+        check(not abilities.has_memory(actor.policy), "policy", type(actor.policy).__name__, wanted)
         return actor.act(observation, uniforms)
 
     def actor(self, seed: int | None = None) -> Actor:
@@ -291,7 +291,7 @@ class Run:
         actors = self._actors
         if seed not in actors:
             actors[seed] = Actor(self.policy(seed))
-        return actors[seed] if not actors[seed].policy.has_memory else Actor(actors[seed].policy)
+        return actors[seed] if not abilities.has_memory(actors[seed].policy) else Actor(actors[seed].policy)
 
     def policies_at(self, records: Iterable[int] | None = None, seed: int | None = None) -> Any:
         """The policies at some `records`, numbered from 0, or from the end if negative, by default all: a policy whose

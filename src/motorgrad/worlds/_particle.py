@@ -144,7 +144,7 @@ class Particle(Settings, World):
     """
 
     forces: tuple[tuple[float, float], ...] = static(
-        allowed=WITHIN, help="x and y of one per action. Actions multiply them, so they may be graded too"
+        allowed=WITHIN, help="x and y of one per action. Actions multiply them, so they may be continuous too"
     )
     physics: ParticlePhysics = inner(
         factory=ParticlePhysics, help="everything else that moves the particle (`motorgrad.worlds.ParticlePhysics`)"

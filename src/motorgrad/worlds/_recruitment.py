@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 from motorgrad._errors import check
 from motorgrad._groups import by_group, check_groups
-from motorgrad.policies import Policy, split
+from motorgrad.policies import Policy, abilities, split
 from motorgrad.worlds._world import World
 from motorgrad.worlds.oracle import to_float64
 
@@ -152,7 +152,7 @@ def _expectation(
     check(mass.shape == points.shape[:1], "weights", mass.shape, f"of shape {points.shape[:1]}, as many as inputs")
     check(abs(float(mass.sum()) - 1) < 1e-9, "weights", float(mass.sum()), "such that they sum to 1")
     parameters, settings = split(to_float64(policy))
-    actions = policy.enumerate()
+    actions = abilities.enumerate(policy)
     worth = mass[:, None] * jax.vmap(jax.vmap(reward, (None, 0)), (0, None))(points, actions)
     vector, build = ravel_pytree(parameters)
 

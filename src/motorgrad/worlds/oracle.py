@@ -32,7 +32,7 @@ from scipy.optimize import minimize
 from scipy.special import softmax
 
 from motorgrad._errors import check, check_integer, choice
-from motorgrad.policies import FiniteStateController, Policy, split, trainable
+from motorgrad.policies import FiniteStateController, Policy, abilities, split, trainable
 from motorgrad.worlds._chains import ROUNDING, evaluate, expected_change, lead, solved, stationary
 from motorgrad.worlds._finite import FiniteMDP, action_index
 
@@ -165,7 +165,7 @@ def optimal_baseline(
     a trace of `decay` $\beta$ (Greensmith, Bartlett & Baxter, 2004).
 
     `each` says what has one of its own: the `"policy"`, with squared lengths for $z^2$; every `"unit"`, in the order of
-    `Policy.blocks`; or every `"parameter"`, in the order of `flat`.
+    `abilities.blocks`; or every `"parameter"`, in the order of `flat`.
     """
     check(0 <= decay < 1, "decay", decay, "in [0, 1)")
     choice("each", each, ("policy", "unit", "parameter"))
@@ -190,7 +190,7 @@ def optimal_baseline(
     with jax.enable_x64(True):
         build = ravel_pytree(trainable(to_float64(policy)))[1]
         pays, all_weights = (
-            np.concatenate([np.asarray(block).sum(1) for block in policy.blocks(build(jnp.asarray(vector)))])
+            np.concatenate([np.asarray(block).sum(1) for block in abilities.blocks(policy, build(jnp.asarray(vector)))])
             for vector in (pay, weights)
         )
     return pays / all_weights
@@ -272,14 +272,15 @@ def joint(mdp: FiniteMDP, policy: Policy) -> FiniteMDP:
     **Raises:** `ValueError` for a policy without hidden units, with another memory, or that does not fit `mdp`.
     """
     kind = type(policy).__name__
-    check(policy.hides, "policy", kind, "a policy with hidden units or internal states")
+    check(abilities.has_hidden_units(policy), "policy", kind, "a policy with hidden units or internal states")
     remembers = isinstance(policy, FiniteStateController)
-    check(remembers or not policy.has_memory, "policy", kind, "a policy without a memory, or a FiniteStateController")
+    known = remembers or not abilities.has_memory(policy)
+    check(known, "policy", kind, "a policy without a memory, or a FiniteStateController")
     inner = policy.states if remembers else 1
     seen = mdp.observations.shape[1]
     check(policy.observation_size == seen, "policy.observation_size", policy.observation_size, f"{seen}, the MDP's")
-    actions = policy.enumerate()
-    index = np.asarray(jax.vmap(lambda action: action_index(policy.emit(action)))(actions))
+    actions = abilities.enumerate(policy)
+    index = np.asarray(jax.vmap(lambda action: action_index(abilities.task_action(policy, action)))(actions))
     check(index.max() < mdp.actions, "policy", f"{index.max() + 1} actions", f"over the MDP's {mdp.actions} actions")
     following = np.eye(inner)[np.asarray(actions[:, 0], int) if remembers else np.zeros(len(actions), int)]
     states = mdp.states * inner
@@ -336,12 +337,12 @@ def flat(gradient: Policy) -> Float[np.ndarray, " parameters"]:
 def _index(mdp: FiniteMDP, policy: Policy) -> Int[np.ndarray, " drawn"]:
     """The MDP's action to which each of all that the policy may draw leads."""
     seen = mdp.observations.shape[1]
-    if policy.has_memory:
+    if abilities.has_memory(policy):
         check(
             policy.inputs == seen, "policy", type(policy).__name__, "a policy without a memory, or as `joint` takes it"
         )
     index = np.asarray(_emitted(policy))
-    if policy.hides and len(index) == mdp.actions:  # the MDP is that of `joint`
+    if abilities.has_hidden_units(policy) and len(index) == mdp.actions:  # the MDP is that of `joint`
         index = np.arange(len(index))
     count = len(np.unique(index))
     check(count == mdp.actions, "policy", f"{count} actions", f"over the MDP's {mdp.actions} actions")
@@ -350,7 +351,7 @@ def _index(mdp: FiniteMDP, policy: Policy) -> Int[np.ndarray, " drawn"]:
 
 @eqx.filter_jit
 def _emitted(policy: Policy) -> Int[Array, " drawn"]:
-    return jax.vmap(lambda action: action_index(policy.emit(action)))(policy.enumerate())
+    return jax.vmap(lambda action: action_index(abilities.task_action(policy, action)))(abilities.enumerate(policy))
 
 
 # Compiled whole: one by one, the operations of a policy take longer to compile than all together.
@@ -364,7 +365,7 @@ def _chances(
 ) -> Float[Array, "states actions"]:
     policy = eqx.combine(parameters, settings)
     log_prob = jax.vmap(jax.vmap(policy.log_prob, (None, 0)), (0, None))
-    each = jnp.exp(log_prob(jnp.asarray(observations), policy.enumerate()))
+    each = jnp.exp(log_prob(jnp.asarray(observations), abilities.enumerate(policy)))
     # Of a policy with hidden units, several actions look alike to the world.
     return jax.ops.segment_sum(each.T, index, actions).T
 

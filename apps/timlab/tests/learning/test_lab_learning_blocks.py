@@ -10,6 +10,7 @@ from jax.flatten_util import ravel_pytree
 
 import timlab
 from motorgrad import learning, policies
+from motorgrad.policies import abilities
 from timlab.compiler import plan, stack
 
 SIZE, TICKS = 3, 30
@@ -236,9 +237,9 @@ def test_units_with_hidden_units_and_with_a_memory_output_what_these_drew_and_wh
     assert not restart.all()
 
     def told(policy, before, observation, drawn):
-        seen = policy.perceive(before, observation)
+        seen = abilities.observation_with_memory(policy, before, observation)
         score = ravel_pytree(policy.score(seen, drawn))[0]
-        return policy.emit(drawn), policy.prob(seen), score, policy.remember(seen, drawn)
+        return abilities.task_action(policy, drawn), policy.prob(seen), score, abilities.remember(policy, seen, drawn)
 
     for name, settings in chosen.items():
         own = {port: record[f"{name}.{port}"][1] for port in made.nodes[name].block.outputs}
@@ -247,8 +248,8 @@ def test_units_with_hidden_units_and_with_a_memory_output_what_these_drew_and_wh
         like = policies.initial(name, 2, units=2, **settings)(jax.random.key(0))
         policy = ravel_pytree(like)[1](jnp.asarray(own["parameters"][0]))  # no step moves the parameters
         before = None
-        if policy.has_memory:
-            start = np.asarray(policy.initial_memory())
+        if abilities.has_memory(policy):
+            start = np.asarray(abilities.initial_memory(policy))
             before = np.where(restart[:, None] > 0, start, np.concatenate([[start], own["memory"][:-1]]))
         drawn = jnp.asarray(np.concatenate([own.get("hidden", np.zeros((TICKS, 0))), own["action"]], axis=1), float)
         action, probability, score, memory = jax.jit(jax.vmap(told, (None, 0, 0, 0)))(
@@ -257,7 +258,7 @@ def test_units_with_hidden_units_and_with_a_memory_output_what_these_drew_and_wh
         np.testing.assert_array_equal(own["action"], action)
         np.testing.assert_allclose(own["probability"], probability, rtol=1e-5)
         np.testing.assert_allclose(own["score"], score, rtol=1e-4, atol=1e-5)
-        if policy.has_memory:
+        if abilities.has_memory(policy):
             np.testing.assert_allclose(own["memory"], memory, rtol=1e-5, atol=1e-6)
-        if policy.hides:
+        if abilities.has_hidden_units(policy):
             assert len(np.unique(own["hidden"])) > 1

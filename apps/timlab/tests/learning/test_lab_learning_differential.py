@@ -226,7 +226,7 @@ CHANCE = ("hexapod-stride",)
 @pytest.mark.parametrize("name", [n for n in BODIES if n not in CHANCE])
 def test_any_body_leads_a_learner_to_where_training_does(name):
     task = mg.make(name)
-    policy = {"binary": "hyperplanes", "graded": "graded-hyperplanes"}[task.actions]
+    policy = {"binary": "hyperplanes", "continuous": "graded-hyperplanes"}[task.actions]
     settings = {"policy": policy, "decay": 0.9, "baseline": "none", "learning_rate": 1e-3}
     assert task.uniforms == task.init_uniforms == 0
     initial = mg.policies.INITIAL[policy]().bound(task)

@@ -7,6 +7,7 @@ import pytest
 
 import timlab
 from motorgrad import policies
+from motorgrad.policies import abilities
 
 TICKS = 12
 
@@ -37,10 +38,10 @@ def test_a_network_acts_and_shows_its_hidden_units_as_the_policy(further):
         )
         for tick in range(TICKS):
             seen = jnp.asarray(record["seen.y"][seed, tick], jnp.float32)
-            hidden = np.concatenate(policy.hidden_activations(seen)[:2])
+            hidden = np.concatenate(abilities.hidden_activations(policy, seen)[:2])
             np.testing.assert_allclose(record["network.hidden"][seed, tick], hidden, rtol=1e-4, atol=1e-5)
             np.testing.assert_allclose(record["network.probability"][seed, tick], policy.prob(seen), rtol=1e-4)
-            policy = policy.adapted(seen)
+            policy = abilities.adapted(policy, seen)
     one, other = record["network.parameters"][:, 0]
     assert np.any(one != other)  # each seed has its own
 

@@ -7,7 +7,7 @@ import pytest
 
 import motorgrad as mg
 from motorgrad.plane import trajectories
-from motorgrad.policies import initial
+from motorgrad.policies import abilities, initial
 from motorgrad.training import agent_for, stepper_for
 from timsim.live._probe import probe
 
@@ -37,7 +37,7 @@ def test_the_probability_shown_in_a_world_is_that_of_the_observation_and_the_mem
     @jax.jit
     def probability(policies, memory, observation):
         policy = jax.tree.map(lambda leaf: leaf[0], policies)
-        return policy.prob(policy.perceive(memory, observation))
+        return policy.prob(abilities.observation_with_memory(policy, memory, observation))
 
     for _ in range(8):
         stepper.advance(1)

@@ -13,7 +13,15 @@ import pytest
 from PIL import Image
 
 from motorgrad.bodies import debounced
-from motorgrad.policies import Autoregressive, BoundedHyperplanes, Factored, Hyperplanes, LocalGaussians, initial
+from motorgrad.policies import (
+    Autoregressive,
+    BoundedHyperplanes,
+    Factored,
+    Hyperplanes,
+    LocalGaussians,
+    abilities,
+    initial,
+)
 from timsim.panels import _charts
 from timsim.panels._gait import FIRST, SECOND, draw_footfall
 from timsim.panels._muscles import SECONDS, draw_raster
@@ -174,13 +182,17 @@ def test_the_background_keeps_the_memory_and_leaves_out_noise_that_lasts():
     memory, limits = np.random.default_rng(0).normal(size=recurrent.inputs - 2), np.array([[-1.0, 1.0], [-2.0, 2.0]])
     low = np.float32([-1, -2])
     for policy, kept, expected in (
-        (recurrent, memory, jax.jit(lambda: recurrent.prob(recurrent.perceive(np.float32(memory), low)))()),
+        (
+            recurrent,
+            memory,
+            jax.jit(lambda: recurrent.prob(abilities.observation_with_memory(recurrent, np.float32(memory), low)))(),
+        ),
         (controller, np.array([0.0, 1.0]), jax.jit(lambda: controller.prob(np.float32([*low, 0, 1])))()),
         (Autoregressive(plain, 0.9), np.array([0.7]), jax.jit(lambda: plain.prob(low))()),
     ):
         field = Field().over(policy, kept, np.zeros(2), 0, 1, limits)
         np.testing.assert_allclose(field[0, 0], expected, atol=1e-5)
-    hidden = Field(lambda policy, seen: policy.hidden_activations(seen)[0])
+    hidden = Field(lambda policy, seen: abilities.hidden_activations(policy, seen)[0])
     found = hidden.over(recurrent, memory, np.zeros(2), 0, 1, limits)
     assert np.ptp(found, axis=(0, 1)).min() > 0.1  # a recurrent unit responds to the observation at once
 

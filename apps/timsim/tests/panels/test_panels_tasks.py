@@ -6,7 +6,7 @@ import pytest
 
 from motorgrad._files import read_toml
 
-SETTINGS = {"body": {"kind": "arm"}, "reward": None, "actions": "graded"}
+SETTINGS = {"body": {"kind": "arm"}, "reward": None, "actions": "continuous"}
 
 
 @pytest.mark.parametrize("content", [b"", b"[project]\n", b"# saved by TimSim, ", b"x = 1"])
@@ -26,7 +26,7 @@ def test_what_was_saved_by_the_page_is_replaced_as_long_as_nobody_has_changed_it
     from timsim.panels._learn import save_task
 
     file = tmp_path / "task.toml"
-    for actions in ("graded", "binary"):
+    for actions in ("continuous", "binary"):
         save_task(file, {**SETTINGS, "actions": actions})
         assert read_toml(file) == tomllib.loads(file.read_text()) == {"body": {"kind": "arm"}, "actions": actions}
     changed = file.read_text() + "# my own words\n"

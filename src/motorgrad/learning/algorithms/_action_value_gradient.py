@@ -40,7 +40,7 @@ from motorgrad.learning._learner import Learner, Needs, Transition
 from motorgrad.learning._scaling import RewardScaling, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at, changes
 from motorgrad.learning.algorithms._presets import DISCOUNT, behind_layers, preset
-from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, adapted, split, trainable
+from motorgrad.policies import Architecture, MultilayerPerceptron, Policy, abilities, adapted, split, trainable
 from motorgrad.schema import Part, inner, number, register
 
 MIN_VARIANCE = 1e-4
@@ -273,7 +273,7 @@ class ActionValueGradient(Learner):
     def observe(self, state: ActionValueGradientState, transition: Transition) -> ActionValueGradientState:
         """Find the gradient sample of the newest action, and let the values learn from what it led to."""
         dropped = transition.diverged
-        policy = where(dropped, state.policy, state.policy.adapted(transition.next_observation))
+        policy = where(dropped, state.policy, abilities.adapted(state.policy, transition.next_observation))
         scaling = state.scaling
         reward = transition.reward
         if self.reward_scaling is not None and scaling is not None:

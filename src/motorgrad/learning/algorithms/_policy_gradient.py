@@ -33,7 +33,7 @@ from motorgrad.learning._learner import Decision, Learner, Needs, Transition
 from motorgrad.learning._natural import Metric
 from motorgrad.learning._schedules import Steps, changes
 from motorgrad.learning.growth import Growth, GrowthState
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import inner, register
 
 
@@ -172,7 +172,7 @@ class Agent(Learner):
             growth, policy = self.growth.init(policy, jax.random.fold_in(key, 1))
         zeros = jax.tree.map(jnp.zeros_like, trainable(policy))
         decision = None
-        if policy.hides or policy.has_memory:
+        if abilities.has_hidden_units(policy) or abilities.has_memory(policy):
             observation = jnp.zeros(policy.inputs, dtype)
             decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
         chain = self.chain
@@ -184,7 +184,7 @@ class Agent(Learner):
             decision=decision,
             steps=jnp.zeros((), jnp.int32) if chain.needs_steps or changes(self.hyperparameters) else None,
             growth=growth,
-            memory=policy.initial_memory(),
+            memory=abilities.initial_memory(policy),
         )
 
     def act(
@@ -192,15 +192,16 @@ class Agent(Learner):
     ) -> tuple[AgentState, Array]:
         r"""Sample an action from `uniforms` and add its score to the trace: $z \leftarrow f(z, \nabla\log\pi)$."""
         policy = state.policy
-        seen = policy.perceive(state.memory, observation)
+        seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
         score = policy.score(seen, action)
         if state.decision is not None:
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
         if self.growth is not None and state.growth is not None:
             state = state._replace(growth=self.growth.observe(state.growth, observation))
-        estimator = self.estimator.act(state.estimator, policy.judged(seen), score)
-        return state._replace(estimator=estimator, memory=policy.remember(seen, action)), policy.emit(action)
+        estimator = self.estimator.act(state.estimator, abilities.critic_observation(policy, seen), score)
+        state = state._replace(estimator=estimator, memory=abilities.remember(policy, seen, action))
+        return state, abilities.task_action(policy, action)
 
     def observe(self, state: AgentState, transition: Transition) -> AgentState:
         r"""Turn a reward into a gradient sample $g = \delta z$, and let every part learn from the decision.
@@ -208,13 +209,15 @@ class Agent(Learner):
         The end of an episode restarts the trace. What diverged is dropped.
         """
         diverged = transition.diverged
-        seen = state.policy.perceive(state.memory, transition.next_observation)
-        state = state._replace(policy=where(diverged, state.policy, state.policy.adapted(seen)))
+        seen = abilities.observation_with_memory(state.policy, state.memory, transition.next_observation)
+        state = state._replace(policy=where(diverged, state.policy, abilities.adapted(state.policy, seen)))
         dtype = jax.tree.leaves(trainable(state.policy))[0].dtype
         decided = Decision(jnp.asarray(transition.observation, dtype), transition.action)
         decided = decided if state.decision is None else state.decision
         transition = transition._replace(
-            observation=decided.observation, action=decided.action, next_observation=state.policy.judged(seen)
+            observation=decided.observation,
+            action=decided.action,
+            next_observation=abilities.critic_observation(state.policy, seen),
         )
         sample, estimator = self.estimator.sample(state.estimator, state.policy, transition, state.steps)
         if isinstance(state.gradient, RunningMean):
@@ -234,7 +237,7 @@ class Agent(Learner):
     def restart(self, state: AgentState, ended: Flag = True) -> AgentState:
         """Begin a new episode if `ended`: trace and memory are empty, and the discount starts again from 1."""
         chain = self.chain.map(lambda stage, own: stage.restart(own, ended), state.chain)
-        fresh = self.estimator.restart(state.estimator, state.policy), state.policy.initial_memory()
+        fresh = self.estimator.restart(state.estimator, state.policy), abilities.initial_memory(state.policy)
         estimator, memory = where(ended, fresh, (state.estimator, state.memory))
         return state._replace(estimator=estimator, memory=memory, chain=chain)
 

@@ -39,7 +39,7 @@ from motorgrad.learning._natural import Metric
 from motorgrad.learning._scaling import NormalizationState, RewardScaling, RootMeanSquare, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at, changes
 from motorgrad.learning.algorithms._presets import DISCOUNT, SMALL, behind_layers, fitted_returns, large_batch, preset
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import count, inner, number, register, static
 
 
@@ -175,7 +175,7 @@ class ProximalPolicyOptimization(Learner):
         own = jax.random.fold_in(key, 2)
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
         decision = None
-        if policy.hides or policy.has_memory:
+        if abilities.has_hidden_units(policy) or abilities.has_memory(policy):
             observation = jnp.zeros(policy.inputs, dtype)
             decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
         counted = self.chain.needs_steps or changes(self.hyperparameters)
@@ -185,7 +185,7 @@ class ProximalPolicyOptimization(Learner):
             chain=self.chain.init(policy),
             steps=jnp.zeros((), jnp.int32) if counted else None,
             decision=decision,
-            memory=policy.initial_memory(),
+            memory=abilities.initial_memory(policy),
             **self.advantages.init(policy, own),
         )
 
@@ -193,23 +193,25 @@ class ProximalPolicyOptimization(Learner):
         self, state: ProximalState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> tuple[ProximalState, Array]:
         policy = state.policy
-        seen = policy.perceive(state.memory, observation)
+        seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
         if state.decision is not None:
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
-        state = self.advantages.observe(state, policy.judged(seen))
-        return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
+        state = self.advantages.observe(state, abilities.critic_observation(policy, seen))
+        return state._replace(memory=abilities.remember(policy, seen, action)), abilities.task_action(policy, action)
 
     def observe(self, state: ProximalState, transition: Transition) -> ProximalState:
         """Keep the decision with its advantage. What diverged is dropped."""
         dropped = transition.diverged
-        seen = state.policy.perceive(state.memory, transition.next_observation)
-        policy = where(dropped, state.policy, state.policy.adapted(seen))
+        seen = abilities.observation_with_memory(state.policy, state.memory, transition.next_observation)
+        policy = where(dropped, state.policy, abilities.adapted(state.policy, seen))
         state = state._replace(policy=policy)
         decided = Decision(jnp.asarray(transition.observation, state.batch.error.dtype), transition.action)
         decided = decided if state.decision is None else state.decision
         transition = transition._replace(
-            observation=decided.observation, action=decided.action, next_observation=policy.judged(seen)
+            observation=decided.observation,
+            action=decided.action,
+            next_observation=abilities.critic_observation(policy, seen),
         )
         advantage, state = self.advantages.update(state, policy, transition)
         newest = 0 if advantage.newest is None else advantage.newest
@@ -284,7 +286,7 @@ class ProximalPolicyOptimization(Learner):
         """The state where an episode has `ended`."""
         chain = self.chain.map(lambda stage, own: stage.restart(own, ended), state.chain)
         fresh = self.advantages.restart(state)._replace(
-            batch=state.batch.restart(), memory=state.policy.initial_memory()
+            batch=state.batch.restart(), memory=abilities.initial_memory(state.policy)
         )
         return where(ended, fresh, state)._replace(chain=chain)
 

@@ -6,6 +6,7 @@ for several decisions (`Autoregressive`), and targets may be relabelled (`Hindsi
 """
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, ClassVar, NamedTuple, cast
 
 import jax
@@ -35,7 +36,7 @@ from motorgrad.learning._replay import Drawn, Experience, Replay, learned_from_r
 from motorgrad.learning._scaling import RewardScaling, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at, changes
 from motorgrad.learning.algorithms._presets import behind_layers, preset
-from motorgrad.policies import Policy, trainable
+from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import Part, count, inner, number, register
 
 
@@ -72,7 +73,7 @@ class EntropyTarget(Part):
         """The state after a step with a batch of decisions."""
         observation = drawn.observation
         numbers = jax.random.uniform(key, (len(observation), policy.uniforms), observation.dtype)
-        entropy = drawn.mean(jax.vmap(policy.entropy_estimate)(observation, numbers))
+        entropy = drawn.mean(jax.vmap(partial(abilities.entropy_estimate, policy))(observation, numbers))
         above = (entropy / policy.outputs - self.target).astype(state.log_coefficient.dtype)
         move, rule = optax.scale_by_adam().update(above, state.rule)
         log_coefficient = state.log_coefficient - self.learning_rate * cast(Array, move)
@@ -176,11 +177,11 @@ class SoftActorCritic(Learner):
         policy = self.first_policy(key)
         own = jax.random.fold_in(key, 2)
         dtype = jax.tree.leaves(trainable(policy))[0].dtype
-        observation = jnp.zeros(policy.marginal.inputs, dtype)
-        action = policy.marginal.mode(observation)
+        observation = jnp.zeros(abilities.marginal(policy).inputs, dtype)
+        action = abilities.marginal(policy).mode(observation)
         counted = self.chain.needs_steps or changes(self.hyperparameters)
         decision = None
-        if policy.has_memory:
+        if abilities.has_memory(policy):
             seen = jnp.zeros(policy.inputs, dtype)
             decision = Decision(seen, jnp.zeros_like(policy.mode(seen)))
         return SoftActorCriticState(
@@ -192,7 +193,7 @@ class SoftActorCritic(Learner):
             entropy=None if self.entropy_target is None else self.entropy_target.init(dtype),
             scaling=None if self.reward_scaling is None else self.reward_scaling.init(dtype),
             steps=jnp.zeros((), jnp.int32) if counted else None,
-            memory=policy.initial_memory(),
+            memory=abilities.initial_memory(policy),
             decision=decision,
         )
 
@@ -200,18 +201,18 @@ class SoftActorCritic(Learner):
         self, state: SoftActorCriticState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> tuple[SoftActorCriticState, Array]:
         policy = state.policy
-        seen = policy.perceive(state.memory, observation)
+        seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.sample(seen, uniforms)
         if state.decision is not None:
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
-        return state._replace(memory=policy.remember(seen, action)), action
+        return state._replace(memory=abilities.remember(policy, seen, action)), action
 
     def observe(self, state: SoftActorCriticState, transition: Transition) -> SoftActorCriticState:
         """Keep the decision. What diverged is dropped."""
         dropped = transition.diverged
         following = transition.next_observation
-        seen = state.policy.perceive(state.memory, following)
-        policy = where(dropped, state.policy, state.policy.adapted(seen))
+        seen = abilities.observation_with_memory(state.policy, state.memory, following)
+        policy = where(dropped, state.policy, abilities.adapted(state.policy, seen))
         observation = jnp.asarray(transition.observation, state.experience.observations.dtype)
         values = where(dropped, state.values, self.values.adapted(state.values, observation, transition.action))
         scaling = state.scaling
@@ -243,7 +244,7 @@ class SoftActorCritic(Learner):
         if self.reward_scaling is not None and state.scaling is not None:
             reward = (self.reward_scaling.factor(state.scaling) * batch.reward).astype(batch.reward.dtype)
             batch = batch._replace(reward=reward)
-        policy = state.policy.marginal
+        policy = abilities.marginal(state.policy)
         learned = state.entropy
         coefficient = None if self.entropy is None else at(self.entropy, state.steps)
         if self.entropy_target is not None and learned is not None:
@@ -254,7 +255,7 @@ class SoftActorCritic(Learner):
         numbers = jax.random.uniform(of_next, (len(following), policy.uniforms), following.dtype)
         later = self.values.later(state.values, following, jax.vmap(policy.sample)(following, numbers))
         if coefficient is not None:
-            later = later + coefficient * jax.vmap(policy.entropy_estimate)(following, numbers)
+            later = later + coefficient * jax.vmap(partial(abilities.entropy_estimate, policy))(following, numbers)
         values = self.values.update(state.values, batch, later, state.steps)
         gradient = self._gradient(values, state.policy, batch, coefficient, of_this)
         return self.chain.step(state._replace(values=values, entropy=learned), gradient)
@@ -274,20 +275,22 @@ class SoftActorCritic(Learner):
         if self.reward_scaling is not None and scaling is not None:
             scaling = self.reward_scaling.restart(scaling)
         experience = self.replay.restart(state.experience)
-        return state._replace(experience=experience, scaling=scaling, memory=state.policy.initial_memory())
+        return state._replace(experience=experience, scaling=scaling, memory=abilities.initial_memory(state.policy))
 
     def _gradient(
         self, values: EnsembleState, policy: Policy, batch: Drawn, coefficient: Scalar | None, key: jax.Array
     ) -> PyTree[Array]:
         """The mean gradient of the least value over a batch, for actions drawn anew."""
         observation = batch.observation
-        numbers = jax.random.uniform(key, (len(observation), policy.marginal.uniforms), observation.dtype)
+        numbers = jax.random.uniform(key, (len(observation), abilities.marginal(policy).uniforms), observation.dtype)
 
         def gain(whole: Policy) -> Float[Array, ""]:
-            present = whole.marginal
+            present = abilities.marginal(whole)
             gains = self.values.least(values, observation, jax.vmap(present.sample)(observation, numbers))
             if coefficient is not None:
-                gains = gains + coefficient * jax.vmap(present.entropy_estimate)(observation, numbers)
+                gains = gains + coefficient * jax.vmap(partial(abilities.entropy_estimate, present))(
+                    observation, numbers
+                )
             return batch.mean(gains)
 
         return gradient_of(gain, policy)
@@ -345,7 +348,7 @@ def sac(task: Learnable, steps: int, policy: PolicyTable | None = None) -> dict[
             "capacity": min(MAX_REPLAY_CAPACITY, max(1_000, 5 * steps // 4)),
             "start": start,
             "updates": batches,
-            "hindsight": None if task.hindsight is None else hindsight,
+            "hindsight": None if task.goal is None else hindsight,
         },
         "reward_scaling": {"discount": 1 - 1 / ahead},
         "optimizer": {"kind": "adam", "learning_rate": 5e-4},

@@ -34,7 +34,7 @@ from motorgrad.learning._traces import Episodic, Exponential, credited
 from motorgrad.learning.algorithms._policy_gradient import Agent
 from motorgrad.learning.sparse._index import SpatialIndex
 from motorgrad.learning.sparse._rows import greatest, write_rows
-from motorgrad.policies import LocalGaussians, split, trainable
+from motorgrad.policies import LocalGaussians, abilities, split, trainable
 from motorgrad.schema import inner, number, register
 
 MIN_SCALE = 1e-3  # of B: below, single precision would lose what a touch adds
@@ -159,7 +159,7 @@ class SparseLearner(Learner):
         pool = self.first_policy(key)
         local = isinstance(pool, LocalGaussians)
         check(local, "policy", type(pool).__name__, "LocalGaussians where units are indexed")
-        (theta,) = pool.blocks(trainable(pool))
+        (theta,) = abilities.blocks(pool, trainable(pool))
         cells = self.index.sides(pool.outputs, pool.inputs) ** pool.inputs
         episodes = self.index.rebase + 1
         dtype = theta.dtype
@@ -208,15 +208,16 @@ class SparseLearner(Learner):
         now = jax.nn.one_hot(index.episode, len(index.sums), dtype=slope.dtype)
         scale = jnp.sum(now * trace)
         total = jnp.sum(now * index.sums)
-        (gain,) = pool.blocks(
+        (gain,) = abilities.blocks(
+            pool,
             jax.tree.map(
                 lambda score, rate: (_rows_of(rate, near, units, score.ndim) / scale) * score,
                 pool.score(observation, fired),
                 rates,
-            )
+            ),
         )
         slope = jnp.where((since == index.episode)[:, None], slope, 0) + gain
-        (theta,) = pool.blocks(trainable(pool))
+        (theta,) = abilities.blocks(pool, trainable(pool))
         rows = _rows(theta - slope * total, slope, index.episode)
 
         _, left = self._left(_with(few, index.reference.at[near].get(mode="clip")), pool, slope)
@@ -265,7 +266,7 @@ class SparseLearner(Learner):
 
     def take_up(self, state: SparseState) -> SparseState:
         """The inverse of `publish`, for a policy that was put in place: learning continues from it, without a trace."""
-        (theta,) = state.policy.blocks(trainable(state.policy))
+        (theta,) = abilities.blocks(state.policy, trainable(state.policy))
         index = state.index
         moved = jnp.full_like(index.moved, jnp.inf)
         rows = _rows(theta, jnp.zeros_like(theta))
@@ -285,7 +286,7 @@ class SparseLearner(Learner):
         """All units caught up with, and what they have moved since the table was made."""
         index, trace = state
         pool = _with(policy, _caught_up(index))
-        (theta,) = pool.blocks(trainable(pool))
+        (theta,) = abilities.blocks(pool, trainable(pool))
         _, slope, since = _parts(index.rows)
         now = jax.nn.one_hot(index.episode, len(index.sums), dtype=theta.dtype)
         scale = jnp.sum(now * trace)
@@ -305,7 +306,7 @@ class SparseLearner(Learner):
     def _left(self, before: LocalGaussians, pool: LocalGaussians, slope: Float[Array, "units row"]) -> Any:
         """How strained units are, and how far they travel before they have used up their margins, at the earliest."""
         strain = self.index.strain(before, pool)
-        pace = self.index.pace(pool, pool.from_blocks((slope,)))
+        pace = self.index.pace(pool, abilities.from_blocks(pool, (slope,)))
         return strain, jnp.maximum(1 - strain, 0) / jnp.maximum(pace, 1e-30)
 
     def refresh(self, index: IndexState, policy: LocalGaussians) -> IndexState:
@@ -367,7 +368,7 @@ def _caught_up(index: IndexState) -> Float[Array, "units parameters"]:
 
 def _with(policy: Any, theta: Float[Array | np.ndarray, "units parameters"]) -> Any:
     """A pool with these parameters, within their limits."""
-    return eqx.combine(policy.from_blocks((theta,)), split(policy)[1]).limited()
+    return abilities.limited(eqx.combine(abilities.from_blocks(policy, (theta,)), split(policy)[1]))
 
 
 def _rows_of(leaf: Array, units: Int[Array, " room"], all: int, dimensions: int) -> Array:

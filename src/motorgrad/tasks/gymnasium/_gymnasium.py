@@ -101,7 +101,7 @@ class Gymnasium(HostTask):
     )
     code: Code = static(
         "auto",
-        help='encoding of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"graded"`, `"antagonists"`, or '
+        help='encoding of actions: `"choice"`, `"count"`, `"bits"`, `"each"`, `"continuous"`, `"antagonists"`, or '
         '`"auto"` for the default of the action space; see `docs/foreign-environments.md`',
     )
     end_reward: float = number(
@@ -185,7 +185,7 @@ class Gymnasium(HostTask):
         return self.env_id
 
     @property
-    def actions(self) -> Literal["binary", "discrete", "graded"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def actions(self) -> Literal["binary", "discrete", "continuous"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self._facts.code.kind  # type: ignore[return-value]
 
     @property

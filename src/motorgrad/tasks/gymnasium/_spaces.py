@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from gymnasium.spaces import Box, Discrete, MultiDiscrete
 
 
-Code = Literal["auto", "choice", "count", "bits", "each", "graded", "antagonists"]
+Code = Literal["auto", "choice", "count", "bits", "each", "continuous", "antagonists"]
 Scaling = Literal["auto", "bounds", "running", "none"]
 CODES = {  # the first is what "auto" stands for
     "Discrete": ("choice", "count", "bits"),
     "MultiDiscrete": ("count", "choice", "bits"),
     "MultiBinary": ("each",),
-    "Box": ("graded", "each", "antagonists"),
+    "Box": ("continuous", "each", "antagonists"),
 }
 MAX_ALTERNATIVES = 4096  # of one choice
 MAX_UNITS = 65_536
@@ -97,9 +97,9 @@ def _bounds(code: str, space: "Box", env_id: str) -> ActionCode:
     rest = np.clip(0, low, high).astype(low.dtype)
     eye = np.eye(low.size)
     raw: dict[str, Any] = {"shape": shape, "dtype": low.dtype.name, "low": low, "high": high}
-    if code == "graded":
+    if code == "continuous":
         _check_graded(low, high, low.dtype.kind in "biu", env_id)
-        return ActionCode("graded", low.size, "clip", **raw)
+        return ActionCode("continuous", low.size, "clip", **raw)
     if code == "each":
         return ActionCode("binary", low.size, "each", **raw)
     pull = np.concatenate([eye[rest < high], -eye[rest > low]])
@@ -118,7 +118,7 @@ def _check_graded(low: np.ndarray, high: np.ndarray, whole: bool, env_id: str) -
     if not right.all():
         number = int(np.flatnonzero(~right)[0])
         given = f"{low[number]} to {high[number]} for number {number} of the actions of {env_id}"
-        raise ValueError(f"code = 'graded': {given}: must be {wanted}; code 'each' takes any finite bounds")
+        raise ValueError(f"code = 'continuous': {given}: must be {wanted}; code 'each' takes any finite bounds")
 
 
 def _check_units(code: str, size: int, env_id: str, fewer: str) -> None:

@@ -47,7 +47,7 @@ class HexapodPrimitive(WalkingTask):
     """
 
     name: ClassVar[str] = "hexapod-primitive"
-    actions: ClassVar[Actions] = "graded"
+    actions: ClassVar[Actions] = "continuous"
     clips_actions: ClassVar[bool] = True
     metric_names: ClassVar[tuple[str, ...]] = ("speed", "begins", "falls")
     metric_units: ClassVar[Mapping[str, str]] = {**WalkingTask.metric_units, "begins": "1/s"}

@@ -47,7 +47,7 @@ class HexapodStride(WalkingTask):
     """
 
     name: ClassVar[str] = "hexapod-stride"
-    actions: ClassVar[Actions] = "graded"
+    actions: ClassVar[Actions] = "continuous"
     clips_actions: ClassVar[bool] = True
     metric_names: ClassVar[tuple[str, ...]] = ("speed", "period", "falls")
     metric_units: ClassVar[Mapping[str, str]] = {**WalkingTask.metric_units, "period": "s"}

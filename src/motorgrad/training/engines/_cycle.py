@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from motorgrad._interface import Statistics
 from motorgrad.learning import Learner, Transition, two_sum
 from motorgrad.learning._branching import any_of
+from motorgrad.policies import abilities
 from motorgrad.schema import Numbers
 from motorgrad.tasks import Task, observe, outcome
 from motorgrad.training.engines._frozen import Frozen
@@ -116,7 +117,8 @@ class Cycle:
             memory = self.task.with_statistics(memory, statistics)
             memory = memory if self.mode == "learn" else self.task.freeze(memory)
         policy = agent.policy
-        action = policy.emit(policy.mode(policy.perceive(policy.initial_memory(), observation)))
+        seen = abilities.observation_with_memory(policy, abilities.initial_memory(policy), observation)
+        action = abilities.task_action(policy, policy.mode(seen))
         metrics = len(self.task.metric_names)
         zero = jnp.zeros(1 + metrics)
         tally = Tally(zero, zero, jnp.zeros(metrics + 2 + self.first_episode, jnp.int32))
@@ -193,7 +195,7 @@ class Cycle:
             cycle.agent, Transition(cycle.observation, cycle.action, led.reward, led.observation, *flags)
         )
         if update and self.mode == "learn" and self.agent.needs.goal is not None:
-            agent = learner.update(agent, self.task.hindsight)
+            agent = learner.update(agent, self.task.goal)
         elif update:
             agent = learner.update(agent)
         tally = self._count(cycle.tally, led.memory, state, led.reward, ended, diverged)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from motorgrad.learning import NEVER, Decision, Learner, Transition
 from motorgrad.learning._branching import any_of, where
-from motorgrad.policies import Policy, trainable, with_interface
+from motorgrad.policies import Policy, abilities, trainable, with_interface
 
 
 class FrozenState(NamedTuple):
@@ -33,27 +33,27 @@ class Frozen:
     def init(self, key: jax.Array) -> FrozenState:
         policy = self._learner.init(key).policy
         decision = None
-        if policy.hides or policy.has_memory:
+        if abilities.has_hidden_units(policy) or abilities.has_memory(policy):
             observation = jnp.zeros(policy.inputs, jax.tree.leaves(trainable(policy))[0].dtype)
             decision = Decision(observation, jnp.zeros_like(policy.mode(observation)))
-        return FrozenState(policy, decision, policy.initial_memory())
+        return FrozenState(policy, decision, abilities.initial_memory(policy))
 
     def act(
         self, state: FrozenState, observation: Float[Array, " inputs"], uniforms: Float[Array, " uniforms"]
     ) -> tuple[FrozenState, Array]:
         policy = state.policy
-        seen = policy.perceive(state.memory, observation)
+        seen = abilities.observation_with_memory(policy, state.memory, observation)
         action = policy.mode(seen) if self._greedy else policy.sample(seen, uniforms)
         if state.decision is not None:
             state = state._replace(decision=Decision(seen.astype(state.decision.observation.dtype), action))
-        return state._replace(memory=policy.remember(seen, action)), policy.emit(action)
+        return state._replace(memory=abilities.remember(policy, seen, action)), abilities.task_action(policy, action)
 
     def observe(self, state: FrozenState, transition: Transition) -> FrozenState:
         ended = any_of(transition.terminated, transition.truncated, transition.diverged)
         return self.restart(state, ended)
 
     def restart(self, state: FrozenState, ended: Any = True) -> FrozenState:
-        return state._replace(memory=where(ended, state.policy.initial_memory(), state.memory))
+        return state._replace(memory=where(ended, abilities.initial_memory(state.policy), state.memory))
 
     def update(self, state: FrozenState) -> FrozenState:
         return state

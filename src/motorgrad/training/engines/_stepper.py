@@ -212,7 +212,7 @@ def validate(task: Task, policy: Policy) -> None:
 
 
 def _actions_in_words(actions: str | tuple[str, ...]) -> str:
-    """A kind of actions in words, such as "binary" or "2 binary, 3 graded"."""
+    """A kind of actions in words, such as "binary" or "2 binary, 3 continuous"."""
     if isinstance(actions, str):
         return actions
     return ", ".join(f"{len(list(run))} {kind}" for kind, run in itertools.groupby(actions))
@@ -223,7 +223,7 @@ def validate_needs(task: Task, agent: Learner) -> None:
     needs = agent.needs
     for setting in () if task.has_episodes else needs.episodes:
         raise ValueError(f"{setting}: needs episodes, but the task {task.name!r} has none; give it a time limit")
-    if needs.goal is not None and task.hindsight is None:
+    if needs.goal is not None and task.goal is None:
         has = "a composed task has one with scaling = 'none', one target that stays, its error observed, and a reward"
         raise ValueError(f"{needs.goal}: needs a goal, but the task {task.name!r} has none; {has} of its distance")
 

@@ -9,6 +9,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, PyTree
 
 from motorgrad._arrays import AnyArray
+from motorgrad.policies import abilities
 from motorgrad.tasks import Outcome, Task, outcome
 from motorgrad.training.engines._cycle import CycleState
 from motorgrad.training.engines._packing import Packed
@@ -53,9 +54,9 @@ def transition(task: Task, cycle: CycleState, before: PyTree, after: PyTree, led
         nobody = jnp.zeros(0)
         found["observation"] = task.sense(cycle.memory, before, nobody)[1]
         found["end observation"] = task.sense(led.memory, after, nobody)[1]
-    if policy.has_memory:  # what the units see also holds what the policy remembers
+    if abilities.has_memory(policy):  # what the units see also holds what the policy remembers
         found["seen"] = agent.decision.observation
-        found["end seen"] = policy.perceive(agent.memory, led.observation)
+        found["end seen"] = abilities.observation_with_memory(policy, agent.memory, led.observation)
     if isinstance(task.dynamics, World):
         found["state"], found["end state"] = (_numbers(state) for state in (before, after))
     return found

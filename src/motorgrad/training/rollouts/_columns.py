@@ -71,7 +71,7 @@ class _Lane:
 
     def _actions(self) -> _Named:
         action = self._parts["action"].astype(float)
-        unit = "" if self.task.actions == "graded" else "1"
+        unit = "" if self.task.actions == "continuous" else "1"
         if action.ndim == 1:
             yield "action", self.rows.starting(action), unit
             return

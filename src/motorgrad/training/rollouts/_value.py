@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad.learning import Critic, InputBaseline
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from motorgrad.schema import numbers_of
 from motorgrad.training._run import Run, saved_agent
 from motorgrad.training.store import RunDirectoryError, RunWarning, fill_tree
@@ -33,12 +33,12 @@ class Values:
         return made
 
     def _one(self, state: PyTree, policy: Policy, seen: Array, before: Array) -> Array:
-        judged = policy.judged(seen)
+        shown = abilities.critic_observation(policy, seen)
         baseline = self._baseline
         if not isinstance(baseline, Critic):
-            return baseline.value_at(state, judged)
+            return baseline.value_at(state, shown)
         previous = before if before.ndim else jax.nn.one_hot(before, policy.outputs)
-        return baseline.value_at(state, judged, jnp.asarray(previous, jnp.result_type(float)))
+        return baseline.value_at(state, shown, jnp.asarray(previous, jnp.result_type(float)))
 
     def of(self, lane: int, seen: np.ndarray, before: np.ndarray) -> Float[np.ndarray, " moments"]:
         """The values of what one lane has `seen` `(moments, inputs)`, after the actions `before` `(moments, …)`: at the

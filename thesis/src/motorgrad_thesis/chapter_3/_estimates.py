@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from motorgrad._errors import check
 from motorgrad.learning import Agent, Baseline, gpomdp
-from motorgrad.policies import Policy, Softmax, softmax
+from motorgrad.policies import Policy, Softmax, abilities, softmax
 from motorgrad.tasks import ThreeState
 from motorgrad.training import stepper_for
 from motorgrad.worlds import FiniteMDP, chain, oracle, three_state
@@ -163,7 +163,7 @@ def scores(mdp: FiniteMDP, policy: Policy) -> Float[np.ndarray, "states actions 
     """The score of every action in every state, in double precision."""
     with jax.enable_x64(True):
         double = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf, float), policy)
-        actions = double.enumerate()
+        actions = abilities.enumerate(double)
         seen = jax.numpy.asarray(mdp.observations)
         found = jax.vmap(jax.vmap(double.score, (None, 0)), (0, None))(seen, actions)
         return np.concatenate([np.reshape(leaf, (*leaf.shape[:2], -1)) for leaf in jax.tree.leaves(found)], axis=-1)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from jaxtyping import Array, PyTree
 
 from motorgrad._errors import plain
-from motorgrad.policies import Actor, Policy, decide
+from motorgrad.policies import Actor, Policy, abilities, decide
 from timlab.diagram import Block, Diagram, Inlet, Moment, Outlet, Port, Ports, Signals
 
 
@@ -30,15 +30,15 @@ class Deciding(Block):
         return {"action": Port((code.outputs,) if code.shape else (), "int" if whole else "float")}
 
     def init(self, uniforms: Array) -> PyTree[Array]:
-        memory = self.policy.initial_memory()
+        memory = abilities.initial_memory(self.policy)
         return () if memory is None else memory
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
-        action = decide(self.policy, state if self.policy.has_memory else None, inputs["observation"]).action
+        action = decide(self.policy, state if abilities.has_memory(self.policy) else None, inputs["observation"]).action
         return {"action": self.policy.interface.decode(action)}
 
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
-        if not self.policy.has_memory:
+        if not abilities.has_memory(self.policy):
             return state
         return decide(self.policy, state, inputs["observation"]).memory
 

@@ -31,7 +31,7 @@ class Kept(NamedTuple):
             learner = engine.cycle.learner(cycle)
             seen = cycle.observation
             lost = Transition(seen, cycle.action, jnp.zeros(()), seen, diverged=jnp.asarray(True))
-            goal = () if learner.needs.goal is None else (engine.task.hindsight,)
+            goal = () if learner.needs.goal is None else (engine.task.goal,)
             agent = learner.update(learner.observe(cycle.agent, lost), *goal)
             return agent, learner.readings(agent).get("baseline", jnp.asarray(jnp.nan))
 

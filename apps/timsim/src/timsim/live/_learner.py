@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad.policies import Policy, with_interface
+from motorgrad.policies import Policy, abilities, with_interface
 from motorgrad.tasks import EnvironmentPictures, Task
 from motorgrad.training import RunWarning, Stepper, interface_of, stepper_for
 from motorgrad.training.engines import Mode, Record, mean_reward, without_broken
@@ -53,7 +53,7 @@ class Learner:
         self._bodies = {each.label: BesideBody(self.task, each, self._body.feet) for each in setup.beside}
         self._beside = list(self._bodies)
         self.settings = agent_numbers(self.agent) | task_numbers(self.task) | self._body.read()
-        if stepper.policy.has_temperature:
+        if abilities.has_temperature(stepper.policy):
             self.settings[EXPLORATION] = 1.0
         self._pushed_until = self._counted = 0
         self._last: Probed | None = None
@@ -176,7 +176,7 @@ class Learner:
 
             def explore(state: dict[str, Any]) -> None:
                 cycle = state["cycle"]
-                policy = jax.tree.map(np.asarray, cycle.agent.policy.with_temperature(factor))
+                policy = jax.tree.map(np.asarray, abilities.with_temperature(cycle.agent.policy, factor))
                 state["cycle"] = cycle._replace(agent=cycle.agent._replace(policy=policy))
                 if self._kept is not None:
                     self._kept = self._kept._replace(agent=self._kept.agent._replace(policy=policy))

@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 
 from motorgrad.bodies import BodyState
 from motorgrad.learning import SGD, RunningMean
-from motorgrad.policies import split, trainable
+from motorgrad.policies import abilities, split, trainable
 from motorgrad.training import HostStepper, Stepper
 from motorgrad.training.engines import CycleState
 
@@ -105,8 +105,8 @@ def _probability(cycle: CycleState, acted: bool) -> Array:
     policy = cycle.agent.policy
     memory = getattr(cycle.agent, "memory", None)
     decision = getattr(cycle.agent, "decision", None)
-    if not policy.has_memory or (memory is not None and not acted):
-        return policy.prob(policy.perceive(memory, cycle.observation))
+    if not abilities.has_memory(policy) or (memory is not None and not acted):
+        return policy.prob(abilities.observation_with_memory(policy, memory, cycle.observation))
     if decision is not None:
         return policy.prob(decision.observation)
     return jnp.full(policy.outputs, jnp.nan)

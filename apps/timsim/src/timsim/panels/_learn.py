@@ -73,7 +73,7 @@ class LearnPanel(Panel):
         with gui.add_folder("Muscles that act"):
             self._which = gui.add_text("Muscles", "*", hint="Names, or patterns such as *_r or flexor*; with commas.")
             self._units = gui.add_dropdown("Units", (EACH, TOGETHER), initial_value=EACH)
-            self._actions = gui.add_dropdown("Actions", ("binary", "graded"), hint="On or off, or any control.")
+            self._actions = gui.add_dropdown("Actions", ("binary", "continuous"), hint="On or off, or any control.")
         self._lists = {place: TermList(gui, place) for place in PLACES}
         with gui.add_folder("Times"):
             self._period = gui.add_text("Decision (s)", "0.02", hint="A multiple of the time step of the physics.")
@@ -130,7 +130,7 @@ class LearnPanel(Panel):
         self._rest = settings
         for place, each in self._lists.items():
             each.fill(settings.get(place, ()))
-        self._actions.value = settings.get("actions", "graded")
+        self._actions.value = settings.get("actions", "continuous")
         self._period.value = f"{settings.get('action_period', 0.02):.6g}"
         limit = settings.get("time_limit")
         self._limit.value = "" if limit is None else f"{limit:.6g}"

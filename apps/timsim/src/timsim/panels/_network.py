@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import viser
 
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from timsim.live import Session, Snapshot
 from timsim.panels._panel import Numbers, Panel
 from timsim.panels._policy_diagrams import Field, draw_layers, present
@@ -37,7 +37,7 @@ class NetworkPanel(Panel):
             self._layer = gui.add_dropdown("Layer", names, initial_value=names[-1])
             self._unit = gui.add_slider("Hidden unit", 1, max(sizes), 1, 1)
         with gui.add_folder("What it responds to"):
-            field = Field(lambda policy, seen: jnp.concatenate(policy.hidden_activations(seen)))
+            field = Field(lambda policy, seen: jnp.concatenate(abilities.hidden_activations(policy, seen)))
             self._portrait = Portrait(self, field)
             self._portrait.fill(gui)
         for each in (self._layer, self._unit):
@@ -65,7 +65,7 @@ class NetworkPanel(Panel):
 @jax.jit
 def _activations(policy: Policy, memory: jax.Array, observation: jax.Array) -> tuple[jax.Array, ...]:
     acting, seen = present(policy, memory, observation)
-    return acting.hidden_activations(seen)
+    return abilities.hidden_activations(acting, seen)
 
 
 def _layers(session: Session, snapshot: Snapshot) -> list[np.ndarray]:

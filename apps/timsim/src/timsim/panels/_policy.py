@@ -19,7 +19,7 @@ from timsim.scene import Pose
 
 ALL = "all"
 MANY = 12  # with more units, only one is shown at first
-MEANING = {"discrete": "probability of {}", "graded": "mean activation of {}"}
+MEANING = {"discrete": "probability of {}", "continuous": "mean activation of {}"}
 """What a policy computes for a unit, by the kind of its action, where that is not a probability of firing."""
 
 
@@ -68,7 +68,7 @@ class PolicyPanel(Panel):
         unit = self.session.actions.index(self._unit.value)
         kind = "" if policy is None else policy.actions if isinstance(policy.actions, str) else policy.actions[unit]
         what = MEANING.get(kind, "probability that {} fires").format(self._unit.value)
-        self._portrait.show(policy, snapshot, unit, what, shares=kind != "graded")
+        self._portrait.show(policy, snapshot, unit, what, shares=kind != "continuous")
 
     def numbers(self) -> Numbers:
         trail = self.session.trail()

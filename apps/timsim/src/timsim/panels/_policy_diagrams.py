@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from motorgrad._errors import counted
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from timsim.panels import _charts
 from timsim.panels._panel import brief
 
@@ -118,8 +118,8 @@ Seeing = Callable[[Policy, jax.Array], jax.Array]
 
 def present(policy: Policy, memory: PyTree, observation: jax.Array) -> tuple[Policy, jax.Array]:
     """The policy without noise that lasts, and what its units see of an observation with a memory of a snapshot."""
-    acting = policy.marginal
-    return acting, acting.perceive(memory, observation)
+    acting = abilities.marginal(policy)
+    return acting, abilities.observation_with_memory(acting, memory, observation)
 
 
 class Field:
@@ -245,7 +245,7 @@ def weights_of(policy: Policy) -> np.ndarray | None:
     """Weights `(units, observations + 1)` of pools that have them, the last column being the biases; None for others,
     and where units do not see the observation alone: they draw one after the other, or remember. None for units with
     real-valued actions, too, whose mean is not the probability that fills a unit's drawing."""
-    if policy.hides or policy.has_memory or "graded" in policy.actions:
+    if abilities.has_hidden_units(policy) or abilities.has_memory(policy) or "continuous" in policy.actions:
         return None
     rows = []
     for pool in getattr(policy, "pools", (policy,)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import viser
 
-from motorgrad.policies import Policy
+from motorgrad.policies import Policy, abilities
 from timsim.live import Snapshot
 from timsim.panels._panel import Panel, brief
 from timsim.panels._policy_diagrams import Field, draw_portrait, limits_of
@@ -59,6 +59,7 @@ class Portrait:
                 most = float(found.max())
                 found = (found - least) / max(most - least, 1e-12)
                 ends = (brief(least, 2), brief(most, 2))
-            kept = ["the other observations"] * (len(senses) > 2) + ["the memory"] * policy.marginal.has_memory
+            remembers = abilities.has_memory(abilities.marginal(policy))
+            kept = ["the other observations"] * (len(senses) > 2) + ["the memory"] * remembers
             note = f"{' and '.join(kept)} as now" if kept else ""
         self._picture.content = draw_portrait(path, found, limits, (senses[x], senses[y]), what, ends, note)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning, policies
-from motorgrad.policies import Policy, split
+from motorgrad.policies import Policy, abilities, split
 from motorgrad.schema import Declared
 from timlab.blocks.learning._parts import PartBlock, block_of
 from timlab.blocks.learning._shared import VALID, is_paid, where
@@ -69,9 +69,9 @@ class _GrowingGaussians(PartBlock, Gaussians):
         rule: learning.Growth = self.bound_part
         growth = where(is_paid(inputs, now), rule.add_reward(state.growth, inputs["reward"]), state.growth)
         parameters, settings = split(state.policy)
-        step = self.thawed(state.policy, state.policy.allowed(unflat(parameters, inputs["step"])))
+        step = self.thawed(state.policy, abilities.allowed(state.policy, unflat(parameters, inputs["step"])))
         step = rule.scale_updates(growth, step)
-        policy = eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
+        policy = abilities.limited(eqx.combine(eqx.apply_updates(parameters, step), settings))
         grown, policy_after, _ = rule.advance(growth, policy)
         return where(now.tick > 0, Growing(policy_after, grown), Growing(policy, growth))
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import learning
 from motorgrad._errors import check
-from motorgrad.policies import trainable
+from motorgrad.policies import abilities, trainable
 from motorgrad.schema import (
     PART_CLASSES,
     Declared,
@@ -133,7 +133,7 @@ class Learner(Block):
     def _action(self) -> jax.ShapeDtypeStruct:
         policy = self._state.policy
         seen = jax.ShapeDtypeStruct((policy.inputs,), jnp.result_type(float))
-        return jax.eval_shape(lambda p, y: p.emit(p.mode(y)), policy, seen)
+        return jax.eval_shape(lambda p, y: abilities.task_action(p, p.mode(y)), policy, seen)
 
     @property
     def uniforms(self) -> int:

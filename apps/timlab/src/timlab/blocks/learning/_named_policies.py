@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
+from motorgrad.policies import abilities
 from motorgrad.schema import Range, as_hinted, count, fields_of, static
 from timlab.blocks._base import as_text, read_table
 from timlab.blocks.learning._shared import MAX_UNITS
@@ -98,5 +99,6 @@ class Network(NamedPolicy):
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         policy, seen, _ = self._acted(state, inputs, now)
-        layers = policy.hidden_activations(seen)[: len(self.hidden)]  # what `unit_length` scales comes after them
+        count = len(self.hidden)  # what `unit_length` scales comes after them
+        layers = abilities.hidden_activations(policy, seen)[:count]
         return {**super().output(state, inputs, now), "hidden": jnp.concatenate(layers)}

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, PyTree
 
 from motorgrad import policies
 from motorgrad._errors import check
-from motorgrad.policies import Policy, split, trainable
+from motorgrad.policies import Policy, abilities, split, trainable
 from motorgrad.schema import Kind, Range, count, number, static
 from motorgrad.tasks import Task
 from timlab.blocks.learning._shared import MAX_UNITS, where
@@ -72,10 +72,10 @@ class Units(Block, abc.ABC):
         policy = jax.eval_shape(self.start, jax.ShapeDtypeStruct((self.init_uniforms,), real))
         seen = jax.ShapeDtypeStruct((policy.inputs,), real)
         drawn = jax.eval_shape(lambda p, y: p.mode(y), policy, seen)
-        action = jax.eval_shape(lambda p, drawn: p.emit(drawn), policy, drawn)
-        rows = jax.eval_shape(lambda p: p.blocks(trainable(p)), policy)
+        action = jax.eval_shape(abilities.task_action, policy, drawn)
+        rows = jax.eval_shape(lambda p: abilities.blocks(p, trainable(p)), policy)
         units = sum(row.shape[0] for row in rows)
-        memory = jax.eval_shape(lambda p: p.initial_memory(), policy)
+        memory = jax.eval_shape(abilities.initial_memory, policy)
         hidden = drawn.size - action.size
         shape = () if memory is None else memory.shape
         return _Shapes(policy, action, size_of(policy), units, hidden, shape)
@@ -95,7 +95,7 @@ class Units(Block, abc.ABC):
         return {
             "observation": Port((policy.observation_size,)),
             **moved[self.source],
-            **(restart if policy.has_memory else {}),
+            **(restart if abilities.has_memory(policy) else {}),
         }
 
     @property
@@ -107,9 +107,9 @@ class Units(Block, abc.ABC):
             "probability": Port((policy.outputs,), help="that each unit fires, or of each alternative"),
             "parameters": Port((size,), help="at this tick"),
         }
-        if policy.hides:
+        if abilities.has_hidden_units(policy):
             ports["hidden"] = Port((hidden,), help="what the hidden units drew")
-        if policy.has_memory:
+        if abilities.has_memory(policy):
             ports["memory"] = Port(memory, help="what is remembered for the next decision")
         return ports
 
@@ -119,34 +119,34 @@ class Units(Block, abc.ABC):
 
     def init(self, uniforms: Float[Array, " init_uniforms"]) -> PyTree[Array]:
         policy = self.start(uniforms)
-        return Remembering(policy, policy.initial_memory()) if policy.has_memory else policy
+        return Remembering(policy, abilities.initial_memory(policy)) if abilities.has_memory(policy) else policy
 
     def output(self, state: PyTree[Array], inputs: Signals, now: Moment) -> Signals:
         policy, seen, action = self._acted(state, inputs, now)
         shown: dict[str, Any] = {
-            "action": policy.emit(action),
+            "action": abilities.task_action(policy, action),
             "score": flat(policy.score(seen, action)),
             "probability": policy.prob(seen),
             "parameters": flat(trainable(policy)),
         }
-        if policy.hides:
+        if abilities.has_hidden_units(policy):
             shown["hidden"] = action[: self._shapes.hidden]  # what the task gets comes last
-        if policy.has_memory:
-            shown["memory"] = policy.remember(seen, action)
+        if abilities.has_memory(policy):
+            shown["memory"] = abilities.remember(policy, seen, action)
         return shown
 
     def update(self, state: PyTree[Array], inputs: Signals, now: Moment) -> PyTree[Array]:
         policy, seen, action = self._acted(state, inputs, now)
-        after = where(jnp.all(self.frozen), policy, policy.adapted(seen))
-        return Remembering(after, policy.remember(seen, action)) if policy.has_memory else after
+        after = where(jnp.all(self.frozen), policy, abilities.adapted(policy, seen))
+        return Remembering(after, abilities.remember(policy, seen, action)) if abilities.has_memory(policy) else after
 
     def _acted(self, state: PyTree[Array], inputs: Signals, now: Moment) -> tuple[Policy, Array, Array]:
         """The policy, what its units see, and what they draw."""
         policy = self.acting(self.moved(state, inputs, now))
         memory = None
         if isinstance(state, Remembering):
-            memory = where(inputs["restart"], policy.initial_memory(), state.memory)
-        seen = policy.perceive(memory, inputs["observation"])
+            memory = where(inputs["restart"], abilities.initial_memory(policy), state.memory)
+        seen = abilities.observation_with_memory(policy, memory, inputs["observation"])
         drawn = policy.sample(seen, now.uniforms)
         likely = policy.mode(seen)
         return policy, seen, jnp.where(self.greedy, likely, drawn)
@@ -157,20 +157,21 @@ class Units(Block, abc.ABC):
             return state._replace(policy=self.moved(state.policy, inputs, now))
         parameters, settings = split(state)
         if self.source == "wire":
-            return eqx.combine(unflat(parameters, inputs["parameters"]), settings).limited()
-        step = self.thawed(state, state.allowed(unflat(parameters, inputs["step"])))
-        return eqx.combine(eqx.apply_updates(parameters, step), settings).limited()
+            return abilities.limited(eqx.combine(unflat(parameters, inputs["parameters"]), settings))
+        step = self.thawed(state, abilities.allowed(state, unflat(parameters, inputs["step"])))
+        return abilities.limited(eqx.combine(eqx.apply_updates(parameters, step), settings))
 
     def thawed(self, policy: Policy, step: PyTree[Array]) -> PyTree[Array]:
         """A step without that of frozen units."""
-        rows = policy.blocks(step)
+        rows = abilities.blocks(policy, step)
         start = 0
         moving = []
         for row in rows:
             free = ~self.frozen[start : start + len(row)]
             moving.append(jnp.broadcast_to(free[:, None], row.shape).astype(row.dtype))
             start += len(row)
-        return jax.tree.map(lambda x, free: jnp.where(free > 0, x, 0), step, policy.from_blocks(tuple(moving)))
+        free_entries = abilities.from_blocks(policy, tuple(moving))
+        return jax.tree.map(lambda x, free: jnp.where(free > 0, x, 0), step, free_entries)
 
     def acting(self, state: PyTree[Array]) -> Policy:
         """The policy in a state."""
