@@ -124,7 +124,9 @@ def test_network_policy_and_network_critic_estimate_the_exact_gradient():
     policy = eqx.filter_jit(softmax(2, 2, network=MultilayerPerceptron(hidden=(4,), sparsity=0.0)))(KEY)
     policy = moved(policy, 0.3)
     critic = NetworkCritic(network=SMALL, discount=discount, decay=0.7, fit=TemporalDifference(0.005))
-    stepper = stepper_for(task, Agent(policy, Estimator(Exponential(discount), critic, update_every="never")), range(seeds))
+    stepper = stepper_for(
+        task, Agent(policy, Estimator(Exponential(discount), critic, update_every="never")), range(seeds)
+    )
     stepper.advance(4_800)
     leaves = jax.tree.leaves(stepper.state["cycle"].agent.gradient.mean)
     found = np.concatenate([np.asarray(leaf, float).reshape(seeds, -1) for leaf in leaves], axis=1)
@@ -186,7 +188,7 @@ def test_two_decisions_are_those_of_the_formulas(fit, terminated):
     trace = np.zeros(flat(split(state.weights)[0]).shape)
     for t, reward in enumerate([0.7, -2.0]):
         ends, weights = np.bool_(terminated and t == 1), state.weights
-        transition = Transition(looks[t], np.int32(1), np.float32(reward), looks[t + 1], ends, np.bool_(False))
+        transition = Transition(looks[t], np.int32(1), np.float32(reward), looks[t + 1], ends, diverged=np.bool_(False))
         advantage, after, state, fresh, (value, slope, later) = decided(critic, state, transition)
         error = reward + 0.9 * float(later) * (not ends) - float(value)
         trace = 0.9 * 0.6 * trace + flat(slope)
@@ -203,9 +205,8 @@ def test_a_diverged_decision_teaches_nothing():
     critic = critic_with("bounded")
     state = begun(critic)
     lost = np.full(2, np.nan, np.float32)
-    transition = Transition(
-        np.zeros(2, np.float32), np.int32(0), np.float32(np.nan), lost, np.bool_(False), np.bool_(True)
-    )
+    given = np.zeros(2, np.float32), np.int32(0), np.float32(np.nan), lost
+    transition = Transition(*given, terminated=np.bool_(False), diverged=np.bool_(True))
     after = decided(critic, state, transition)[1]
     np.testing.assert_array_equal(flat(after.weights), flat(state.weights))
 
