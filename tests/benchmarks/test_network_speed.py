@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from motorgrad.benchmarks import _networks as networks
+from motorgrad.learning import Transition
 from motorgrad.policies._graded import normal_of
 
 STEPS = 6
@@ -27,7 +28,7 @@ def test_the_learner_in_torch_takes_the_same_steps():
     @jax.jit
     def decide(state, look, number, after):
         state, action = agent.act(state, look, number)
-        return agent.improve(agent.reinforce(state, -jnp.mean(action * action), after))
+        return agent.update(agent.observe(state, Transition(look, action, -jnp.mean(action * action), after)))
 
     for t in range(STEPS):
         peer.step(*map(torch.tensor, (looks[t], np.array(normal_of(uniforms[t])), looks[t + 1])))

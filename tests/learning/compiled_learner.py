@@ -1,19 +1,52 @@
-"""A learner that decides by one compiled program: one by one, its operations take far longer to compile than to run."""
+"""A decision of a learner, as it is and compiled: one by one, its operations take far longer to compile than to run."""
 
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+
+from motorgrad.learning import Transition
 
 
 class Decided(NamedTuple):
-    """A learner after `act` and the action, after `reinforce`, and after `update_every`."""
+    """A learner after `act` and the action, after `observe`, and after `update`."""
 
     acted: Any
     action: Any
-    told: Any
+    observed: Any
     state: Any
+
+
+def decision(agent, state, look, uniforms, reward, after=None, **flags):
+    """One decision of a learner, to be compiled with what is about it.
+
+    The reward is a number, or a function of the action. Without an observation `after` it, the world shows the same
+    again.
+    """
+    acted, action = agent.act(state, look, uniforms)
+    reward = reward(action) if callable(reward) else reward
+    observed = agent.observe(acted, Transition(look, action, reward, look if after is None else after, **flags))
+    return Decided(acted, action, observed, agent.update(observed))
+
+
+class _Moving(NamedTuple):
+    policy: Any
+    chain: Any
+    steps: Any
+
+
+def updates_of(chain, gradient, states, policy, steps=None):
+    """What the parameters would move by up a gradient, before limits, and the states of the chain after it."""
+    found = []
+
+    def take(updates):
+        found.append(updates)
+        return updates
+
+    after = chain.step(_Moving(policy, states, steps), gradient, scale=take)
+    return found[0], after.chain
 
 
 @eqx.filter_jit
@@ -26,31 +59,34 @@ def started(agent, seed=0):
     return _started(agent, jax.random.key(seed))
 
 
-@eqx.filter_jit
-def _told(agent, state, look, uniforms, reward, after, flags):
-    acted, action = agent.act(state, look, uniforms)
-    names = ("terminated", "truncated", "diverged")
-    return acted, action, agent.reinforce(acted, reward, after, **dict(zip(names, flags, strict=True)))
+def refreshed(agent, state):
+    """The state of one seed of a sparse learner with its table made."""
+    lead = jax.tree.map(lambda leaf: jnp.array(leaf)[None], (state.index, state.policy))
+    return state._replace(index=jax.tree.map(lambda leaf: leaf[0], agent.refresh(*lead)))
 
 
 @eqx.filter_jit
 def _decided(agent, state, look, uniforms, reward, after, flags):
-    acted, action, told = _told(agent, state, look, uniforms, reward, after, flags)
-    return Decided(acted, action, told, agent.improve(told, flags[0] | flags[1] | flags[2], flags[2]))
+    return decision(agent, state, look, uniforms, reward, after, **flags)
 
 
-def told(agent, state, look, uniforms, reward, after=None, terminated=False, truncated=False, diverged=False):
-    """One decision of a learner up to its reward: the learner after `act`, the action, and it after `reinforce`.
-
-    Without an observation `after` it, the world shows the same again.
-    """
-    after = look if after is None else after
-    given = map(np.asarray, (look, uniforms, reward, after))
-    return _told(agent, state, *given, tuple(map(np.bool_, (terminated, truncated, diverged))))
+@eqx.filter_jit
+def _told(agent, state, look, uniforms, reward, after, flags):
+    return decision(agent, state, look, uniforms, reward, after, **flags)[:3]
 
 
-def decided(agent, state, look, uniforms, reward, after=None, terminated=False, truncated=False, diverged=False):
-    """One whole decision of a learner, with the arguments of `told`."""
-    after = look if after is None else after
-    given = map(np.asarray, (look, uniforms, reward, after))
-    return _decided(agent, state, *given, tuple(map(np.bool_, (terminated, truncated, diverged))))
+def _arrays(look, uniforms, reward, after, terminated=False, truncated=False, diverged=False):
+    flags = {"terminated": terminated, "truncated": truncated, "diverged": diverged}
+    given = map(np.asarray, (look, uniforms, reward, look if after is None else after))
+    return *given, {name: np.bool_(flag) for name, flag in flags.items()}
+
+
+def told(agent, state, look, uniforms, reward, after=None, **flags):
+    """One decision of a learner up to its reward, compiled: the learner after `act`, the action, and it after
+    `observe`."""
+    return _told(agent, state, *_arrays(look, uniforms, reward, after, **flags))
+
+
+def decided(agent, state, look, uniforms, reward, after=None, **flags):
+    """One whole decision of a learner, compiled."""
+    return _decided(agent, state, *_arrays(look, uniforms, reward, after, **flags))

@@ -30,7 +30,7 @@ EXACT = LeastSquares(0.0, 1.0, damping=1e-6, interval=20)
 
 
 def estimator(baseline, update_every="never"):
-    return Estimator(Exponential(0.0), baseline, update_every=improve)
+    return Estimator(Exponential(0.0), baseline, update_every=update_every)
 
 
 def estimates(task, policy, baseline, decisions, seeds=200):

@@ -8,18 +8,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import started, told
+from compiled_learner import decision, started, told
 
 import motorgrad as mg
 from motorgrad.learning import (
     ActionValueGradient,
     ActionValues,
     Adam,
-    Agent,
-    IntentionalStep,
-    MeanReward,
+    ConjugateAscent,
     RewardScaling,
-    RootMeanSquare,
     Transition,
 )
 from motorgrad.policies import (
@@ -73,8 +70,7 @@ def test_of_normal_units_it_is_the_exact_gradient_of_a_quadratic_bandit():
         look = jnp.array([1.5])
 
         def sample(u):
-            transition = Transition(look, None, jnp.zeros(()), look, uniforms=jnp.array([u]))
-            return values.gradient(state, policy, transition, 0.3)
+            return values.gradient(state, policy, look, jnp.array([u]), 0.3)
 
         found = jax.tree.map(lambda g: g.mean(0), jax.vmap(sample)(jnp.asarray(grid(20_000))))
         m, s = 0.2 * 1.5 - 0.1, 0.02 + math.exp(-1.0)
@@ -117,8 +113,7 @@ def test_of_bounded_units_it_is_the_slope_of_the_mean_value(density):
             values, state = values_known(policy)
 
             def sample(u):
-                transition = Transition(look, None, jnp.zeros(()), look, uniforms=u[None])
-                return values.gradient(state, policy, transition, 0.2)
+                return values.gradient(state, policy, look, u[None], 0.2)
 
             return jax.tree.map(jnp.mean, jax.vmap(sample)(uniforms))
 
@@ -195,18 +190,20 @@ def test_the_last_layer_may_have_unit_length():
 def bandit(seeds, steps):
     """The mean error of the mean action of learners on the bandit −(a − 0.7 y)² with noise, before and after."""
     network = MultilayerPerceptron((32,), "tanh", layer_norm=False, sparsity=0.0)
-    estimator = ActionValueGradient(entropy=0.01, values=ActionValues(0.0, 3e-3, network=network))
     policy = BoundedHyperplanes(weights=jnp.zeros((1, 1)), bias=jnp.zeros(1), log_deviation=-jnp.ones(1))
-    agent = Agent(policy, estimator, Adam(3e-3, b1=0.0))
+    values = ActionValues(0.0, 3e-3, network=network)
+    agent = ActionValueGradient(policy, values, entropy=0.01, optimizer=Adam(3e-3, b1=0.0))
 
     def live(key):
         def decide(carry, key):
             state, look = carry
             draw, noise, following = jax.random.split(key, 3)
-            state, action = agent.act(state, look, jax.random.uniform(draw, (1,)))
-            reward = -jnp.square(action[0] - CENTRE * look[0]) + 0.3 * jax.random.normal(noise)
             after = jax.random.uniform(following, (1,), minval=-1, maxval=1)
-            state = agent.improve(agent.reinforce(state, reward, after))
+
+            def reward(action):
+                return -jnp.square(action[0] - CENTRE * look[0]) + 0.3 * jax.random.normal(noise)
+
+            state = decision(agent, state, look, jax.random.uniform(draw, (1,)), reward, after).state
             return (state, after), None
 
         first = agent.init(key)
@@ -224,54 +221,50 @@ def test_it_learns_a_bandit():
     assert after.max() < 0.15
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"baseline": MeanReward()}, "baseline = .*must be None with ActionValueGradient, which has no advantages"),
-        ({"normalization": RootMeanSquare()}, "normalization"),
-        ({"bound": IntentionalStep()}, "bound"),
-        ({"discount": 0.9}, "discount"),
-        ({"entropy": 0.1, "entropy_in": "trace"}, "entropy_in = 'trace': must be 'sample'"),
-    ],
-)
-def test_what_has_no_place_in_it_is_refused_by_name(changes, said):
-    with pytest.raises(ValueError, match=said):
-        ActionValueGradient(**changes)
+@pytest.mark.parametrize("name", ["baseline", "normalization", "bound", "entropy_in", "trace", "metric", "growth"])
+def test_settings_of_the_policy_gradient_alone_are_unknown(name):
+    with pytest.raises(ValueError, match=f"unknown setting of agent '{name}'"):
+        mg.agent_for("hopper", {"kind": "action-value-gradient", name: "none"})
+
+
+def test_optimizers_that_do_not_step_from_every_gradient_are_refused():
+    with pytest.raises(ValueError, match="optimizer = 'ConjugateAscent': must be one that makes a step of every"):
+        ActionValueGradient(unit(), optimizer=ConjugateAscent())
 
 
 def test_densities_that_have_no_slope_in_jax_are_refused():
     policy = BoundedHyperplanes(jnp.zeros((1, 1)), jnp.zeros(1), jnp.zeros(1), density="beta")
     with pytest.raises(ValueError, match="must be one whose actions JAX can differentiate, such as of the densities"):
-        eqx.filter_eval_shape(Agent(policy, ActionValueGradient()).init, jax.random.key(0))
+        eqx.filter_eval_shape(ActionValueGradient(policy).init, jax.random.key(0))
 
 
 def test_policies_that_draw_no_real_numbers_are_refused():
     with pytest.raises(ValueError, match="policy = 'Softmax': must be one with real-valued actions"):
-        Agent(Softmax(np.zeros((2, 2))), ActionValueGradient()).init(jax.random.key(0))
+        ActionValueGradient(Softmax(np.zeros((2, 2)))).init(jax.random.key(0))
 
 
 @pytest.mark.ci
 def test_what_diverged_and_the_scale_of_rewards():
-    estimator = ActionValueGradient(reward_scaling=RewardScaling(0.9), values=ActionValues(network=TINY))
-    agent = Agent(unit(), estimator, Adam(1e-3, b1=0.0))
+    values, scaling = ActionValues(network=TINY), RewardScaling(0.9)
+    agent = ActionValueGradient(unit(), values, reward_scaling=scaling, optimizer=Adam(1e-3, b1=0.0))
     state: Any
     broken: Any
     paid: Any
     begun = started(agent)
     state, _, broken = told(agent, begun, np.ones(1), [0.3], np.nan, [np.nan], diverged=True)
-    kept, was = broken.estimator.baseline, state.estimator.baseline
+    kept, was = broken.values, state.values
     jax.tree.map(np.testing.assert_array_equal, split(kept.weights)[0], split(was.weights)[0])
-    assert float(broken.gradient.bias[0]) == 0
+    assert float(broken.sample.bias[0]) == 0
     paid = told(agent, begun, np.ones(1), [0.3], 1.0, terminated=True)[2]
-    assert float(paid.estimator.baseline.scale.earned) == 0
-    assert int(paid.estimator.baseline.scale.squares.count) == 1
+    assert float(paid.values.scale.earned) == 0
+    assert int(paid.values.scale.squares.count) == 1
 
 
 @pytest.mark.slow
 def test_the_preset_is_for_real_valued_actions():
     task = mg.tasks.from_gymnasium("Pendulum-v1")
-    agent: Any = mg.presets.avg(task, changes={"policy.network.hidden": [8], "estimator.values.network.hidden": [8]})
-    assert (agent.optimizer.b1, agent.estimator.values.network.unit_length) == (0.0, True)
+    agent: Any = mg.presets.avg(task, changes={"policy.network.hidden": [8], "values.network.hidden": [8]})
+    assert (agent.optimizer.b1, agent.values.network.unit_length) == (0.0, True)
     run = mg.train(task, agent, steps=20, progress=False)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(split(run.policies)[0]))
     with pytest.raises(ValueError, match="must be one with real-valued actions"):

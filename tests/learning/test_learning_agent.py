@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+from compiled_learner import decision
 
 from motorgrad.learning import (
     SGD,
@@ -17,6 +18,7 @@ from motorgrad.learning import (
     LaggedGaussian,
     MeanReward,
     RunningMean,
+    Transition,
     Window,
     gpomdp,
     olgarb,
@@ -39,7 +41,7 @@ def experience(seed=0):
     )
 
 
-def reference(beta, baseline, improve, sum_up, discount):
+def reference(beta, baseline, update_every, sum_up, discount):
     """The table of the learner, line by line, for hyperplane units: the parameters after every decision."""
     weights, bias = np.zeros((UNITS, INPUTS)), np.zeros(UNITS)
     z_w, z_b = np.zeros_like(weights), np.zeros_like(bias)
@@ -58,7 +60,7 @@ def reference(beta, baseline, improve, sum_up, discount):
         gamma = gamma * discount
         if ended:
             z_w, z_b, gamma = np.zeros_like(z_w), np.zeros_like(z_b), 1.0
-        if improve != "never" and (ended if improve == "episode" else len(collected) == improve):
+        if update_every != "never" and (ended if update_every == "episode" else len(collected) == update_every):
             size = 1 if sum_up else len(collected)
             weights = weights + RATE * sum(g for g, _ in collected) / size
             bias = bias + RATE * sum(g for _, g in collected) / size
@@ -72,7 +74,7 @@ def reference(beta, baseline, improve, sum_up, discount):
     return np.array(path), estimate
 
 
-# name: (the estimator, what it is in the reference: decay, baseline, improve, sum, discount)
+# name: (the estimator, what it is in the reference: decay, baseline, update_every, sum, discount)
 ESTIMATORS = {
     "OLGARB": (olgarb(0.8), (0.8, "mean", 1, True, 1)),
     "OLGARB, fixed-step baseline": (olgarb(0.8, FixedStep(0.1)), (0.8, 0.1, 1, True, 1)),
@@ -102,8 +104,8 @@ def learn(estimator):
 
     def decide(state, now):
         y, a, r, ended = now
-        state, taken = agent.act(state, y, 1 - a)  # 0 makes any unit fire and 1 none: the action is as we want it
-        state = agent.improve(agent.reinforce(state, r, y, terminated=ended), ended)
+        # 0 makes any unit fire and 1 none: the action is as we want it
+        _, taken, _, state = decision(agent, state, y, 1 - a, r, terminated=ended)
         parameters = jnp.append(state.policy.weights.ravel(), state.policy.bias)
         return state, (parameters, jnp.all(taken == a))
 
@@ -172,9 +174,13 @@ def halfway(agent, decisions=5):
     state, observation = agent.init(jax.random.key(0)), jnp.asarray([1.0, -0.5])
     for number in range(decisions):
         uniforms = jax.random.uniform(jax.random.key(number), (1,))
-        state, _ = agent.act(state, observation, uniforms)
-        state = agent.improve(agent.reinforce(state, jnp.asarray(1.0 + number), observation))
+        state = decision(agent, state, observation, uniforms, jnp.asarray(1.0 + number)).state
     return state, observation
+
+
+def observed(agent, state, observation, reward, **flags):
+    """The learner after the reward for an action that it has not chosen: its traces are those before."""
+    return agent.observe(state, Transition(observation, jnp.zeros(1), jnp.asarray(reward), observation, **flags))
 
 
 def agent_with(trace, **settings):
@@ -192,7 +198,7 @@ def test_every_end_of_an_episode_empties_the_trace(trace, flag, traced):
     agent = agent_with(trace, discount=0.9)
     state, observation = halfway(agent)
     assert all(jnp.any(leaf != 0) for leaf in jax.tree.leaves(state.estimator.trace))
-    after = agent.reinforce(state, jnp.asarray(2.0), observation, **{flag: jnp.asarray(True) if traced else True})
+    after = observed(agent, state, observation, 2.0, **{flag: jnp.asarray(True) if traced else True})
     for leaf in jax.tree.leaves(after.estimator.trace):
         np.testing.assert_array_equal(leaf, 0)
     assert float(after.estimator.weight) == 1
@@ -202,8 +208,8 @@ def test_every_end_of_an_episode_empties_the_trace(trace, flag, traced):
 def test_a_lowered_flag_changes_nothing(flag):
     agent = agent_with(Exponential(0.9), discount=0.9)
     state, observation = halfway(agent)
-    plain = agent.reinforce(state, jnp.asarray(2.0), observation)
-    flagged = agent.reinforce(state, jnp.asarray(2.0), observation, **{flag: jnp.asarray(False)})
+    plain = observed(agent, state, observation, 2.0)
+    flagged = observed(agent, state, observation, 2.0, **{flag: jnp.asarray(False)})
     for a, b in zip(jax.tree.leaves(plain), jax.tree.leaves(flagged), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -212,8 +218,8 @@ def test_a_lowered_flag_changes_nothing(flag):
 def test_the_last_reward_of_an_episode_counts(flag):
     agent = agent_with(Exponential(0.9), update_every="never")
     state, observation = halfway(agent)
-    plain = agent.reinforce(state, jnp.asarray(2.0), observation)
-    ended = agent.reinforce(state, jnp.asarray(2.0), observation, **{flag: True})
+    plain = observed(agent, state, observation, 2.0)
+    ended = observed(agent, state, observation, 2.0, **{flag: True})
     for part in (lambda state: state.gradient, lambda state: state.estimator.baseline):
         for a, b in zip(jax.tree.leaves(part(plain)), jax.tree.leaves(part(ended)), strict=True):
             np.testing.assert_array_equal(a, b)
@@ -221,15 +227,15 @@ def test_the_last_reward_of_an_episode_counts(flag):
 
 @pytest.mark.parametrize("reward", [2.0, np.nan, np.inf])
 @pytest.mark.parametrize("update_every", ["never", 1])
-def test_a_diverged_sample_is_dropped_and_the_baseline_and_counts_stay(improve, reward):
-    agent = agent_with(Exponential(0.9), update_every=improve)
+def test_a_diverged_sample_is_dropped_and_the_baseline_and_counts_stay(update_every, reward):
+    agent = agent_with(Exponential(0.9), update_every=update_every)
     state, observation = halfway(agent)
-    dropped = agent.reinforce(state, jnp.asarray(reward), observation, diverged=jnp.asarray(True))
-    after = agent.improve(dropped)
+    dropped = observed(agent, state, observation, reward, diverged=jnp.asarray(True))
+    after = agent.update(dropped)
     for part in (lambda state: state.policy, lambda state: state.estimator.baseline):
         for a, b in zip(jax.tree.leaves(part(state)), jax.tree.leaves(part(after)), strict=True):
             np.testing.assert_array_equal(a, b)
-    if improve == "never":
+    if update_every == "never":
         assert isinstance(after.gradient, RunningMean)
         assert int(after.gradient.count) == 5
         np.testing.assert_array_equal(after.gradient.mean.weights, state.gradient.mean.weights)
@@ -243,8 +249,8 @@ def test_the_discount_weighs_the_decisions_of_an_episode_from_its_start():
     seen = []
     for number in range(6):
         seen.append(float(state.estimator.weight))
-        state, _ = agent.act(state, observation, jnp.asarray([0.3]))
-        state = agent.reinforce(state, jnp.asarray(1.0), observation, terminated=number == 2)
+        given = observation, jnp.asarray([0.3]), jnp.asarray(1.0)
+        state = decision(agent, state, *given, terminated=number == 2).observed
     np.testing.assert_allclose(seen, [1, 0.8, 0.64, 1, 0.8, 0.64], rtol=1e-6)  # float32
 
 
@@ -272,7 +278,7 @@ def test_fixed_settings_of_a_policy_are_not_learned():
         (lambda: Estimator(update_every="always"), "update_every = 'always'"),
         (lambda: Estimator(discount=0.0), "discount = 0.0"),
         (lambda: Estimator(discount=1.1), "discount = 1.1"),
-        (lambda: Estimator(batch="median"), "batch 'median': did you mean 'mean'"),
+        (lambda: Estimator(reduction="median"), "reduction 'median': did you mean 'mean'"),
         (lambda: Agent(Softmax(np.array([[1, 2]]))).init(jax.random.key(0)), "policy = 'Softmax': must be .*trainable"),
     ],
 )
@@ -285,11 +291,8 @@ def test_a_diverged_step_moves_nothing_even_with_momentum():
     agent = Agent(hyperplanes(2, 1), olgarb(0.9), optax.chain(optax.trace(0.9), optax.sgd(0.1)))
     state = agent.init(jax.random.key(0))
     y, u = jnp.array([0.3, -0.4]), jnp.array([0.1])
-    state, _ = agent.act(state, y, u)
-    state = agent.improve(agent.reinforce(state, jnp.float32(1.0), y))
-    state, _ = agent.act(state, y, u)
-    lost = jnp.array(True)
-    after = agent.improve(agent.reinforce(state, jnp.float32(5.0), y, diverged=lost), lost, lost)
+    state = decision(agent, state, y, u, jnp.float32(1.0)).state
+    after = decision(agent, state, y, u, jnp.float32(5.0), diverged=jnp.array(True)).state
     for before, now in zip(
         jax.tree.leaves((state.policy, state.chain)), jax.tree.leaves((after.policy, after.chain)), strict=True
     ):

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decision
 
 from motorgrad.learning import (
     SGD,
@@ -43,8 +44,8 @@ def test_all_three_learn_from_one_temporal_difference():
         y = rng.normal(size=2)
         for _ in range(8):
             after, reward = rng.normal(size=2), rng.normal()
-            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(1)))
-            state = agent.improve(agent.reinforce(state, jnp.asarray(reward), jnp.asarray(after)))
+            given = map(jnp.asarray, (y, rng.random(1), reward, after))
+            _, action, _, state = decision(agent, state, *given)
             chance = np.exp(theta @ y) / np.exp(theta @ y).sum()
             actor = decay * actor + np.outer(np.eye(2)[int(action)] - chance, y)
             trace = critic_decay * trace + y

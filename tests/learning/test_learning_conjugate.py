@@ -36,7 +36,7 @@ def observed(metric, policy, seen, actions, diverged):
 
     def add(state, decision):
         y, a, dropped = decision
-        state = metric.observe(state, policy, Transition(y, a, jnp.zeros(()), y, False, dropped))
+        state = metric.observe(state, policy, Transition(y, a, jnp.zeros(()), y, diverged=dropped))
         return state, state
 
     return jax.lax.scan(add, metric.init(policy), (seen, actions, diverged))[1]

@@ -98,11 +98,12 @@ def test_an_annealed_rate_stays_at_its_end_and_averaging_goes_on(policy):
     state = agent.init(jax.random.key(0))
     (empty,) = (each for each in state.chain if isinstance(each, RunningMean))
     state = state._replace(steps=at_end(state.steps))
-    ones, step = jax.tree.map(jnp.ones_like, trainable(policy)), eqx.filter_jit(agent._step)
+    ones = jax.tree.map(jnp.ones_like, trainable(policy))
+    step = eqx.filter_jit(lambda agent, state, ones: agent.chain.step(state, ones))
     for made in range(1, 5):
         if made == 3:  # the mean is as old as it can be
             state = state._replace(chain=(state.chain[0], state.chain[1]._replace(count=at_end(empty.count, 0))))
-        state = step(state, ones)
+        state = step(agent, state, ones)
         np.testing.assert_allclose(state.policy.bias, 0.25 * made, rtol=1e-6)
         assert end(state.steps)
     assert at(rate, state.steps) == 0.25

@@ -20,7 +20,7 @@ from motorgrad.learning import (
     LeastSquares,
     LinearCritic,
     Part,
-    SparseAgent,
+    SparseLearner,
     TemporalDifference,
     Transition,
     TrueOnlineTemporalDifference,
@@ -411,8 +411,8 @@ def test_a_learner_with_a_critic_finds_the_best_policy():
         (lambda: LeastSquares(interval=0), "interval = 0"),
         (lambda: gae(LinearCritic(), 1.5), "decay = 1.5"),
         (
-            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(baseline=LinearCritic())),
-            "baseline = .*: must be one that does not see the observation",
+            lambda: SparseLearner(LocalGaussians([[0.5]], [[0.0]]), baseline=LinearCritic()),
+            "baseline = .*: must be None or a ScalarBaseline",
         ),
         (
             lambda: agent_for("three-state", baseline=critic_table(learning_rate=-1.0)),

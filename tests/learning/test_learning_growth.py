@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import started, told
+from compiled_learner import decision, started, told
 
 from motorgrad.learning import SGD, Adam, Agent, Clock, FisherMetric, Growth, Plateau, Visited, gpomdp, olgarb, olpomdp
 from motorgrad.policies import FreeGaussians, Hyperplanes, LocalGaussians, Masked, SoftBoxes, SoftSpheres, growing
@@ -36,8 +36,7 @@ def _live(agent, decisions, reward, look, key, start):
     def decide(state, t):
         keys = jax.random.split(jax.random.fold_in(key, t), 3)
         numbers = jax.random.uniform(keys[1], (state.policy.outputs,))
-        state, _ = agent.act(state, look(keys[0]), numbers)
-        state = agent.improve(agent.reinforce(state, reward(t, keys[2]), look(keys[0])))
+        state = decision(agent, state, look(keys[0]), numbers, reward(t, keys[2])).state
         return state, state
 
     return jax.lax.scan(decide, start, jnp.arange(decisions))
@@ -188,10 +187,9 @@ def test_units_that_bring_something_keep_growth_going():
     def decide(state, key):
         worth = jnp.minimum(jnp.sum(state.policy.active), 6)
         keys = jax.random.split(key)
-        state, _ = agent.act(state, jnp.zeros(2), jax.random.uniform(keys[0], (12,)))
-        state = agent.reinforce(state, worth + 0.5 * jax.random.normal(keys[1]), jnp.zeros(2))
-        state = agent.improve(state)
-        return state, None
+        numbers = jax.random.uniform(keys[0], (12,))
+        reward = worth + 0.5 * jax.random.normal(keys[1])
+        return decision(agent, state, jnp.zeros(2), numbers, reward).state, None
 
     run = jax.jit(lambda key: jax.lax.scan(decide, agent.init(key), jax.random.split(key, 20_000))[0])
     state = run(jax.random.key(3))
@@ -206,7 +204,7 @@ def test_a_plateaus_interval_is_that_of_the_difference_of_two_windows():
     def rose(level, key):
         rewards = level + jax.random.normal(key, (400,))
         settled = jnp.asarray(True)
-        state, _ = jax.lax.scan(lambda s, r: (judge.reinforce(s, r, settled), None), judge.init(jnp.float32), rewards)
+        state, _ = jax.lax.scan(lambda s, r: (judge.add_reward(s, r, settled), None), judge.init(jnp.float32), rewards)
         return ~state.due
 
     keys = jax.random.split(jax.random.key(0), 4_000)
@@ -275,7 +273,7 @@ def test_without_growth_nothing_of_a_learner_changes():
     agent = Agent(Hyperplanes([[0.1, 0.2]], [0.0]), olgarb(0.5), SGD(0.1))
     state = agent.init(jax.random.key(0))
     assert state.growth is None
-    plain = jax.make_jaxpr(lambda s: agent.improve(agent.reinforce(s, 1.0, jnp.zeros(2))))(state)
+    plain = jax.make_jaxpr(lambda s: decision(agent, s, jnp.zeros(2), jnp.zeros(1), 1.0).state)(state)
     assert "select" not in str(plain)  # no mask, no schedule
 
 
@@ -298,9 +296,9 @@ def test_units_find_the_two_places_where_firing_pays(criterion, placement):
     good = lambda y: jnp.minimum(jnp.abs(y - 0.2), jnp.abs(y - 0.8)) < 0.12  # noqa: E731
 
     def decide(state, numbers):
-        state, action = agent.act(state, numbers[:1], numbers[1:])
-        reward = jnp.max(action) * jnp.where(good(numbers[0]), 1.0, -0.5)
-        return agent.improve(agent.reinforce(state, reward, numbers[:1])), reward
+        pays = jnp.where(good(numbers[0]), 1.0, -0.5)
+        found = decision(agent, state, numbers[:1], numbers[1:], lambda action: jnp.max(action) * pays)
+        return found.state, jnp.max(found.action) * pays
 
     def run(key):
         return jax.lax.scan(decide, agent.init(key), jax.random.uniform(key, (30_000, 5)))

@@ -108,7 +108,7 @@ def test_an_outlier_counts_as_so_many_usual_errors():
 @pytest.mark.parametrize("kind", ["linear", pytest.param("network", marks=pytest.mark.ci)])
 def test_a_decision_that_diverged_teaches_nothing(kind):
     critic = critic_of(kind, IntentionalTemporalDifference())
-    broken = Transition(np.ones(2), np.int32(0), np.float32(np.nan), np.full(2, np.nan), False, np.bool_(True))
+    broken = Transition(np.ones(2), np.int32(0), np.float32(np.nan), np.full(2, np.nan), diverged=np.bool_(True))
 
     @eqx.filter_jit
     def taught(broken):

@@ -16,11 +16,10 @@ from motorgrad.learning import (
     LearnedTrace,
     LinearBaseline,
     OptimalBaseline,
-    SparseAgent,
 )
-from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax
+from motorgrad.policies import Hyperplanes, Softmax
 from motorgrad.tasks import Chain, ThreeState
-from motorgrad.training import stepper_for
+from motorgrad.training import agent_for, stepper_for
 from motorgrad.worlds import oracle
 
 POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
@@ -129,8 +128,8 @@ def test_a_diverged_reward_teaches_it_nothing_and_an_episode_ends_without_forget
         (lambda: Estimator(LearnedTrace(), ActionTransitions()), "baseline = 'ActionTransitions'"),
         (lambda: Estimator(LearnedTrace(), entropy=0.1, entropy_in="trace"), "entropy_in = 'trace'"),
         (
-            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(LearnedTrace())),
-            "trace = .*: must be Exponential or Episodic",
+            lambda: agent_for("particle", kind="sparse", trace="learned"),
+            "unknown setting of agent 'trace': known are",
         ),
         (lambda: timlab.LearnedTrace(newest=True), "newest = True: must be False"),
     ],

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import decided, started
+from compiled_learner import decided, decision, started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax.flatten_util import ravel_pytree
@@ -275,9 +275,7 @@ def learn(policy, scale, metric, decisions=60, rule=None, estimator=None):
 
     def decide(state, now):
         y, u = now
-        state, action = agent.act(state, scale * y, u)
-        reward = -((jnp.sum(action) - 1 - y[0]) ** 2)
-        state = agent.improve(agent.reinforce(state, reward, scale * y))
+        state = decision(agent, state, scale * y, u, lambda action: -((jnp.sum(action) - 1 - y[0]) ** 2)).state
         return state, jax.vmap(state.policy.prob)(scale * jnp.array([[-1.0], [0.2], [1.0]]))
 
     @jax.jit
@@ -364,8 +362,7 @@ def test_damping_bounds_the_step_of_a_threshold_that_has_no_gain_yet():
 
         @jax.jit
         def decide(state, uniforms, agent=agent):
-            state, action = agent.act(state, y, uniforms)
-            return agent.improve(agent.reinforce(state, jnp.sum(action), y))
+            return decision(agent, state, y, uniforms, jnp.sum).state
 
         for uniforms in np.random.default_rng(0).random((40, 2), np.float32):
             state = decide(state, uniforms)
@@ -417,8 +414,8 @@ def test_a_batch_learner_solves_once_a_batch_and_steps_by_the_natural_gradient()
     agent = Agent(policy, Estimator(Exponential(0.5), update_every=5), SGD(0.1), metric)
     state, rng = started(agent), np.random.default_rng(0)
     for number in range(10):
-        _, _, told, after = decided(agent, state, [0.7], rng.random(2), rng.normal())
-        direction = preconditioned(metric, told.chain[0], told.policy, told.gradient.mean)
+        _, _, observed, after = decided(agent, state, [0.7], rng.random(2), rng.normal())
+        direction = preconditioned(metric, observed.chain[0], observed.policy, observed.gradient.mean)
         if number % 5 == 4:
             expected = oracle.flat(trainable(state.policy)) + 0.1 * oracle.flat(direction)
             np.testing.assert_allclose(oracle.flat(trainable(after.policy)), expected, rtol=1e-5)

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import decided, started
+from compiled_learner import decided, decision, started
 
 import motorgrad as mg
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, FisherMetric
@@ -19,14 +19,14 @@ POINT = Softmax([[1.0, 1.0], [-1.0, -1.0]])  # Baxter & Bartlett's test point
 @pytest.mark.slow
 @pytest.mark.parametrize("task", [pytest.param("call-admission", marks=pytest.mark.ci), "hopper"])
 @pytest.mark.parametrize("update_every", [1, 7])
-def test_a_run_that_was_stopped_goes_on_bit_for_bit(task, improve, tmp_path):
-    asked = {"task": task, "agent": agent_for(mg.make(task), metric="fisher", damping=0.1, update_every=improve)}
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(task, update_every, tmp_path):
+    asked = {"task": task, "agent": agent_for(mg.make(task), metric="fisher", damping=0.1, update_every=update_every)}
     whole = mg.train(**asked, steps=600, seeds=3, out=tmp_path / "whole", window=100, progress=False)
     mg.train(**asked, steps=300, seeds=3, out=tmp_path / "parts", window=100, progress=False)
     parts = mg.train(**asked, steps=600, seeds=3, out=tmp_path / "parts", window=100, progress=False)
     assert jax.tree.all(jax.tree.map(np.array_equal, parts.policies, whole.policies))
     assert load(tmp_path / "parts").config["agent"]["metric"]["damping"] == 0.1
-    plain = mg.train(task, agent_for(mg.make(task), update_every=improve), 600, 3, progress=False)
+    plain = mg.train(task, agent_for(mg.make(task), update_every=update_every), 600, 3, progress=False)
     assert not jax.tree.all(jax.tree.map(np.array_equal, plain.policies, whole.policies))
 
 
@@ -65,7 +65,7 @@ def test_impossible_settings_are_refused_by_name(make, names):
         make()
 
 
-def check_together(interval, improve, tolerance):
+def check_together(interval, update_every, tolerance):
     """A learner whose matrix takes in decisions together goes as one whose matrix takes in each by itself."""
     policy = BoundedHyperplanes([[0.5], [0.1]], [0.0, 0.2], [-1.0, -0.5])
     rng = np.random.default_rng(0)
@@ -73,25 +73,27 @@ def check_together(interval, improve, tolerance):
     found = []
     for together in (1, interval):
         agent = Agent(
-            policy, Estimator(Exponential(0.5), update_every=improve), SGD(0.1), FisherMetric(0.1, interval=together)
+            policy,
+            Estimator(Exponential(0.5), update_every=update_every),
+            SGD(0.1),
+            FisherMetric(0.1, interval=together),
         )
 
         @eqx.filter_jit
         def decide(state, look, uniforms, following, agent=agent):
-            state, action = agent.act(state, look, uniforms)
-            after = agent.reinforce(state, jnp.sum(action), following)
-            return agent.rest(state), after, agent.improve(after)
+            found = decision(agent, state, look, uniforms, jnp.sum, following)
+            return agent.decisions_until_due(state), found.observed, found.state
 
         state = started(agent)
         for number in range(13):
-            rests, after, state = decide(state, looks[number], chances[number], looks[number + 1])
-            if together > 1 and rests > 0:
+            waits, after, state = decide(state, looks[number], chances[number], looks[number + 1])
+            if together > 1 and waits > 0:
                 jax.tree.map(np.testing.assert_array_equal, state.chain[0].blocks, after.chain[0].blocks)
         found.append(state)
     one, other = found
-    assert int(other.chain[0].waiting) == 13 % improve % interval  # a step leaves none waiting
+    assert int(other.chain[0].waiting) == 13 % update_every % interval  # a step leaves none waiting
     np.testing.assert_allclose(oracle.flat(trainable(one.policy)), oracle.flat(trainable(other.policy)), rtol=tolerance)
-    if improve < 13:
+    if update_every < 13:
         return
     last = FisherMetric(0.1, interval=interval).solve(other.chain[0], other.policy, True)
     assert int(last.waiting) == 0
@@ -114,9 +116,9 @@ def test_a_step_of_a_batch_learner_takes_in_the_decisions_that_wait(interval):
 @pytest.mark.representatives("4-3")
 @pytest.mark.parametrize("interval", [1, 3])
 @pytest.mark.parametrize("update_every", [1, 4])
-def test_a_diverged_decision_leaves_the_matrix_and_the_parameters(improve, interval):
+def test_a_diverged_decision_leaves_the_matrix_and_the_parameters(update_every, interval):
     metric = FisherMetric(0.1, interval=interval)
-    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(update_every=improve), SGD(0.1), metric)
+    agent = Agent(Hyperplanes([[0.5]], [0.0]), Estimator(update_every=update_every), SGD(0.1), metric)
     state = decided(agent, started(agent), [0.7], [0.3], 1.0).state
     for broken in (np.nan, 0.7):
         after = decided(agent, state, [broken], [0.3], np.nan, diverged=True).state

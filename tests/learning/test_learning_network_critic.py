@@ -188,7 +188,7 @@ def test_two_decisions_are_those_of_the_formulas(fit, terminated):
     trace = np.zeros(flat(split(state.weights)[0]).shape)
     for t, reward in enumerate([0.7, -2.0]):
         ends, weights = np.bool_(terminated and t == 1), state.weights
-        transition = Transition(looks[t], np.int32(1), np.float32(reward), looks[t + 1], ends, np.bool_(False))
+        transition = Transition(looks[t], np.int32(1), np.float32(reward), looks[t + 1], ends, diverged=np.bool_(False))
         advantage, after, state, fresh, (value, slope, later) = decided(critic, state, transition)
         error = reward + 0.9 * float(later) * (not ends) - float(value)
         trace = 0.9 * 0.6 * trace + flat(slope)
@@ -205,9 +205,8 @@ def test_a_diverged_decision_teaches_nothing():
     critic = critic_with("bounded")
     state = begun(critic)
     lost = np.full(2, np.nan, np.float32)
-    transition = Transition(
-        np.zeros(2, np.float32), np.int32(0), np.float32(np.nan), lost, np.bool_(False), np.bool_(True)
-    )
+    given = np.zeros(2, np.float32), np.int32(0), np.float32(np.nan), lost
+    transition = Transition(*given, terminated=np.bool_(False), diverged=np.bool_(True))
     after = decided(critic, state, transition)[1]
     np.testing.assert_array_equal(flat(after.weights), flat(state.weights))
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import started, told
+from compiled_learner import decision, started, told
 
 from motorgrad.learning import (
     Agent,
@@ -12,7 +12,7 @@ from motorgrad.learning import (
     Exponential,
     MeanReward,
     OptimalBaseline,
-    SparseAgent,
+    SparseLearner,
     UnitMean,
 )
 from motorgrad.policies import Hyperplanes, LocalGaussians, Softmax, abilities
@@ -120,8 +120,7 @@ def test_without_one_the_trace_is_not_told():
             return super().update(state, policy, transition)
 
     agent = Agent(POINT, Estimator(Exponential(0.8), Looks()))
-    state, _ = agent.act(agent.init(jax.random.key(0)), jnp.array([0.5, 0.25]), jnp.array([0.3]))
-    agent.reinforce(state, jnp.float32(1.0), jnp.zeros(2))
+    decision(agent, agent.init(jax.random.key(0)), jnp.array([0.5, 0.25]), jnp.array([0.3]), jnp.float32(1.0))
     assert seen == [None]
 
 
@@ -131,8 +130,8 @@ def test_without_one_the_trace_is_not_told():
         (lambda: OptimalBaseline(each="units"), "did you mean 'unit'"),
         (lambda: OptimalBaseline(rate=2.0), "rate = 2.0"),
         (
-            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(baseline=OptimalBaseline())),
-            "baseline = .*: must be one that does not see the eligibility, such as MeanReward",
+            lambda: SparseLearner(LocalGaussians([[0.5]], [[0.0]]), baseline=OptimalBaseline()),
+            "baseline = .*: must be None or a ScalarBaseline",
         ),
     ],
 )

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+from compiled_learner import decision, updates_of
 
 from motorgrad.learning import SGD, Adam, Agent, olpomdp
 from motorgrad.policies import Factored, Hyperplanes, LocalGaussians, trainable
@@ -39,8 +40,7 @@ def test_every_optimizer_ascends(name):
     state, observation = agent.init(jax.random.key(0)), jnp.asarray([1.0, 0.5])
 
     def decide(state, uniforms):
-        state, action = agent.act(state, observation, uniforms)
-        return agent.improve(agent.reinforce(state, 2 * action[0] - 1, observation)), None
+        return decision(agent, state, observation, uniforms, lambda action: 2 * action[0] - 1).state, None
 
     uniforms = jax.random.uniform(jax.random.key(1), (300, 1))
     after, _ = jax.jit(lambda s: jax.lax.scan(decide, s, uniforms))(state)
@@ -51,7 +51,7 @@ def test_every_optimizer_ascends(name):
 def one_step(optimizer, policy):
     """What a gradient of ones makes of the parameters."""
     chain = learner(optimizer, policy).chain
-    return chain.update(jax.tree.map(jnp.ones_like, trainable(policy)), chain.init(policy), policy, None)[0]
+    return updates_of(chain, jax.tree.map(jnp.ones_like, trainable(policy)), chain.init(policy), policy)[0]
 
 
 def test_sgd_is_the_rate_times_the_gradient():

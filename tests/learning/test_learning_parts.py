@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import started
+from compiled_learner import refreshed, started
 
 from motorgrad.learning import (
     ActionValueEnsemble,
@@ -18,7 +18,6 @@ from motorgrad.learning import (
     Annealed,
     Baseline,
     Centring,
-    ClippedSurrogate,
     ConjugateAscent,
     Criterion,
     CriticFit,
@@ -27,18 +26,21 @@ from motorgrad.learning import (
     Features,
     Growth,
     Hindsight,
+    Learner,
     LinearCritic,
     Metric,
     Optimizer,
     PolyakAveraging,
+    ProximalPolicyOptimization,
     Replay,
     RewardScaling,
     RootMeanSquare,
     SoftActorCritic,
-    SparseAgent,
+    SparseLearner,
     SpatialIndex,
     StepBound,
     Trace,
+    Transition,
     Visited,
     number,
     register,
@@ -83,7 +85,13 @@ EVERY = [*((base, name) for base, parts in PART_CLASSES.items() for name in part
 # composed tasks have tests of their own
 PARTS = [(base, name) for base, name in EVERY if base not in (InitialPolicy, Observation, Quantity, Reset, Target)]
 FEW = ("Trace-test-accumulating",)
-SHARE = ("Baseline-critic", "Growth-constructive", "Agent-sparse", "Metric-fisher")  # of those that compile
+SHARE = (
+    "Baseline-critic",
+    "Growth-constructive",
+    "Learner-proximal",
+    "Learner-sparse",
+    "Metric-fisher",
+)  # of those that compile
 every_part_and_term = pytest.mark.parametrize(
     ("base", "name"), EVERY, ids=[f"{base.__name__}-{name}" for base, name in EVERY]
 )
@@ -114,23 +122,23 @@ def made(cls):
     if cls is Follow:
         return Follow("hand", time=(0, 1), values=((0, 0, 0), (1, 1, 1)))
     missing = (f.name for f in dataclasses.fields(cls) if f.init and f.default is dataclasses.MISSING)
-    return cls(**{name: 0.5 for name in missing if name != "policy"})
+    return cls(**{name: INITIAL["softmax"]() if name == "policy" else 0.5 for name in missing})
 
 
-def narrow(values=None):
+def narrow(policy, values=None):
     """An action value gradient whose network is narrow: with wide ones, seeds side by side share some rounding."""
     values = ActionValues() if values is None else values
     network = dataclasses.replace(values.network, hidden=(4,))
-    return ActionValueGradient(values=dataclasses.replace(values, network=network))
+    return ActionValueGradient(policy, dataclasses.replace(values, network=network))
 
 
-def narrow_soft(values=None, replay=None, entropy_target=None):
+def narrow_soft(policy, values=None, replay=None, entropy_target=None):
     """Soft actor-critic with narrow networks and little experience, which it uses from the first decisions."""
     values = ActionValueEnsemble() if values is None else values
     network = dataclasses.replace(values.network, hidden=(4,))
     replay = dataclasses.replace(Replay() if replay is None else replay, capacity=40, start=4, batch=3)
     values = dataclasses.replace(values, network=network)
-    return SoftActorCritic(update_every=2, values=values, replay=replay, entropy_target=entropy_target)
+    return SoftActorCritic(policy, values, replay, update_every=2, entropy_target=entropy_target)
 
 
 def agent_with(base, name):
@@ -142,17 +150,32 @@ def agent_with(base, name):
         field = {Growth: None, Criterion: "criterion", Visited: "placement"}[base]
         growth = made(cls) if field is None else Growth(**{field: made(cls)})
         return recruitment, Agent(policy, growth=growth)
-    if base is SpatialIndex or cls is SparseAgent:
-        return recruitment, SparseAgent(INITIAL["gaussians"]().bound(recruitment))
+    if base is SpatialIndex or cls is SparseLearner:
+        index = made(cls) if base is SpatialIndex else SpatialIndex()
+        return recruitment, SparseLearner(INITIAL["gaussians"]().bound(recruitment), index=index)
     if base is FeatureMap:
         features = {"squares": True, "products": True, "nonlinear": 3}
         return ThreeState(), Agent(INITIAL["softmax"](features=features).bound(ThreeState()))
     if base is Hindsight:
         task = Composed(scaling="none")
         replay = Replay(capacity=40, start=4, batch=3, hindsight=made(cls))
-        return task, Agent(INITIAL["bounded-hyperplanes"]().bound(task), narrow_soft(replay=replay))
+        return task, narrow_soft(INITIAL["bounded-hyperplanes"]().bound(task), replay=replay)
     if base is Architecture:
         return ThreeState(), Agent(INITIAL["softmax"](network=made(cls)).bound(ThreeState()))
+    graded = INITIAL["graded-motoneurons"]().bound(recruitment)
+    of_values = {
+        ActionValues: lambda: narrow(graded, made(cls)),
+        ActionValueGradient: lambda: narrow(graded),
+        ActionValueEnsemble: lambda: narrow_soft(graded, made(cls)),
+        EntropyTarget: lambda: narrow_soft(graded, entropy_target=made(cls)),
+        Replay: lambda: narrow_soft(graded, replay=made(cls)),
+        SoftActorCritic: lambda: narrow_soft(graded),
+    }
+    if cls in of_values:
+        return recruitment, of_values[cls]()
+    if cls is ProximalPolicyOptimization:
+        policy = INITIAL["softmax"]().bound(ThreeState())
+        return ThreeState(), ProximalPolicyOptimization(policy, update_every=6, epochs=2, minibatches=2)
     inner = {
         Trace: lambda: {"estimator": Estimator(trace=made(cls))},
         Baseline: lambda: {"estimator": Estimator(baseline=made(cls))},
@@ -160,26 +183,18 @@ def agent_with(base, name):
         Centring: lambda: {"estimator": Estimator(baseline=LinearCritic(centring=made(cls)))},
         Features: lambda: {"estimator": Estimator(baseline=LinearCritic(made(cls)))},
         StepBound: lambda: {"estimator": Estimator(bound=made(cls))},
-        ClippedSurrogate: lambda: {"estimator": Estimator(update_every=6, reuse=made(cls))},
         RewardScaling: lambda: {"estimator": Estimator(reward_scaling=made(cls))},
         RootMeanSquare: lambda: {"estimator": Estimator(normalization=made(cls))},
         Annealed: lambda: {"estimator": Estimator(entropy=made(cls))},
-        Estimator: lambda: {"estimator": {ActionValueGradient: narrow, SoftActorCritic: narrow_soft}.get(cls, cls)()},
-        ActionValues: lambda: {"estimator": narrow(made(cls))},
-        ActionValueEnsemble: lambda: {"estimator": narrow_soft(made(cls))},
-        Replay: lambda: {"estimator": narrow_soft(replay=made(cls))},
-        EntropyTarget: lambda: {"estimator": narrow_soft(entropy_target=made(cls))},
+        Estimator: lambda: {"estimator": made(cls)},
         Optimizer: lambda: {"optimizer": made(cls), **({"estimator": BATCH} if cls is ConjugateAscent else {})},
         Metric: lambda: {"metric": made(cls)},
         PolyakAveraging: lambda: {"averaging": made(cls)},
-        Agent: dict,
+        Learner: dict,
     }[base]()
-    of_values = (ActionValues, ActionValueEnsemble, EntropyTarget, Replay)
-    if base in of_values or cls in (ActionValueGradient, SoftActorCritic):
-        return recruitment, Agent(INITIAL["graded-motoneurons"]().bound(recruitment), **inner)
     task = ThreeState()
     agent = Agent(INITIAL["softmax"]().bound(task), **inner)
-    if agent.needs_episodes():
+    if agent.needs.episodes:
         task = ThreeState(time_limit=5)
         agent = Agent(INITIAL["softmax"]().bound(task), **inner)
     return task, agent
@@ -212,14 +227,14 @@ def test_a_saved_learner_is_the_same(base, name):
         saved = json.loads(json.dumps(agent_table(each)))
         assert agent_from_table(task, saved) == each
     text = json.dumps(agent_table(agent))
-    # a table without a kind is of a dense learner; features are a policy's only kind of them
-    assert f'"{name}"' in text or (base, name) in ((Agent, "dense"), (FeatureMap, "map"))
+    # a table without a kind is of the policy gradient; features are a policy's only kind of them
+    assert f'"{name}"' in text or (base, name) in ((Learner, "policy-gradient"), (FeatureMap, "map"))
 
 
 @every_part_and_term
 def test_a_value_outside_its_range_is_refused(base, name):
     cls = PART_CLASSES[base][name]
-    part = None if base is Agent else made(cls)
+    part = made(cls)
     for field, declared in fields_of(cls).items():
         bad = []
         allowed = declared_by(declared).range
@@ -239,7 +254,9 @@ def test_a_value_outside_its_range_is_refused(base, name):
 
 @of_parts(*FEW)
 def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
-    _, agent = agent_with(base, name)
+    task, agent = agent_with(base, name)
+    goal = () if agent.needs.goal is None else (task.hindsight,)
+    sparse = isinstance(agent, SparseLearner)
     other, order, traces = nudged(agent), Numbers(agent.hyperparameters), 0
     assert Numbers(other.hyperparameters).key == order.key
     policy = jax.eval_shape(agent.init, jax.random.key(0)).policy
@@ -251,20 +268,16 @@ def test_one_program_serves_all_numbers_as_if_they_were_constants(base, name):
     def live(learner, state):
         def decide(state, now):
             look, after, number, reward, ended = now
-            state, _ = learner.act(state, look, number)
-            state = learner.reinforce(state, reward, after, terminated=ended)
-            return learner.improve(state, ended), None
+            state, action = learner.act(state, look, number)
+            state = learner.observe(state, Transition(look, action, reward, after, terminated=ended))
+            return learner.update(state, *goal), None
 
-        room = uniforms if state.index is None else uniforms[:, : state.index.table.shape[-1]]
+        room = uniforms[:, : state.index.table.shape[-1]] if sparse else uniforms
         state = jax.lax.scan(decide, state, (looks[:-1], looks[1:], room, rewards, ends))[0]
-        return learner.publish(state) if isinstance(learner, SparseAgent) else state
+        return learner.publish(state) if sparse else state
 
     def start(learner):
-        state = started(learner)
-        if state.index is None:
-            return state
-        lead = jax.tree.map(lambda leaf: jnp.array(leaf)[None], (state.index, state.policy))
-        return state._replace(index=jax.tree.map(lambda leaf: leaf[0], agent.refresh(*lead)))
+        return refreshed(agent, started(learner)) if sparse else started(learner)
 
     @jax.jit
     def by_vector(vector, state):

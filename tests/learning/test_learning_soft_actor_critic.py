@@ -9,17 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
+from compiled_learner import decision
 
 import motorgrad as mg
 from motorgrad.learning import (
     ActionValueEnsemble,
     Adam,
-    Agent,
     Drawn,
     EntropyTarget,
     Goal,
     Hindsight,
-    MeanReward,
     Replay,
     SoftActorCritic,
 )
@@ -251,11 +250,9 @@ def test_some_tasks_have_no_goal(changes):
 def test_tasks_without_a_goal_take_no_hindsight(changes):
     task = arm(**changes)
     agent = mg.agent_for(task, preset="sac", steps=1_000)
-    assert agent.estimator.replay.hindsight is None
-    agent = mg.agent_for(task, {"estimator.replay.hindsight": "hindsight"}, preset="sac", steps=1_000)
-    with pytest.raises(
-        ValueError, match=r"estimator\.replay\.hindsight: needs a goal, but the task 'composed' has none"
-    ):
+    assert agent.replay.hindsight is None
+    agent = mg.agent_for(task, {"replay.hindsight": "hindsight"}, preset="sac", steps=1_000)
+    with pytest.raises(ValueError, match=r"^replay\.hindsight: needs a goal, but the task 'composed' has none"):
         mg.train(task, agent, 100, progress=False)
 
 
@@ -277,12 +274,17 @@ def test_a_step_of_the_values_is_that_of_the_formulas():
     @jax.jit
     def both(drawn, key):
         """The weights and the slow weights after a step of `values`, and by the formulas."""
-        policy, state = unit(), values.init(2, jnp.float64, jax.random.key(0))
-        heads = [eqx.tree_at(lambda w: w.weights, each, jnp.arange(4.0) + k) for k, each in enumerate(state.weights)]
+        policy = unit()
+        agent = SoftActorCritic(policy, values, entropy=worth)
+        state = agent.init(jax.random.key(0))
+        first = enumerate(state.values.weights)
+        heads = [eqx.tree_at(lambda w: w.weights, each, jnp.arange(4.0) + k) for k, each in first]
         learned, settings = split(tuple(heads))
         slow = jax.tree.map(lambda leaf: 0.8 * leaf, learned)
-        after = values.update(state._replace(weights=tuple(heads), slow=slow), policy, drawn, worth, key)
-        action = jax.vmap(policy.sample)(drawn.next_observation, jax.random.uniform(key, (64, 1), jnp.float64))
+        state = state._replace(values=state.values._replace(weights=tuple(heads), slow=slow))
+        after = agent.learned_from(state, drawn, key).values
+        numbers = jax.random.uniform(jax.random.split(key)[0], (64, 1), jnp.float64)
+        action = jax.vmap(policy.sample)(drawn.next_observation, numbers)
 
         def network(learned, look, action):
             heads = eqx.combine(learned, settings)
@@ -314,12 +316,12 @@ def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
     with jax.enable_x64(True):
         policy: Any = unit()
         policy = Autoregressive(policy, autocorrelation) if autocorrelation else policy
-        estimator = SoftActorCritic(update_every=1, entropy=0.3, values=ActionValueEnsemble(members=1, network=Bowls()))
-        state = estimator.values.init(2, jnp.float64, jax.random.key(0))
+        agent = SoftActorCritic(policy, ActionValueEnsemble(members=1, network=Bowls()), entropy=0.3)
+        state = agent.values.init(2, jnp.float64, jax.random.key(0))
         (head,) = state.weights
         state = state._replace(weights=(eqx.tree_at(lambda w: w.weights, head, jnp.ones(1)),))
         drawn = jax.tree.map(lambda each: np.repeat(each, 500, axis=0), batch())
-        found = jax.jit(lambda key: estimator._gradient(state, policy, drawn, 0.3, key))(jax.random.key(1))
+        found = jax.jit(lambda key: agent._gradient(state, policy, drawn, 0.3, key))(jax.random.key(1))
         found = found.policy if autocorrelation else found
         look, weight = np.asarray(drawn.observation)[:, 0], np.asarray(drawn.weight)
         of_m, s = -2 * (0.2 * look - 0.1 - CENTRE * look), 0.02 + math.exp(-1.0)
@@ -329,17 +331,20 @@ def test_where_the_value_is_known_the_gradient_is_exact(autocorrelation):
         np.testing.assert_allclose(found.log_deviation[0], (-2 * s + 0.3 / s) * math.exp(-1.0), atol=0.02)
 
 
-def bandit(estimator, policy, decisions, key=0):
+def bandit(decisions, key=0, **settings):
     """The state of a learner after decisions each of which is an episode: reward −(a − 0.7 y)² for y in [−1, 1]."""
-    agent = Agent(policy, estimator, Adam(1e-2))
+    agent = SoftActorCritic(unit(), update_every=4, optimizer=Adam(1e-2), **settings)
 
     def one(state, key):
         first, second, drawn = jax.random.split(key, 3)
         look = jax.random.uniform(first, (1,), minval=-1, maxval=1)
-        state, action = agent.act(state, look, jax.random.uniform(drawn, (1,)))
-        reward = -jnp.sum(jnp.square(action - CENTRE * look))
         following = jax.random.uniform(second, (1,), minval=-1, maxval=1)
-        return agent.improve(agent.reinforce(state, reward, following, True)), None
+
+        def reward(action):
+            return -jnp.sum(jnp.square(action - CENTRE * look))
+
+        numbers = jax.random.uniform(drawn, (1,))
+        return decision(agent, state, look, numbers, reward, following, terminated=True).state, None
 
     keys = jax.random.split(jax.random.key(key + 1), decisions)
     return jax.jit(lambda state, keys: jax.lax.scan(one, state, keys)[0])(agent.init(jax.random.key(key)), keys)
@@ -349,8 +354,7 @@ def bandit(estimator, policy, decisions, key=0):
 def test_it_solves_a_bandit_and_deviations_shrink_to_their_floor():
     network = MultilayerPerceptron((32,), activation="tanh", sparsity=0.0, layer_norm=False)
     values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
-    estimator = SoftActorCritic(update_every=4, values=values, replay=Replay(3_000, 100, 64, 4))
-    state = bandit(estimator, unit(), 1_500)
+    state = bandit(1_500, values=values, replay=Replay(3_000, 100, 64, 4))
     policy = state.policy
     assert float(policy.weights[0, 0]) == pytest.approx(CENTRE, abs=0.1)
     assert float(policy.bias[0]) == pytest.approx(0, abs=0.1)
@@ -363,19 +367,16 @@ def test_the_worth_of_entropy_is_learned_until_entropy_is_as_wanted():
     values = ActionValueEnsemble(learning_rate=1e-2, tracking=0.05, network=network)
     wanted = 0.3  # a deviation, of which entropy is a function
     target = EntropyTarget(math.log(wanted) + 0.5 * math.log(2 * math.pi * math.e), start=0.5, learning_rate=0.02)
-    estimator = SoftActorCritic(update_every=4, values=values, replay=Replay(3_000, 100, 64, 4), entropy_target=target)
-    state = bandit(estimator, unit(), 2_500)
+    state = bandit(2_500, values=values, replay=Replay(3_000, 100, 64, 4), entropy_target=target)
     assert float(state.policy.deviation[0]) == pytest.approx(wanted, abs=0.06)
     # where s is best, 2 s² = α: the square counts −1, and a nat of log s counts α
-    assert float(jnp.exp(state.estimator.entropy.log_worth)) == pytest.approx(2 * wanted**2, abs=0.12)
+    assert float(jnp.exp(state.entropy.log_coefficient)) == pytest.approx(2 * wanted**2, abs=0.12)
 
 
 @pytest.mark.ci
 def test_nothing_moves_before_there_is_enough_experience():
-    estimator = SoftActorCritic(
-        update_every=4, values=ActionValueEnsemble(network=Bowls()), replay=Replay(500, 61, 8, 2)
-    )
-    before, after = (bandit(estimator, unit(), decisions) for decisions in (28, 36))  # two observations a decision
+    parts = {"values": ActionValueEnsemble(network=Bowls()), "replay": Replay(500, 61, 8, 2)}
+    before, after = (bandit(decisions, **parts) for decisions in (28, 36))  # two observations a decision
     np.testing.assert_array_equal(before.policy.weights, unit().weights)
     assert float(after.policy.weights[0, 0]) != 0.2
 
@@ -385,24 +386,24 @@ def test_nothing_moves_before_there_is_enough_experience():
 
 def test_parts_and_policies_without_a_place_in_it_are_refused():
     for changes, words in (
-        ({"baseline": MeanReward()}, "baseline = "),
-        ({"update_every": "episode"}, "update_every = 'episode': must be a number of decisions with SoftActorCritic"),
-        ({"discount": 0.9}, "discount = 0.9"),
+        ({"update_every": "episode"}, "update_every = 'episode': must be an integer of at least 1"),
         ({"entropy": 0.1, "entropy_target": EntropyTarget()}, r"entropy = 0\.1: must be None with an entropy_target"),
     ):
         with pytest.raises(ValueError, match=words):
-            SoftActorCritic(**changes)
+            SoftActorCritic(unit(), **changes)
     with pytest.raises(ValueError, match="start = 200: must be at most capacity = 100"):
         Replay(100, 200)
     with pytest.raises(ValueError, match=r"share = 1\.5: must be in \[0, 1\]"):
         Hindsight(1.5)
     with pytest.raises(ValueError, match="policy = 'Softmax': must be one with real-valued actions"):
-        SoftActorCritic().init(Softmax(jnp.zeros((2, 1))))
+        SoftActorCritic(Softmax(jnp.zeros((2, 1)))).init(jax.random.key(0))
     with pytest.raises(ValueError, match="policy = 'BoundedHyperplanes': must be one whose actions JAX"):
-        SoftActorCritic().init(bounded_hyperplanes(3, 2, density="beta"))
+        SoftActorCritic(bounded_hyperplanes(3, 2, density="beta")).init(jax.random.key(0))
     for changes, words in (
-        ({"optimizer": "conjugate-ascent"}, "estimator = 'SoftActorCritic': must be one whose samples make a gradient"),
-        ({"metric": "lstd-nac"}, "estimator = 'SoftActorCritic': must be one that follows scores"),
+        ({"optimizer": "conjugate-ascent"}, "optimizer = 'ConjugateAscent': must be one that makes a step of every"),
+        ({"metric": "lstd-nac"}, "unknown setting of agent 'metric'"),
+        ({"baseline": "mean"}, "unknown setting of agent 'baseline'"),
+        ({"estimator": "olgarb"}, "unknown setting of agent 'estimator'"),
     ):
         with pytest.raises(ValueError, match=words):
             mg.agent_for(arm(), changes, preset="sac")
@@ -413,10 +414,10 @@ def test_parts_and_policies_without_a_place_in_it_are_refused():
 def preset_for(task, **changes):
     small = {
         "policy.network": SMALL,
-        "estimator.values.network": SMALL,
-        "estimator.replay.start": 40,
-        "estimator.replay.batch": 8,
-        "estimator.replay.updates": 2,
+        "values.network": SMALL,
+        "replay.start": 40,
+        "replay.batch": 8,
+        "replay.updates": 2,
         **changes,
     }
     return mg.agent_for(task, small, preset="sac", steps=400)
@@ -425,7 +426,7 @@ def preset_for(task, **changes):
 @pytest.mark.ci
 def test_the_preset_averages_the_last_eighth_of_its_steps():
     """No step is made before there is enough experience."""
-    small = {"policy.network": SMALL, "estimator.values.network": SMALL, "estimator.replay.batch": 8}
+    small = {"policy.network": SMALL, "values.network": SMALL, "replay.batch": 8}
     agent = mg.agent_for(arm(), small, preset="sac", steps=1_600)
     stepper = stepper_for(arm(), agent, [0])
     stepper.advance(1_600)

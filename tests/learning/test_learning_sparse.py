@@ -7,29 +7,29 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import started
+from compiled_learner import decided, decision, refreshed, started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from motorgrad.learning import (
     SGD,
-    Adam,
     Agent,
     Constant,
     Episodic,
     Estimator,
     Exponential,
-    FisherMetric,
+    Learner,
     LinearBaseline,
     MeanReward,
     RootMeanSquare,
-    SparseAgent,
+    SparseLearner,
     SpatialIndex,
-    Window,
     olgarb,
 )
 from motorgrad.learning.sparse._rows import greatest, write_rows
 from motorgrad.policies import LocalGaussians, abilities, hyperplanes
+from motorgrad.schema import build
+from motorgrad.training import agent_for
 
 RATES = {"centre": 2e-3, "log_width": 8e-3}
 
@@ -41,10 +41,11 @@ def pool_of(units=12, inputs=2, seed=0, width=0.2, p_max=0.6, limits=None):
     return abilities.limited(pool)
 
 
-def refreshed(agent, state):
-    """One seed's state with its table made."""
-    lead = jax.tree.map(lambda leaf: jnp.array(leaf)[None], (state.index, state.policy))
-    return state._replace(index=jax.tree.map(lambda leaf: leaf[0], agent.refresh(*lead)))
+def sparse_of(policy, estimator, rates, index):
+    """The sparse learner that learns what the dense one of this estimator learns."""
+    decay = estimator.trace.decay if isinstance(estimator.trace, Exponential) else 1.0
+    parts = (estimator.baseline, estimator.discount, estimator.normalization)
+    return SparseLearner(policy, decay, *parts, learning_rate=rates, index=index)
 
 
 def life(agent, decisions, sparse=False, seed=1):
@@ -57,19 +58,19 @@ def life(agent, decisions, sparse=False, seed=1):
 
     @jax.jit
     def decide(state, look, after, uniforms, ended):
-        state, action = agent.act(state, look, uniforms)
-        reward = jnp.sin(7 * jnp.sum(action) + 3 * look[0])
-        state = agent.reinforce(state, reward, after, terminated=ended)
-        return agent.improve(state, ended)
+        def reward(action):
+            return jnp.sin(7 * jnp.sum(action) + 3 * look[0])
+
+        return decision(agent, state, look, uniforms, reward, after, terminated=ended).state
 
     for t in range(decisions):
         room = units
-        if isinstance(agent, SparseAgent):
+        if isinstance(agent, SparseLearner):
             if agent.due(state):
                 state, tables = refreshed(agent, state), tables + 1
             room = state.index.table.shape[1]
         state = decide(state, looks[t], looks[t + 1], numbers[t, :room], ends[t])
-    if isinstance(agent, SparseAgent):
+    if isinstance(agent, SparseLearner):
         state = agent.publish(state)
     return state, tables
 
@@ -102,15 +103,15 @@ ESTIMATORS = {
     ids=lambda value: f"{value}",
 )
 def test_with_every_unit_in_the_one_cell_it_learns_what_the_dense_learner_learns(name, rebase):
-    estimator = ESTIMATORS[name]
     start = pool_of(limits=(-2.0, -1.2))
     rates = {"centre": RATES["centre"], "log_width": np.linspace(0.004, 0.01, 12)[:, None]}
     index = SpatialIndex(neglect=1e-30, cells=1, rebase=rebase)
-    state, _ = life(SparseAgent(start, estimator, SGD(rates), index=index), 150)
+    estimator = ESTIMATORS[name]
+    state, _ = life(sparse_of(start, estimator, rates, index), 150)
     dense, _ = life(Agent(start, estimator, SGD(rates)), 150)
     assert state.index.table.shape == (1, 12)
     close(state.policy, dense.policy)
-    close(state.estimator.baseline, dense.estimator.baseline)
+    close(state.baseline, dense.estimator.baseline)
     moved = np.abs(dense.policy.log_width - start.log_width).max()
     assert moved > 0.05  # a tenth of what rounding may do to it would be seen
 
@@ -122,8 +123,7 @@ def test_units_out_of_sight_are_caught_up_with_whenever_that_is(name):
     start = pool_of(60, width=0.05)
     decisions = 300 if name == "0" else 150  # without a memory less moves
     often, rarely = (
-        life(SparseAgent(start, estimator, SGD(1e-5), index=SpatialIndex(cells=8, rebase=rebase)), decisions)
-        for rebase in (1, 64)
+        life(sparse_of(start, estimator, 1e-5, SpatialIndex(cells=8, rebase=rebase)), decisions) for rebase in (1, 64)
     )
     assert often[1] == rarely[1] == 1  # another table would give units other numbers
     assert often[0].index.table.shape[1] < 40
@@ -136,7 +136,7 @@ def test_units_out_of_sight_learn_from_their_traces_as_those_of_the_dense_learne
     # two units far apart, so that the dense learner's probabilities and scores out of sight are exactly 0
     start = LocalGaussians([[0.0, 0.0], [1.0, 1.0]], np.full((2, 2), np.log(0.02)), p_max=0.5)
     index = SpatialIndex(cells=2, neglect=1e-6)
-    agents = SparseAgent(start, olgarb(0.9), SGD(1e-5), index=index), Agent(start, olgarb(0.9), SGD(1e-5))
+    agents = sparse_of(start, olgarb(0.9), 1e-5, index), Agent(start, olgarb(0.9), SGD(1e-5))
     places = np.array([[0.01, 0.0], [0.99, 1.01], [1.0, 0.98], [0.0, 0.015]], np.float32)
     states = [agent.init(jax.random.key(0)) for agent in agents]
     states[0] = refreshed(agents[0], states[0])
@@ -146,8 +146,9 @@ def test_units_out_of_sight_learn_from_their_traces_as_those_of_the_dense_learne
         place, number, reward = places[rng.integers(4)], rng.uniform(), rng.normal()
         for n, agent in enumerate(agents):
             room = 2 if n else states[n].index.table.shape[1]
-            state, _ = agent.act(states[n], place, jnp.full(room, number))
-            states[n] = agent.improve(agent.reinforce(state, jnp.float32(reward), place, terminated=t % 37 == 36))
+            states[n] = decided(
+                agent, states[n], place, np.full(room, number), np.float32(reward), terminated=t % 37 == 36
+            ).state
     close(agents[0].publish(states[0]).policy, states[1].policy)
 
 
@@ -203,11 +204,9 @@ def test_the_pace_bounds_how_fast_strain_grows(seed):
 @pytest.mark.slow
 def test_tables_are_made_before_what_is_neglected_could_be_more_than_it_may():
     start = pool_of(80, width=0.05)
-    agent = SparseAgent(start, olgarb(0.9), SGD(3e-4), index=SpatialIndex(neglect=0.01, margin=0.6, cells=8))
+    agent = sparse_of(start, olgarb(0.9), 3e-4, SpatialIndex(neglect=0.01, margin=0.6, cells=8))
     rng, state, tables, worst = np.random.default_rng(2), agent.init(jax.random.key(0)), 0, 0.0
-    decide = jax.jit(lambda s, y, u: agent.act(s, y, u))
     fire = jax.jit(lambda s, y: agent.publish(s).policy.prob(y))
-    learn = jax.jit(lambda s, r, y, e: agent.improve(agent.reinforce(s, r, y, e), e))
     for _ in range(400):
         if agent.due(state):
             state, tables = refreshed(agent, state), tables + 1
@@ -216,9 +215,10 @@ def test_tables_are_made_before_what_is_neglected_could_be_more_than_it_may():
         fires = np.asarray(fire(state, look))
         worst = max(worst, fires[np.setdiff1d(np.arange(80), near)].max())
         numbers = rng.uniform(size=len(near)).astype(np.float32)
-        state, action = decide(state, look, numbers)
-        assert set(np.flatnonzero(action)) <= set(near.tolist())
-        state = learn(state, jnp.float32(rng.normal()), look, bool(rng.uniform() < 0.03))
+        reward, ended = np.float32(rng.normal()), bool(rng.uniform() < 0.03)
+        found = decided(agent, state, look, numbers, reward, terminated=ended)
+        assert set(np.flatnonzero(found.action)) <= set(near.tolist())
+        state = found.state
     assert 0.0005 < worst <= 0.01 * (1 + 1e-4)
     assert 4 < tables < 200
 
@@ -247,7 +247,7 @@ def test_rows_are_put_where_they_belong_for_many_seeds_too():
 
 @pytest.mark.ci
 def test_a_saved_state_gets_the_same_table_again():
-    agent = SparseAgent(pool_of(60, width=0.05), olgarb(0.9), SGD(3e-4))
+    agent = SparseLearner(pool_of(60, width=0.05), 0.9, learning_rate=3e-4)
     state, tables = life(agent, 200)
     assert tables > 1
     state = refreshed(agent, state) if agent.due(state) else state
@@ -258,36 +258,42 @@ def test_a_saved_state_gets_the_same_table_again():
 
 @pytest.mark.slow
 def test_a_diverged_decision_teaches_nothing_and_ends_the_episode():
-    agent = SparseAgent(pool_of(), olgarb(0.9), SGD(1e-3))
+    agent = SparseLearner(pool_of(), 0.9, learning_rate=1e-3)
     state = refreshed(agent, agent.init(jax.random.key(0)))
-    look, numbers = jnp.zeros(2), jnp.full(12, 0.1)
-    state, _ = agent.act(state, look, numbers)
-    after = agent.improve(agent.reinforce(state, jnp.float32(9.0), look, diverged=jnp.bool_(True)), True, True)
+    after = decided(agent, state, np.zeros(2), np.full(12, 0.1), np.float32(9.0), diverged=True).state
     close(agent.publish(after).policy, pool_of(), atol=0)
     assert int(after.index.episode) == 1
-    assert float(after.estimator.baseline.mean) == 0
+    assert float(after.baseline.mean) == 0
 
 
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"estimator": Estimator(Window(3))}, "estimator.trace = "),
-        ({"estimator": olgarb(0.9, LinearBaseline(0.1))}, "estimator.baseline = "),
-        ({"estimator": Estimator(update_every=5)}, "estimator.update_every = 5"),
-        ({"optimizer": Adam(1e-3)}, "optimizer = "),
-        ({"optimizer": SGD(1e-3, 0.1)}, "optimizer = "),
-        ({"metric": FisherMetric(1e-3)}, "metric = "),
+        ({"baseline": LinearBaseline(0.1)}, "baseline = .*: must be None or a ScalarBaseline"),
         ({"index": 3}, "index = 3"),
     ],
 )
 def test_what_cannot_be_indexed_is_refused_by_name(parts, said):
     with pytest.raises(ValueError, match=said):
-        SparseAgent(pool_of(), **parts)
+        SparseLearner(pool_of(), **parts)
+
+
+@pytest.mark.parametrize("name", ["trace", "update_every", "optimizer", "weight_decay", "metric", "estimator"])
+def test_settings_of_the_policy_gradient_alone_are_unknown(name):
+    with pytest.raises(ValueError, match=f"unknown setting of agent '{name}'"):
+        agent_for("particle", {"kind": "sparse", name: "none"})
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_it_takes_its_settings_from_the_policy_gradient_in_whose_place_it_is(name):
+    dense = Agent(pool_of(), ESTIMATORS[name], SGD(RATES))
+    found = build(Learner, {"kind": "sparse"}, "agent", dense)
+    assert eqx.tree_equal(found, sparse_of(pool_of(), ESTIMATORS[name], RATES, SpatialIndex()))
 
 
 def test_other_policies_and_impossible_numbers_are_refused():
     with pytest.raises(ValueError, match="policy = 'Hyperplanes': must be LocalGaussians where units are indexed"):
-        SparseAgent(hyperplanes(2, 3)).init(jax.random.key(0))
+        SparseLearner(hyperplanes(2, 3)).init(jax.random.key(0))
     for name, value in (("neglect", 0), ("neglect", 1), ("margin", 0), ("cells", 0), ("rebase", 0), ("rebase", 2000)):
         with pytest.raises(ValueError, match=f"{name} = {value}"):
             SpatialIndex(**{name: value})

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compiled_learner import decision
 
 from motorgrad.learning import SGD, Agent, Estimator, Exponential, Features, Growth, StationaryMetric, olgarb
 from motorgrad.policies import INITIAL, Hyperplanes, Softmax, abilities
@@ -78,11 +79,10 @@ def test_the_means_are_those_written_out_and_a_diverged_decision_breaks_the_chai
         samples, known, blocks = [], None, [np.stack([np.eye(3)] * 2)]
         for step in range(10):
             y = rng.normal(size=2)
-            state, action = agent.act(state, jnp.asarray(y), jnp.asarray(rng.random(2)))
             diverged = step == lost
-            state = agent.reinforce(
-                state, jnp.asarray(1.0), jnp.zeros(2), truncated=jnp.asarray(step == 2), diverged=jnp.asarray(diverged)
-            )
+            flags = {"truncated": jnp.asarray(step == 2), "diverged": jnp.asarray(diverged)}
+            given = map(jnp.asarray, (y, rng.random(2), 1.0, np.zeros(2)))
+            _, action, state, _ = decision(agent, state, *given, **flags)
             score = policy.score(jnp.asarray(y), action)
             score, phi = np.append(np.ravel(score.weights), score.bias), np.append(y, 1)
             if diverged:
@@ -144,4 +144,4 @@ def test_impossible_settings_are_refused_by_name(make, said):
 
 
 def test_several_environments_are_refused():
-    assert Agent(POINT, olgarb(0.5), metric=StationaryMetric()).one_stream == "StationaryMetric"
+    assert Agent(POINT, olgarb(0.5), metric=StationaryMetric()).needs.single_stream == "StationaryMetric"

@@ -25,7 +25,7 @@ from motorgrad.learning import (
     LinearCritic,
     MeanReward,
     PolyakAveraging,
-    SparseAgent,
+    SparseLearner,
     entropy_gradient,
     gae,
     gpomdp,
@@ -36,7 +36,6 @@ from motorgrad.learning._schedules import at
 from motorgrad.policies import (
     Factored,
     Gated,
-    GradedHyperplanes,
     Hyperplanes,
     LocalGaussians,
     Masked,
@@ -232,7 +231,7 @@ def test_the_bonus_is_annealed_with_the_steps_and_leaves_diverged_samples_out():
         _, _, told, state = decided(agent, state, y, [0.3], 0.0)
         np.testing.assert_allclose(told.gradient.weights, share * slope, rtol=1e-6)
     broken = decided(agent, state, y, [0.3], 0.0, diverged=True)
-    assert np.abs(broken.told.gradient.weights).max() == 0
+    assert np.abs(broken.observed.gradient.weights).max() == 0
     assert int(broken.state.steps) == 4
 
 
@@ -255,15 +254,15 @@ AVERAGES = {"all": PolyakAveraging(), "late": PolyakAveraging(start=7), "forgett
 @pytest.mark.representatives("late-5")
 @pytest.mark.parametrize("update_every", [1, 5])
 @pytest.mark.parametrize("name", AVERAGES)
-def test_the_average_is_that_of_the_parameters_after_each_step(name, improve):
+def test_the_average_is_that_of_the_parameters_after_each_step(name, update_every):
     average = AVERAGES[name]
-    estimator = dataclasses.replace(olgarb(0.5), update_every=improve)
+    estimator = dataclasses.replace(olgarb(0.5), update_every=update_every)
     plain, agent = (Agent(POINT, estimator, SGD(0.1), averaging=a) for a in (None, average))
     steppers = [stepper_for(ThreeState(), a, range(3)) for a in (plain, agent)]
     mean, n = steppers[0].policies().weights.astype(float), 0
     for made in range(1, 13):
         for stepper in steppers:
-            stepper.advance(improve)
+            stepper.advance(update_every)
         theta = steppers[0].policies().weights.astype(float)
         np.testing.assert_array_equal(steppers[1].state["cycle"].agent.policy.weights, theta)
         n = max(made - average.start, 0)
@@ -297,8 +296,10 @@ def test_learning_rates_are_annealed_with_the_steps():
     state = started(agent)
     for rate in rates:
         before = np.asarray(state.policy.weights)
-        _, _, told, state = decided(agent, state, [0.3, 0.6], [0.3], 1.0)
-        np.testing.assert_allclose(state.policy.weights - before, rate * np.asarray(told.gradient.weights), rtol=1e-4)
+        _, _, observed, state = decided(agent, state, [0.3, 0.6], [0.3], 1.0)
+        np.testing.assert_allclose(
+            state.policy.weights - before, rate * np.asarray(observed.gradient.weights), rtol=1e-4
+        )
     rate = _annealed(0.1, end=0.05, steps=2)
     assert agent_for("three-state", learning_rate=rate).optimizer == agent.optimizer
     groups = {"centre": 0.1, "log_width": 0.2}
@@ -309,7 +310,6 @@ def test_learning_rates_are_annealed_with_the_steps():
 @pytest.mark.ci
 def test_the_values_of_an_ensemble_follow_an_annealed_learning_rate():
     """Adam's steps are as long as its learning rate: with one that has ended at 0, nothing moves."""
-    policy = GradedHyperplanes([[0.5]], [0.2], [-1.0])
     column, row = np.ones((4, 1), np.float32), np.ones(4, np.float32)
     drawn = Drawn(column, 0.1 * column, row, column, row < 0, row)
     network = MultilayerPerceptron((4,), layer_norm=False, sparsity=0.0)
@@ -320,12 +320,12 @@ def test_the_values_of_an_ensemble_follow_an_annealed_learning_rate():
         return values.init(2, jnp.float32, key)
 
     @eqx.filter_jit
-    def update(state, key, steps):
-        return values.update(state, policy, drawn, None, key, steps)
+    def update(state, steps):
+        return values.update(state, drawn, values.later(state, column, 0.1 * column), steps)
 
     state, moved = first(jax.random.key(0)), []
     for steps in range(4):
-        after = update(state, jax.random.key(1), np.int32(steps))
+        after = update(state, np.int32(steps))
         heads = (np.asarray(each.weights[0].weights) for each in (after, state))
         moved.append(float(np.abs(np.subtract(*heads)).max()))
         state = after
@@ -362,8 +362,8 @@ def _annealed(start=0.1, **more):
         (lambda: Annealed(1.0, steps=0), "steps = 0: must be an integer of at least 1"),
         (lambda: SGD(-1.0), "learning_rate = -1.0: must be a finite number of at least 0, or an Annealed"),
         (
-            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), optimizer=SGD(Annealed(0.1))),
-            "optimizer.learning_rate = .*: must be one that does not change with a spatial index",
+            lambda: SparseLearner(LocalGaussians([[0.5]], [[0.0]]), learning_rate=Annealed(0.1)),
+            "learning_rate = .*: must be a finite number of at least 0, or a mapping",
         ),
         (lambda: PolyakAveraging(start=-1), "start = -1"),
         (lambda: PolyakAveraging(rate=1.5), "rate = 1.5"),
@@ -376,14 +376,8 @@ def _annealed(start=0.1, **more):
             lambda: Agent(POINT, growth=GROWTH, averaging=PolyakAveraging()),
             "averaging = .*: must be None where a policy",
         ),
-        (
-            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), Estimator(entropy=0.1)),
-            "entropy = 0.1: must be None with a spatial index",
-        ),
-        (
-            lambda: SparseAgent(LocalGaussians([[0.5]], [[0.0]]), averaging=PolyakAveraging()),
-            "averaging = .*: must be None with a spatial index",
-        ),
+        (lambda: agent_for("particle", kind="sparse", entropy=0.1), "unknown setting of agent 'entropy'"),
+        (lambda: agent_for("particle", kind="sparse", averaging="polyak"), "unknown setting of agent 'averaging'"),
         (lambda: agent_for("three-state", metric={"kind": "fisher", "kl": -0.1}), r"agent\.metric\.kl = -0\.1"),
         (lambda: agent_for("three-state", {"metric": "fisher", "metric.kl.end": 0.1}), "kl.start: must be given"),
         (lambda: agent_for("three-state", entropy=_annealed(end=-1.0)), r"entropy\.end = -1\.0"),

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled_learner import started, told
+from compiled_learner import decision, started, told
 
 import motorgrad as mg
 from motorgrad.learning import (
@@ -45,9 +45,9 @@ def decided(agent, rewards, ends=(), looks=None):
     state = agent.init(jax.random.key(0))
     for t, reward in enumerate(rewards):
         look = LOOK if looks is None else looks[t]
-        state, _ = agent.act(state, look, jnp.array([0.2 + 0.1 * t]))
         following = LOOK if looks is None else looks[t + 1]
-        state = agent.reinforce(state, jnp.float32(reward), following, truncated=jnp.array(t in ends))
+        uniforms, ended = jnp.array([0.2 + 0.1 * t]), jnp.array(t in ends)
+        state = decision(agent, state, look, uniforms, jnp.float32(reward), following, truncated=ended).observed
     return state
 
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from compiled_learner import decided, started
+from compiled_learner import decided, started, updates_of
 
 import motorgrad as mg
 from motorgrad.learning import SGD, Adam, Agent, Estimator, FisherMetric, olgarb, olpomdp
@@ -35,7 +35,7 @@ def steps(agent, gradients):
     state = chain.init(policy)
     for gradient in gradients:
         ones = jax.tree.map(lambda p, g=gradient: jnp.full_like(p, g), trainable(policy))
-        moves, state = chain.update(ones, state, policy, None)
+        moves, state = updates_of(chain, ones, state, policy)
         policy = optax.apply_updates(trainable(policy), moves)
     return policy
 
@@ -73,8 +73,8 @@ def test_the_chains_own_moves_and_state_stay_as_they_are(name):
     own_state, state = plain.init(PLANES), decaying.init(PLANES)
     for gradient in (1.0, -3.0, 0.5):
         ascent = jax.tree.map(lambda p, g=gradient: jnp.full_like(p, g), trainable(PLANES))
-        own, own_state = plain.update(ascent, own_state, PLANES, None)
-        moves, state = decaying.update(ascent, state, PLANES, None)
+        own, own_state = updates_of(plain, ascent, own_state, PLANES)
+        moves, state = updates_of(decaying, ascent, state, PLANES)
         np.testing.assert_array_equal(moves.weights, own.weights - 0.5 * PLANES.weights)
         np.testing.assert_array_equal(moves.bias, own.bias)
         assert jax.tree.all(jax.tree.map(np.array_equal, state, own_state))
@@ -163,9 +163,11 @@ def test_settings_make_the_decay_and_the_plain_optimizer_has_none():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("update_every", [1, 7])
-def test_a_run_that_was_stopped_goes_on_bit_for_bit(improve, tmp_path):
+def test_a_run_that_was_stopped_goes_on_bit_for_bit(update_every, tmp_path):
     def run(out, steps, **changes):
-        settings = agent_for("linear-recruitment", update_every=improve, **{"weight_decay": {"gain": 1e-3}, **changes})
+        settings = agent_for(
+            "linear-recruitment", update_every=update_every, **{"weight_decay": {"gain": 1e-3}, **changes}
+        )
         return mg.train("linear-recruitment", settings, steps, 3, tmp_path / out, window=100, progress=False)
 
     whole = run("whole", 600)

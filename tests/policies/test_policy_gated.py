@@ -141,7 +141,7 @@ def test_impossible_hierarchies_are_refused_by_name(build, names):
 
 def test_gates_and_their_units_are_learned_together():
     """A reward for the gate on the right and, there, for the unit behind it: both must find it."""
-    from motorgrad.learning import SGD, Agent, olgarb
+    from motorgrad.learning import SGD, Agent, Transition, olgarb
 
     policy = Gated(
         LocalGaussians([[0.0]], [[1.0]], 0.9), [Gated(Hyperplanes([[0.0]], [0.0]), [Hyperplanes([[0.0]], [0.0])])]
@@ -152,7 +152,7 @@ def test_gates_and_their_units_are_learned_together():
         y = 2 * numbers[:1] - 1
         state, action = agent.act(state, y, numbers[1:])
         reward = jnp.where(y[0] > 0, action[2] - 0.5 * action[0] * (1 - action[2]), -action[0])
-        return agent.improve(agent.reinforce(state, reward, y)), reward
+        return agent.update(agent.observe(state, Transition(y, action, reward, y))), reward
 
     numbers = np.random.default_rng(1).random((20_000, 4), np.float32)
     state, rewards = jax.jit(lambda key: jax.lax.scan(decide, agent.init(key), numbers))(jax.random.key(1))

@@ -8,7 +8,7 @@ import optax
 import pytest
 from policy_examples import EXAMPLES, Compiled, compiled, observation_of, policy_of
 
-from motorgrad.learning import SGD, Adam, Agent, FisherMetric, olpomdp
+from motorgrad.learning import SGD, Adam, Agent, FisherMetric, Transition, olpomdp
 from motorgrad.policies import (
     Factored,
     Gated,
@@ -102,8 +102,8 @@ def test_parameters_of_units_that_are_off_do_not_move_by_any_rule(rule, wrapped)
     start = agent.init(jax.random.key(0))
 
     def decide(state, uniforms):
-        state, _ = agent.act(state, y, uniforms)
-        return agent.improve(agent.reinforce(state, jnp.float32(1.0), y)), None
+        state, action = agent.act(state, y, uniforms)
+        return agent.update(agent.observe(state, Transition(y, action, jnp.float32(1.0), y))), None
 
     uniforms = np.random.default_rng(0).random((5, policy.uniforms), np.float32)
     state, _ = jax.jit(lambda state: jax.lax.scan(decide, state, uniforms))(start)

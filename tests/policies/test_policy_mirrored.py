@@ -18,6 +18,7 @@ from motorgrad.learning import (
     FisherMetric,
     LinearCritic,
     PolyakAveraging,
+    Transition,
     entropy_gradient,
 )
 from motorgrad.policies import (
@@ -186,7 +187,7 @@ def learned(policy, metric, decisions=4000, batch=20):
         y, after, u = now
         state, action = agent.act(state, y, u)
         reward = jnp.sign(y[0]) * (action[0] - action[1])
-        return agent.improve(agent.reinforce(state, reward, after)), reward
+        return agent.update(agent.observe(state, Transition(y, action, reward, after))), reward
 
     parts = tuple(map(jnp.asarray, (inputs[:-1], inputs[1:], uniforms)))
     state, rewards = jax.jit(lambda s: jax.lax.scan(decide, s, parts))(agent.init(jax.random.key(0)))

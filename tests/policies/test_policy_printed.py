@@ -1,18 +1,14 @@
 """The pair of probability and score that the thesis prints for local units: its bias, and where it is refused."""
 
-import dataclasses
-from types import SimpleNamespace
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from motorgrad.learning import ClippedSurrogate, olgarb
+from motorgrad.learning import Agent, ProximalPolicyOptimization, olgarb
 from motorgrad.policies import LocalGaussians, Masked, PrintedGaussians, abilities, tiles
 from motorgrad.policies._grow_and_prune import growing
-from motorgrad.training.engines._stepper import validate_score
 
 CENTRE, LOG_WIDTH, P_MAX = [[0.3, -0.2], [0.1, 0.4]], [[-0.7, 0.2], [0.1, -0.3]], [0.9, 0.6]
 SEEN = [0.5, 0.1]
@@ -75,10 +71,10 @@ def test_policies_can_be_laid_out_or_grown_with_the_printed_pair():
         tiles(2, 8, pair="misprinted")
 
 
-def test_an_estimator_that_asks_for_no_scores_is_refused():
-    policy, settings = Masked(PrintedGaussians(CENTRE, LOG_WIDTH)), SimpleNamespace(estimator=olgarb())
-    validate_score(policy, settings)
-    settings.estimator = dataclasses.replace(olgarb(), reuse=ClippedSurrogate(), update_every=64)
-    with pytest.raises(ValueError, match="pair = 'printed': must be exact for an estimator that asks for no scores"):
-        validate_score(policy, settings)
-    validate_score(LocalGaussians(CENTRE, LOG_WIDTH), settings)
+def test_a_learner_that_asks_for_no_scores_is_refused():
+    printed, exact = Masked(PrintedGaussians(CENTRE, LOG_WIDTH)), LocalGaussians(CENTRE, LOG_WIDTH)
+    for agent in (Agent(printed, olgarb()), ProximalPolicyOptimization(exact, update_every=64)):
+        eqx.filter_eval_shape(agent.init, jax.random.key(0))
+    refused = "pair = 'printed': must be exact for ProximalPolicyOptimization, which asks for no scores"
+    with pytest.raises(ValueError, match=refused):
+        eqx.filter_eval_shape(ProximalPolicyOptimization(printed, update_every=64).init, jax.random.key(0))

@@ -47,7 +47,9 @@ FAMILIES = {
         "values.discount",
         "the experience kept by SoftActorCritic",
     ),
-    "sparse": Family("particle", {"index.neglect": 0.02}, "learning_rate", "learning_rate", "a task in a JAX world"),
+    "sparse": Family(
+        "particle", {"index.neglect": 0.02}, "decay", "decay", "the task 'particle', whose world is compiled"
+    ),
 }
 
 

@@ -15,7 +15,6 @@ from motorgrad.learning import (
     Agent,
     Baseline,
     Centring,
-    ClippedSurrogate,
     ConjugateAscent,
     Estimator,
     Exponential,
@@ -24,6 +23,7 @@ from motorgrad.learning import (
     MeanReward,
     OptimalBaseline,
     OvershootingBound,
+    ProximalPolicyOptimization,
     SimpleCentring,
     SwiftTemporalDifference,
     TemporalDifference,
@@ -196,11 +196,11 @@ def clipping() -> Figure:
     ratios = np.linspace(0.5, 1.5, 400)  # none of them at a corner, where the slope has two values
     for panel, worth, title in ((axes[0], 1.0, "better than expected"), (axes[1], -1.0, "worse than expected")):
         for clip, colour in ((0.1, ORANGE), (0.2, BLUE), (0.3, GREEN)):
-            reused = ClippedSurrogate(clip=clip)
+            agent = ProximalPolicyOptimization(policy, clip=clip)
 
-            def pull(ratio: Any, reused: Any = reused, worth: float = worth) -> Any:
+            def pull(ratio: Any, agent: Any = agent, worth: float = worth) -> Any:
                 rows = (seen, action, (now - jnp.log(ratio))[None], jnp.full(1, worth))
-                return reused.gradient(policy, rows).weights[0, 0] / score
+                return agent.gradient(policy, rows).weights[0, 0] / score
 
             panel.plot(ratios, jax.vmap(pull)(jnp.asarray(ratios)), color=colour, label=rf"$\epsilon$ = {clip}")
         panel.axvline(1, color=FAINT, linewidth=0.8)

@@ -21,7 +21,6 @@ from motorgrad.learning import (
     RootMeanSquare,
     StepBound,
     TemporalDifference,
-    Transition,
 )
 from motorgrad.policies import Architecture, GradedHyperplanes
 from motorgrad.worlds import oracle
@@ -112,8 +111,7 @@ def action_values() -> Figure:
                 return (mean - jnp.square(action[0])) * units.score(observation, action).bias[0]
 
             def through(u: jax.Array, units=units, values=values, state=state):
-                transition = Transition(observation, None, jnp.zeros(()), observation, uniforms=u)
-                return values.gradient(state, units, transition).bias[0]
+                return values.gradient(state, units, observation, u).bias[0]
 
             for found, function in zip(noise.values(), (scored, through), strict=True):
                 found.append(float(np.std(jax.vmap(function)(uniforms)) / (2 * centre)))

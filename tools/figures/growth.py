@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from motorgrad.learning import SGD, Agent, Clock, Growth, Plateau, Visited, olgarb
+from motorgrad.learning import SGD, Agent, Clock, Growth, Plateau, Transition, Visited, olgarb
 from motorgrad.learning import AgentState as State
 from motorgrad.policies import growing
 from tools.figures._style import BLUE, COLOURS, FAINT, GREEN, ORANGE, band, panels
@@ -68,7 +68,8 @@ def _lived(growth: Growth) -> tuple[Any, np.ndarray]:
         state, action = agent.act(state, numbers[:1], numbers[1:])
         pays = jnp.min(jnp.abs(numbers[0] - places)) < WITHIN
         reward = jnp.max(action) * jnp.where(pays, 1.0, -COST)
-        return agent.improve(agent.reinforce(state, reward, numbers[:1])), reward
+        led = Transition(numbers[:1], action, reward, numbers[:1])
+        return agent.update(agent.observe(state, led)), reward
 
     def window(state: State, key: jax.Array) -> tuple[State, tuple[State, jax.Array]]:
         state, rewards = jax.lax.scan(decide, state, jax.random.uniform(key, (EVERY, 1 + UNITS)))

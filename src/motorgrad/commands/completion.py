@@ -65,8 +65,8 @@ def _options(command: str) -> tuple[str, ...]:
     found = {word for line in OPTION.findall(said.getvalue()) for word in re.findall(r"--[\w.-]+", line)}
     own = {word for word in found if not word.startswith(("--task.", "--agent."))}
     if command in ABOUT_TASK:
-        short_names = {short.replace("_", "-") for kind in Learner.kinds().values() for short in kind.aliases}
-        own |= {f"--agent.{short}" for short in short_names} | {POLICY, HELP_ALL}
+        short_names = {short for kind in Learner.kinds().values() for short in getattr(kind, "aliases", {})}
+        own |= {f"--agent.{short.replace('_', '-')}" for short in short_names} | {POLICY, HELP_ALL}
     return tuple(sorted(own))
 
 

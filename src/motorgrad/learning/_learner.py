@@ -196,8 +196,8 @@ class Learner(Part):
         """The policy that the learner was given, or the one that its function draws. **Raises** `ValueError` for one
         that lacks what the learner needs."""
         policy = self.policy if isinstance(self.policy, Policy) else _ready(self.policy(key))
-        if isinstance(policy, Policy):  # what it means to the task is no part of what is learned
-            policy = with_interface(policy, None)
+        check(isinstance(policy, Policy), "policy", type(policy).__name__, "a function from a key to a Policy")
+        policy = with_interface(policy, None)  # what it means to the task is no part of what is learned
         trains = len(jax.tree.leaves(trainable(policy))) > 0
         check(trains, "policy", type(policy).__name__, "a policy with trainable parameters")
         _check_policy(self, policy)

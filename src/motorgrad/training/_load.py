@@ -92,8 +92,8 @@ def load(path: Path | str, task: Task | None = None, *, trust: bool = False, all
 def critic_of(arrays: Mapping[str, np.ndarray], agent: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """What the baseline or critic knew, by path, of the arrays of a state and the table of its learner; empty for a
     learner without one, or one of a kind that is not registered."""
-    kind = Learner.kinds().get(agent.get("kind", USUAL))
-    return {} if kind is None or kind.critic is None else part_of(arrays, f"cycle.agent.{kind.critic}")
+    critic = getattr(Learner.kinds().get(agent.get("kind", USUAL)), "critic", None)
+    return {} if critic is None else part_of(arrays, f"cycle.agent.{critic}")
 
 
 def saved_config(path: Path | str, allow_changed: bool = False) -> dict[str, Any]:

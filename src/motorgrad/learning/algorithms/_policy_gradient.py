@@ -133,9 +133,11 @@ class Agent(Learner):
             check(moves, name, getattr(self, name), 'None where parameters never move, update_every = "never"')
         for stage in self._stages().values():
             kind = type(stage).__name__
-            wanted = {"sample": "1, at every decision", "batch": "a batch of more than 1"}.get(stage.steps_from, "")
+            wanted = f"1, at every decision, with {kind}; FisherMetric takes batches"
+            if stage.steps_from == "batch":
+                wanted = f"a batch of more than 1 with {kind}; SGD and Adam step online"
             fits = stage.steps_from == "any" or (every == 1) == (stage.steps_from == "sample")
-            check(fits, "estimator.update_every", every, f"{wanted}, with {kind}")
+            check(fits, "estimator.update_every", every, wanted)
             grows = self.growth is not None and not stage.takes_growth
             check(not grows, "growth", type(self.growth).__name__, f"None with {kind}")
         lines = self.metric is not None and self.optimizer.steps_from == "batch"

@@ -47,7 +47,7 @@ LISTING = (
     (2, r"receive $r_{t+1}$", "plain"),
     (2, r"$\delta_{t+1} = r_{t+1} - b_t$", "plain"),
     (2, r"$b_{t+1} = b_t + \delta_{t+1} / (t + 1)$", "corrected"),
-    (1, "update_every", "head"),
+    (1, "improve", "head"),
     (2, r"$\theta_{t+1} = \theta_t + \alpha\, \delta_{t+1}\, z_{t+1}$", "corrected"),
 )
 LINE_STYLES = {"none": ("--", "o", "none"), "mean": ("-", "o", None)}

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, PyTree
 from motorgrad import learning, policies
 from motorgrad._errors import check
 from motorgrad.schema import Declared, count, static
-from timlab.blocks.learning._parts import PartBlock, block_of
+from timlab.blocks.learning._parts import PartBlock, usual_part
 from timlab.blocks.learning._shared import MAX_PARAMETERS, MAX_UNITS, VALID, Vector, is_paid, reads, where
 from timlab.blocks.learning._units import key_from
 from timlab.diagram import Moment, Port, Ports, Signals
@@ -272,7 +272,7 @@ def baseline_block(part: type[learning.Baseline]) -> type[BaselineBlock]:
 
 def _reads_decision(part: type[learning.Baseline]) -> bool:
     """Whether a baseline learns from what was seen and done, which the traced function shows."""
-    baseline = block_of(BaselineBlock, part, part.__name__)().template
+    baseline = usual_part(part)
     policy = policies.hyperplanes(1, 1)
 
     def learned(seen: Array, action: Array, following: Array) -> Any:

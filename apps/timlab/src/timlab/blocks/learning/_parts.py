@@ -188,11 +188,22 @@ def _tree_fields(
                 within = f"with {name} = {kind!r}: " if len(kinds) > 1 else ""
                 yield from _tree_fields(kinds[kind], f"{place}.", within, inner)
         elif holds_numbers(field):
-            ends = declared.range or Range()
-            usual = min(max(0.0, ends.low), ends.high) if usual is dataclasses.MISSING else usual
+            usual = _least(declared) if usual is dataclasses.MISSING else usual
             yield place, Any | None if optional else Any, _field(declared, usual, static=False)
         else:
             yield place, hint, _field(declared, usual)
+
+
+def usual_part(part: type[Part]) -> Any:
+    """The part with its defaults, and with the least numbers where there are none."""
+    missing = [name for name, field in fields_of(part).items() if default_of(field) is dataclasses.MISSING]
+    return part(**{name: _least(declared_by(fields_of(part)[name])) for name in missing})
+
+
+def _least(declared: Declared) -> float:
+    """The number nearest to 0 that may be given."""
+    ends = declared.range or Range()
+    return min(max(0.0, ends.low), ends.high)
 
 
 def _field(declared: Declared, default: object, static: bool = True) -> Any:
