@@ -113,7 +113,8 @@ def die(report):
         os.kill(os.getpid(), signal.SIGKILL)
 
 agent = {"kind": "cross-entropy", "population": 6, "window": 10}
-mg.train(sys.argv[1], agent, steps=600, seeds=2, window=50, progress=False, out="killed", checkpoint_every=0, callbacks=die)
+about = {"steps": 600, "seeds": 2, "window": 50, "progress": False}
+mg.train(sys.argv[1], agent, out="killed", checkpoint_every=0, callbacks=die, **about)
 """
 
 

@@ -1,8 +1,9 @@
 """Learners: traces, baselines and critics, estimators, optimizers and metrics, and the agent that they make up."""
 
+from motorgrad._branching import NEVER
 from motorgrad._goal import Goal
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
-from motorgrad.learning import algorithms
+from motorgrad.learning import algorithms as _algorithms
 from motorgrad.learning._action_transitions import ActionTransitions
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
 from motorgrad.learning._advantages import Advantages
@@ -19,7 +20,6 @@ from motorgrad.learning._baselines import (
     ScalarBaseline,
 )
 from motorgrad.learning._batches import Batch
-from motorgrad.learning._branching import NEVER
 from motorgrad.learning._centring import Centring, SimpleCentring, ValueBasedCentring
 from motorgrad.learning._chain import SGD, Adam, Chain, Optax, Optimizer, PolyakAveraging, Transformation
 from motorgrad.learning._conjugate import ConjugateGradient
@@ -46,7 +46,6 @@ from motorgrad.learning._swift import SwiftTemporalDifference
 from motorgrad.learning._traces import Episodic, Exponential, LaggedGaussian, Trace, Window
 from motorgrad.learning._true_online import TrueOnlineTemporalDifference
 from motorgrad.learning.algorithms import *  # noqa: F403
-from motorgrad.learning.algorithms import Agent
 from motorgrad.learning.algorithms._action_value_gradient import ActionValues
 from motorgrad.learning.algorithms._policy_gradient import AgentState
 from motorgrad.learning.algorithms._presets import PRESETS
@@ -65,7 +64,6 @@ __all__ = [
     "Adam",
     "Advantage",
     "Advantages",
-    "Agent",
     "AgentState",
     "Annealed",
     "Baseline",
@@ -167,4 +165,4 @@ __all__ = [
     "static",
     "two_sum",
 ]
-__all__ += [name for name in vars(algorithms) if not name.startswith("_")]  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ += [name for name in vars(_algorithms) if not name.startswith("_")]  # pyright: ignore[reportUnsupportedDunderAll]

@@ -18,10 +18,10 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._baselines import Advantage, Baseline
-from motorgrad.learning._branching import where
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, TemporalDifference
 from motorgrad.learning._critics import Features, check_blind, endless
 from motorgrad.learning._learner import Transition

@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from motorgrad._branching import where
 from motorgrad.learning._baselines import Advantage, Baseline
-from motorgrad.learning._branching import where
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._scaling import RewardScaling, RootMeanSquare
 from motorgrad.policies import Policy, trainable

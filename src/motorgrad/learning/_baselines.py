@@ -26,9 +26,9 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import NEVER, where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean, two_sum
-from motorgrad.learning._branching import NEVER, where
 from motorgrad.learning._learner import Transition
 from motorgrad.policies import Policy, abilities
 from motorgrad.schema import Part, count, is_tracer, number

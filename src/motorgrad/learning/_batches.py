@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
-from motorgrad.learning._branching import Flag, Scalar, where
+from motorgrad._branching import Flag, Scalar, where
 from motorgrad.learning._gradients import empty_rows
 from motorgrad.policies import Policy
 

@@ -11,8 +11,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from motorgrad._branching import Scalar
 from motorgrad._running import RunningMean, add_sample, counted_on, two_sum
-from motorgrad.learning._branching import Scalar
 from motorgrad.schema import Part, number
 
 

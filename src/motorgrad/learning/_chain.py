@@ -19,10 +19,10 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._branching import NEVER, Flag, Scalar
 from motorgrad._errors import check
 from motorgrad._groups import by_group
 from motorgrad._running import RunningMean, add_sample, counted_on, running_mean
-from motorgrad.learning._branching import NEVER, Flag, Scalar
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._schedules import Annealed, Steps, at
 from motorgrad.policies import Policy, abilities, split, trainable

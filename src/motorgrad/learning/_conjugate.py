@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import Flag, where, where_any
 from motorgrad._running import counted_round
-from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._gradients import empty_rows
 from motorgrad.learning._learner import Transition

@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import Flag, ratio, where
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._branching import Flag, ratio, where
 from motorgrad.learning._chain import Optimizer, Updates, inner
 from motorgrad.learning._schedules import Steps
 from motorgrad.policies import Policy, trainable

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad.schema import Part, count, number
 
 Weights = Float[Array, " features"]

@@ -16,10 +16,10 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import Flag, where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, running_mean
 from motorgrad.learning._baselines import Advantage, Baseline
-from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._centring import Centring, SimpleCentring
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares, Weights
 from motorgrad.learning._learner import Transition

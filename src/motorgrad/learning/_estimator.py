@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from motorgrad._branching import where
 from motorgrad._errors import check
 from motorgrad.learning._advantages import Advantages, times
 from motorgrad.learning._baselines import Baseline, MeanReward
-from motorgrad.learning._branching import where
 from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._overshooting import StepBound

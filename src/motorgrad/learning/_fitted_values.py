@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from motorgrad.learning._branching import Flag, where, where_any
+from motorgrad._branching import Flag, where, where_any
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, level_rate
 from motorgrad.policies import split
 from motorgrad.schema import count, number

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from motorgrad.learning._branching import Flag, where
+from motorgrad._branching import Flag, where
 from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._learner import Transition
 from motorgrad.learning._natural import MAX_BLOCK_PARAMETERS, Blocks, Metric, first_blocks, identities

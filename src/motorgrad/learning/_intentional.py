@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad.learning._branching import Flag, Scalar, ratio, where
+from motorgrad._branching import Flag, Scalar, ratio, where
 from motorgrad.learning._chain import inner
 from motorgrad.learning._critic_fits import CriticStep, LevelFit, level_rate
 from motorgrad.learning._overshooting import StepBound

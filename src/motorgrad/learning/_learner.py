@@ -17,8 +17,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import Flag
 from motorgrad._errors import check
-from motorgrad.learning._branching import Flag
 from motorgrad.policies import (
     InitialPolicy,
     Policy,

@@ -14,9 +14,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad._errors import check
 from motorgrad._groups import by_group
-from motorgrad.learning._branching import NEVER, Flag, Scalar, where, where_any
 from motorgrad.learning._chain import Transformation, Updates
 from motorgrad.learning._gradients import empty_rows
 from motorgrad.learning._learner import Transition

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._branching import Flag, where, where_any
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.learning._chain import Updates
 from motorgrad.learning._critic_fits import CriticFit, CriticStep, LeastSquares
 from motorgrad.learning._critics import Features, check_blind, endless

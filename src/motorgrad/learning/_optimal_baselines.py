@@ -17,9 +17,9 @@ import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
+from motorgrad._branching import ratio, where
 from motorgrad._running import RunningMean, add_sample, running_mean
 from motorgrad.learning._baselines import Advantage, Baseline
-from motorgrad.learning._branching import ratio, where
 from motorgrad.learning._learner import Transition
 from motorgrad.policies import Policy, abilities, trainable
 from motorgrad.schema import number, static

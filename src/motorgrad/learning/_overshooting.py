@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from motorgrad.learning._branching import Scalar
+from motorgrad._branching import Scalar
 from motorgrad.learning._critic_fits import TemporalDifference
 from motorgrad.schema import Part, number
 

@@ -14,9 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt32
 
+from motorgrad._branching import Flag, where, where_any
 from motorgrad._errors import check
 from motorgrad._goal import Goal
-from motorgrad.learning._branching import Flag, where, where_any
 from motorgrad.schema import Part, count, inner, number
 
 LAST = 2**31 - 1  # the number of an episode, after which they begin again from 0

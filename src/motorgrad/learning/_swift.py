@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from motorgrad._branching import Flag, where
 from motorgrad._errors import check
-from motorgrad.learning._branching import Flag, where
 from motorgrad.learning._critic_fits import CriticStep, LevelFit, Weights, level_rate
 from motorgrad.schema import is_tracer, number
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from motorgrad.learning._branching import Flag, where
+from motorgrad._branching import Flag, where
 from motorgrad.learning._critic_fits import CriticStep, LevelFit, Weights, level_rate
 from motorgrad.schema import number
 

@@ -20,9 +20,9 @@ import optax
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree, UInt32
 
+from motorgrad._branching import Flag, Scalar, any_of, where
 from motorgrad._natural import Learnable, PolicyTable
 from motorgrad._running import RunningMean, add_observation, add_sample, running_mean
-from motorgrad.learning._branching import Flag, Scalar, any_of, where
 from motorgrad.learning._chain import (
     Adam,
     Chain,

@@ -16,9 +16,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import NEVER, Flag, any_of, where
 from motorgrad._errors import check
 from motorgrad._running import RunningMean, add_sample, running_mean
-from motorgrad.learning._branching import NEVER, Flag, any_of, where
 from motorgrad.learning._chain import (
     SGD,
     Chain,

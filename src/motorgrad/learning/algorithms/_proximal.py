@@ -17,12 +17,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad._errors import check
 from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._advantages import Advantages
 from motorgrad.learning._baselines import Baseline, MeanReward
 from motorgrad.learning._batches import Batch
-from motorgrad.learning._branching import NEVER, Flag, any_of, where, where_any
 from motorgrad.learning._chain import (
     Adam,
     Chain,

@@ -15,11 +15,11 @@ import optax
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int, PyTree
 
+from motorgrad._branching import Scalar, any_of, where
 from motorgrad._errors import check
 from motorgrad._goal import Goal
 from motorgrad._natural import Learnable, PolicyTable, horizon
 from motorgrad.learning._action_value_ensemble import ActionValueEnsemble, EnsembleState
-from motorgrad.learning._branching import Scalar, any_of, where
 from motorgrad.learning._chain import (
     Adam,
     Chain,

@@ -9,9 +9,9 @@ from jax.scipy.special import ndtri
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._branching import where
 from motorgrad._errors import check
 from motorgrad._running import counted_on
-from motorgrad.learning._branching import where
 from motorgrad.schema import Part, count, number
 
 BATCHES = 20

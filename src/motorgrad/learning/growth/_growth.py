@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
+from motorgrad._branching import where
 from motorgrad._errors import check
-from motorgrad.learning._branching import where
 from motorgrad.learning.growth._criteria import Clock, Criterion
 from motorgrad.learning.growth._visited import Visited, VisitedState, hash_bits
 from motorgrad.policies import LocalUnits, Masked, Policy

@@ -22,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._branching import Flag, Scalar, any_of, where, where_any
 from motorgrad._errors import check
 from motorgrad.learning._advantages import Advantages, times
 from motorgrad.learning._baselines import MeanReward, ScalarBaseline
-from motorgrad.learning._branching import Flag, Scalar, any_of, where, where_any
 from motorgrad.learning._chain import SGD
 from motorgrad.learning._learner import Learner, Needs, Transition
 from motorgrad.learning._scaling import NormalizationState, RootMeanSquare

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from motorgrad._branching import any_of
 from motorgrad._interface import Statistics
 from motorgrad.learning import Learner, Transition, two_sum
-from motorgrad.learning._branching import any_of
 from motorgrad.policies import abilities
 from motorgrad.schema import Numbers
 from motorgrad.tasks import Task, observe, outcome

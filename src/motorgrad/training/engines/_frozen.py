@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from motorgrad._branching import any_of, where
 from motorgrad.learning import NEVER, Decision, Learner, Transition
-from motorgrad.learning._branching import any_of, where
 from motorgrad.policies import Policy, abilities, trainable, with_interface
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from motorgrad._arrays import AnyArray
+from motorgrad._branching import where
 from motorgrad._compiler import in_one_piece
 from motorgrad._errors import check
 from motorgrad._interface import Statistics
 from motorgrad._random import BLOCK, block_at, draw_block
 from motorgrad.bodies import BodyBatch
 from motorgrad.learning import Learner
-from motorgrad.learning._branching import where
 from motorgrad.policies import Policy
 from motorgrad.tasks import HostBatch, HostTask, Task
 from motorgrad.training.engines._cycle import CycleState, Flag, Mode
