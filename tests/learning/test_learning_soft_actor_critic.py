@@ -282,7 +282,7 @@ def test_a_step_of_the_values_is_that_of_the_formulas():
         learned, settings = split(tuple(heads))
         slow = jax.tree.map(lambda leaf: 0.8 * leaf, learned)
         state = state._replace(values=state.values._replace(weights=tuple(heads), slow=slow))
-        after = agent.learned_from(state, drawn, key).values
+        after = agent.update_from_batch(state, drawn, key).values
         numbers = jax.random.uniform(jax.random.split(key)[0], (64, 1), jnp.float64)
         action = jax.vmap(policy.sample)(drawn.next_observation, numbers)
 

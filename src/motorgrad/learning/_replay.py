@@ -228,11 +228,11 @@ S = TypeVar("S", bound=Any)
 """The state of a learner, whose field `experience` has what is kept."""
 
 
-def learned_from_replay(learner: Any, state: S, due: Flag, goal: Goal | None) -> S:
+def update_from_replay(learner: Any, state: S, due: Flag, goal: Goal | None) -> S:
     """The state of a learner after the steps of `learner.replay.updates` batches, where they are `due` and there is
     enough experience.
 
-    **Arguments:** the `learner`, with a `replay` and a function `learned_from(state, batch, key)`, which makes the
+    **Arguments:** the `learner`, with a `replay` and a function `update_from_batch(state, batch, key)`, which makes the
     steps of one batch; its `state`; whether they are `due`; the `goal` of the task, for hindsight.
     """
     replay: Replay = learner.replay
@@ -246,7 +246,7 @@ def learned_from_replay(learner: Any, state: S, due: Flag, goal: Goal | None) ->
 
         def step(state: S, each: tuple[Drawn, Array]) -> tuple[S, None]:
             batch, words = each
-            return agent.learned_from(state, batch, jax.random.wrap_key_data(words)), None
+            return agent.update_from_batch(state, batch, jax.random.wrap_key_data(words)), None
 
         return jax.lax.scan(step, state, drawn)[0]
 

@@ -224,7 +224,8 @@ def _described(hint: Any, value: Any, where: str, default: object) -> _Table | N
         cls = known[name]
     if base is not None and type(base) is not cls:
         # a learner of another kind keeps the policy
-        base = cls(**cls.settings_from(base)) if hasattr(cls, "settings_from") else None
+        shared = getattr(cls, "settings_from", None)
+        base = None if shared is None else cls(**shared(base))
     return _Table(cls, settings, where, base)
 
 

@@ -230,7 +230,7 @@ class ProximalPolicyOptimization(Learner):
 
         def learned(state: ProximalState) -> ProximalState:
             # The barrier keeps the compiler from working ahead of the loop in `where_any`.
-            return self._learned_from(*jax.lax.optimization_barrier((state, batch)))
+            return self._update_from_batch(*jax.lax.optimization_barrier((state, batch)))
 
         # The loop does not carry the batch: mapped over seeds, it would copy it.
         state = where_any(due, learned, state._replace(batch=None))  # type: ignore[arg-type]
@@ -269,7 +269,7 @@ class ProximalPolicyOptimization(Learner):
 
         return gradient_of(gain, policy)
 
-    def _learned_from(self, state: ProximalState, batch: Batch) -> ProximalState:
+    def _update_from_batch(self, state: ProximalState, batch: Batch) -> ProximalState:
         """The state after all steps of a batch."""
         advantages = batch.advantages(self.decay, self.standardise)
         old = jax.vmap(state.policy.log_prob)(batch.observations, batch.actions)

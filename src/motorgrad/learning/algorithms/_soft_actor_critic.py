@@ -32,7 +32,7 @@ from motorgrad.learning._chain import (
 )
 from motorgrad.learning._gradients import gradient_of
 from motorgrad.learning._learner import Decision, Learner, Needs, Transition
-from motorgrad.learning._replay import Drawn, Experience, Replay, learned_from_replay
+from motorgrad.learning._replay import Drawn, Experience, Replay, update_from_replay
 from motorgrad.learning._scaling import RewardScaling, ScalingState
 from motorgrad.learning._schedules import Annealed, Steps, at, changes
 from motorgrad.learning.algorithms._presets import behind_layers, preset
@@ -232,13 +232,13 @@ class SoftActorCritic(Learner):
     def update(self, state: SoftActorCriticState, goal: Goal | None = None) -> SoftActorCriticState:
         """Learn from batches of what is kept, where that is due. Hindsight needs the `goal` of the task."""
         due = state.waiting >= self.update_every
-        after = learned_from_replay(self, state, due, goal)
+        after = update_from_replay(self, state, due, goal)
         return after._replace(waiting=where(due, jnp.zeros_like(state.waiting), state.waiting))
 
     def decisions_until_due(self, state: SoftActorCriticState) -> Int[Array, ""]:
         return self.update_every - 1 - state.waiting
 
-    def learned_from(self, state: SoftActorCriticState, batch: Drawn, key: jax.Array) -> SoftActorCriticState:
+    def update_from_batch(self, state: SoftActorCriticState, batch: Drawn, key: jax.Array) -> SoftActorCriticState:
         """The state after a step of the values and one of the policy, with a batch of decisions."""
         of_next, of_this = jax.random.split(key)
         if self.reward_scaling is not None and state.scaling is not None:

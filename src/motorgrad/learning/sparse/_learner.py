@@ -23,7 +23,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from motorgrad._branching import Flag, Scalar, any_of, where, where_any
-from motorgrad._errors import check
 from motorgrad.learning._advantages import Advantages, times
 from motorgrad.learning._baselines import MeanReward, ScalarBaseline
 from motorgrad.learning._chain import SGD
@@ -76,7 +75,7 @@ class SparseState(NamedTuple):
 
     policy: LocalGaussians
     trace: Float[Array, " episodes"]
-    index: IndexState
+    index: IndexState  # pyright: ignore[reportIncompatibleMethodOverride]
     baseline: PyTree = None
     normalization: NormalizationState | None = None
     scaling: None = None
@@ -157,8 +156,8 @@ class SparseLearner(Learner):
 
     def init(self, key: jax.Array) -> SparseState:
         pool = self.first_policy(key)
-        local = isinstance(pool, LocalGaussians)
-        check(local, "policy", type(pool).__name__, "LocalGaussians where units are indexed")
+        if not isinstance(pool, LocalGaussians):
+            raise ValueError(f"policy = {type(pool).__name__!r}: must be LocalGaussians where units are indexed")
         (theta,) = abilities.blocks(pool, trainable(pool))
         cells = self.index.sides(pool.outputs, pool.inputs) ** pool.inputs
         episodes = self.index.rebase + 1

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from motorgrad import bodies
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.schema import count, number, static
 from motorgrad.tasks import Hopper
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
@@ -53,7 +53,7 @@ class HopperStudy(Experiment):
         return Hopper(reward_type=self.reward_type, action_period=self.action_period)
 
     @property
-    def learner(self) -> Agent:
+    def learner(self) -> Learner:
         return agent_for(self.task, decay=self.decay, learning_rate=self.rate)
 
     def trained(self, work: Workspace) -> Run:

@@ -69,6 +69,7 @@ class MuscleStudy(Experiment):
         """The task's own learner, with schedules that end after this many updates."""
         task = self.task(variant)
         own = agent_for(task)
+        assert isinstance(own, Agent)
         annealed = own.estimator.entropy
         assert own.averaging is not None
         assert isinstance(annealed, Annealed)
@@ -78,7 +79,9 @@ class MuscleStudy(Experiment):
             "metric.kl.steps": self.updates,
             "averaging.start": kept,
         }
-        return agent_for(task, **{**scaled, **VARIANTS[variant][1]})
+        found = agent_for(task, **{**scaled, **VARIANTS[variant][1]})
+        assert isinstance(found, Agent)
+        return found
 
     def trained(self, work: Workspace, variant: str = FULL, seeds: int | None = None) -> Run:
         """Trained hexapods, shared with other experiments of the same settings."""

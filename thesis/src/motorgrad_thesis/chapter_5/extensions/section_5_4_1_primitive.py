@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad.bodies import LEGS, TRIPODS
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Primitives
 from motorgrad.schema import count, number
 from motorgrad.statistics import mean_of, share_of
@@ -69,7 +69,7 @@ class LearnedPrimitives(Experiment):
     def task(self) -> HexapodPrimitive:
         return HexapodPrimitive()
 
-    def learner(self, kind: str) -> Agent:
+    def learner(self, kind: str) -> Learner:
         """The task's own learner, with step sizes of 0 for what is not learned."""
         rates: dict[str, float] = dict(self.task.learner["learning_rate"])
         changes: dict[str, Any] = {}

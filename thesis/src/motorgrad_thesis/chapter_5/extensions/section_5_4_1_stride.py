@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from motorgrad._errors import check
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import GradedHyperplanes, graded_hyperplanes
 from motorgrad.schema import count, number, static
 from motorgrad.statistics import mean_of
@@ -67,7 +67,7 @@ class StridePeriod(Experiment):
     def task(self) -> HexapodStride:
         return HexapodStride()
 
-    def learner(self, kind: str) -> Agent:
+    def learner(self, kind: str) -> Learner:
         """The task's own learner, with parameters averaged over the second half of the practice; for `"constant"`, the
         pitch has no effect."""
         rates = dict(self.task.learner["learning_rate"])

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from motorgrad.bodies import Hexapod, walk
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.schema import Range, count, number, static
 from motorgrad.tasks import HexapodSynergy
 from motorgrad.training import Evaluation, Run, agent_for, evaluate
@@ -55,7 +55,7 @@ class SynergyStudy(Experiment):
         """The task with observations delayed by this many decisions."""
         return HexapodSynergy(lag=lag)
 
-    def learner(self, lag: int) -> Agent:
+    def learner(self, lag: int) -> Learner:
         """OLGARB on four hyperplanes."""
         return agent_for(self.task(lag), decay=self.decay, learning_rate=self.rate)
 

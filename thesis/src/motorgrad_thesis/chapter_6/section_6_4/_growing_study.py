@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.schema import count, static
 from motorgrad.tasks import FallingParticle, Task
 from motorgrad.training import Run, agent_for
@@ -37,11 +37,11 @@ class GrowingStudy(Experiment):
         """Decisions of learning: one interval per unit."""
         return INTERVAL * self.units
 
-    def growing(self, task: Task, **changes: Any) -> Agent:
+    def growing(self, task: Task, **changes: Any) -> Learner:
         """The constructive learner of section 6.4.4, whose numbers are the defaults, or a changed one."""
         return agent_for(task, **{"policy": "growing", "learning_rate": RATES, **changes})
 
-    def learned(self, work: Workspace, task: Task, settings: Agent) -> Run:
+    def learned(self, work: Workspace, task: Task, settings: Learner) -> Run:
         return work.train(task, settings, self.decisions, self.seeds)
 
     def counts(self, wanted: tuple[int, ...]) -> tuple[int, ...]:

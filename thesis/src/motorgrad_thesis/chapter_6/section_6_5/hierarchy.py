@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.plane import draw_paths, draw_reward
 from motorgrad.policies import Gated, Policy, split
 from motorgrad.schema import count
@@ -74,7 +74,7 @@ class Hierarchy(Experiment):
 
     quick = smoke(decisions=2_000, seeds=3, drawn=3)
 
-    def learner(self, name: str) -> tuple[FallingParticle, Agent]:
+    def learner(self, name: str) -> tuple[FallingParticle, Learner]:
         """A task with the forces of a policy's units, and the policy's learner."""
         if name.startswith("flat "):
             count = round(parameter_count(self.learner(name.removeprefix("flat "))) / 4)
@@ -173,7 +173,7 @@ class Hierarchy(Experiment):
         )
 
 
-def parameter_count(learner: tuple[FallingParticle, Agent]) -> int:
+def parameter_count(learner: tuple[FallingParticle, Learner]) -> int:
     """Number of learned parameters."""
     policy: Any = learner[1].policy(jax.random.key(0))
     return sum(leaf.size for leaf in jax.tree.leaves(split(policy)[0]))

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.learning import Agent
+from motorgrad.learning import Learner
 from motorgrad.policies import Policy
 from motorgrad.schema import count, number
 from motorgrad.statistics import mean_of, median_of, share_of
@@ -78,7 +78,7 @@ class LocalHopper(Experiment):
     def decisions(self) -> int:
         return round(self.seconds / PERIOD)
 
-    def learner(self, name: str) -> tuple[Hopper, Agent]:
+    def learner(self, name: str) -> tuple[Hopper, Learner]:
         """The task with this many units, and the learner; all with the thesis's decay."""
         kind = name.removeprefix("knee ")
         units = {"planes": None, "static": self.static, "grown": self.grown}[kind]

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from motorgrad.learning import Agent, SpatialIndex
+from motorgrad.learning import Learner, SpatialIndex
 from motorgrad.policies import LocalGaussians, trainable
 from motorgrad.schema import Range, count, static
 from motorgrad.statistics import difference_of, exact, mean_of, median_of
@@ -158,7 +158,7 @@ class Index(Experiment):
         )
 
 
-def _learner(units: int, kind: str) -> tuple[FallingParticle, Agent]:
+def _learner(units: int, kind: str) -> tuple[FallingParticle, Learner]:
     task = FallingParticle(units=units)
     width = OVERLAP / np.sqrt(units / 2)
     return task, agent_for(
