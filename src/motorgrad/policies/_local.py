@@ -160,7 +160,8 @@ class PrintedGaussians(LocalGaussians):
     than the reward asks for. The gradient by the centres is exact, and so is the Fisher matrix.
 
     This class is for comparison with the thesis; use `LocalGaussians` to learn. Learners that differentiate the
-    log-probability instead of asking for scores (`ProximalPolicyOptimization`) refuse it: the pair would have no effect.
+    log-probability instead of asking for scores (`ProximalPolicyOptimization`) refuse it: the pair would have no
+    effect.
 
     **Arguments:** those of `LocalGaussians`.
     """
