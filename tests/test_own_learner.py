@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,11 @@ def same(found, wanted):
     for name in set(wanted.metrics.column_names) - {"wall_time", "cpu_time"}:
         column, other = (run.metrics[name].to_numpy() for run in (found, wanted))
         np.testing.assert_array_equal(np.stack(column), np.stack(other), err_msg=name)
-    np.testing.assert_array_equal(found.policies.weights, wanted.policies.weights)
+    np.testing.assert_array_equal(weights(found.policies), weights(wanted.policies))
+
+
+def weights(policies: Any) -> np.ndarray:
+    return np.asarray(policies.weights)
 
 
 def imported():
@@ -99,8 +104,8 @@ def test_its_numbers_are_swept_in_one_call():
     swept = mg.train("three-state", SETTINGS, steps=300, seeds=2, sweep={"rate": [0.0, 0.7]}, progress=False)
     still, moved = swept.split()
     alone = mg.train("three-state", {**SETTINGS, "rate": 0.7}, steps=300, seeds=2, progress=False)
-    np.testing.assert_allclose(moved.policies.weights, alone.policies.weights, rtol=1e-5)
-    np.testing.assert_array_equal(still.policies.weights, still.initial.weights)
+    np.testing.assert_allclose(weights(moved.policies), weights(alone.policies), rtol=1e-5)
+    np.testing.assert_array_equal(weights(still.policies), weights(still.initial))
 
 
 KILLED = """
@@ -136,7 +141,7 @@ def test_policies_that_are_given_are_where_it_starts():
     first = mg.train("three-state", SETTINGS, steps=300, seeds=2, progress=False)
     settings = {**SETTINGS, "rate": 0.0}  # so that the mean stays
     again = mg.train("three-state", settings, steps=300, initial=first, progress=False)
-    np.testing.assert_array_equal(again.policies.weights, first.policies.weights)
+    np.testing.assert_array_equal(weights(again.policies), weights(first.policies))
 
 
 def test_timsim_shows_it_and_moves_its_numbers():
@@ -146,7 +151,7 @@ def test_timsim_shows_it_and_moves_its_numbers():
     stepper.advance(30)
     stepper.set_number("elite", 0.5)
     stepper.advance(100)
-    assert np.isfinite(stepper.policies().weights).all()
+    assert np.isfinite(weights(stepper.policies())).all()
     assert live.setup_of("hopper", agent=mg.agent_for("hopper", SETTINGS)) is not None
 
 
@@ -157,6 +162,6 @@ def test_it_learns():
     run = mg.train("three-state", settings, steps=20_000, seeds=20, progress=False)
     _, rewards = run.curve("reward")
     tenth = rewards.shape[1] // 10
-    # over 20 other seeds the median rose from 0.54 to 0.72; 0.8 is the most
+    # the page says 0.53 and 0.72 [0.69 … 0.73]
     assert np.median(rewards[:, :tenth].mean(axis=1)) < 0.6
-    assert np.quantile(rewards[:, -tenth:].mean(axis=1), 0.25) > 0.68
+    assert np.quantile(rewards[:, -tenth:].mean(axis=1), 0.25) > 0.66

@@ -149,7 +149,8 @@ def _short_names(agent: Learner) -> str:
     """The short names of a learner's settings as a sentence of the help."""
     first, *others = sorted(agent.aliases, key=lambda short: -agent.aliases[short].count("."))
     listed = ", ".join(others).replace("_", "-")
-    return f"Short names: {flag_of(f'agent.{first}')} is {flag_of(f'agent.{agent.aliases[first]}')}; likewise {listed}."
+    likewise = f"; likewise {listed}" if others else ""
+    return f"Short names: {flag_of(f'agent.{first}')} is {flag_of(f'agent.{agent.aliases[first]}')}{likewise}."
 
 
 def _leaves(value: object, path: str = "") -> Iterator[tuple[str, Any]]:

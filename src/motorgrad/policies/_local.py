@@ -159,8 +159,9 @@ class PrintedGaussians(LocalGaussians):
     $r_i^1$ and $r_i^0$ if the unit fires and if it does not: as soon as firing pays, widths shrink faster or grow less
     than the reward asks for. The gradient by the centres is exact, and so is the Fisher matrix.
 
-    This class is for comparison with the thesis; use `LocalGaussians` to learn. Estimators that differentiate the
-    log-probability instead of asking for scores (`ClippedSurrogate`) are refused: the pair would have no effect.
+    This class is for comparison with the thesis; use `LocalGaussians` to learn. Learners that differentiate the
+    log-probability instead of asking for scores (`ProximalPolicyOptimization`) refuse it: the pair would have no
+    effect.
 
     **Arguments:** those of `LocalGaussians`.
     """
