@@ -6,6 +6,7 @@ decisions in question (Martens, 2010; Schulman et al., 2015).
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from motorgrad.learning._chain import Updates, inner
 from motorgrad.learning._natural import LimitedMetric
 from motorgrad.learning._schedules import Annealed, Steps
 from motorgrad.learning._surrogate import empty_rows
-from motorgrad.policies import Policy, split
+from motorgrad.policies import Policy, abilities, split
 from motorgrad.schema import count, number
 
 
@@ -104,7 +105,7 @@ class ConjugateGradient(LimitedMetric):
 
         def coordinates(parameters: PyTree) -> Float[Array, "memory coordinates"]:
             present = eqx.combine(parameters, settings)
-            found = jax.vmap(present.fisher_coordinates)(state.observations, state.actions)
+            found = jax.vmap(partial(abilities.fisher_coordinates, present))(state.observations, state.actions)
             return share[:, None].astype(found.dtype) * found
 
         _, push = jax.linearize(coordinates, learned)
