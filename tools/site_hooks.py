@@ -23,6 +23,7 @@ from tools.block_pages import GALLERY_PAGE, block_pages, navigation  # noqa: E40
 
 MODULES = [
     "motorgrad.policies",
+    "motorgrad.policies.abilities",
     "motorgrad.learning",
     "motorgrad.worlds",
     "motorgrad.worlds.oracle",

@@ -264,7 +264,7 @@ def optimal_policy(mdp: FiniteMDP) -> tuple[Int[np.ndarray, " states"], float]:
 def joint(mdp: FiniteMDP, policy: Policy) -> FiniteMDP:
     """The MDP in which a policy's hidden units and memory are visible.
 
-    Its actions are all that the policy draws, in the order of `policy.enumerate()`. A state of it is one of `mdp` and,
+    Its actions are all that the policy draws, in the order of `abilities.enumerate`. A state of it is one of `mdp` and,
     changing fastest, an internal state of the policy where it is a `FiniteStateController`, 0 at the start. All
     functions of this module take the result together with `policy`. With `mdp` itself they take a policy with hidden
     units too, by its marginal probabilities; but not one with a memory.
