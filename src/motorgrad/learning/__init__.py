@@ -1,7 +1,7 @@
 """Learners: traces, baselines and critics, estimators, optimizers and metrics, and the agent that they make up."""
 
-from motorgrad._branching import NEVER
 from motorgrad._goal import Goal
+from motorgrad._branching import NEVER, where, where_any
 from motorgrad._running import RunningMean, add_sample, running_mean, two_sum
 from motorgrad.learning import algorithms as _algorithms
 from motorgrad.learning._action_transitions import ActionTransitions
@@ -164,5 +164,7 @@ __all__ = [
     "running_mean",
     "static",
     "two_sum",
+    "where",
+    "where_any",
 ]
 __all__ += [name for name in vars(_algorithms) if not name.startswith("_")]  # pyright: ignore[reportUnsupportedDunderAll]

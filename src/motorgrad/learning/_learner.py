@@ -157,7 +157,8 @@ class Learner(Part):
         return {}
 
     def final_policy(self, state: Any) -> Policy:
-        """The policy to keep, which a run evaluates; by default the one that acts. States of many seeds are allowed."""
+        """The policy to keep, which a run evaluates; by default the one that acts. States of many
+        seeds are allowed, whose axis is the first or the last one of every array."""
         return state.policy
 
     def set_policy(self, state: Any, policy: Policy) -> Any:
